@@ -1,0 +1,1 @@
+"""Polygons become a mission that flies."""

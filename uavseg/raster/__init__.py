@@ -1,0 +1,1 @@
+"""Where pixels are: files become grey tiles that know where they lie."""

@@ -1,0 +1,92 @@
+"""Which window, which halo, which part to keep: integers only."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from uavseg.errors import ParameterError
+
+BLOCK = 64  # pixels: the largest block of the division; tiles are multiples of it
+CELL = 8  # pixels: the smallest block
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """A rectangle of pixels: first row and column, and how many of each."""
+
+    row: int
+    col: int
+    rows: int
+    cols: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """The window as an index into an array of the whole raster."""
+        return slice(self.row, self.row + self.rows), slice(self.col, self.col + self.cols)
+
+    def grown(self, margin: int) -> "Window":
+        """The window with `margin` pixels more on every side; it may leave the raster."""
+        return Window(self.row - margin, self.col - margin, self.rows + 2 * margin, self.cols + 2 * margin)
+
+    def clipped(self, shape: tuple[int, int]) -> "Window":
+        """The part of the window inside a raster of `shape` (rows, cols); it may be empty."""
+        row, col = max(self.row, 0), max(self.col, 0)
+        rows = max(min(self.row + self.rows, shape[0]) - row, 0)
+        cols = max(min(self.col + self.cols, shape[1]) - col, 0)
+        return Window(row, col, rows, cols)
+
+
+def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
+    """Windows that cover a raster once, row by row.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the raster.
+    side : int or (int, int)
+        Rows and columns of a tile in pixels, multiples of 64.
+
+    Raises
+    ------
+    ParameterError
+        If a side is not a positive multiple of 64.
+
+    Examples
+    --------
+    >>> tiles((100, 70), 64)
+    [Window(row=0, col=0, rows=64, cols=64), Window(row=0, col=64, rows=64, cols=6),
+     Window(row=64, col=0, rows=36, cols=64), Window(row=64, col=64, rows=36, cols=6)]
+    """
+    tile_rows, tile_cols = side if isinstance(side, tuple) else (side, side)
+    for length in (tile_rows, tile_cols):
+        if length <= 0 or length % BLOCK:
+            raise ParameterError(f"a tile's side is a positive multiple of {BLOCK} pixels, not {length}")
+    return list(_windows(shape, tile_rows, tile_cols))
+
+
+def _windows(shape: tuple[int, int], tile_rows: int, tile_cols: int) -> Iterator[Window]:
+    for row in range(0, shape[0], tile_rows):
+        for col in range(0, shape[1], tile_cols):
+            yield Window(row, col, tile_rows, tile_cols).clipped(shape)
+
+
+def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int = 1 << 22) -> tuple[int, int]:
+    """A tile of about `pixels` pixels that suits how a file is stored.
+
+    Square where the file is tiled; whole rows where it is stored in strips, since a strip is decoded
+    whole whatever part of it is asked for.
+
+    Parameters
+    ----------
+    shape, file_block : (int, int)
+        Rows and columns of the raster, and of one block of the file.
+    """
+    in_strips = file_block[1] >= shape[1] and shape[1] > 2 * BLOCK
+    if in_strips:
+        cols = _up(shape[1])
+        return max(pixels // cols // BLOCK, 1) * BLOCK, cols
+    side = max(int(pixels**0.5) // BLOCK, 1) * BLOCK
+    return side, side
+
+
+def _up(length: int) -> int:
+    return -(-length // BLOCK) * BLOCK

@@ -1,0 +1,1 @@
+"""Labels become polygons with what is known of them."""

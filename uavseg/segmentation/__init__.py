@@ -1,0 +1,1 @@
+"""Grey becomes labels: arrays in, arrays out."""
