@@ -1,0 +1,95 @@
+"""Who runs the work: nothing else in the project knows.
+
+A map takes a function and a sequence of items and gives the results in the order of the items, whoever
+computed them. Functions and items must survive pickling, so that the same call may run on a cluster.
+"""
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Protocol, TypeVar
+
+from uavseg.errors import ParameterError
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Progress = Callable[[int, int], None]
+"""Told how many items are done, and of how many."""
+
+
+class Map(Protocol):
+    """Applies a function to each item; results come in the order of the items."""
+
+    def __call__(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        progress: Progress | None = None,
+    ) -> Iterator[Result]: ...
+
+
+def serial(
+    function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
+) -> Iterator[Result]:
+    """One item after the other, here and now.
+
+    Examples
+    --------
+    >>> list(serial(abs, [-1, 2, -3]))
+    [1, 2, 3]
+    """
+    for done, item in enumerate(items, start=1):
+        yield function(item)
+        if progress is not None:
+            progress(done, len(items))
+
+
+def threads(count: int | None = None) -> Map:
+    """A map over `count` threads; all cores that the process may use if none is given.
+
+    Only a few results wait at any time, so memory does not grow with the number of items.
+
+    Raises
+    ------
+    ParameterError
+        If `count` is below 1.
+    """
+    count = usable_cores() if count is None else count
+    if count < 1:
+        raise ParameterError(f"the number of threads is at least 1, not {count}")
+    if count == 1:
+        return serial
+
+    def run(
+        function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
+    ) -> Iterator[Result]:
+        with ThreadPoolExecutor(count) as pool:
+            waiting: deque[Future[Result]] = deque()
+            done = 0
+            try:
+                for item in items:
+                    waiting.append(pool.submit(function, item))
+                    if len(waiting) < 2 * count:
+                        continue
+                    yield waiting.popleft().result()
+                    done += 1
+                    if progress is not None:
+                        progress(done, len(items))
+                while waiting:
+                    yield waiting.popleft().result()
+                    done += 1
+                    if progress is not None:
+                        progress(done, len(items))
+            finally:
+                for future in waiting:
+                    future.cancel()
+
+    return run
+
+
+def usable_cores() -> int:
+    """How many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
