@@ -81,38 +81,40 @@ def leaves(
 
 
 def cell_sums(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8]
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8], margin: int = 0
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
     """Sum and number of the valid pixels of each cell of 8 x 8.
 
     Parameters
     ----------
     grey : (M, N) uint16 array
-        0 where a pixel is not valid; M and N are multiples of 8.
+        0 where a pixel is not valid; M and N less the margins are multiples of 8.
     valid : (M, N) uint8 array
+    margin : int
+        Pixels on every side that belong to no cell.
 
     Returns
     -------
-    sums : (M // 8, N // 8) uint32 array
-    counts : (M // 8, N // 8) uint8 array
+    sums : (m, n) uint32 array
+    counts : (m, n) uint8 array
     """
-    cells = (grey.shape[0] // 8, grey.shape[1] // 8)
+    cells = ((grey.shape[0] - 2 * margin) // 8, (grey.shape[1] - 2 * margin) // 8)
     sums = np.zeros(cells, np.uint32)
     counts = np.zeros(cells, np.uint8)
-    _cell_sums(grey, valid, sums, counts)
+    _cell_sums(grey, valid, margin, sums, counts)
     return sums, counts
 
 
-@kernel("void(u2[:,::1], u1[:,::1], u4[:,::1], u1[:,::1])")
-def _cell_sums(grey, valid, sums, counts):  # type: ignore[no-untyped-def]
+@kernel("void(u2[:,::1], u1[:,::1], i8, u4[:,::1], u1[:,::1])")
+def _cell_sums(grey, valid, margin, sums, counts):  # type: ignore[no-untyped-def]
     for row in range(sums.shape[0]):
-        for r in range(8 * row, 8 * row + 8):
+        for r in range(margin + 8 * row, margin + 8 * row + 8):
             for col in range(sums.shape[1]):
                 total = np.uint32(0)
                 number = np.uint8(0)
-                for c in range(8):
-                    total += np.uint32(grey[r, 8 * col + c])
-                    number += valid[r, 8 * col + c]
+                for c in range(margin + 8 * col, margin + 8 * col + 8):
+                    total += np.uint32(grey[r, c])
+                    number += valid[r, c]
                 sums[row, col] += total
                 counts[row, col] += number
 

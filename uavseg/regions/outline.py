@@ -1,0 +1,191 @@
+"""Labels to rings on pixel edges, and back; tile by tile without seams."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import kernel
+from uavseg.raster.tiling import Window
+from uavseg.regions.linking import joined_chains, simple_rings
+from uavseg.regions.tracing import OWNER, START, Chains, trace_tile
+from uavseg.segmentation.components import united
+
+
+@dataclass(frozen=True, slots=True)
+class Rings:
+    """Outlines of regions: closed rings along pixel edges, each of them simple.
+
+    Rings are ordered by label; within it each exterior, by its first vertex, is followed by its holes. A ring
+    begins at its uppermost, then leftmost vertex. Exteriors run clockwise as one sees the picture.
+
+    Parameters
+    ----------
+    vertices : (v, 2) int32 array
+        Row and column of pixel corners; a ring is not closed, and turns at each of its vertices.
+    starts : (r + 1,) int64 array
+        Where each ring begins in `vertices`.
+    labels : (r,) int64 array
+        The region, 1..n, that each ring belongs to.
+    parts : (r,) int64 array
+        The polygon, 0..p - 1, that each ring belongs to: its exterior comes first. A region has several where its
+        pixels do not all share edges.
+    """
+
+    vertices: NDArray[np.int32]
+    starts: NDArray[np.int64]
+    labels: NDArray[np.int64]
+    parts: NDArray[np.int64]
+
+    @property
+    def exteriors(self) -> NDArray[np.bool_]:
+        """Which rings are exteriors."""
+        return np.diff(self.parts, prepend=-1) > 0
+
+    def pixel_areas(self) -> NDArray[np.int64]:
+        """Pixels within each ring; negative for a hole."""
+        row, col = self.vertices[:, 0].astype(np.int64), self.vertices[:, 1].astype(np.int64)
+        after = np.arange(1, len(row) + 1)
+        after[self.starts[1:] - 1] = self.starts[:-1]
+        doubled = col * row[after] - col[after] * row
+        return np.add.reduceat(doubled, self.starts[:-1]) // 2 if len(self.labels) else doubled
+
+    def chosen(self, rings: NDArray[np.bool_], labels: NDArray[np.int64] | None = None) -> "Rings":
+        """Some of the rings, in order, with new labels if they are given (one for each ring kept).
+
+        New labels may be in any order; whole polygons are put in the order of theirs.
+        """
+        named = self.labels[rings] if labels is None else labels
+        order = np.flatnonzero(rings)[np.argsort(named, kind="stable")]
+        parts = self.parts[order]
+        return Rings(
+            *_gathered(self.vertices, self.starts, order),
+            np.sort(named, kind="stable"),
+            np.cumsum(np.diff(parts, prepend=parts[:1]) != 0),
+        )
+
+
+def trace(labels: NDArray[np.uint32]) -> Rings:
+    """Outlines of the regions of a label image.
+
+    Parameters
+    ----------
+    labels : (M, N) uint32 array
+        0 is nothing; pixels of one label that share no edges become several polygons of one region.
+
+    Examples
+    --------
+    >>> rings = trace(np.array([[1, 1], [1, 0]], np.uint32))
+    >>> rings.vertices.tolist()
+    [[0, 0], [0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
+    """
+    image = np.pad(np.ascontiguousarray(labels, np.uint32), 1)
+    pieces = _pieces(labels)
+    chains = trace_tile(image, pieces, 1, (0, 0), labels.shape[1])
+    firsts = np.unique(pieces, return_index=True)[1]
+    names = labels.reshape(-1)[firsts].astype(np.int64)  # label of each piece; piece 0 is nothing
+    if pieces.size and pieces.reshape(-1)[firsts[0]]:
+        names = np.concatenate([[0], names])
+    return link([chains], names, np.arange(len(names)))
+
+
+def link(pieces: Sequence[Chains], labels: NDArray[np.int64], parts: NDArray[np.int64]) -> Rings:
+    """Rings from the chains of all tiles.
+
+    Parameters
+    ----------
+    pieces : sequence of Chains
+        Their owners are numbers of components, over all tiles.
+    labels : (n,) int64 array
+        Label of each component.
+    parts : (n,) int64 array
+        A number for each connected piece of pixels, in raster order of their first pixels.
+    """
+    offsets = np.cumsum([0] + [len(chains.vertices) for chains in pieces])
+    vertices = _stacked([chains.vertices for chains in pieces], (0, 2), np.int32)
+    pinched = _stacked([chains.pinched for chains in pieces], (0,), np.uint8)
+    table = _stacked([chains.table for chains in pieces], (0, 6), np.int64)
+    table[:, START] += np.repeat(offsets[:-1], [len(chains.table) for chains in pieces])
+    vertices, pinched, starts, owners = joined_chains(vertices, pinched, table)
+    vertices, starts, owners, hole = simple_rings(vertices, pinched, starts, owners)
+    first = vertices[starts[:-1]]
+    order = np.lexsort((first[:, 1], first[:, 0], hole, parts[owners], labels[owners]))
+    part = parts[owners][order]
+    return Rings(
+        *_gathered(vertices, starts, order),
+        labels[owners][order],
+        np.cumsum(np.diff(part, prepend=part[:1]) != 0),
+    )
+
+
+def rasterise(rings: Rings, window: Window) -> NDArray[np.uint32]:
+    """The label image that rings enclose: `trace` undone.
+
+    Parameters
+    ----------
+    rings : Rings
+    window : Window
+        Which part of the raster.
+
+    Returns
+    -------
+    labels : (rows, cols) uint32 array
+    """
+    labels = np.zeros((window.rows, window.cols + 1), np.uint32)
+    _paint(rings.vertices, rings.starts, rings.labels, window.row, window.col, labels)
+    return np.cumsum(labels, axis=1, dtype=np.uint32, out=labels)[:, :-1]
+
+
+def _pieces(labels: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Connected pieces of equal label, 1..n in raster order of their first pixels; 0 where the label is 0."""
+    numbers = np.arange(1, labels.size + 1).reshape(labels.shape)
+    beside = (labels[:, 1:] == labels[:, :-1]) & (labels[:, 1:] > 0)
+    below = (labels[1:] == labels[:-1]) & (labels[1:] > 0)
+    pairs = np.concatenate(
+        [
+            np.stack([numbers[:, 1:][beside], numbers[:, :-1][beside]], 1),
+            np.stack([numbers[1:][below], numbers[:-1][below]], 1),
+        ]
+    )
+    roots = united(pairs, labels.size + 1)[1:].reshape(labels.shape)
+    roots[labels == 0] = 0
+    names, pieces = np.unique(roots, return_inverse=True)
+    pieces = pieces.reshape(labels.shape) + int(names.size > 0 and names[0] > 0)
+    return pieces.astype(np.uint32)
+
+
+def _stacked(arrays: Sequence[NDArray], empty: tuple[int, ...], dtype: type) -> NDArray:  # type: ignore[type-arg]
+    return np.concatenate([np.empty(empty, dtype), *arrays])
+
+
+def _gathered(
+    vertices: NDArray[np.int32], starts: NDArray[np.int64], order: NDArray[np.int64]
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """The rings in another order."""
+    lengths = np.diff(starts)[order]
+    after = np.concatenate([[0], np.cumsum(lengths)])
+    index = np.arange(after[-1]) + np.repeat(starts[:-1][order] - after[:-1], lengths)
+    return vertices[index], after
+
+
+@kernel("void(i4[:,::1], i8[::1], i8[::1], i8, i8, u4[:,::1])")
+def _paint(vertices, starts, labels, top, left, steps):  # type: ignore[no-untyped-def]
+    # Along a row a label begins at an edge that goes up and ends at one that goes down; sums modulo 2^32 are exact.
+    rows = steps.shape[0]
+    cols = steps.shape[1] - 1
+    for k in range(labels.shape[0]):
+        label = np.uint32(labels[k])
+        for v in range(starts[k], starts[k + 1]):
+            after = v + 1 if v + 1 < starts[k + 1] else starts[k]
+            here = np.int64(vertices[v, 0]) - top
+            there = np.int64(vertices[after, 0]) - top
+            if here == there:
+                continue
+            col = min(max(np.int64(vertices[v, 1]) - left, 0), cols)
+            if here > there:
+                for r in range(max(there, 0), min(here, rows)):
+                    steps[r, col] += label
+            else:
+                for r in range(max(here, 0), min(there, rows)):
+                    steps[r, col] -= label

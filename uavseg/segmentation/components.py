@@ -1,0 +1,185 @@
+"""Connected components: pixels of a region that share edges (4-connectivity; a corner does not connect)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+
+
+def components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
+    """Number the components of an image in raster order of their first pixels.
+
+    Parameters
+    ----------
+    inside : (M + 2 m, N + 2 m) uint8 array
+        1 where a pixel belongs to a component.
+    margin : int
+        m, pixels on every side that are left out.
+
+    Returns
+    -------
+    labels : (M, N) uint32 array
+        0 nothing, 1..n.
+    n : int
+
+    Examples
+    --------
+    >>> components(np.array([[1, 0, 1], [1, 1, 0]], np.uint8))[0]
+    array([[1, 0, 2],
+           [1, 1, 0]], dtype=uint32)
+    """
+    labels = np.zeros((inside.shape[0] - 2 * margin, inside.shape[1] - 2 * margin), np.uint32)
+    parents = np.empty(labels.size // 2 + 2, np.uint32)
+    return labels, _label(inside, margin, labels, parents)
+
+
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """What adds up over the pixels of each component; tiles of a component merge by adding.
+
+    Parameters
+    ----------
+    counts : (n,) int64 array
+        Number of pixels.
+    greys : (n,) uint64 array
+        Sum of g.
+    squares : (n,) uint64 array
+        Sum of g * g; holds up to 4e9 pixels.
+    firsts : (n, 2) int64 array
+        Row and column of the first pixel in raster order.
+    """
+
+    counts: NDArray[np.int64]
+    greys: NDArray[np.uint64]
+    squares: NDArray[np.uint64]
+    firsts: NDArray[np.int64]
+
+
+def component_sums(
+    labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16], margin: int = 0
+) -> Sums:
+    """Sums over the components 1..count of a label image.
+
+    Parameters
+    ----------
+    labels : (M, N) uint32 array
+    count : int
+    grey : (M + 2 m, N + 2 m) uint16 array
+    margin : int
+    """
+    counts = np.zeros(count, np.int64)
+    greys = np.zeros(count, np.uint64)
+    squares = np.zeros(count, np.uint64)
+    firsts = np.full((count, 2), -1, np.int64)
+    _sum_up(labels, grey, margin, counts, greys, squares, firsts)
+    return Sums(counts, greys, squares, firsts)
+
+
+def united(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """The smallest of all items that pairs connect each item with.
+
+    Parameters
+    ----------
+    pairs : (k, 2) int64 array
+        Items that belong together.
+    count : int
+        Items are 0..count - 1.
+
+    Returns
+    -------
+    roots : (count,) int64 array
+
+    Examples
+    --------
+    >>> united(np.array([[3, 1], [3, 4]]), 5)
+    array([0, 1, 2, 1, 1])
+    """
+    parents = np.arange(count)
+    _unite(np.ascontiguousarray(pairs), parents)
+    return parents
+
+
+@inlined
+def root_of(parents, item):  # type: ignore[no-untyped-def]
+    """The root of an item; halves the path on the way."""
+    while parents[item] != item:
+        parents[item] = parents[parents[item]]
+        item = parents[item]
+    return item
+
+
+@kernel("i8(u1[:,::1], i8, u4[:,::1], u4[::1])")
+def _label(inside, margin, labels, parents):  # type: ignore[no-untyped-def]
+    # Provisional numbers and which of them meet; the smaller one is the root, so roots are in raster order.
+    rows, cols = labels.shape
+    used = np.uint32(0)
+    parents[0] = 0
+    for r in range(rows):
+        left = np.uint32(0)
+        for c in range(cols):
+            if not inside[r + margin, c + margin]:
+                left = np.uint32(0)
+                continue
+            above = labels[r - 1, c] if r > 0 else np.uint32(0)
+            if left == 0:
+                if above == 0:
+                    used += np.uint32(1)
+                    parents[used] = used
+                    left = used
+                else:
+                    left = above
+            elif above != 0 and above != left:
+                first = root_of(parents, left)
+                second = root_of(parents, above)
+                left = min(first, second)
+                parents[max(first, second)] = left
+            labels[r, c] = left
+    found = np.uint32(0)
+    for k in range(1, used + 1):
+        if parents[k] == k:
+            found += np.uint32(1)
+            parents[k] = found
+        else:
+            parents[k] = parents[parents[k]]
+    for r in range(rows):
+        for c in range(cols):
+            labels[r, c] = parents[labels[r, c]]
+    return found
+
+
+@kernel("void(u4[:,::1], u2[:,::1], i8, i8[::1], u8[::1], u8[::1], i8[:,::1])")
+def _sum_up(labels, grey, margin, counts, greys, squares, firsts):  # type: ignore[no-untyped-def]
+    rows, cols = labels.shape
+    for r in range(rows):
+        c = 0
+        while c < cols:
+            label = labels[r, c]
+            start = c
+            while c < cols and labels[r, c] == label:
+                c += 1
+            if label == 0:
+                continue
+            total = np.uint64(0)
+            square = np.uint64(0)
+            for k in range(start, c):
+                g = np.uint64(grey[r + margin, k + margin])
+                total += g
+                square += g * g
+            if counts[label - 1] == 0:
+                firsts[label - 1, 0] = r
+                firsts[label - 1, 1] = start
+            counts[label - 1] += c - start
+            greys[label - 1] += total
+            squares[label - 1] += square
+
+
+@kernel("void(i8[:,::1], i8[::1])")
+def _unite(pairs, parents):  # type: ignore[no-untyped-def]
+    for k in range(pairs.shape[0]):
+        first = root_of(parents, pairs[k, 0])
+        second = root_of(parents, pairs[k, 1])
+        parents[max(first, second)] = min(first, second)
+    for k in range(parents.shape[0]):
+        parents[k] = parents[parents[k]]
