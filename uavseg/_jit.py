@@ -142,7 +142,9 @@ class _Argument:
             flat.append(value)
             return
         if value.dtype != self.dtype or value.ndim != self.ndim or not value.flags.c_contiguous:
-            raise TypeError(f"a kernel wants a C-contiguous {self.ndim}-D array of {self.dtype}, got {value.dtype}")
+            raise TypeError(
+                f"a kernel wants a C-contiguous {self.ndim}-D array of {self.dtype}, got {value.dtype}"
+            )
         flat.append(value.__array_interface__["data"][0])
         flat.extend(value.shape)
 
@@ -209,7 +211,12 @@ def _compile(kernel: Kernel) -> bytes:
     entry = numba.njit(_entry_types(kernel), nogil=True, error_model="numpy", **_BARE)(_entry(kernel))
     signature = entry.signatures[0]
     name = entry.overloads[signature].fndesc.llvm_func_name
-    module = llvm.parse_assembly(entry.inspect_llvm(signature))
+    code = re.sub(
+        _DESTRUCTOR,
+        r"define internal void @NRT_MemInfo_call_dtor(ptr %0) { ret void }",
+        entry.inspect_llvm(signature),
+    )
+    module = llvm.parse_assembly(code)
     for function in module.functions:
         if not function.is_declaration and function.name != name:
             function.linkage = "internal"
@@ -230,6 +237,8 @@ def _compile(kernel: Kernel) -> bytes:
     return name.encode() + b"\n" + bytes(machine.emit_object(module))
 
 
+# Counting references to the given arrays is compiled in, but they are borrowed: nothing is ever destroyed.
+_DESTRUCTOR = r"declare void @NRT_MemInfo_call_dtor\([^)]*\)[^\n]*"
 _BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 

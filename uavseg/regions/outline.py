@@ -132,9 +132,38 @@ def rasterise(rings: Rings, window: Window) -> NDArray[np.uint32]:
     -------
     labels : (rows, cols) uint32 array
     """
-    labels = np.zeros((window.rows, window.cols + 1), np.uint32)
-    _paint(rings.vertices, rings.starts, rings.labels, window.row, window.col, labels)
-    return np.cumsum(labels, axis=1, dtype=np.uint32, out=labels)[:, :-1]
+    return Painter(rings)(window)
+
+
+class Painter:
+    """Paints label images from rings, window by window.
+
+    Along a row a label begins at an edge that goes up and ends at one that goes down; the sum of what begins and ends,
+    modulo 2^32, is the label. So the upright edges are all that is needed, sorted by their upper ends.
+    """
+
+    def __init__(self, rings: Rings) -> None:
+        rows, cols = rings.vertices[:, 0], rings.vertices[:, 1]
+        after = np.arange(1, len(rows) + 1)
+        after[rings.starts[1:] - 1] = rings.starts[:-1]
+        upright = np.flatnonzero(cols == cols[after])
+        upper = np.minimum(rows[upright], rows[after[upright]])
+        order = np.argsort(upper, kind="stable")
+        upright, self._upper = upright[order], upper[order]
+        self._lower = np.maximum(rows[upright], rows[after[upright]])
+        self._cols = cols[upright]
+        ring = np.searchsorted(rings.starts, upright, "right") - 1
+        label = rings.labels[ring].astype(np.uint32)
+        self._steps = np.where(rows[after[upright]] < rows[upright], label, -label)
+
+    def __call__(self, window: Window) -> NDArray[np.uint32]:
+        """The labels of a window, (rows, cols) uint32."""
+        started = np.searchsorted(self._upper, window.row + window.rows)
+        here = np.flatnonzero(self._lower[:started] > window.row)
+        labels = np.zeros((window.rows, window.cols + 1), np.uint32)
+        edges = np.stack([self._upper[here] - window.row, self._lower[here] - window.row, self._cols[here]], 1)
+        _paint(edges, self._steps[here], window.col, labels)
+        return np.cumsum(labels, axis=1, dtype=np.uint32, out=labels)[:, :-1]
 
 
 def _pieces(labels: NDArray[np.uint32]) -> NDArray[np.uint32]:
@@ -169,23 +198,11 @@ def _gathered(
     return vertices[index], after
 
 
-@kernel("void(i4[:,::1], i8[::1], i8[::1], i8, i8, u4[:,::1])")
-def _paint(vertices, starts, labels, top, left, steps):  # type: ignore[no-untyped-def]
-    # Along a row a label begins at an edge that goes up and ends at one that goes down; sums modulo 2^32 are exact.
-    rows = steps.shape[0]
-    cols = steps.shape[1] - 1
-    for k in range(labels.shape[0]):
-        label = np.uint32(labels[k])
-        for v in range(starts[k], starts[k + 1]):
-            after = v + 1 if v + 1 < starts[k + 1] else starts[k]
-            here = np.int64(vertices[v, 0]) - top
-            there = np.int64(vertices[after, 0]) - top
-            if here == there:
-                continue
-            col = min(max(np.int64(vertices[v, 1]) - left, 0), cols)
-            if here > there:
-                for r in range(max(there, 0), min(here, rows)):
-                    steps[r, col] += label
-            else:
-                for r in range(max(here, 0), min(there, rows)):
-                    steps[r, col] -= label
+@kernel("void(i4[:,::1], u4[::1], i8, u4[:,::1])")
+def _paint(edges, steps, left, labels):  # type: ignore[no-untyped-def]
+    rows = labels.shape[0]
+    cols = labels.shape[1] - 1
+    for k in range(steps.shape[0]):
+        col = min(max(np.int64(edges[k, 2]) - left, 0), cols)
+        for r in range(max(edges[k, 0], 0), min(edges[k, 1], rows)):
+            labels[r, col] += steps[k]

@@ -176,7 +176,7 @@ def measure(
         if found is None:
             continue
         sums, counts, contrasts = found
-        cells = _cells(window)
+        cells = window_cells(window)
         blocks.sums[cells], blocks.counts[cells] = sums, counts
         histogram += contrasts
     return Measured(blocks, contrast_cuts(histogram))
@@ -288,7 +288,7 @@ def _blocks_in(window: Window, wanted: NDArray[np.bool_]) -> tuple[Window, NDArr
     return part, np.stack([rows - first_row, cols - first_col], axis=1) * BLOCK
 
 
-def _cells(window: Window) -> tuple[slice, slice]:
+def window_cells(window: Window) -> tuple[slice, slice]:
     """A window's cells in the block map, to the end of its last blocks."""
     return Window(
         window.row // CELL, window.col // CELL, _whole(window.rows) // CELL, _whole(window.cols) // CELL

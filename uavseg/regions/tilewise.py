@@ -1,18 +1,21 @@
 """From a raster to regions: tiles are refined, numbered and outlined one by one, and joined at the end."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.errors import RasterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline import Rings, link
+from uavseg.regions.outline import Painter, Rings, link
 from uavseg.regions.tracing import Chains, trace_tile
+from uavseg.segmentation.blockmap import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, components, united
-from uavseg.segmentation.pipeline import GreySource, Refinement, cells_around, refined
+from uavseg.segmentation.pipeline import GreySource, Refinement, cells_around, refined, window_cells
 from uavseg.segmentation.refinement import REACH
 from uavseg.segmentation.segments import IntensityRange
 
@@ -52,6 +55,7 @@ def outline_regions(
     windows: Sequence[Window],
     map: Map = serial,  # noqa: A002
     progress: Progress | None = None,
+    expected: BlockMap | None = None,
 ) -> Outlined:
     """Regions of a raster, refined to the pixel.
 
@@ -67,8 +71,15 @@ def outline_regions(
         Tiles that cover the raster, row by row.
     map, progress
         Who runs the work, and who is told.
+    expected : BlockMap, optional
+        What the raster's cells must add up to, where the block map was made at another time.
+
+    Raises
+    ------
+    RasterError
+        If they do not.
     """
-    jobs = _Jobs(inside, windows)
+    jobs = _Jobs(inside, windows, expected)
     tiles = map(partial(_outline_tile, source, interval, refine), jobs, progress)
     found = _Joined(source.shape[1])
     for window, tile in zip(windows, tiles, strict=True):
@@ -78,34 +89,47 @@ def outline_regions(
     return _in_order(sums, parts, pieces, parts if of_leaves is None else of_leaves)
 
 
-class _Jobs(Sequence[tuple[Window, NDArray[np.uint8]]]):
-    """Each window with its cells, made when it is asked for: workers get no more than they need."""
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """A tile, its cells in range with those around it, and what its cells must add up to."""
 
-    def __init__(self, inside: NDArray[np.uint8], windows: Sequence[Window]) -> None:
+    window: Window
+    inside: NDArray[np.uint8]
+    sums: NDArray[np.uint32] | None
+
+
+class _Jobs(Sequence[_Job]):
+    """The jobs of all tiles, each made when it is asked for: workers get no more than they need."""
+
+    def __init__(
+        self, inside: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None
+    ) -> None:
         self._inside = inside
         self._windows = windows
+        self._expected = expected
 
     def __len__(self) -> int:
         return len(self._windows)
 
-    def __getitem__(self, k):  # type: ignore[no-untyped-def]
-        return self._windows[k], cells_around(self._inside, self._windows[k])
-
-    def __iter__(self) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
-        return (self[k] for k in range(len(self)))
+    def __getitem__(self, k: Any) -> Any:
+        window = self._windows[k]
+        sums = None if self._expected is None else self._expected.sums[window_cells(window)]
+        return _Job(window, cells_around(self._inside, window), sums)
 
 
 def _outline_tile(
-    source: GreySource,
-    interval: IntensityRange,
-    refine: Refinement,
-    job: tuple[Window, NDArray[np.uint8]],
+    source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job
 ) -> _Tile | None:
-    window, cells = job
-    found = refined(source, cells, interval, refine, window)
+    window = job.window
+    found = refined(source, job.inside, interval, refine, window)
     if found is None:
         return None
     pixels, tile = found
+    if job.sums is not None and not np.array_equal(job.sums, cell_sums(tile.grey, tile.valid, REACH)[0]):
+        raise RasterError(
+            f"{source.dataset.source} is not as it was when its block map was made; make the block map again "
+            "with uavseg divide, or give --refine none"
+        )
     labels, count = components(pixels, REACH)
     if count == 0:
         return None
@@ -179,6 +203,35 @@ def _in_order(
     in_raster_order = np.empty(len(places), np.int64)
     in_raster_order[np.lexsort((places[:, 1], places[:, 0]))] = np.arange(len(places))
     return Outlined(link(pieces, labels[group], in_raster_order[part]), taken(merged, order))
+
+
+def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], map: Map) -> Sums:  # noqa: A002
+    """Sums over the valid pixels that regions enclose, read again from the raster."""
+    sums = outlined.sums
+    greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
+    counts = np.zeros_like(sums.counts)
+    for found in map(partial(_sum_tile, source, Painter(outlined.rings)), windows):
+        if found is not None:
+            names, parts = found
+            counts[names - 1] += parts.counts
+            greys[names - 1] += parts.greys
+            squares[names - 1] += parts.squares
+    return Sums(counts, greys, squares, sums.firsts)
+
+
+def _sum_tile(source: GreySource, paint: Painter, window: Window) -> tuple[NDArray[np.int64], Sums] | None:
+    """Labels in a tile, and the sums of each over its valid pixels."""
+    labels = paint(window)
+    names = np.unique(labels)
+    names = names[names > 0].astype(np.int64)
+    if len(names) == 0:
+        return None
+    tile = source.read(window, 0)
+    valid = tile.valid[: window.rows, : window.cols] > 0
+    numbers = np.searchsorted(names, labels) + 1
+    numbers[(labels == 0) | ~valid] = 0
+    grey = np.ascontiguousarray(tile.grey[: window.rows, : window.cols])
+    return names, component_sums(numbers.astype(np.uint32), len(names), grey)
 
 
 def by_size(sums: Sums) -> NDArray[np.int64]:

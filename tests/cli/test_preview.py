@@ -1,0 +1,64 @@
+"""`uavseg preview`: a picture beside the other outputs, and nothing on stdout."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from uavseg.cli.preview import command
+from uavseg.errors import OutputExistsError, ParameterError, RegionError
+
+
+@pytest.fixture
+def raster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    place = {"crs": "EPSG:32618", "transform": Affine(1, 0, 380_000, 0, -1, 4_897_000)}
+    with rasterio.open(
+        "a.tif", "w", driver="GTiff", dtype="uint8", count=2, height=40, width=50, **place
+    ) as file:
+        file.write(np.stack([np.full((40, 50), 10), np.full((40, 50), 240)]).astype(np.uint8))
+    return Path("a.tif")
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(command, [str(a) for a in arguments])
+
+
+def test_the_picture_is_named_after_the_raster_unless_said_otherwise(raster: Path) -> None:
+    assert run(raster, "--width", 300).exit_code == 0
+    assert run(raster, "-o", "other.png", "--width", 400).exit_code == 0
+    assert Image.open("a.preview.png").size[0] == 300
+    assert Image.open("other.png").size[0] == 400
+
+
+def test_only_stderr_speaks_and_quiet_says_nothing(raster: Path) -> None:
+    loud, quiet = run(raster), run(raster, "-q", "--overwrite")
+    assert (loud.stdout, loud.stderr.splitlines()[-1]) == ("", "wrote a.preview.png")
+    assert (quiet.stdout, quiet.stderr, quiet.exit_code) == ("", "", 0)
+
+
+def test_the_band_is_the_one_named(raster: Path) -> None:
+    middles = []
+    for band in (1, 2):
+        run(raster, "--band", band, "-o", f"{band}.png", "--width", 300)
+        picture = np.asarray(Image.open(f"{band}.png").convert("L"))
+        middles.append(int(picture[picture.shape[0] // 2, picture.shape[1] // 2]))
+    assert middles == [10, 240]
+
+
+def test_an_answer_that_is_there_is_kept_unless_said_otherwise(raster: Path) -> None:
+    Path("b.png").write_text("mine")
+    assert isinstance(run(raster, "-o", "b.png").exception, OutputExistsError)
+    assert Path("b.png").read_text() == "mine"
+    assert run(raster, "-o", "b.png", "--overwrite").exit_code == 0
+
+
+def test_what_is_wrong_is_raised_for_the_group_to_say(raster: Path) -> None:
+    assert isinstance(run(raster, "--regions", "missing.gpkg").exception, RegionError)
+    assert isinstance(run(raster, "--stretch", "9,1").exception, ParameterError)
+    assert run(raster, "--rgb", "1,2").exit_code == 2
+    assert not Path("a.preview.png").exists()

@@ -1,0 +1,28 @@
+"""What several rooms of the tests share."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+HERE = Path(__file__).resolve().parent
+
+
+@pytest.fixture(scope="session")
+def reference() -> ModuleType:
+    """The slow, independent implementation of the algorithm: `tests/reference.py`."""
+    spec = importlib.util.spec_from_file_location("uavseg_reference", HERE / "reference.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """The folder of real rasters beside the project, which is not part of it."""
+    folder = HERE.parents[1] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("the folder of real rasters, ../shared/data, is not beside the project")
+    return folder

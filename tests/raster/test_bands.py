@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from uavseg.errors import ParameterError, RasterError
+from uavseg.raster.bands import BandLayout, choose
+
+
+def layout(roles: str, dtype: str = "uint8") -> BandLayout:
+    names = tuple(roles.split())
+    return BandLayout((dtype,) * len(names), names, (np.dtype(dtype).itemsize * 8,) * len(names))
+
+
+@pytest.mark.parametrize(
+    ("roles", "bands"),
+    [
+        ("gray", (1,)),
+        ("gray alpha", (1,)),
+        ("alpha gray", (2,)),
+        ("gray undefined", (1,)),
+        ("red green blue", (1, 2, 3)),
+        ("blue green red nir", (3, 2, 1)),
+        ("alpha red green blue", (2, 3, 4)),
+        ("gray undefined undefined undefined", (1, 2, 3)),
+        ("gray alpha undefined undefined", (1, 3, 4)),
+        ("gray undefined alpha", (1,)),
+        ("Y Cb Cr", (1,)),
+        ("alpha", (1,)),
+    ],
+)
+def test_colours_become_luminance_and_alpha_never_does(roles, bands):
+    assert choose(layout(roles)).bands == bands
+
+
+def test_the_user_has_the_last_word():
+    assert choose(layout("red green blue"), band=2).bands == (2,)
+    assert choose(layout("red green blue nir"), rgb=(4, 1, 2)).bands == (4, 1, 2)
+    assert choose(layout("palette"), palette=True).expanded
+    assert not choose(layout("palette"), band=1, palette=True).expanded
+
+
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        ({"band": 5}, "bands 1 to 3"),
+        ({"band": 0}, "no band 0"),
+        ({"rgb": (1, 2, 4)}, "no band 4"),
+        ({"rgb": (1, 2)}, "three bands"),
+        ({"band": 1, "rgb": (1, 2, 3)}, "not both"),
+    ],
+)
+def test_bands_that_are_not_there_are_refused(named, words):
+    with pytest.raises(ParameterError, match=words):
+        choose(layout("red green blue"), **named)
+
+
+def test_what_cannot_be_intensity_is_refused():
+    with pytest.raises(RasterError, match="complex"):
+        choose(layout("gray", "complex64"))
+    with pytest.raises(RasterError, match="CMYK"):
+        choose(layout("cyan magenta yellow black"))
+    with pytest.raises(RasterError, match="different types"):
+        choose(BandLayout(("uint8", "uint8", "float32"), ("red", "green", "blue"), (8, 8, 32)))
+
+
+def test_the_choice_has_a_name_for_people():
+    assert choose(layout("gray")).name == "band 1"
+    assert choose(layout("blue green red")).name == "luminance of bands 3,2,1"
+    assert choose(layout("palette"), palette=True).name == "luminance of the palette of band 1"

@@ -1,0 +1,47 @@
+"""uavseg: from an aerial or satellite raster to regions that a drone should fly over, to a mission that flies.
+
+>>> import uavseg
+>>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from uavseg.api import divide as divide
+    from uavseg.api import extract as extract
+    from uavseg.errors import UavsegError as UavsegError
+    from uavseg.flight.planner import PlanParams as PlanParams
+    from uavseg.flight.planner import plan as plan
+    from uavseg.raster.dataset import Dataset as Dataset
+    from uavseg.raster.geobox import GeoBox as GeoBox
+    from uavseg.regions.outline import trace as trace
+    from uavseg.segmentation.segments import IntensityRange as IntensityRange
+
+_HOMES = {
+    "extract": "uavseg.api",
+    "divide": "uavseg.api",
+    "plan": "uavseg.flight.planner",
+    "PlanParams": "uavseg.flight.planner",
+    "Dataset": "uavseg.raster.dataset",
+    "GeoBox": "uavseg.raster.geobox",
+    "IntensityRange": "uavseg.segmentation.segments",
+    "trace": "uavseg.regions.outline",
+    "UavsegError": "uavseg.errors",
+}
+__all__ = ["__version__", *_HOMES]
+
+
+def __getattr__(name: str) -> Any:
+    """Load a public word when it is first used (PEP 562): importing uavseg costs nothing."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'uavseg' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

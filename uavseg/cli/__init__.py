@@ -1,0 +1,93 @@
+"""The command line: `uavseg`, and the same group as a plugin of `rio`.
+
+Importing it brings in click and nothing heavy; a command's own module is imported when it is called.
+"""
+
+import importlib
+import sys
+from typing import Any
+
+import click
+
+from uavseg.errors import UavsegError
+
+_COMMANDS = {
+    "extract": "Extract regions within a range of intensity.",
+    "divide": "Save a raster's block map, from which any range is answered.",
+    "plan": "Plan a mission over regions.",
+    "info": "Tell what a raster is and what its intensity looks like.",
+    "preview": "Draw a raster, regions and a mission as a picture.",
+}
+_INTERRUPTED = 130
+
+
+class _Group(click.Group):
+    """A group whose commands are imported when they are needed."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in _COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(f"uavseg.cli.{name}").command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(_COMMANDS.items()))
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command; what the user can mend is one line on stderr and exit code 1."""
+        _announce_compilation()
+        try:
+            return super().invoke(ctx)
+        except UavsegError as error:
+            click.echo(f"uavseg: error: {error}", err=True)
+            ctx.exit(1)
+        except MemoryError:
+            click.echo("uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less", err=True)
+            ctx.exit(1)
+        except KeyboardInterrupt:
+            click.echo("uavseg: interrupted; nothing was written", err=True)
+            ctx.exit(_INTERRUPTED)
+
+
+def _announce_compilation() -> None:
+    """Say once that kernels are being compiled, which takes a while and happens once."""
+    from uavseg import _jit
+
+    told = []
+
+    def tell(name: str) -> None:
+        if not told:
+            told.append(name)
+            click.echo("uavseg: compiling for this machine, once (about half a minute)", err=True)
+
+    _jit.on_compile = tell
+
+
+def _version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+    if value and not ctx.resilient_parsing:
+        from uavseg import __version__
+
+        click.echo(f"uavseg {__version__}")
+        ctx.exit()
+
+
+@click.group(
+    cls=_Group,
+    name="uavseg",
+    short_help="From a raster to regions to a mission.",
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
+@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
+def main() -> None:
+    """From an aerial or satellite raster to regions that a drone should fly over, to a mission that flies.
+
+    The line to begin with:  uavseg extract tile.tif --range 0.55,1
+    """
+
+
+if __name__ == "__main__":
+    sys.exit(main())

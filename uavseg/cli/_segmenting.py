@@ -1,0 +1,41 @@
+"""Options of every command that divides a raster."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def segmenting_options(command: Command) -> Command:
+    """Give a command --method, --threshold and --intensity-step."""
+    for option in reversed(
+        (
+            click.option(
+                "--method",
+                type=click.Choice(["adaptive", "paper"]),
+                default="adaptive",
+                show_default=True,
+                help="Divide blocks by texture and intensity, or by texture alone as the paper does.",
+            ),
+            click.option(
+                "--threshold",
+                type=float,
+                default=1.2,
+                show_default=True,
+                metavar="X",
+                help="Divide where G_max / G_min is larger.",
+            ),
+            click.option(
+                "--intensity-step",
+                type=float,
+                default=0.05,
+                show_default=True,
+                metavar="TAU",
+                help="Adaptive: divide where the means of the children differ by more.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command

@@ -1,0 +1,58 @@
+"""`uavseg divide`: rasters become a block map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from uavseg.cli._reading import reading_options
+from uavseg.cli._running import Reporter, running_options
+from uavseg.cli._segmenting import segmenting_options
+
+
+@click.command("divide")
+@reading_options
+@click.option("-o", "--output", required=True, metavar="PATH.tif", help="The block map.")
+@segmenting_options
+@running_options
+def command(
+    rasters: tuple[str, ...],
+    output: str,
+    tile: int | None,
+    threads: int | None,
+    overwrite: bool,
+    quiet: bool,
+    verbose: bool,
+    progress: str,
+    **options: Any,
+) -> None:
+    """Divide RASTER... (many are one mosaic) into blocks of uniform texture, and save the block map.
+
+    It is a GeoTIFF of 8 x 8 pixel cells. Its first two bands are for looking at: the mean and the side of each leaf. `uavseg
+    extract` answers any range from it, without the raster or refined with it.
+    """
+    from uavseg.atomic import check_target
+    from uavseg.parallel import threads as workers
+    from uavseg.raster.dataset import Dataset
+    from uavseg.regions.extract import divide
+    from uavseg.segmentation.blockfile import Origin, SavedBlocks, save
+    from uavseg.segmentation.pipeline import SegmentParams
+
+    reporter = Reporter(quiet, verbose, progress)
+    check_target(output, overwrite)
+    params = SegmentParams(options["method"], options["threshold"], options["intensity_step"])
+    dataset = Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
+    blocks, stretch = divide(dataset, options["stretch"], tile, workers(threads), reporter.progress)
+    origin = Origin(rasters, str(Path.cwd()), options["band"], options["rgb"], options["nodata"])
+    saved = SavedBlocks(blocks, dataset.geobox, stretch, dataset.band_names, origin)
+    save(output, saved, params.threshold, params.step, overwrite)
+    reporter.finish()
+    for warning in dataset.warnings + stretch.warnings:
+        reporter.warn(warning)
+    rows, cols = blocks.blocks
+    reporter.say(f"  blocks      {rows * cols:,} of 64 x 64 -> {output}")
+    reporter.say(f"  stretch     {stretch.name}")
+    reporter.say(f"  band        {dataset.band_names}")
+    reporter.say(f"  seconds     {reporter.seconds:.2f}")

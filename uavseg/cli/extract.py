@@ -1,0 +1,211 @@
+"""`uavseg extract`: rasters, or a block map, become regions."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from uavseg.cli._reading import reading_options
+from uavseg.cli._running import Reporter, running_options
+from uavseg.cli._segmenting import segmenting_options
+from uavseg.cli.plan import mission_options
+from uavseg.errors import ParameterError
+
+if TYPE_CHECKING:
+    from uavseg.parallel import Map
+    from uavseg.regions.extract import Extraction, ExtractParams
+    from uavseg.segmentation.segments import IntensityRange
+
+
+@click.command("extract")
+@reading_options
+@click.option("--range", "interval", required=True, metavar="LO,HI", help="The range of v, such as 0.55,1.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="PATH",
+    help="The regions: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.  "
+    "[default: STEM.regions.geojson here]",
+)
+@click.option("--labels", metavar="PATH.tif", help="Also write the labels of the regions as a raster.")
+@segmenting_options
+@click.option(
+    "--refine",
+    type=click.Choice(["scan", "none", "smooth"]),
+    default="scan",
+    show_default=True,
+    help="How boundaries are found to the pixel.",
+)
+@click.option("--min-area", metavar="M2|Npx", help="Drop regions of less.")
+@click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
+@click.option("--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared.")
+@click.option("--mission", metavar="PATH", help="Also plan a mission over the regions: .plan or .waypoints.")
+@mission_options
+@running_options
+def command(
+    rasters: tuple[str, ...],
+    interval: str,
+    output: str | None,
+    labels: str | None,
+    mission: str | None,
+    tile: int | None,
+    threads: int | None,
+    overwrite: bool,
+    quiet: bool,
+    verbose: bool,
+    progress: str,
+    **options: Any,
+) -> None:
+    """Extract the regions of RASTER... (many are one mosaic) whose mean intensity lies in a range.
+
+    RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned too; see
+    `uavseg plan --help` for how.
+    """
+    from uavseg.parallel import threads as workers
+
+    reporter = Reporter(quiet, verbose, progress)
+    target = output or f"{Path(rasters[0]).stem}.regions.geojson"
+    wanted = _parsed_range(interval)
+    params = _params(tile, options)
+    flight = _flight(mission, options)
+    _check_targets(target, labels, mission, overwrite)
+    run = workers(threads)
+    found = _extracted(rasters, wanted, params, options, run, reporter)
+    reporter.finish()
+    for warning in found.warnings:
+        reporter.warn(warning)
+    if len(found.regions) == 0:
+        reporter.warn(f"no region has a mean v in {wanted.low:g}..{wanted.high:g}; uavseg info shows which v there are")
+    _write(found, target, labels, run, overwrite)
+    if mission is not None:
+        _write_mission(found, flight, mission, options["home"], overwrite, reporter)
+    _tell(found, target, reporter)
+
+
+def _parsed_range(text: str) -> IntensityRange:
+    from uavseg.segmentation.segments import IntensityRange
+
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ParameterError(f"--range is two numbers between commas, such as 0.55,1, not {text!r}") from None
+    return IntensityRange(low, high)
+
+
+def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
+    from uavseg.raster.stretch import parse_stretch
+    from uavseg.regions.cleaning import parse_area
+    from uavseg.regions.extract import ExtractParams
+    from uavseg.segmentation.pipeline import SegmentParams
+
+    def area(text: str | None) -> Any:
+        return None if text is None else parse_area(text)
+
+    return ExtractParams(
+        SegmentParams(options["method"], options["threshold"], options["intensity_step"], options["refine"]),
+        parse_stretch(options["stretch"]),
+        area(options["fill_holes"]),
+        area(options["min_area"]),
+        options["simplify"],
+        tile,
+    )
+
+
+def _flight(mission: str | None, options: dict[str, Any]) -> Any:
+    """How to fly, checked before any work is done."""
+    if mission is None:
+        return None
+    from uavseg.cli.plan import home_position, mission_params
+    from uavseg.flight import files
+
+    files.check_format(mission)
+    home_position(options["home"], [(0.0, 0.0)])
+    return mission_params(**options)
+
+
+def _check_targets(output: str, labels: str | None, mission: str | None, overwrite: bool) -> None:
+    """Nothing that is there is touched, and nothing is computed that could not be written."""
+    from uavseg.atomic import check_target
+
+    if output != "-":
+        from uavseg.regions.export import check
+
+        check(output, overwrite)
+    for path in (labels, mission):
+        if path is not None:
+            check_target(path, overwrite)
+    if labels is not None and Path(labels).suffix.lower() not in (".tif", ".tiff"):
+        raise ParameterError(f"labels are written as GeoTIFF; name a .tif, not {labels}")
+
+
+def _extracted(
+    rasters: tuple[str, ...],
+    wanted: IntensityRange,
+    params: ExtractParams,
+    options: dict[str, Any],
+    run: Map,
+    reporter: Reporter,
+) -> Extraction:
+    from uavseg.raster.dataset import Dataset
+    from uavseg.regions.extract import extract, extract_from_blocks
+    from uavseg.segmentation.blockfile import is_block_map, load
+
+    if len(rasters) > 1 or not is_block_map(rasters[0]):
+        dataset = Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
+        return extract(dataset, wanted, params, run, reporter.progress)
+    if options["band"] or options["rgb"] or options["nodata"] is not None or options["stretch"] != "auto":
+        raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
+    saved = load(rasters[0])
+    origin = saved.origin
+    paths = origin.found(rasters[0])
+    if paths is None and params.segment.refine != "none":
+        reporter.warn(f"{origin.rasters[0]} is not where it was, so regions end at block edges")
+    raster = None if paths is None else Dataset.open(paths, origin.band, origin.rgb, origin.nodata)
+    return extract_from_blocks(saved, raster, wanted, params, run, reporter.progress)
+
+
+def _write(found: Extraction, target: str, labels: str | None, run: Map, overwrite: bool) -> None:
+    from uavseg.regions import export
+
+    if labels is not None:
+        from uavseg.raster.write import write_labels
+        from uavseg.regions.extract import painted
+
+        write_labels(labels, painted(found, run), found.geobox, overwrite)
+    export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
+
+
+def _write_mission(
+    found: Extraction, flight: Any, path: str, home: str | None, overwrite: bool, reporter: Reporter
+) -> None:
+    from uavseg.cli.plan import plan_and_write, report
+    from uavseg.errors import MissionError
+    from uavseg.regions.wgs84 import geometries
+
+    regions = found.regions
+    if regions.wkt is None:
+        raise MissionError("the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit -a_srs")
+    points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
+    made = plan_and_write(list(geometries(regions)), points, flight, home, path, overwrite)
+    if not reporter.quiet:
+        report(made, len(regions), path)
+
+
+def _tell(found: Extraction, target: str, reporter: Reporter) -> None:
+    """The short table at the end."""
+    columns = found.regions.columns
+    unit = "m2" if found.regions.wkt is not None else "square units"
+    largest = f"{columns['area_m2'][0]:,.1f} {unit} ({columns['pixels'][0]:,} pixels)" if len(found.regions) else "-"
+    rows = {
+        "regions": f"{len(found.regions):,} -> {'stdout' if target == '-' else target}",
+        "total area": f"{columns['area_m2'].sum():,.1f} {unit}",
+        "largest": largest,
+        "stretch": found.stretch.name,
+        "band": found.band_names,
+        "seconds": f"{reporter.seconds:.2f}",
+    }
+    for name, value in rows.items():
+        reporter.say(f"  {name:<12}{value}")

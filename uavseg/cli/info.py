@@ -1,0 +1,53 @@
+"""uavseg info: what a raster is, and what to try with it."""
+
+import sys
+
+import click
+
+from uavseg.cli._reading import reading_options
+
+
+@click.command("info", short_help="Tell what a raster is and what its intensity looks like.")
+@reading_options
+@click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
+@click.option("--threads", type=click.IntRange(min=1), help="Threads to count with.  [default: all cores]")
+def command(
+    rasters: tuple[str, ...],
+    band: int | None,
+    rgb: tuple[int, int, int] | None,
+    nodata: float | None,
+    stretch: str,
+    as_json: bool,
+    threads: int | None,
+) -> None:
+    """Tell the size, place, bands, nodata and intensity of RASTER (many are one mosaic), how that intensity
+    is stretched, and a command to try next.
+
+    Every pixel is counted up to 100 megapixels; a larger raster is looked at from afar, and it is said so.
+    """
+    from uavseg.look.summary import summarize
+    from uavseg.parallel import threads as workers
+    from uavseg.raster.dataset import Dataset
+
+    dataset = Dataset.open(rasters, band=band, rgb=rgb, nodata=nodata)
+    summary = summarize(dataset, stretch, workers(threads))
+    if as_json:
+        import json
+
+        click.echo(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
+        return
+    from uavseg.look.summarytext import summary_text
+
+    click.echo(_printable(summary_text(summary)))
+
+
+def _printable(text: str) -> str:
+    """The text with # for bars where the terminal's encoding has none."""
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        return "".join(
+            "#" if "▁" <= letter <= "█" else "" if "█" < letter <= "▏" else letter for letter in text
+        )
+    return text

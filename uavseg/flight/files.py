@@ -1,0 +1,207 @@
+"""Missions in files: QGroundControl's .plan and the .waypoints of Mission Planner, there and back."""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uavseg.atomic import whole_file
+from uavseg.errors import MissionError
+from uavseg.flight.mission import AMSL, FIRMWARES, PLACES, RELATIVE, TERRAIN, WAYPOINT, Home, Item, Mission
+
+Path_ = str | os.PathLike[str]
+
+ALTITUDE_MODES = {RELATIVE: 1, AMSL: 2, TERRAIN: 4}  # QGroundControl's own enum, by MAV_FRAME
+QUADROTOR = 2  # MAV_TYPE
+PLANE_SPEED_M_S = 15  # .plan wants a speed of fixed wings too; nothing here uses it
+HEADER = "QGC WPL 110"
+
+
+def write(mission: Mission, path: Path_, overwrite: bool = False) -> None:
+    """Write a mission to a file, whole or not at all.
+
+    Parameters
+    ----------
+    mission : Mission
+    path : path
+        Its extension says the format: .plan (QGroundControl, MAVSDK) or .waypoints (Mission Planner,
+        mavwp, QGroundControl). A .waypoints file holds neither the firmware nor parameters that are not
+        set: those are written as 0.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    MissionError
+        If the extension is another one.
+    OutputError
+        If the file is there already, or cannot be written.
+    """
+    text = _WRITERS[check_format(path)](mission)
+    with whole_file(path, overwrite) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def read(path: Path_) -> Mission:
+    """Read a mission of simple items from a .plan or .waypoints file.
+
+    What `write` wrote comes back equal. A .waypoints file is taken to be for ArduPilot, and a heading
+    (param4) of 0 in it as not set.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, is not what its extension says, holds survey or other complex items,
+        or holds a mission that would not be safe.
+    """
+    reader = _READERS[check_format(path)]
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise MissionError(f"{path} cannot be read as a mission: {error}") from error
+    try:
+        return reader(text, Path(path).stem)
+    except MissionError as error:
+        raise MissionError(f"{path}: {error}") from error
+    except (KeyError, IndexError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise MissionError(f"{path} is not a mission that can be read: {_cause(error)}") from error
+
+
+def check_format(path: Path_) -> str:
+    """The extension of a mission file, if missions can be written so: ".plan" or ".waypoints"."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in _WRITERS:
+        raise MissionError(f"a mission is written as .plan or .waypoints, not as {Path(path).name!r}")
+    return suffix
+
+
+def plan_text(mission: Mission) -> str:
+    """A mission as the text of a .plan file: every key that some reader requires."""
+    home = mission.home
+    plan = {
+        "fileType": "Plan",
+        "groundStation": "QGroundControl",
+        "version": 1,
+        "mission": {
+            "version": 2,
+            "firmwareType": FIRMWARES[mission.firmware],
+            "vehicleType": QUADROTOR,
+            "cruiseSpeed": PLANE_SPEED_M_S,
+            "hoverSpeed": max(round(mission.speed_m_s), 1),  # Mission Planner reads integers only
+            "globalPlanAltitudeMode": ALTITUDE_MODES[RELATIVE],
+            "plannedHomePosition": [home.lat, home.lon, home.altitude_m],
+            "items": [_simple_item(number, item) for number, item in enumerate(mission.items, start=1)],
+        },
+        "geoFence": {"version": 2, "circles": [], "polygons": []},
+        "rallyPoints": {"version": 2, "points": []},
+    }
+    return json.dumps(plan, indent=1, allow_nan=False) + "\n"
+
+
+def _simple_item(number: int, item: Item) -> dict[str, Any]:
+    written: dict[str, Any] = {
+        "type": "SimpleItem",
+        "autoContinue": True,
+        "command": item.command,
+        "doJumpId": number,
+        "frame": item.frame,
+        "params": [*map(_short, item.params), item.lat, item.lon, _short(item.altitude_m)],
+    }
+    if item.is_place:
+        mode = ALTITUDE_MODES[item.frame]
+        written |= {"AltitudeMode": mode, "Altitude": _short(item.altitude_m), "AMSLAltAboveTerrain": None}
+    return written
+
+
+def _short(value: float | None) -> float | int | None:
+    """3.0 as 3: what people expect to read, and the same number."""
+    return int(value) if value is not None and value.is_integer() and abs(value) < 2**53 else value
+
+
+def waypoints_text(mission: Mission) -> str:
+    """A mission as the text of a .waypoints file (QGC WPL 110), home in row 0."""
+    home = mission.home
+    start = Item(WAYPOINT, RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0)  # as a check of the place only
+    rows = [_row(0, 1, AMSL, start, home.altitude_m)]
+    rows += [_row(n, 0, item.frame, item, item.altitude_m) for n, item in enumerate(mission.items, start=1)]
+    return "\n".join([HEADER, *rows]) + "\n"
+
+
+def _row(number: int, current: int, frame: int, item: Item, altitude_m: float) -> str:
+    floats = [*(value or 0.0 for value in item.params), item.lat, item.lon]
+    fields = [number, current, frame, item.command, *(_decimal(value, 8) for value in floats)]
+    return "\t".join(map(str, [*fields, _decimal(altitude_m, 6), 1]))
+
+
+def _decimal(value: float, least: int) -> str:
+    """A number without exponent that reads back as the same number, with at least so many decimals."""
+    return np.format_float_positional(value, unique=True, min_digits=least, trim="k")
+
+
+def _mission_of_plan(text: str, name: str) -> Mission:
+    plan = json.loads(text)
+    if not isinstance(plan, dict) or plan.get("fileType") != "Plan":
+        raise MissionError('it is not a plan: "fileType" is not "Plan"')
+    if plan["version"] != 1 or plan["mission"]["version"] != 2:
+        raise MissionError("only version 1 of .plan with version 2 of missions can be read")
+    mission = plan["mission"]
+    firmware = {number: name for name, number in FIRMWARES.items()}.get(mission["firmwareType"])
+    if firmware is None:
+        raise MissionError(
+            f"its firmwareType is {mission['firmwareType']}; expected 3 (ArduPilot) or 12 (PX4)"
+        )
+    home = Home(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
+    return Mission(home, tuple(map(_item_of_plan, mission["items"])), firmware, name, _unread(plan))
+
+
+def _item_of_plan(item: Mapping[str, Any]) -> Item:
+    if item["type"] != "SimpleItem":
+        raise MissionError(
+            f"it holds a {item.get('complexItemType', item['type'])} item; only simple items can be read"
+        )
+    first, second, third, fourth, *place = (None if p is None else float(p) for p in item["params"])
+    lat, lon, altitude_m = (value or 0.0 for value in place)
+    return Item(
+        int(item["command"]), int(item["frame"]), (first, second, third, fourth), lat, lon, altitude_m
+    )
+
+
+def _unread(plan: Mapping[str, Any]) -> tuple[str, ...]:
+    fence, rally = plan.get("geoFence") or {}, plan.get("rallyPoints") or {}
+    found = [*(fence.get("polygons") or []), *(fence.get("circles") or []), *(rally.get("points") or [])]
+    return ("the fence and rally points of the file were not read",) if found else ()
+
+
+def _mission_of_waypoints(text: str, name: str) -> Mission:
+    header, *rows = text.splitlines()
+    if header.split() != HEADER.split():
+        raise MissionError(f"its first line is {header[:40]!r}; expected {HEADER!r}")
+    home, *items = (_item_of_row(number, row) for number, row in enumerate(rows))
+    assert isinstance(home, Home)
+    return Mission(home, tuple(item for item in items if isinstance(item, Item)), name=name)
+
+
+def _item_of_row(number: int, row: str) -> Home | Item:
+    fields = row.split("\t")
+    if len(fields) != 12 or int(fields[0]) != number:
+        raise MissionError(f"line {number + 2} is not item {number} with 12 fields parted by TAB")
+    frame, command = int(fields[2]), int(fields[3])
+    first, second, third, fourth, lat, lon, altitude_m = map(float, fields[4:11])
+    if number == 0:
+        return Home(lat, lon, altitude_m)
+    heading = None if command in PLACES and fourth == 0 else fourth
+    return Item(command, frame, (first, second, third, heading), lat, lon, altitude_m)
+
+
+def _cause(error: Exception) -> str:
+    return f"{error} is missing" if isinstance(error, KeyError) else str(error) or type(error).__name__
+
+
+_WRITERS: dict[str, Callable[[Mission], str]] = {".plan": plan_text, ".waypoints": waypoints_text}
+_READERS: dict[str, Callable[[str, str], Mission]] = {
+    ".plan": _mission_of_plan,
+    ".waypoints": _mission_of_waypoints,
+}

@@ -1,0 +1,68 @@
+"""Outlines of regions that an autopilot can follow: without the stairs of their pixels."""
+
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+LEAST_TOLERANCE_M = 1.0  # what satellite positioning does not tell apart anyway
+FEWEST_STEPS = 12  # edges below which right angles are corners, not stairs
+CHANGED = 0.1  # of its area, by which an outline is another shape: there were no stairs
+RIGHT_ANGLE = 0.02  # radians by which the corners of pixels may lean in another projection
+
+
+def perimeter(region: Any, tolerance_m: float) -> Floats:
+    """The outer ring of a region, closed, with as few corners as stay within a tolerance.
+
+    Parameters
+    ----------
+    region : shapely Polygon
+        In metres.
+    tolerance_m : float
+        No point of the ring is moved farther than this (Douglas-Peucker).
+
+    Returns
+    -------
+    ring : (N, 2) array
+        x, y in metres; the last point is the first one.
+    """
+    ring = shapely.Polygon(region.exterior)
+    simple = shapely.simplify(ring, tolerance_m, preserve_topology=True)
+    corners: Floats = shapely.get_coordinates(simple.exterior)
+    return corners
+
+
+def default_tolerance_m(region: Any) -> float:
+    """One metre, or one pixel where the outline follows the edges of larger pixels.
+
+    Examples
+    --------
+    >>> stairs = shapely.union_all([shapely.box(10 * n, 0, 10 * n + 10, 10 * n + 10) for n in range(30)])
+    >>> round(default_tolerance_m(stairs), 6), default_tolerance_m(shapely.box(0, 0, 50, 90))
+    (10.0, 1.0)
+    """
+    corners = shapely.get_coordinates(
+        shapely.simplify(region.exterior, 1e-3)
+    )  # without those on straight edges
+    steps = np.diff(corners, axis=0)
+    if len(steps) < FEWEST_STEPS:
+        return LEAST_TOLERANCE_M
+    before, turn = np.roll(steps, 1, axis=0), np.hypot(*steps.T)
+    leaning = np.abs((before * steps).sum(axis=1)) / (turn * np.roll(turn, 1))
+    pixel_m = _pixel_m(steps, turn) if np.mean(leaning < RIGHT_ANGLE) > 0.9 else 0.0
+    return pixel_m if pixel_m > LEAST_TOLERANCE_M and _keeps_shape(region, pixel_m) else LEAST_TOLERANCE_M
+
+
+def _keeps_shape(region: Any, tolerance_m: float) -> bool:
+    outline = shapely.Polygon(region.exterior)
+    simple = shapely.Polygon(perimeter(region, tolerance_m))
+    return bool(shapely.symmetric_difference(outline, simple).area < CHANGED * outline.area)
+
+
+def _pixel_m(steps: Floats, length: Floats) -> float:
+    """The longer side of a pixel: the shortest edge in each of the two directions."""
+    along = np.abs(steps @ steps[0]) / (length * length[0]) > 0.5
+    return float(max(length[along].min(), length[~along].min())) if along.any() and not along.all() else 0.0

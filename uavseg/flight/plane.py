@@ -1,0 +1,58 @@
+"""A flat piece of ground: metres east and north of a centre, and degrees, there and back."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+LONGEST_EDGE_DEG = 0.005  # an edge that is straight in degrees bends by less than a centimetre over it
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """Azimuthal equidistant plane (WGS 84) around a centre: true to 5e-5 within 100 km of it."""
+
+    lat: float
+    lon: float
+
+    def xy_from_lonlat(self, lon: Any, lat: Any) -> tuple[Floats, Floats]:
+        """Metres east and north of the centre."""
+        x, y = _projection(self.lat, self.lon)(np.asarray(lon, float), np.asarray(lat, float))
+        return x, y
+
+    def lonlat_from_xy(self, x: Any, y: Any) -> tuple[Floats, Floats]:
+        """Degrees, longitude in [-180, 180]."""
+        lon, lat = _projection(self.lat, self.lon)(np.asarray(x, float), np.asarray(y, float), inverse=True)
+        return lon, lat
+
+    def flattened(self, polygons: Sequence[Any]) -> NDArray[np.object_]:
+        """Polygons in degrees (lon, lat) as polygons in metres."""
+        dense = shapely.segmentize(shapely.force_2d(np.array(polygons, dtype=object)), LONGEST_EDGE_DEG)
+        flat = [shapely.transform(polygon, self._flatten) for polygon in dense]
+        return np.array([*flat, None], dtype=object)[:-1]
+
+    def _flatten(self, lonlat: Floats) -> Floats:
+        return np.column_stack(self.xy_from_lonlat(lonlat[:, 0], lonlat[:, 1]))
+
+
+def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:
+    """The plane in the middle of boxes (N, 4: west, south, east, north in degrees).
+
+    Longitudes are counted from `lon`, so that boxes on both sides of the antimeridian are neighbours.
+    """
+    east = (bounds[:, [0, 2]] - lon + 180) % 360 - 180
+    middle = lon + (east.min() + east.max()) / 2
+    return Plane((bounds[:, 1].min() + bounds[:, 3].max()) / 2, float((middle + 180) % 360 - 180))
+
+
+@lru_cache(maxsize=8)
+def _projection(lat: float, lon: float) -> Any:
+    from pyproj import Proj
+
+    return Proj(proj="aeqd", lat_0=lat, lon_0=lon, datum="WGS84")

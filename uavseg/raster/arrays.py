@@ -1,0 +1,112 @@
+"""A DataArray as a raster: anything with rioxarray's `.rio`, read by slices so that lazy arrays stay lazy."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+from rasterio.crs import CRS
+
+from uavseg.errors import RasterError
+from uavseg.raster.bands import BandChoice, BandLayout
+from uavseg.raster.tiling import Window
+from uavseg.raster.validity import valid_pixels
+
+Values = NDArray[Any]
+Valid = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArraySource:
+    """A raster that lies wherever its array gets it from; the attributes are those of `RasterFile`."""
+
+    array: Any
+    path: str
+    shape: tuple[int, int]
+    transform: Affine
+    crs: CRS | None
+    located: bool
+    layout: BandLayout
+    nodatas: tuple[float | None, ...]
+    block: tuple[int, int]
+    warnings: tuple[str, ...]
+    palette: None = None
+    driver: str = "DataArray"
+    overviews: tuple[int, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The name of the array."""
+        return self.path
+
+    def read(
+        self, _handles: object, choice: BandChoice, window: Window, shape: tuple[int, int] | None = None
+    ) -> tuple[Values, Valid | None]:
+        """Pixels of the chosen bands, and which of them are valid (None: all); see `RasterFile.read`."""
+        rows = _steps(window.row, window.rows, shape[0] if shape else window.rows)
+        cols = _steps(window.col, window.cols, shape[1] if shape else window.cols)
+        planes = [self._plane(band, rows, cols) for band in choice.bands]
+        values = np.stack(planes).astype(choice.dtype, copy=False)
+        return values, valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], None, None)
+
+    def is_empty(self, _handles: object, _choice: BandChoice, _window: Window) -> bool:
+        """Never known beforehand."""
+        return False
+
+    def _plane(self, band: int, rows: Any, cols: Any) -> Values:
+        place = (rows, cols) if self.array.ndim == 2 else (band - 1, rows, cols)
+        return np.asarray(self.array[place].values)
+
+
+def is_array(source: object) -> bool:
+    """Whether a source is a DataArray with `.rio`."""
+    return hasattr(source, "dims") and hasattr(source, "rio")
+
+
+def from_array(array: Any) -> ArraySource:
+    """A source of (rows, cols) or (bands, rows, cols).
+
+    Raises
+    ------
+    RasterError
+        If the array has other dimensions or no pixels.
+    """
+    if array.ndim not in (2, 3) or 0 in array.shape:
+        raise RasterError(
+            f"a DataArray wants the dimensions (rows, cols) or (bands, rows, cols), not {array.dims} "
+            f"of shape {array.shape}"
+        )
+    dtype = np.dtype(np.uint8) if array.dtype == bool else np.dtype(array.dtype)
+    count = 1 if array.ndim == 2 else array.shape[0]
+    name = str(getattr(array, "name", None) or "array")
+    rows, cols = array.shape[-2:]
+    crs = array.rio.crs
+    bits = 1 if array.dtype == bool else dtype.itemsize * 8
+    return ArraySource(
+        array=array,
+        path=name,
+        shape=(int(rows), int(cols)),
+        transform=array.rio.transform(),
+        crs=CRS.from_user_input(crs) if crs else None,
+        located=True,
+        layout=BandLayout((dtype.name,) * count, ("undefined",) * count, (bits,) * count),
+        nodatas=(array.rio.nodata,) * count,
+        block=_chunk(array),
+        warnings=() if crs else (f"{name}: it has no coordinate reference system: coordinates are local",),
+    )
+
+
+def _chunk(array: Any) -> tuple[int, int]:
+    """Rows and columns of the first chunk; of a square of 512 where the array is in memory."""
+    chunks = getattr(array, "chunks", None)
+    if not chunks:
+        return 512, 512
+    return int(chunks[-2][0]), int(chunks[-1][0])
+
+
+def _steps(start: int, length: int, wanted: int) -> Any:
+    """Where to read: all of a range, or the nearest of `wanted` evenly spaced places."""
+    if wanted == length:
+        return slice(start, start + length)
+    return start + ((np.arange(wanted) + 0.5) * (length / wanted)).astype(np.int64)

@@ -1,0 +1,115 @@
+"""Which bands of a raster are its intensity, and what their numbers mean."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavseg.errors import ParameterError, RasterError
+
+
+@dataclass(frozen=True, slots=True)
+class BandLayout:
+    """What a file says about its bands, first band first.
+
+    Parameters
+    ----------
+    dtypes, roles : tuple of str
+        Type of each band, and its colour interpretation ("red", "alpha", "undefined", ...).
+    bits : tuple of int
+        Bits of each band that are used: 12 for a sensor of 12 bits stored in uint16.
+    """
+
+    dtypes: tuple[str, ...]
+    roles: tuple[str, ...]
+    bits: tuple[int, ...]
+
+    @property
+    def alpha(self) -> int | None:
+        """The alpha band, counted from 1."""
+        return self.roles.index("alpha") + 1 if "alpha" in self.roles else None
+
+
+@dataclass(frozen=True, slots=True)
+class BandChoice:
+    """The bands, counted from 1, that are read as intensity: one, or three for luminance.
+
+    `expanded` says that the one band is an index into a palette, and is read as the three bands of it.
+    """
+
+    bands: tuple[int, ...]
+    dtype: np.dtype[np.generic]
+    bits: int
+    expanded: bool = False
+
+    @property
+    def name(self) -> str:
+        """For people: "band 1", "luminance of bands 1,2,3"."""
+        if self.expanded:
+            return f"luminance of the palette of band {self.bands[0]}"
+        if len(self.bands) == 1:
+            return f"band {self.bands[0]}"
+        return f"luminance of bands {','.join(map(str, self.bands))}"
+
+
+def choose(
+    layout: BandLayout, band: int | None = None, rgb: Sequence[int] | None = None, palette: bool = False
+) -> BandChoice:
+    """The bands that become intensity.
+
+    One named by `band`, three named by `rgb`, or else by what the file says: luminance where it is in colour
+    (or has three bands that are not alpha), the first band otherwise. The indices of a palette are read
+    as they are only if `band` names their band.
+
+    Raises
+    ------
+    ParameterError
+        If both `band` and `rgb` are given, or a band that is not there.
+    RasterError
+        If the bands cannot be intensity: complex numbers, CMYK, three bands of different types.
+
+    Examples
+    --------
+    >>> layout = BandLayout(("uint8",) * 4, ("blue", "green", "red", "alpha"), (8,) * 4)
+    >>> choose(layout).bands, choose(layout, band=2).bands
+    ((3, 2, 1), (2,))
+    """
+    if band is not None and rgb is not None:
+        raise ParameterError("give band or rgb, not both")
+    if palette and band is None and rgb is None:
+        return BandChoice((1,), np.dtype(np.uint8), 8, expanded=True)
+    named = (band,) if band is not None else tuple(rgb) if rgb is not None else None
+    if rgb is not None and len(rgb) != 3:
+        raise ParameterError(f"rgb wants three bands, for instance 1,2,3, not {len(rgb)}")
+    bands = named or _usual(layout)
+    for number in bands:
+        if not 1 <= number <= len(layout.dtypes):
+            raise ParameterError(f"there is no band {number}: {_count_text(len(layout.dtypes))}")
+    return BandChoice(bands, _common_type(layout, bands), max(layout.bits[number - 1] for number in bands))
+
+
+def _usual(layout: BandLayout) -> tuple[int, ...]:
+    roles = layout.roles
+    if {"red", "green", "blue"} <= set(roles):
+        return tuple(roles.index(color) + 1 for color in ("red", "green", "blue"))
+    if "Y" in roles:
+        return (roles.index("Y") + 1,)
+    if "cyan" in roles:
+        raise RasterError("the bands are printing inks (CMYK); name one with --band, or convert them to RGB")
+    plain = tuple(number for number, role in enumerate(roles, start=1) if role != "alpha") or (1,)
+    return plain[:3] if len(plain) >= 3 else plain[:1]
+
+
+def _common_type(layout: BandLayout, bands: tuple[int, ...]) -> np.dtype[np.generic]:
+    names = {layout.dtypes[number - 1] for number in bands}
+    if len(names) > 1:
+        types = ", ".join(sorted(names))
+        raise RasterError(f"bands {bands} have different types ({types}); name one with --band")
+    name = names.pop()
+    if name.startswith("complex"):
+        raise RasterError(f"the pixels are complex numbers ({name}); make a raster of their magnitude first")
+    return np.dtype("float32" if name == "float16" else name)
+
+
+def _count_text(count: int) -> str:
+    return "the raster has one band" if count == 1 else f"the raster has bands 1 to {count}"

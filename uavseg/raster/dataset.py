@@ -1,0 +1,243 @@
+"""Dataset: one raster, or many that together make one; read by window, anywhere, by anyone."""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError
+from uavseg.raster.arrays import from_array, is_array
+from uavseg.raster.bands import BandChoice, choose
+from uavseg.raster.facts import inspect
+from uavseg.raster.geobox import GeoBox, scaled
+from uavseg.raster.mosaic import Mosaic, Source, lay_out
+from uavseg.raster.opening import Handles
+from uavseg.raster.tiling import Window
+from uavseg.raster.validity import usable_nodata
+
+Values = NDArray[Any]
+Valid = NDArray[np.bool_]
+Part = tuple[Source, Window, tuple[slice, slice]]
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """Intensity of one raster or of a mosaic, by window.
+
+    It holds paths and what the files say about themselves, never pixels; files are opened when they are first
+    read, by each thread for itself. So it may be pickled, and read by many threads at once.
+
+    Examples
+    --------
+    >>> dataset = Dataset.open("tile.tif")  # doctest: +SKIP
+    >>> values, valid = dataset.read(Window(0, 0, 64, 64))  # doctest: +SKIP
+    """
+
+    mosaic: Mosaic
+    choice: BandChoice
+    warnings: tuple[str, ...]
+    _handles: Handles = field(default_factory=Handles, repr=False)
+
+    @classmethod
+    def open(
+        cls,
+        sources: Any,
+        band: int | None = None,
+        rgb: Sequence[int] | None = None,
+        nodata: float | None = None,
+    ) -> "Dataset":
+        """A dataset of what `sources` names; no pixel is read.
+
+        Parameters
+        ----------
+        sources : path, sequence of paths, or DataArray
+            Many rasters are one mosaic; where they overlap, the first that has a valid pixel wins. Anything
+            that GDAL opens may be named. A DataArray wants rioxarray's `.rio`.
+        band : int, optional
+            The band to use, counted from 1.
+        rgb : three ints, optional
+            The bands of red, green and blue, to use their luminance.
+        nodata : float, optional
+            Takes the place of the nodata value in the files; NaN is allowed.
+
+        Raises
+        ------
+        RasterReadError
+            If a file cannot be opened.
+        RasterError
+            If a raster is of a kind that cannot be answered rightly.
+        MosaicError
+            If rasters do not fit together.
+        ParameterError
+            If a band is not there.
+        """
+        files = [from_array(source) if is_array(source) else inspect(source) for source in _listed(sources)]
+        mosaic = lay_out(files)
+        first = files[0]
+        choice = choose(first.layout, band, rgb, first.palette is not None)
+        known, told = _with_nodata(mosaic.files, choice, nodata)
+        if choice.expanded:
+            told = (
+                *told,
+                "the palette is expanded to luminance; name --band 1 to use its indices themselves",
+            )
+        return cls(replace(mosaic, files=known), choice, told)
+
+    @property
+    def geobox(self) -> GeoBox:
+        """Where the pixels lie."""
+        return self.mosaic.geobox
+
+    @property
+    def dtype(self) -> np.dtype[np.generic]:
+        """Type of the values that are read."""
+        return self.choice.dtype
+
+    @property
+    def bits(self) -> int:
+        """Bits of a value that are used."""
+        return self.choice.bits
+
+    @property
+    def bands(self) -> tuple[int, ...]:
+        """The bands that are used, counted from 1."""
+        return self.choice.bands
+
+    @property
+    def band_names(self) -> str:
+        """The bands that are used, for people."""
+        return self.choice.name
+
+    @property
+    def file_block(self) -> tuple[int, int]:
+        """Rows and columns of one block of the first file."""
+        return self.mosaic.files[0].block
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The files, in the order given."""
+        return tuple(file.path for file in self.mosaic.files)
+
+    @property
+    def source(self) -> str:
+        """Name of the first raster, without folder."""
+        return self.mosaic.files[0].name
+
+    def is_empty(self, window: Window) -> bool:
+        """Whether it is known without decoding that no pixel of `window` is valid."""
+        return all(
+            file.is_empty(self._handles, self.choice, part) for file, part, _ in self.mosaic.parts(window)
+        )
+
+    def read(self, window: Window) -> tuple[Values, Valid | None]:
+        """Values and validity of a window inside the raster.
+
+        Returns
+        -------
+        values : (1 or 3, rows, cols) array of `dtype`
+            What invalid pixels hold is of no meaning.
+        valid : (rows, cols) bool array, or None if every pixel is valid
+
+        Raises
+        ------
+        RasterReadError
+            If a file is damaged there.
+        """
+        if len(self.mosaic.files) == 1:
+            return self._read_part(self.mosaic.files[0], window, (window.rows, window.cols))
+        return self._fill((window.rows, window.cols), self.mosaic.parts(window))
+
+    def read_coarse(self, max_side: int) -> tuple[Values, Valid | None, GeoBox]:
+        """A reduced picture of the whole, for the eye: nearest pixels, from overviews where there are some.
+
+        Parameters
+        ----------
+        max_side : int
+            Neither rows nor columns are more than this.
+
+        Returns
+        -------
+        values, valid
+            As `read` gives them.
+        geobox : GeoBox
+            Where the reduced pixels lie; together they cover what the dataset covers.
+        """
+        rows, cols = self.geobox.shape
+        factor = max(rows, cols, max_side) / max_side
+        shape = (max(int(rows / factor), 1), max(int(cols / factor), 1))
+        transform = scaled(self.geobox.transform, rows / shape[0], cols / shape[1])
+        values, valid = self._fill(shape, self.mosaic.coarse_parts(shape))
+        return values, valid, GeoBox(shape, transform, self.geobox.crs)
+
+    def describe(self) -> dict[str, Any]:
+        """Facts about the files, for people: plain words and numbers by name."""
+        first, box = self.mosaic.files[0], self.geobox
+        return {
+            "files": len(self.mosaic.files),
+            "driver": first.driver,
+            "rows": box.shape[0],
+            "cols": box.shape[1],
+            "bands": len(first.layout.dtypes),
+            "dtypes": first.layout.dtypes,
+            "bits": first.layout.bits,
+            "colors": first.layout.roles,
+            "used": self.band_names,
+            "nodata": first.nodatas[self.bands[0] - 1],
+            "block": first.block,
+            "overviews": first.overviews,
+            "crs": None if box.crs is None else str(box.crs.to_string()),
+        }
+
+    def _fill(self, shape: tuple[int, int], parts: Iterable[Part]) -> tuple[Values, Valid | None]:
+        """The parts put together; the first that is valid wins."""
+        values = np.zeros((self._planes, *shape), self.dtype)
+        filled = np.zeros(shape, bool)
+        for file, part, (rows, cols) in parts:
+            missing = ~filled[rows, cols]
+            if not missing.any():
+                continue
+            pixels, valid = self._read_part(file, part, missing.shape)
+            if valid is not None:
+                missing &= valid
+            np.copyto(values[:, rows, cols], pixels, where=missing)
+            filled[rows, cols] |= missing
+        return values, None if filled.all() else filled
+
+    def _read_part(self, file: Source, part: Window, shape: tuple[int, int]) -> tuple[Values, Valid | None]:
+        if file.is_empty(self._handles, self.choice, part):
+            return np.zeros((self._planes, *shape), self.dtype), np.zeros(shape, bool)
+        return file.read(self._handles, self.choice, part, shape)
+
+    @property
+    def _planes(self) -> int:
+        return 3 if self.choice.expanded else len(self.bands)
+
+
+def _listed(sources: Any) -> list[Any]:
+    """The sources one by one; a lone one is a list of one."""
+    if isinstance(sources, str | os.PathLike) or is_array(sources):
+        return [sources]
+    if not sources:
+        raise ParameterError("there is no raster to open; name at least one")
+    return list(sources)
+
+
+def _with_nodata(
+    files: Sequence[Source], choice: BandChoice, nodata: float | None
+) -> tuple[tuple[Source, ...], tuple[str, ...]]:
+    """The files with the nodata values that count, and everything there is to tell."""
+    known: list[Source] = []
+    told: list[str] = []
+    for file in files:
+        told += file.warnings
+        values = list(file.nodatas)
+        for band in choice.bands:
+            wanted = values[band - 1] if nodata is None else nodata
+            values[band - 1], warning = usable_nodata(wanted, np.dtype(file.layout.dtypes[band - 1]))
+            if warning:
+                told.append(f"{file.name}: {warning}")
+        known.append(replace(file, nodatas=tuple(values)))
+    return tuple(known), tuple(dict.fromkeys(told))

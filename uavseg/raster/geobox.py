@@ -1,0 +1,115 @@
+"""Where pixels lie on the map: a shape, an affine transform and a coordinate reference system."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from numpy.typing import ArrayLike, NDArray
+from rasterio.crs import CRS
+
+from uavseg.errors import RasterError
+from uavseg.raster.tiling import Window
+
+Floats = NDArray[np.float64]
+
+_EARTH_RADII_M = (6.3e6, 6.4e6)  # ellipsoids of the Earth have their semi-major axis in here
+
+
+@dataclass(frozen=True, slots=True)
+class GeoBox:
+    """A grid of pixels with a place on the map.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns.
+    transform : affine.Affine
+        From pixel corners (col, row) to the map (x, y); the outer corner of the first pixel is (0, 0).
+    crs : rasterio.crs.CRS or None
+        None where coordinates are local.
+
+    Examples
+    --------
+    >>> box = GeoBox((100, 200), Affine(2.0, 0.0, 5000.0, 0.0, -2.0, 9000.0), None)
+    >>> box.window(Window(10, 20, 64, 64)).transform.c
+    5040.0
+    >>> box.coarsen(8).shape
+    (13, 25)
+    """
+
+    shape: tuple[int, int]
+    transform: Affine
+    crs: CRS | None
+
+    @property
+    def wkt(self) -> str | None:
+        """The CRS as WKT 2, or None."""
+        return None if self.crs is None else str(self.crs.to_wkt(version="WKT2_2019"))
+
+    def xy_from_pixel(self, row: ArrayLike, col: ArrayLike) -> tuple[Floats, Floats]:
+        """Map coordinates of pixel corners; (row + 0.5, col + 0.5) is the centre of a pixel.
+
+        Parameters
+        ----------
+        row, col : arrays of one shape
+
+        Returns
+        -------
+        x, y : float64 arrays of that shape
+        """
+        rows, cols = np.asarray(row, np.float64), np.asarray(col, np.float64)
+        t = self.transform
+        return t.a * cols + t.b * rows + t.c, t.d * cols + t.e * rows + t.f
+
+    def lonlat_from_xy(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
+        """Longitude and latitude in degrees of map coordinates.
+
+        WGS 84 on the Earth; on another celestial body, the geographic system that the CRS is made from.
+        A point outside what the projection can express comes back as infinity.
+
+        Raises
+        ------
+        RasterError
+            If there is no CRS, or one that has no place on a globe.
+        """
+        if self.crs is None:
+            raise RasterError("there is no coordinate reference system, hence no longitude and latitude")
+        lon, lat = _to_globe(self.wkt or "").transform(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
+
+    def window(self, window: Window) -> "GeoBox":
+        """The part of the grid under `window`."""
+        transform = shifted(self.transform, window.row, window.col)
+        return replace(self, shape=(window.rows, window.cols), transform=transform)
+
+    def coarsen(self, side: int) -> "GeoBox":
+        """The grid of cells of `side` x `side` pixels; the last ones may reach past the edge."""
+        rows, cols = (-(-length // side) for length in self.shape)
+        return replace(self, shape=(rows, cols), transform=scaled(self.transform, side, side))
+
+
+def shifted(transform: Affine, row: float, col: float) -> Affine:
+    """The transform of a grid whose first pixel is at (row, col) of another."""
+    a, b, c, d, e, f = tuple(transform)[:6]
+    return Affine(a, b, a * col + b * row + c, d, e, d * col + e * row + f)
+
+
+def scaled(transform: Affine, rows: float, cols: float) -> Affine:
+    """The transform of a grid whose pixels are `rows` x `cols` pixels of another."""
+    a, b, c, d, e, f = tuple(transform)[:6]
+    return Affine(a * cols, b * rows, c, d * cols, e * rows, f)
+
+
+@lru_cache(maxsize=32)
+def _to_globe(wkt: str) -> Any:
+    import pyproj
+    from pyproj.exceptions import ProjError
+
+    try:
+        crs = pyproj.CRS.from_wkt(wkt)
+        on_earth = _EARTH_RADII_M[0] < crs.ellipsoid.semi_major_metre < _EARTH_RADII_M[1]
+        return pyproj.Transformer.from_crs(crs, "EPSG:4326" if on_earth else crs.geodetic_crs, always_xy=True)
+    except (ProjError, AttributeError) as error:
+        raise RasterError("the coordinate reference system has no way to longitude and latitude") from error

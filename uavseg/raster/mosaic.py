@@ -1,0 +1,160 @@
+"""Many rasters as one: they lie on one grid of pixels, and the first that is valid wins."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+
+from uavseg.errors import MosaicError
+from uavseg.raster.arrays import ArraySource
+from uavseg.raster.files import RasterFile
+from uavseg.raster.geobox import GeoBox, shifted
+from uavseg.raster.tiling import Window
+
+GRID_TOLERANCE = 1e-3  # pixels: how far corners may lie off the common grid
+
+Boxes = NDArray[np.int64]
+Source = RasterFile | ArraySource
+
+
+@dataclass(frozen=True, eq=False)
+class Mosaic:
+    """Rasters on one grid.
+
+    Parameters
+    ----------
+    files : tuple of Source
+        The first wins where they overlap.
+    boxes : (files, 4) int64 array
+        First row, first column, row and column past the end of each file, in pixels of `geobox`.
+    geobox : GeoBox
+        The smallest grid that holds all of them.
+    """
+
+    files: tuple[Source, ...]
+    boxes: Boxes
+    geobox: GeoBox
+
+    def parts(self, window: Window) -> Iterator[tuple[Source, Window, tuple[slice, slice]]]:
+        """The files that lie under `window`, first file first.
+
+        Yields
+        ------
+        file, part, place
+            `part` is what the file has of the window, in pixels of the file; `place` is where that belongs in
+            an array of the window.
+        """
+        top, left, bottom, right = self.boxes.T
+        end_row, end_col = window.row + window.rows, window.col + window.cols
+        touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
+        for index in np.flatnonzero(touched):
+            file_row, file_col = int(top[index]), int(left[index])
+            row, col = max(window.row, file_row), max(window.col, file_col)
+            rows, cols = min(end_row, int(bottom[index])) - row, min(end_col, int(right[index])) - col
+            place = Window(row - window.row, col - window.col, rows, cols).slices
+            yield self.files[index], Window(row - file_row, col - file_col, rows, cols), place
+
+    def coarse_parts(self, shape: tuple[int, int]) -> Iterator[tuple[Source, Window, tuple[slice, slice]]]:
+        """Every file whole, and where it belongs in a picture of the mosaic reduced to `shape`.
+
+        A file that is smaller than a pixel of that picture may be left out.
+        """
+        scale = np.tile(np.array(shape) / np.array(self.geobox.shape), 2)
+        places = np.ceil(self.boxes * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
+        for file, (row, col, end_row, end_col) in zip(self.files, places.tolist(), strict=True):
+            if row < end_row and col < end_col:
+                yield file, Window(0, 0, *file.shape), (slice(row, end_row), slice(col, end_col))
+
+
+def lay_out(files: Sequence[Source]) -> Mosaic:
+    """The grid that holds all files, and where on it each of them lies.
+
+    Raises
+    ------
+    MosaicError
+        If one differs from the first in CRS, resolution or bands, or lies off its grid of pixels.
+    """
+    first = files[0]
+    if len(files) == 1:
+        geobox = GeoBox(first.shape, first.transform, first.crs)
+        return Mosaic((first,), np.array([[0, 0, *first.shape]]), geobox)
+    corners = np.array([_corner(file, first) for file in files])
+    shapes = np.array([file.shape for file in files])
+    boxes = np.hstack([corners, corners + shapes])
+    origin = boxes[:, :2].min(axis=0)
+    boxes -= np.tile(origin, 2)
+    rows, cols = boxes[:, 2:].max(axis=0).tolist()
+    transform = _origin(files, boxes)
+    return Mosaic(tuple(files), boxes, GeoBox((rows, cols), transform, first.crs))
+
+
+def _origin(files: Sequence[Source], boxes: Boxes) -> Affine:
+    """The transform of the whole grid.
+
+    Its numbers are those of files that lie at its edges where there are such, so that neither the order of
+    the files nor rounding moves it.
+    """
+    t = Affine(*min(tuple(file.transform)[:6] for file in files))
+    if t.b == 0 == t.d:
+        c = min(file.transform.c for file, box in zip(files, boxes, strict=True) if box[1] == 0)
+        f = min(file.transform.f for file, box in zip(files, boxes, strict=True) if box[0] == 0)
+        return Affine(t.a, t.b, c, t.d, t.e, f)
+    first = int(np.lexsort(boxes.T[::-1])[0])
+    row, col = boxes[first, :2].tolist()
+    return shifted(files[first].transform, -row, -col)
+
+
+def _corner(file: Source, first: Source) -> tuple[int, int]:
+    """Row and column, on the grid of `first`, of the first pixel of `file`."""
+    _check_traits(file, first)
+    rows, cols = file.shape
+    (row, col), (low_row, low_col), (right_row, right_col) = (
+        _on_grid(first.transform, shifted(file.transform, *corner))
+        for corner in ((0, 0), (rows, 0), (0, cols))
+    )
+    drifts = (low_row - row - rows, low_col - col, right_row - row, right_col - col - cols)
+    if max(map(abs, drifts)) > GRID_TOLERANCE:
+        raise MosaicError(
+            f"{file.path} has pixels of {_pixel(file.transform)}, and {first.path} of "
+            f"{_pixel(first.transform)}; rasters of one mosaic must agree"
+        )
+    off = max(abs(col - round(col)), abs(row - round(row)))
+    if off > GRID_TOLERANCE:
+        raise MosaicError(
+            f"{file.path} lies {off:.3f} pixels off the grid of pixels of {first.path}; "
+            "resample it with gdalwarp -tap"
+        )
+    return round(row), round(col)
+
+
+def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
+    """Row and column, on the grid, of the first corner of another transform."""
+    x, y = transform.c - grid.c, transform.f - grid.f
+    size = grid.a * grid.e - grid.b * grid.d
+    return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
+
+
+def _check_traits(file: Source, first: Source) -> None:
+    for what, ours, theirs in (
+        ("CRS", _crs_name(file), _crs_name(first)),
+        ("place on the map", file.located, first.located),
+        ("number of bands", len(file.layout.dtypes), len(first.layout.dtypes)),
+        ("type of bands", ",".join(file.layout.dtypes), ",".join(first.layout.dtypes)),
+        ("bits of bands", file.layout.bits, first.layout.bits),
+        ("colours of bands", ",".join(file.layout.roles), ",".join(first.layout.roles)),
+    ):
+        if ours != theirs and not (what == "CRS" and file.crs == first.crs):
+            raise MosaicError(
+                f"{file.path} has another {what} ({ours}) than {first.path} ({theirs}); "
+                "rasters of one mosaic must agree"
+            )
+
+
+def _crs_name(file: Source) -> str:
+    return "none" if file.crs is None else str(file.crs.to_string())
+
+
+def _pixel(transform: Affine) -> str:
+    return f"{np.hypot(transform.a, transform.d):.9g} x {np.hypot(transform.b, transform.e):.9g}"

@@ -1,0 +1,176 @@
+"""Rasters as GeoTIFF: labels tile by tile, and stacks of bands; a file appears whole or not at all."""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+from rasterio.windows import Window as FileWindow
+
+from uavseg.atomic import whole_file
+from uavseg.errors import OutputError, RasterReadError
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.opening import GDAL_ERRORS, gdal, quiet_open
+from uavseg.raster.tiling import Window
+
+STRIPE = 256  # rows that are written at once, and the side of a block in the file
+
+Labels = NDArray[np.uint32]
+Path_ = str | os.PathLike[str]
+
+
+def write_labels(
+    path: Path_,
+    tiles: Iterable[tuple[Window, Labels]],
+    geobox: GeoBox,
+    overwrite: bool = False,
+    tags: Mapping[str, str] | None = None,
+    threads: int = 1,
+) -> None:
+    """Write labels as a tiled, compressed uint32 GeoTIFF in which 0 is nodata.
+
+    The bytes of the file do not depend on how the labels are cut into tiles. What is held in memory is one
+    row of tiles.
+
+    Parameters
+    ----------
+    path : path
+    tiles : iterable of (Window, (rows, cols) uint32 array)
+        Cover the raster once, row of tiles after row of tiles, from the top.
+    geobox : GeoBox
+        Of the raster whose pixels were labelled.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+    tags : mapping of str to str, optional
+        Metadata items.
+    threads : int
+        How many compress; the bytes of the file do not depend on that either.
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        If the file may not or cannot be written.
+    """
+    with whole_file(path, overwrite) as target, _writing(path):
+        how = _profile(geobox, 1, np.dtype(np.uint32)) | {"nodata": 0, "num_threads": str(threads)}
+        with quiet_open(target, "w", **how) as file:
+            file.update_tags(**(tags or {}))
+            for row, stripe in _stripes(tiles, geobox.shape):
+                file.write(stripe, 1, window=FileWindow(0, row, stripe.shape[1], stripe.shape[0]))
+
+
+def _stripes(tiles: Iterable[tuple[Window, Labels]], shape: tuple[int, int]) -> Iterator[tuple[int, Labels]]:
+    """Stripes of 256 rows from the top, each with its first row, however the tiles are cut."""
+    held, top = np.zeros((0, shape[1]), np.uint32), 0  # rows from `top` on, not all of them complete
+    for window, labels in tiles:
+        ready = (window.row - top) // STRIPE * STRIPE  # what lies above a row of tiles is complete
+        yield from _cut(held[:ready], top)
+        held, top = held[ready:], top + ready
+        end = window.row + window.rows - top
+        if end > len(held):
+            held, kept = np.zeros((end, shape[1]), np.uint32), held
+            held[: len(kept)] = kept
+        held[window.row - top : end, window.slices[1]] = labels
+    yield from _cut(held, top)
+    assert top + len(held) == shape[0], f"tiles end at row {top + len(held)} of {shape[0]}"
+
+
+def _cut(rows: Labels, top: int) -> Iterator[tuple[int, Labels]]:
+    for start in range(0, len(rows), STRIPE):
+        yield top + start, rows[start : start + STRIPE]
+
+
+def write_geotiff(
+    path: Path_,
+    bands: Sequence[NDArray[Any]],
+    geobox: GeoBox,
+    descriptions: Sequence[str] | None = None,
+    tags: Mapping[str, str] | None = None,
+    overwrite: bool = False,
+    nodata: float | None = None,
+) -> None:
+    """Write bands of one type as a tiled, compressed GeoTIFF.
+
+    Parameters
+    ----------
+    path : path
+    bands : sequence of (rows, cols) arrays
+    geobox : GeoBox
+    descriptions : sequence of str, optional
+        Names of the bands, as QGIS shows them.
+    tags : mapping of str to str, optional
+        Metadata items of the file.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+    nodata : float, optional
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        If the file may not or cannot be written.
+    """
+    dtype = np.result_type(*bands)
+    with whole_file(path, overwrite) as target, _writing(path):
+        how = _profile(geobox, len(bands), dtype) | {"nodata": nodata}
+        with quiet_open(target, "w", **how) as file:
+            file.update_tags(**(tags or {}))
+            for number, band in enumerate(bands, start=1):
+                file.write(band.astype(dtype, copy=False), number)
+                if descriptions is not None:
+                    file.set_band_description(number, descriptions[number - 1])
+
+
+def read_geotiff(path: Path_) -> tuple[list[NDArray[Any]], GeoBox, list[str], dict[str, str]]:
+    """What `write_geotiff` wrote.
+
+    Returns
+    -------
+    bands : list of (rows, cols) arrays
+    geobox : GeoBox
+    descriptions : list of str
+        Names of the bands, "" where one has none.
+    tags : dict of str to str
+
+    Raises
+    ------
+    RasterReadError
+        If there is no such raster.
+    """
+    try:
+        with gdal(), quiet_open(path) as file:
+            geobox = GeoBox(file.shape, file.transform, file.crs)
+            return list(file.read()), geobox, [text or "" for text in file.descriptions], file.tags()
+    except GDAL_ERRORS as error:
+        raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({error})") from error
+
+
+def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any]) -> dict[str, Any]:
+    place = {} if geobox.transform == Affine.identity() else {"transform": geobox.transform}
+    return place | {
+        "driver": "GTiff",
+        "height": geobox.shape[0],
+        "width": geobox.shape[1],
+        "count": count,
+        "dtype": dtype.name,
+        "crs": geobox.crs,
+        "tiled": True,
+        "blockxsize": STRIPE,
+        "blockysize": STRIPE,
+        "compress": "deflate",
+        "zlevel": 6,
+        "interleave": "band",
+        "bigtiff": "IF_SAFER",
+    }
+
+
+@contextmanager
+def _writing(path: Path_) -> Iterator[None]:
+    """Errors of writing, in one sentence."""
+    try:
+        with gdal():
+            yield
+    except GDAL_ERRORS as error:
+        raise OutputError(f"{os.fspath(path)} cannot be written ({error})") from error

@@ -1,0 +1,197 @@
+"""Regions as files: the format follows from the name, and a file appears whole or not at all."""
+
+import io
+import json
+import os
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.atomic import check_target, whole_file
+from uavseg.errors import OutputError
+from uavseg.regions import geojson
+from uavseg.regions.table import Regions
+from uavseg.regions.wgs84 import geometries
+
+LAYER = "regions"
+_DAY = "2000-01-01T00:00:00Z"  # same regions, same bytes: files do not say when they were written
+_SHORT_NAMES = {
+    "perimeter_m": "perim_m",
+    "range_low": "range_lo",
+    "range_high": "range_hi",
+}  # ten letters at most
+
+
+def write(regions: Regions, path: str | os.PathLike[str] | IO[Any], overwrite: bool = False) -> None:
+    """Write regions to a file whose extension says the format, or as GeoJSON to an open stream.
+
+    Parameters
+    ----------
+    regions : Regions
+    path : path or file
+        .geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml. GeoJSON and KML are WGS 84; the others keep the
+        regions' CRS. A stream, binary or text, gets GeoJSON.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    OutputError
+        If the extension is not known, the place cannot be written to, or the format cannot hold the regions.
+    """
+    if not isinstance(path, str | os.PathLike):
+        _stream(regions, path)
+        return
+    target = check(path, overwrite)
+    with whole_file(target, overwrite) as part:
+        try:
+            _WRITERS[target.suffix.lower()](regions, part)
+        except OSError as error:
+            if isinstance(error, OutputError):
+                raise
+            raise OutputError(f"{target} cannot be written: {error.strerror or error}") from error
+
+
+def check(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+    """The path, if regions may be written there; call it before the work that makes them.
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        As `write`.
+
+    Examples
+    --------
+    >>> check("regions.tif")
+    Traceback (most recent call last):
+    ...
+    uavseg.errors.OutputError: regions.tif: regions are written to .geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml
+    """
+    if Path(path).suffix.lower() not in _WRITERS:
+        *known, last = _WRITERS
+        raise OutputError(f"{path}: regions are written to {', '.join(known)} or {last}")
+    return check_target(path, overwrite)
+
+
+def _stream(regions: Regions, stream: IO[Any]) -> None:
+    if isinstance(stream, io.TextIOBase):
+        with io.BytesIO() as text:
+            geojson.dump(regions, text)
+            stream.write(text.getvalue().decode())
+    else:
+        geojson.dump(regions, stream)
+
+
+def _write_geojson(regions: Regions, path: Path) -> None:
+    with path.open("wb") as stream:
+        geojson.dump(regions, stream)
+
+
+def _write_geopackage(regions: Regions, path: Path) -> None:
+    _write_layer(regions, path, "GPKG")
+
+
+def _write_flatgeobuf(regions: Regions, path: Path) -> None:
+    _write_layer(regions, path, "FlatGeobuf")
+
+
+def _write_shapefile(regions: Regions, path: Path) -> None:
+    columns = {_SHORT_NAMES.get(name, name): column for name, column in regions.columns.items()}
+    named = Regions(columns, regions.polygons, regions.wkt)
+    _write_layer(named, path, "ESRI Shapefile", DBF_DATE_LAST_UPDATE=_DAY[:10])
+
+
+def _write_kml(regions: Regions, path: Path) -> None:
+    on_globe = Regions(regions.columns, geometries(regions), "EPSG:4326")
+    _write_layer(on_globe, path, "KML")
+
+
+def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> None:
+    """Write with GDAL, which is not to say a word about it."""
+    import pyogrio.raw
+    from pyogrio.errors import DataLayerError, DataSourceError
+
+    several = set(shapely.get_type_id(regions.polygons)) == {
+        shapely.GeometryType.POLYGON,
+        shapely.GeometryType.MULTIPOLYGON,
+    }
+    with _gdal_on(_DAY), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            pyogrio.raw.write(
+                path,
+                shapely.to_wkb(regions.polygons),
+                list(regions.columns.values()),
+                list(regions.columns),
+                layer=LAYER,
+                driver=driver,
+                geometry_type="Unknown" if several else "Polygon",
+                crs=regions.wkt,
+                layer_options=options,
+            )
+        except (DataSourceError, DataLayerError) as error:
+            raise OutputError(f"GDAL cannot write the regions as {driver}: {error}") from error
+
+
+@contextmanager
+def _gdal_on(day: str) -> Iterator[None]:
+    """GDAL that takes this for the current day."""
+    import pyogrio
+
+    before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
+    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": day})
+    try:
+        yield
+    finally:
+        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
+
+
+def _write_parquet(regions: Regions, path: Path) -> None:
+    """GeoParquet 1.0."""
+    import pyarrow
+    from pyarrow import parquet
+
+    arrays: dict[str, Any] = {name: _null_for_nan(column) for name, column in regions.columns.items()}
+    arrays["geometry"] = pyarrow.array(shapely.to_wkb(regions.polygons), pyarrow.binary())
+    table = pyarrow.table(arrays).replace_schema_metadata({"geo": json.dumps(_geo(regions))})
+    parquet.write_table(table, path, compression="zstd")
+
+
+def _null_for_nan(column: NDArray[Any]) -> Any:
+    import pyarrow
+
+    kind = pyarrow.string() if column.dtype == object else None
+    return pyarrow.array(column, kind, from_pandas=True)
+
+
+def _geo(regions: Regions) -> dict[str, Any]:
+    """What GeoParquet says of its geometry column."""
+    import pyproj
+
+    column: dict[str, Any] = {
+        "encoding": "WKB",
+        "geometry_types": ["Polygon"] if len(regions) else [],
+        "crs": None if regions.wkt is None else pyproj.CRS.from_wkt(regions.wkt).to_json_dict(),
+    }
+    if len(regions):
+        column["bbox"] = [float(bound) for bound in shapely.total_bounds(regions.polygons)]
+    return {"version": "1.0.0", "primary_column": "geometry", "columns": {"geometry": column}}
+
+
+_WRITERS: dict[str, Callable[[Regions, Path], None]] = {
+    ".geojson": _write_geojson,
+    ".json": _write_geojson,
+    ".gpkg": _write_geopackage,
+    ".fgb": _write_flatgeobuf,
+    ".parquet": _write_parquet,
+    ".shp": _write_shapefile,
+    ".kml": _write_kml,
+}

@@ -1,0 +1,124 @@
+"""Regions as GeoJSON (RFC 7946): one feature a line, written from integer coordinates without a number in between."""
+
+import json
+from collections.abc import Iterable, Iterator
+from math import isfinite
+from typing import IO, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import mapping
+
+from uavseg.regions.table import Regions
+from uavseg.regions.wgs84 import UNITS, Batch, batches
+
+Integers = NDArray[np.int64]
+Words = NDArray[np.uint32]
+
+
+def dump(regions: Regions, stream: IO[bytes]) -> None:
+    """Write regions as a FeatureCollection.
+
+    Longitudes and latitudes are WGS 84 with seven decimals, exteriors run counter-clockwise, and what crosses
+    the antimeridian is cut there. Without a CRS the local coordinates are written as they are.
+
+    Parameters
+    ----------
+    regions : Regions
+    stream : binary file
+
+    Raises
+    ------
+    OutputError
+        If the regions are not on the Earth.
+    """
+    stream.write(b'{"type":"FeatureCollection","features":[')
+    separator = b"\n"
+    for feature in _features(regions):
+        stream.write(separator + feature)
+        separator = b",\n"
+    stream.write(b"\n]}\n")
+
+
+def _features(regions: Regions) -> Iterator[bytes]:
+    geometries = _local(regions) if regions.wkt is None else _on_globe(regions)
+    ids = regions.columns["id"].tolist()
+    for parts in zip(ids, _properties(regions), geometries, strict=True):
+        yield b'{"type":"Feature","id":%d,"properties":%b,"geometry":%b}' % parts
+
+
+def _properties(regions: Regions) -> Iterable[bytes]:
+    """The attributes of each region as a JSON object."""
+    columns = regions.columns
+    template = "{" + ",".join(f"{json.dumps(name)}:%s" for name in columns) + "}"
+    texts = [_texts(column) for column in columns.values()]
+    return ((template % values).encode() for values in zip(*texts, strict=True))
+
+
+def _texts(column: NDArray[Any]) -> list[str]:
+    """Each value as JSON: a number with up to twelve digits and a point, or null for what is no number."""
+    if column.dtype.kind == "f":
+        return [repr(float(f"{x:.12g}")) if isfinite(x) else "null" for x in column.tolist()]
+    if column.dtype.kind in "iu":
+        return [str(x) for x in column.tolist()]
+    known = {x: json.dumps(x, ensure_ascii=False) for x in set(column.tolist())}
+    return [known[x] for x in column.tolist()]
+
+
+def _local(regions: Regions) -> Iterator[bytes]:
+    return (text.encode() for text in shapely.to_geojson(regions.polygons))
+
+
+def _on_globe(regions: Regions) -> Iterator[bytes]:
+    for batch in batches(regions):
+        plain = iter(_coordinates(batch))
+        for place in range(len(batch.firsts) - 1):
+            if place in batch.others:
+                yield json.dumps(mapping(batch.others[place]), separators=(",", ":")).encode()
+            else:
+                yield b'{"type":"Polygon","coordinates":%b}' % next(plain)
+
+
+def _coordinates(batch: Batch) -> list[bytes]:
+    """The coordinates of the polygon of each region that has rings.
+
+    Every vertex is a row of eight words of four bytes: opening brackets, longitude in three (sign and degrees,
+    point and three decimals, four decimals), comma and latitude likewise, closing brackets. Bytes that a word
+    does not need are zero, and all zeros are dropped at the end.
+    """
+    rows = np.empty((len(batch.lonlat), 8), np.uint32)
+    ring_starts, ring_ends = batch.starts[:-1], batch.starts[1:] - 1
+    ends = np.unique(batch.starts[batch.firsts])
+    rows[:, 0] = _OPEN_VERTEX
+    rows[ring_starts, 0] = _OPEN_RING
+    rows[ends[:-1], 0] = _OPEN_POLYGON
+    rows[:, 7] = _CLOSE_VERTEX
+    rows[ring_ends, 7] = _CLOSE_RING
+    rows[ends[1:] - 1, 7] = _CLOSE_POLYGON
+    _write_degrees(batch.lonlat[:, 0], _DEGREES, rows[:, 1:4])
+    _write_degrees(batch.lonlat[:, 1], _COMMA_DEGREES, rows[:, 4:7])
+    return rows.tobytes().translate(None, b"\0").split(b"\n")[:-1]
+
+
+def _write_degrees(value: Integers, degrees: Words, words: Words) -> None:
+    """1e-7 degrees as text in three words each."""
+    size = np.abs(value)
+    whole = size // UNITS
+    decimals = (size - whole * UNITS).astype(np.int32)
+    words[:, 0] = degrees[whole + (value < 0) * (len(degrees) // 2)]
+    words[:, 1] = _THREE[decimals // 10_000]
+    words[:, 2] = _FOUR[decimals % 10_000]
+
+
+def _words(texts: Iterable[str]) -> Words:
+    """Texts of up to four bytes as numbers."""
+    return np.frombuffer("".join(text.ljust(4, "\0") for text in texts).encode(), np.uint32)
+
+
+_DEGREES = _words(f"{sign}{whole}" for sign in ("", "-") for whole in range(181))
+_COMMA_DEGREES = _words(f",{sign}{whole}" for sign in ("", "-") for whole in range(91))
+_THREE = _words(f".{decimals:03}" for decimals in range(1000))
+_FOUR = _words(f"{decimals:04}" for decimals in range(10_000))
+_OPEN_VERTEX, _OPEN_RING, _OPEN_POLYGON = _words(["[", "[[", "[[["])
+_CLOSE_VERTEX, _CLOSE_RING, _CLOSE_POLYGON = _words(["],", "]],", "]]]\n"])

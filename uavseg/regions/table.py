@@ -1,0 +1,191 @@
+"""Regions: polygons in the raster's coordinates with what is known of each of them."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from affine import Affine
+from numpy.typing import NDArray
+
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.ground import ring_areas, ring_perimeters
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+    from uavseg.regions.outline import Rings
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Objects = NDArray[np.object_]
+
+COLUMNS: dict[str, type] = {
+    "id": np.int64,
+    "area_m2": np.float64,
+    "perimeter_m": np.float64,
+    "mean": np.float64,
+    "std": np.float64,
+    "pixels": np.int64,
+    "holes": np.int64,
+    "lon": np.float64,
+    "lat": np.float64,
+    "range_low": np.float64,
+    "range_high": np.float64,
+    "source": object,
+}
+"""The columns in their order, and what they hold."""
+
+_WHITE = 65535
+
+
+@dataclass(frozen=True)
+class Regions:
+    """Regions and their attributes, the one with most pixels first.
+
+    Parameters
+    ----------
+    columns : dict of str -> (n,) array
+        `id` (the label, from 1), `area_m2` and `perimeter_m` on the ground (local units where there is no CRS),
+        `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point inside the region
+        (NaN where there is no CRS), `range_low`, `range_high`, `source`.
+    polygons : (n,) object array of shapely Polygon
+        In the raster's CRS; along pixel edges, exteriors counter-clockwise.
+    wkt : str or None
+        The CRS; None where coordinates are local.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    polygons: Objects
+    wkt: str | None
+
+    def __len__(self) -> int:
+        return len(self.polygons)
+
+    def chosen(self, which: NDArray[Any]) -> "Regions":
+        """The regions at these places (indices or a mask), in this order."""
+        columns = {name: column[which] for name, column in self.columns.items()}
+        return Regions(columns, self.polygons[which], self.wkt)
+
+    def frame(self) -> "GeoDataFrame":
+        """The regions as a GeoDataFrame with the raster's CRS."""
+        import geopandas
+
+        return geopandas.GeoDataFrame(dict(self.columns), geometry=list(self.polygons), crs=self.wkt)
+
+
+def make(
+    rings: "Rings",
+    polygons: Objects,
+    geobox: GeoBox,
+    counts: NDArray[np.integer[Any]],
+    sums: NDArray[np.integer[Any]],
+    square_sums: NDArray[Any],
+    interval: tuple[float, float],
+    source: str,
+    pixels: NDArray[np.integer[Any]] | None = None,
+) -> Regions:
+    """Measure regions.
+
+    Parameters
+    ----------
+    rings : Rings
+        Outlines of regions 1..n on the grid of `geobox`.
+    polygons : (n,) object array of shapely Polygon
+        The same as polygons (`polygons(rings, geobox.transform)`).
+    geobox : GeoBox
+    counts : (n,) integer array
+        Pixels of each region.
+    sums, square_sums : (n,) arrays
+        Over the pixels of each region, the sum of grey levels 0..65535 and of their squares.
+    interval : (float, float)
+        The range of intensity that was asked for.
+    source : str
+        The raster's name.
+    pixels : (n,) integer array, optional
+        Pixels that the outlines enclose, where not all of them were summed.
+    """
+    n = len(polygons)
+    mean, std = _mean_and_std(counts, sums, square_sums)
+    lon, lat = _points_inside(polygons, geobox)
+    low, high = interval
+    values: list[Any] = [
+        np.arange(1, n + 1),
+        _per_region(rings.labels, ring_areas(geobox, rings.vertices, rings.starts), n),
+        _per_region(rings.labels, ring_perimeters(geobox, rings.vertices, rings.starts), n),
+        mean,
+        std,
+        counts if pixels is None else pixels,
+        np.bincount(rings.labels, minlength=n + 1)[1:] - 1,
+        lon,
+        lat,
+        np.full(n, low),
+        np.full(n, high),
+        np.full(n, source, object),
+    ]
+    columns = {
+        name: np.asarray(value).astype(kind, copy=False)
+        for (name, kind), value in zip(COLUMNS.items(), values, strict=True)
+    }
+    return Regions(columns, polygons, geobox.wkt)
+
+
+def polygons(rings: "Rings", transform: Affine) -> Objects:
+    """Build the polygons of all regions at once.
+
+    Parameters
+    ----------
+    rings : Rings
+        Outlines of regions 1..n; the first ring of a region is its exterior.
+    transform : affine.Affine
+        From pixel corners (col, row) to map coordinates.
+
+    Returns
+    -------
+    polygons : (n,) object array of shapely Polygon
+        Exteriors are counter-clockwise on the map, holes clockwise.
+    """
+    corners = rings.vertices[_closed(rings.starts, backwards=transform.determinant < 0)]
+    coordinates = np.empty((len(corners), 2))
+    coordinates[:, 0] = transform.a * corners[:, 1] + transform.b * corners[:, 0] + transform.c
+    coordinates[:, 1] = transform.d * corners[:, 1] + transform.e * corners[:, 0] + transform.f
+    ring_offsets = rings.starts + np.arange(len(rings.starts))
+    first_rings = np.flatnonzero(np.diff(rings.labels, prepend=0))
+    offsets = (ring_offsets, np.append(first_rings, len(rings.labels)))
+    built: Objects = shapely.from_ragged_array(shapely.GeometryType.POLYGON, coordinates, offsets)
+    return built
+
+
+def _closed(starts: Integers, backwards: bool) -> Integers:
+    """Indices of vertices that walk each ring from its first vertex back to it, or the other way round."""
+    rings = np.arange(len(starts) - 1)
+    lengths = np.diff(starts) + 1
+    places = np.arange(starts[-1] + len(rings))
+    if backwards:
+        places = np.repeat(starts[1:] + starts[:-1] + rings, lengths) - places
+        returns = starts[:-1] + rings
+    else:
+        places -= np.repeat(rings, lengths)
+        returns = starts[1:] + rings
+    places[returns] = starts[:-1]
+    return places
+
+
+def _per_region(labels: Integers, values: Floats, n: int) -> Floats:
+    return np.bincount(labels, weights=values, minlength=n + 1)[1:]
+
+
+def _mean_and_std(
+    counts: NDArray[np.integer[Any]], sums: NDArray[np.integer[Any]], square_sums: NDArray[Any]
+) -> tuple[Floats, Floats]:
+    mean = sums / counts
+    variance = np.maximum(square_sums / counts - mean * mean, 0)
+    return mean / _WHITE, np.sqrt(variance) / _WHITE
+
+
+def _points_inside(polygons: Objects, geobox: GeoBox) -> tuple[Floats, Floats]:
+    """Longitude and latitude of a point inside each polygon; NaN where there is no CRS."""
+    if geobox.crs is None:
+        return np.full(len(polygons), np.nan), np.full(len(polygons), np.nan)
+    points = shapely.point_on_surface(polygons)
+    return geobox.lonlat_from_xy(shapely.get_x(points), shapely.get_y(points))
