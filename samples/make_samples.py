@@ -75,11 +75,11 @@ def quarry(folder: Path) -> None:
     light, dark = hillshade(height, 0.5), shadow(height, 16, 1.3)
 
     forest = 0.14 + 0.24 * light + 0.04 * noise(dice, shape, 26) + 0.03 * noise(dice, shape, 1)
-    rock = 0.67 + 0.18 * light + 0.03 * noise(dice, shape, 14) + 0.02 * noise(dice, shape, 1)
+    rock = 0.69 + 0.16 * light + 0.03 * noise(dice, shape, 14) + 0.02 * noise(dice, shape, 1)
     rock += 0.06 * np.minimum(inside / 60, 1)
     gravel = 0.49 + 0.015 * noise(dice, shape, 6) - 0.05 * (np.abs(road) < 1.4)
     view = np.where(cleared, rock, np.where(on_road, gravel, forest))
-    view = soften(view - np.where(dark, np.where(cleared, 0.11, 0.10), 0))
+    view = soften(view - np.where(dark, np.where(cleared, 0.08, 0.10), 0))
     view = np.where(cleared, np.clip(view, 0.5, 0.93), np.clip(view, 0.08, 0.53))
     view += 0.012 * noise(dice, shape, 0)
     write(folder / "quarry.tif", Place("EPSG:32610", 512340.0, 5478620.0, 0.5), bytes_of(view)[None])

@@ -87,7 +87,7 @@ def test_a_reduced_picture_of_an_array_is_of_the_nearest_pixels():
 
 
 def test_arrays_make_a_mosaic_with_files(write_raster):
-    right = write_raster(RAMP, transform=Affine(0.5, 0, 300025, 0, -0.5, 4000000), colors="undefined")
+    right = write_raster(RAMP, transform=Affine(0.5, 0, 300025, 0, -0.5, 4000000))
     dataset = Dataset.open([data_array(RAMP), right])
     assert np.array_equal(whole(dataset)[0][0], np.hstack([RAMP, RAMP]))
     with pytest.raises(MosaicError, match="ortho"):

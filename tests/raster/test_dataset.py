@@ -1,6 +1,10 @@
+import os
 import pickle
+import subprocess
+import sys
 import threading
 import warnings
+import zipfile
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -252,6 +256,27 @@ def test_the_cache_of_the_process_is_as_large_as_before(holed, monkeypatch):
     for reader in readers:
         reader.join()
     assert get_gdal_config("GDAL_CACHEMAX") == before
+
+
+def test_a_foreign_proj_database_is_named(write_raster, tmp_path):
+    code = "import sys; from uavseg.raster.dataset import Dataset; Dataset.open(sys.argv[1])"
+    answer = subprocess.run(
+        [sys.executable, "-c", code, str(write_raster(RAMP))],
+        env=os.environ | {"PROJ_DATA": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "unset the environment variables PROJ_LIB and PROJ_DATA" in answer.stderr
+
+
+def test_rasters_in_archives_are_rasters(write_raster, tmp_path):
+    path = write_raster(RAMP)
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.write(path, "inner.tif")
+    dataset = Dataset.open(f"/vsizip/{tmp_path}/a.zip/inner.tif")
+    assert np.array_equal(dataset.read(whole(dataset))[0][0], RAMP)
+    assert dataset.source == "inner.tif"
 
 
 REAL = [

@@ -22,7 +22,7 @@ def fitted(dataset, spec, side=64, map=serial):  # noqa: A002
 
 
 def nearest_rank(numbers, percent):
-    """The smallest number with at least `percent` of all at or below it; in integers, so nothing is rounded."""
+    """The smallest number with at least `percent` of all at or below it; nothing is rounded."""
     rank = max(-(-Fraction(str(percent)) * len(numbers) // 100), 1)
     return float(np.sort(numbers)[rank - 1])
 
@@ -65,7 +65,7 @@ def test_tiles_and_workers_change_nothing(write_raster, pixels, seed):
     mask = np.random.default_rng(seed).choice([0, 255], pixels.shape).astype(np.uint8)
     dataset = Dataset.open(write_raster(pixels, mask=mask))
     for spec in ("percentile:2,98", "minmax"):
-        answers = {fitted(dataset, spec, side, map) for side in (64, 128) for map in (serial, threads(2))}
+        answers = {fitted(dataset, spec, side, who) for side in (64, 128) for who in (serial, threads(2))}
         assert len(answers) == 1
 
 

@@ -97,9 +97,20 @@ def test_a_file_that_cannot_be_finished_never_appears(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_type_that_geotiff_has_not_is_refused(tmp_path):
-    with pytest.raises(OutputError):
-        write_geotiff(tmp_path / "a.tif", [np.array([["text"]])], box((1, 1)))
+@pytest.mark.parametrize("side", [30, 300])  # written when the file is closed, or before
+def test_a_full_disk_is_told_of_and_leaves_nothing(tmp_path, side):
+    resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
+    noise = np.random.default_rng(0).integers(0, 1 << 32, (side, side), dtype=np.uint32)
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, usual[1]))
+    try:
+        with pytest.raises(OutputError, match=r"a\.tif cannot be written"):
+            write_geotiff(tmp_path / "a.tif", [noise], box((side, side)))
+        with pytest.raises(OutputError, match=r"b\.tif cannot be written"):
+            write_labels(tmp_path / "b.tif", cut(noise, 64), box((side, side)))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_no_raster_cannot_be_read(tmp_path):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight import route
+from uavseg.flight.legs import between, leaving_hull, outside_m
 from uavseg.flight.mission import (
     CHANGE_SPEED,
     CRUISE_M_S,
@@ -31,7 +32,7 @@ from uavseg.flight.mission import (
 )
 from uavseg.flight.perimeter import default_tolerance_m, perimeter
 from uavseg.flight.plane import Plane, plane_around
-from uavseg.flight.survey import backwards, leaving_hull, outside_m, survey
+from uavseg.flight.survey import backwards, survey
 
 Floats = NDArray[np.float64]
 
@@ -205,7 +206,7 @@ def _surveys(parts: Sequence[_Part], params: PlanParams) -> tuple[list[list[Floa
     for part in parts:
         flown = survey(part.polygon, params.spacing_m, params.angle_deg)
         ways.append([way.reshape(-1, 2) for path in flown.paths for way in (path, backwards(path))])
-        legs = np.stack((flown.paths[0][:-1, 1], flown.paths[0][1:, 0]), axis=1)
+        legs = between(flown.paths[0])
         outside += float(outside_m(part.polygon, legs).sum())
         uncovered += _uncovered_m2(part.polygon, flown.paths[0], params.spacing_m)
         leaving += len(leaving_hull(part.polygon, legs, params.spacing_m))

@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 Cost = Callable[[Any, Any], Any]  # of flying between points, given by index; broadcasts
 
 EFFORT = 3e7  # passes times stops squared, until a route is good enough
-STARTS = 30  # stops from which a route without home is tried
+STARTS = 30, 1000  # a route without home is tried from so many stops, times stops
 LEAST_GAIN = 1e-6  # metres
 LONGEST_PART = 3  # stops that are moved together
 
@@ -59,7 +59,7 @@ def order(options: Sequence[Ints], cost: Cost, home: int | None = None) -> list[
     if home is not None:
         return _improved(options, cost, home, _nearest(options, cost, home))[1]
     fly = _with_free_ends(cost)
-    starts = range(min(len(options), STARTS))
+    starts = range(min(len(options), STARTS[0], max(STARTS[1] // len(options), 1)))
     return min(_improved(options, fly, -1, _nearest(options, fly, -1, start)) for start in starts)[1]
 
 

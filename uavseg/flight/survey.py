@@ -5,20 +5,20 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from uavseg.flight import route
+from uavseg.flight.legs import between, lengths_m, outside_m
 from uavseg.flight.sweep import Lines, best_angle, sweep
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SAME_STROKE = 1 / 2  # of the spacing: wider gaps in a line part it into strokes
+SAME_STROKE = 1  # spacings: wider gaps in a line part it into strokes
 STRAYING = 2  # spacings: steps that leave the region for longer part a cell
 STEPPING = 4  # spacings: and so do longer steps
 AS_GOOD = 1.05  # times what is flown between the pieces of the best way
-MANY_POINTS = 200  # beyond so many, legs between cells are only measured, not checked against the region
+MANY_POINTS = 120  # beyond so many, legs between cells are only measured, not checked against the region
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,23 +84,6 @@ def survey(region: Any, spacing_m: float, angle_deg: float | None = None) -> Sur
     return Survey(lines.angle_deg, lines.count, len(cells), tuple(paths))
 
 
-def outside_m(region: Any, legs: Floats) -> Floats:
-    """How many metres of each leg (N, 2, 2) lie outside of a region."""
-    straight = shapely.linestrings(legs)
-    shapely.prepare(region)
-    found = np.zeros(len(legs))
-    leaving = ~shapely.covers(region, straight)
-    found[leaving] = shapely.length(shapely.difference(straight[leaving], region))
-    return found
-
-
-def leaving_hull(region: Any, legs: Floats, spacing_m: float) -> Floats:
-    """Those of the legs (N, 2, 2) that leave the region's convex hull by more than a spacing."""
-    allowed = shapely.buffer(shapely.convex_hull(region), spacing_m)
-    leaving: Floats = legs[~shapely.covers(allowed, shapely.linestrings(legs))]
-    return leaving
-
-
 @dataclass(frozen=True, slots=True)
 class _Strokes:
     """Runs of pieces along one line with small gaps: the pieces [first, stop) and the ends of the run."""
@@ -147,13 +130,13 @@ def _links(strokes: _Strokes) -> Ints:
 
 
 def _strays(links: Ints, strokes: _Strokes, lines: Lines, region: Any, spacing_m: float) -> NDArray[np.bool_]:
-    """Which links have a step, at either end of their strokes, that is too long or out of the region for too long."""
+    """Which links have a step, at either end, that is too long or out of the region for too long."""
     offset = lines.offset[strokes.first]
     strays = np.zeros(len(links), bool)
     for along in (strokes.start, strokes.end):
         steps = lines.xy(along[links].ravel(), offset[links].ravel()).reshape(-1, 2, 2)
         strays |= outside_m(region, steps) > STRAYING * spacing_m
-        strays |= _length(steps) > STEPPING * spacing_m
+        strays |= lengths_m(steps) > STEPPING * spacing_m
     return strays
 
 
@@ -176,14 +159,9 @@ def backwards(path: Floats) -> Floats:
 
 def _best(paths: Sequence[Floats], region: Any) -> list[Floats]:
     """Those of the paths with about the least to fly between their pieces."""
-    legs = [np.stack((path[:-1, 1], path[1:, 0]), axis=1) for path in paths]
-    costs = [float((_length(some) + outside_m(region, some)).sum()) for some in legs]
+    legs = [between(path) for path in paths]
+    costs = [float((lengths_m(some) + outside_m(region, some)).sum()) for some in legs]
     return [path for path, cost in zip(paths, costs, strict=True) if cost <= AS_GOOD * min(costs)]
-
-
-def _length(legs: Floats) -> Floats:
-    length: Floats = np.hypot(*(legs[:, 1] - legs[:, 0]).T)
-    return length
 
 
 def _in_order(ways: list[list[Floats]], region: Any) -> list[Floats]:
@@ -202,6 +180,6 @@ def _strict(points: Floats, region: Any) -> route.Cost:
     here, there = np.triu_indices(len(points), 1)
     legs = np.stack((points[here], points[there]), axis=1)
     matrix = np.zeros((len(points), len(points)))
-    matrix[here, there] = _length(legs) + outside_m(region, legs)
+    matrix[here, there] = lengths_m(legs) + outside_m(region, legs)
     matrix += matrix.T
     return lambda here, there: matrix[here, there]

@@ -1,6 +1,7 @@
 """What a raster file says about itself, asked once; what cannot be answered rightly is refused here."""
 
 import os
+import shlex
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -17,6 +18,8 @@ from uavseg.raster.files import RasterFile
 from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
 
 Answer = TypeVar("Answer")
+
+_BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 
 
 def inspect(path: str | os.PathLike[str]) -> RasterFile:
@@ -116,6 +119,8 @@ def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int,
     if layout.roles[0] != "palette":
         return None
     colors = source.colormap(1)
+    if colors == _BLACK_AND_WHITE:  # how GDAL shows bits; they are fine as they are
+        return None
     return tuple(colors.get(index, (0, 0, 0, 0)) for index in range(max(colors) + 1))
 
 
@@ -137,12 +142,12 @@ def _transform(path: str, source: DatasetReader) -> Affine | None:
     if source.gcps[0]:
         raise RasterError(
             f"{path} has ground control points and no geotransform; warp it first: "
-            f"gdalwarp -tps -r near {path} {warped}"
+            f"gdalwarp -tps -r near {shlex.quote(path)} {shlex.quote(warped)}"
         )
     if source.rpcs is not None:
         raise RasterError(
             f"{path} has rational polynomial coefficients (RPC) and no geotransform; warp it first: "
-            f"gdalwarp -rpc -r near {path} {warped}"
+            f"gdalwarp -rpc -r near {shlex.quote(path)} {shlex.quote(warped)}"
         )
     return None
 

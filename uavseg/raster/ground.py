@@ -1,9 +1,9 @@
 """True lengths and areas on the ground of what is drawn along pixel edges, in any coordinate system.
 
-How much ground a pixel covers changes slowly over a raster. Its density is sampled at a few places on the
-ellipsoid, written as a short sum of products of one function of the row and one of the column, and integrated
-once into tables over rows and columns. An area is then a walk around a ring (Green's theorem), an edge's
-length a difference of two entries; rows of a geographic raster are integrated between their parallels directly.
+How much ground a pixel covers changes slowly over a raster. It is sampled at a few places on the ellipsoid,
+written as a short sum of products of one function of the row and one of the column, and integrated once into
+tables over rows and columns. An area is then a walk around a ring (Green's theorem), an edge's length a
+difference of two entries. Rows of a geographic raster are integrated between their parallels directly.
 """
 
 from collections.abc import Callable
@@ -62,7 +62,7 @@ def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Flo
 
 
 def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
-    """Metres of ground per pixel at the raster's centre: along a row (per column), and along a column (per row).
+    """Metres of ground per pixel at the raster's centre: along a row, and along a column.
 
     Units of the transform where there is no CRS.
     """
@@ -183,7 +183,7 @@ def _modelled(geobox: GeoBox) -> _Tables:
 
 
 def _interpolated(geobox: GeoBox) -> Floats | None:
-    """Coefficients (3, m, n) of Chebyshev polynomials, as many as it takes; None where some places have no ground."""
+    """Coefficients (3, m, n) of Chebyshev polynomials, as many as it takes; None where some ground is missing."""
     shape = [8, 8]
     while True:
         nodes = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in shape]
@@ -223,7 +223,7 @@ def _least_squares(geobox: GeoBox, degree: int = 16) -> Floats | None:
 
 
 def _product(geobox: GeoBox, fitted: Floats, over_rows: bool, over_cols: bool) -> _Product:
-    """A polynomial in rows and columns as a sum of products, integrated over one or both, at pixel corners."""
+    """A polynomial in rows and columns as a sum of products, integrated over one or both, at corners."""
     left, sizes, right = np.linalg.svd(fitted)
     terms = max(1, int((sizes > sizes[0] * 1e-12).sum()))
     in_rows, in_cols = left[:, :terms] * sizes[:terms], right[:terms].T
@@ -233,9 +233,8 @@ def _product(geobox: GeoBox, fitted: Floats, over_rows: bool, over_cols: bool) -
 
 
 def _at_corners(polynomials: Floats, length: int, integrated: bool) -> Floats:
-    if integrated:
-        polynomials = chebyshev.chebint(polynomials, lbnd=-1, scl=length / 2)
-    return np.asarray(chebyshev.chebval(np.linspace(-1, 1, length + 1), polynomials), np.float64)
+    series = chebyshev.chebint(polynomials, lbnd=-1, scl=length / 2) if integrated else polynomials
+    return np.asarray(chebyshev.chebval(np.linspace(-1, 1, length + 1), series), np.float64)
 
 
 def _pixel_on_ground(geobox: GeoBox, row: Floats, col: Floats) -> tuple[Floats, Floats, Floats]:

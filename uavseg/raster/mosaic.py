@@ -143,13 +143,19 @@ def _check_traits(file: Source, first: Source) -> None:
         ("number of bands", len(file.layout.dtypes), len(first.layout.dtypes)),
         ("type of bands", ",".join(file.layout.dtypes), ",".join(first.layout.dtypes)),
         ("bits of bands", file.layout.bits, first.layout.bits),
-        ("colours of bands", ",".join(file.layout.roles), ",".join(first.layout.roles)),
+        ("colours of bands", _roles(file, first), _roles(first, file)),
     ):
         if ours != theirs and not (what == "CRS" and file.crs == first.crs):
             raise MosaicError(
                 f"{file.path} has another {what} ({ours}) than {first.path} ({theirs}); "
                 "rasters of one mosaic must agree"
             )
+
+
+def _roles(file: Source, other: Source) -> str:
+    """What the bands are, unless one of the two is an array, which cannot tell."""
+    both_tell = isinstance(file, RasterFile) and isinstance(other, RasterFile)
+    return ",".join(file.layout.roles) if both_tell else ""
 
 
 def _crs_name(file: Source) -> str:

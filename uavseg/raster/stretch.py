@@ -219,6 +219,8 @@ def _counts_integers(dataset: Dataset) -> bool:
 
 
 def _count_high(dataset: Dataset, window: Window) -> NDArray[np.int64]:
+    if dataset.is_empty(window):
+        return np.zeros(1 << (8 * dataset.dtype.itemsize if _counts_integers(dataset) else 16), np.int64)
     values, valid = dataset.read(window)
     if _counts_integers(dataset):
         return histogram.count_integers(values[0], valid)
@@ -226,6 +228,8 @@ def _count_high(dataset: Dataset, window: Window) -> NDArray[np.int64]:
 
 
 def _count_low(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> NDArray[np.int64]:
+    if dataset.is_empty(window):
+        return np.zeros((len(uppers), 1 << 16), np.int64)
     values, valid = dataset.read(window)
     return histogram.count_lower_halves(_floats(values), valid, uppers)
 

@@ -72,7 +72,7 @@ def _nodata_pixels(values: Values, nodatas: Sequence[float | None]) -> list[Vali
     no_color = values.dtype.kind == "f" or any(number is not None and number < 0 for number in numbers)
     if len(hits) <= 1 or no_color:
         return hits if no_color or len(values) == 1 else []
-    return [np.logical_and.reduce(hits)] if len(hits) == len(values) else []
+    return [hits[0] & hits[1] & hits[2]] if len(hits) == len(values) else []
 
 
 def _equal(plane: Values, number: float) -> Valid:

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from rasterio.windows import Window as FileWindow
 from uavseg.atomic import whole_file
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.opening import GDAL_ERRORS, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
 from uavseg.raster.tiling import Window
 
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
@@ -60,6 +61,7 @@ def write_labels(
             file.update_tags(**(tags or {}))
             for row, stripe in _stripes(tiles, geobox.shape):
                 file.write(stripe, 1, window=FileWindow(0, row, stripe.shape[1], stripe.shape[0]))
+        _check_whole(target)
 
 
 def _stripes(tiles: Iterable[tuple[Window, Labels]], shape: tuple[int, int]) -> Iterator[tuple[int, Labels]]:
@@ -121,6 +123,7 @@ def write_geotiff(
                 file.write(band.astype(dtype, copy=False), number)
                 if descriptions is not None:
                     file.set_band_description(number, descriptions[number - 1])
+        _check_whole(target)
 
 
 def read_geotiff(path: Path_) -> tuple[list[NDArray[Any]], GeoBox, list[str], dict[str, str]]:
@@ -166,6 +169,17 @@ def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any]) -> dict[str, Any]
     }
 
 
+def _check_whole(path: Path) -> None:
+    """Every block lies inside the file; a disk that is full when the file is closed is told to nobody."""
+    size = path.stat().st_size
+    with quiet_open(path) as file:
+        for band in file.indexes:
+            for (i, j), _ in file.block_windows(band):
+                offset = int(file.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", dm="TIFF", bidx=band) or size)
+                if offset + file.block_size(band, i, j) > size:
+                    raise OutputError(f"{path.name} cannot be written whole; is the disk full?")
+
+
 @contextmanager
 def _writing(path: Path_) -> Iterator[None]:
     """Errors of writing, in one sentence."""
@@ -173,4 +187,4 @@ def _writing(path: Path_) -> Iterator[None]:
         with gdal():
             yield
     except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({error})") from error
+        raise OutputError(f"{os.fspath(path)} cannot be written ({first_cause(error)})") from error

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
 import shapely
 from numpy.typing import NDArray
 
@@ -73,7 +72,7 @@ def check(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     >>> check("regions.tif")
     Traceback (most recent call last):
     ...
-    uavseg.errors.OutputError: regions.tif: regions are written to .geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml
+    uavseg.errors.OutputError: regions.tif: regions are written to .geojson, .json, .gpkg, .fgb, ...
     """
     if Path(path).suffix.lower() not in _WRITERS:
         *known, last = _WRITERS
@@ -82,12 +81,12 @@ def check(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
 
 def _stream(regions: Regions, stream: IO[Any]) -> None:
-    if isinstance(stream, io.TextIOBase):
-        with io.BytesIO() as text:
-            geojson.dump(regions, text)
-            stream.write(text.getvalue().decode())
-    else:
+    if not hasattr(stream, "encoding"):
         geojson.dump(regions, stream)
+        return
+    text = io.BytesIO()
+    geojson.dump(regions, text)
+    stream.write(text.getvalue().decode())
 
 
 def _write_geojson(regions: Regions, path: Path) -> None:
@@ -119,10 +118,7 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
     import pyogrio.raw
     from pyogrio.errors import DataLayerError, DataSourceError
 
-    several = set(shapely.get_type_id(regions.polygons)) == {
-        shapely.GeometryType.POLYGON,
-        shapely.GeometryType.MULTIPOLYGON,
-    }
+    several = bool((shapely.get_type_id(regions.polygons) != shapely.GeometryType.POLYGON).any())
     with _gdal_on(_DAY), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -133,7 +129,8 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
                 list(regions.columns),
                 layer=LAYER,
                 driver=driver,
-                geometry_type="Unknown" if several else "Polygon",
+                geometry_type="MultiPolygon" if several else "Polygon",
+                promote_to_multi=several,
                 crs=regions.wkt,
                 layer_options=options,
             )
@@ -178,7 +175,7 @@ def _geo(regions: Regions) -> dict[str, Any]:
 
     column: dict[str, Any] = {
         "encoding": "WKB",
-        "geometry_types": ["Polygon"] if len(regions) else [],
+        "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),
         "crs": None if regions.wkt is None else pyproj.CRS.from_wkt(regions.wkt).to_json_dict(),
     }
     if len(regions):

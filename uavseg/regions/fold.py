@@ -23,7 +23,8 @@ def fold(rings: Sequence[Floats], jumping: bool) -> Any:
     Parameters
     ----------
     rings : sequence of (m, 2) float64 arrays
-        Closed rings in degrees: the exterior, counter-clockwise as seen from above, then the holes, clockwise.
+        Closed rings in degrees: the exterior, counter-clockwise as seen from above, then the holes, the
+        other way round.
     jumping : bool
         Whether longitudes jump from 180 to -180 where a ring crosses the antimeridian (True), or run on
         past 180 or -180 (False).
@@ -66,7 +67,9 @@ def _unrolled(ring: Floats) -> Floats:
     """The same ring with longitudes that run on where they jumped; the last differs by 360 around a pole."""
     steps = np.diff(ring[:, 0])
     turns = -np.round(steps / 360)
-    return ring + np.stack([360 * np.concatenate([[0], np.cumsum(turns)]), np.zeros(len(ring))], axis=1)
+    unrolled = ring.copy()
+    unrolled[1:, 0] += 360 * np.cumsum(turns)
+    return unrolled
 
 
 def _around_pole(ring: Floats) -> Floats:
@@ -76,7 +79,7 @@ def _around_pole(ring: Floats) -> Floats:
         return ring
     pole = np.copysign(90.0, turn)
     nearest = int(np.argmax(ring[:-1, 1] * np.sign(pole)))
-    ring = np.concatenate([ring[nearest:-1], ring[: nearest + 1] + [turn, 0]])
+    ring = np.concatenate([ring[nearest:-1], ring[: nearest + 1] + np.array([turn, 0])])
     return np.concatenate([ring, [[ring[-1, 0], pole], [ring[0, 0], pole], ring[0]]])
 
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Iterator
+from itertools import pairwise
 from math import isfinite
 from typing import IO, Any
 
@@ -10,8 +11,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import mapping
 
+from uavseg.regions.ragged import Ragged
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84 import UNITS, Batch, batches
+from uavseg.regions.wgs84 import UNITS, batches
 
 Integers = NDArray[np.int64]
 Words = NDArray[np.uint32]
@@ -72,32 +74,33 @@ def _local(regions: Regions) -> Iterator[bytes]:
 
 def _on_globe(regions: Regions) -> Iterator[bytes]:
     for batch in batches(regions):
-        plain = iter(_coordinates(batch))
-        for place in range(len(batch.firsts) - 1):
+        polygons = _polygons(batch.drawn)
+        for place, (first, last) in enumerate(pairwise(batch.drawn.regions.tolist())):
             if place in batch.others:
                 yield json.dumps(mapping(batch.others[place]), separators=(",", ":")).encode()
+            elif last == first + 1:
+                yield b'{"type":"Polygon","coordinates":%b}' % polygons[first]
             else:
-                yield b'{"type":"Polygon","coordinates":%b}' % next(plain)
+                yield b'{"type":"MultiPolygon","coordinates":[%b]}' % b",".join(polygons[first:last])
 
 
-def _coordinates(batch: Batch) -> list[bytes]:
-    """The coordinates of the polygon of each region that has rings.
+def _polygons(flat: Ragged) -> list[bytes]:
+    """The coordinates of each polygon.
 
-    Every vertex is a row of eight words of four bytes: opening brackets, longitude in three (sign and degrees,
-    point and three decimals, four decimals), comma and latitude likewise, closing brackets. Bytes that a word
-    does not need are zero, and all zeros are dropped at the end.
+    Every vertex is a row of eight words of four bytes: opening brackets, longitude in three (sign and
+    degrees, point and three decimals, four decimals), comma and latitude likewise, closing brackets. Bytes
+    that a word does not need are zero, and all zeros are dropped at the end.
     """
-    rows = np.empty((len(batch.lonlat), 8), np.uint32)
-    ring_starts, ring_ends = batch.starts[:-1], batch.starts[1:] - 1
-    ends = np.unique(batch.starts[batch.firsts])
+    rows = np.empty((len(flat.vertices), 8), np.uint32)
+    ends = flat.rings[flat.polygons]
     rows[:, 0] = _OPEN_VERTEX
-    rows[ring_starts, 0] = _OPEN_RING
+    rows[flat.rings[:-1], 0] = _OPEN_RING
     rows[ends[:-1], 0] = _OPEN_POLYGON
     rows[:, 7] = _CLOSE_VERTEX
-    rows[ring_ends, 7] = _CLOSE_RING
+    rows[flat.rings[1:] - 1, 7] = _CLOSE_RING
     rows[ends[1:] - 1, 7] = _CLOSE_POLYGON
-    _write_degrees(batch.lonlat[:, 0], _DEGREES, rows[:, 1:4])
-    _write_degrees(batch.lonlat[:, 1], _COMMA_DEGREES, rows[:, 4:7])
+    _write_degrees(flat.vertices[:, 0], _DEGREES, rows[:, 1:4])
+    _write_degrees(flat.vertices[:, 1], _COMMA_DEGREES, rows[:, 4:7])
     return rows.tobytes().translate(None, b"\0").split(b"\n")[:-1]
 
 

@@ -19,6 +19,11 @@ if TYPE_CHECKING:
 
 MENDED = 0.01  # of its area, by which mending may change a polygon
 WGS84 = "EPSG:4326"
+OF_EVERY_KML = {
+    *("Name", "description", "timestamp", "begin", "end", "altitudeMode", "tessellate", "extrude"),
+    *("visibility", "drawOrder", "icon"),
+}
+LONG_NAMES = {"perim_m": "perimeter_m", "range_lo": "range_low", "range_hi": "range_high"}  # of a shapefile
 
 
 def load(source: str | os.PathLike[str] | bytes, layer: str | None = None) -> Regions:
@@ -144,7 +149,9 @@ def _shoelace_m2(polygon: Any) -> float:
 
 def _renamed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Columns by the names and types they had before a format shortened or lost them."""
-    columns = {"perimeter_m" if name == "perimeter_" else name: values for name, values in columns.items()}
+    columns = {LONG_NAMES.get(name, name): values for name, values in columns.items()}
+    if "tessellate" in columns:
+        columns = {name: values for name, values in columns.items() if name not in OF_EVERY_KML}
     if "id2" in columns and _whole(columns.get("id")) is None:  # KML has an id of its own
         columns["id"] = columns.pop("id2")
     for name in columns.keys() & {name for name, kind in COLUMNS.items() if kind is not object}:

@@ -1,38 +1,88 @@
-"""Many polygons as flat arrays, and back: coordinates, where each ring starts, where each polygon starts."""
+"""Many polygons as flat arrays, and back."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Objects = NDArray[np.object_]
 
 
-def rings_from_polygons(polygons: Objects) -> tuple[Floats, Integers, Integers]:
-    """Take polygons apart.
+@dataclass(frozen=True, slots=True)
+class Ragged:
+    """Regions made of polygons made of rings made of vertices, each level by where its members start.
 
     Parameters
     ----------
-    polygons : (n,) object array of shapely Polygon
+    vertices : (v, 2) array
+        Of closed rings.
+    rings : (r + 1,) int64 array
+        Where each ring starts in `vertices`; v at the end.
+    polygons : (p + 1,) int64 array
+        Where each polygon starts in `rings`, with its exterior, which its holes follow; r at the end.
+    regions : (n + 1,) int64 array
+        Where each region starts in `polygons`; p at the end.
 
-    Returns
-    -------
-    coordinates : (v, 2) float64 array
-        Vertices of closed rings.
-    starts : (r + 1,) int64 array
-        Where each ring starts in `coordinates`.
-    firsts : (n + 1,) int64 array
-        The exterior ring of each polygon, which its holes follow; r at the end.
+    Examples
+    --------
+    >>> flat = Ragged.of(np.array([shapely.box(0, 0, 2, 1), shapely.box(3, 0, 4, 1)]))
+    >>> flat.rings.tolist(), flat.polygons.tolist(), flat.regions.tolist()
+    ([0, 5, 10], [0, 1, 2], [0, 1, 2])
     """
-    rings, owners = shapely.get_rings(polygons, return_index=True)
-    starts = np.concatenate([[0], np.cumsum(shapely.get_num_coordinates(rings))])
-    return shapely.get_coordinates(polygons), starts, np.searchsorted(owners, np.arange(len(polygons) + 1))
+
+    vertices: NDArray[Any]
+    rings: Integers
+    polygons: Integers
+    regions: Integers
+
+    @classmethod
+    def of(cls, geometries: Objects) -> "Ragged":
+        """Take apart an array of Polygons and MultiPolygons."""
+        parts, owners = shapely.get_parts(geometries, return_index=True)
+        rings, polygons = shapely.get_rings(parts, return_index=True)
+        return cls(
+            shapely.get_coordinates(parts),
+            np.concatenate([[0], np.cumsum(shapely.get_num_coordinates(rings))]),
+            np.searchsorted(polygons, np.arange(len(parts) + 1)),
+            np.searchsorted(owners, np.arange(len(geometries) + 1)),
+        )
+
+    def built(self) -> Objects:
+        """A Polygon for each region of one polygon, a MultiPolygon for the others."""
+        parts: Objects = shapely.from_ragged_array(
+            shapely.GeometryType.POLYGON, self.vertices, (self.rings, self.polygons)
+        )
+        if len(parts) == len(self.regions) - 1:
+            return parts
+        counts = np.diff(self.regions)
+        whole = np.empty(len(counts), object)
+        alone = np.repeat(counts == 1, counts)
+        whole[counts == 1] = parts[alone]
+        owners = np.repeat(np.cumsum(counts != 1) - 1, counts)[~alone]
+        whole[counts != 1] = shapely.multipolygons(parts[~alone], indices=owners) if len(owners) else None
+        return whole
+
+    def without(self, dropped: NDArray[np.bool_]) -> "Ragged":
+        """The same where some regions have no polygons."""
+        if not dropped.any():
+            return self
+        vertices, rings, polygons = np.diff(self.rings), np.diff(self.polygons), np.diff(self.regions)
+        keep_polygon = np.repeat(~dropped, polygons)
+        keep_ring = np.repeat(keep_polygon, rings)
+        return Ragged(
+            self.vertices[np.repeat(keep_ring, vertices)],
+            _starts(vertices[keep_ring]),
+            _starts(rings[keep_polygon]),
+            _starts(polygons * ~dropped),
+        )
+
+    def region_of(self, vertices: Integers) -> Integers:
+        """The region that each of these vertices belongs to."""
+        return np.searchsorted(self.rings[self.polygons[self.regions]], vertices, "right") - 1
 
 
-def polygons_from_rings(coordinates: NDArray[Any], starts: Integers, firsts: Integers) -> Objects:
-    """The polygons that `rings_from_polygons` took apart; one without rings is empty."""
-    built: Objects = shapely.from_ragged_array(shapely.GeometryType.POLYGON, coordinates, (starts, firsts))
-    return built
+def _starts(lengths: Integers) -> Integers:
+    return np.concatenate([[0], np.cumsum(lengths)])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ground_resolution
-from uavseg.regions.ragged import polygons_from_rings, rings_from_polygons
+from uavseg.regions.ragged import Ragged
 from uavseg.regions.table import Regions
 
 Integers = NDArray[np.int64]
@@ -45,11 +45,11 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
         raise ParameterError(f"simplification wants a length of 0 or more metres, not {metres:g}")
     if not len(regions) or metres == 0:
         return regions
-    xy, starts, firsts = rings_from_polygons(regions.polygons)
     # The measure is an area, so pixels may serve as units whatever their shape; and whole numbers leave no doubt
     # on which side of an edge a vertex lies.
-    corners, starts = _noded(_corners(xy, geobox.transform), starts)
-    coverage = polygons_from_rings(corners.astype(np.float64), starts, firsts)
+    flat = Ragged.of(regions.polygons)
+    corners, rings = _noded(_corners(flat.vertices, geobox.transform), flat.rings)
+    coverage = Ragged(corners.astype(np.float64), rings, flat.polygons, flat.regions).built()
     simpler = shapely.coverage_simplify(coverage, metres / np.sqrt(np.prod(ground_resolution(geobox))))
     row, col = shapely.get_coordinates(simpler).T
     polygons = shapely.set_coordinates(simpler, np.stack(geobox.xy_from_pixel(row, col), axis=1))
@@ -59,8 +59,12 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
 def _corners(xy: NDArray[np.float64], transform: Affine) -> Integers:
     """The (row, col) pixel corners at map coordinates."""
     back = ~transform
-    rows, cols = back.d * xy[:, 0] + back.e * xy[:, 1] + back.f, back.a * xy[:, 0] + back.b * xy[:, 1] + back.c
-    return np.rint(np.stack([rows, cols], axis=1)).astype(np.int64)
+    rows, cols = (
+        back.d * xy[:, 0] + back.e * xy[:, 1] + back.f,
+        back.a * xy[:, 0] + back.b * xy[:, 1] + back.c,
+    )
+    corners: Integers = np.rint(np.stack([rows, cols], axis=1)).astype(np.int64)
+    return corners
 
 
 def _noded(corners: Integers, starts: Integers) -> tuple[Integers, Integers]:

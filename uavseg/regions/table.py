@@ -8,8 +8,10 @@ import shapely
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ring_areas, ring_perimeters
+from uavseg.regions.ragged import Ragged
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -50,7 +52,8 @@ class Regions:
         `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point inside the region
         (NaN where there is no CRS), `range_low`, `range_high`, `source`.
     polygons : (n,) object array of shapely Polygon
-        In the raster's CRS; along pixel edges, exteriors counter-clockwise.
+        In the raster's CRS; along pixel edges, exteriors counter-clockwise. A MultiPolygon where the pixels of a
+        region do not all share edges.
     wkt : str or None
         The CRS; None where coordinates are local.
     """
@@ -116,14 +119,14 @@ def make(
         mean,
         std,
         counts if pixels is None else pixels,
-        np.bincount(rings.labels, minlength=n + 1)[1:] - 1,
+        _per_region(rings.labels, ~rings.exteriors, n),
         lon,
         lat,
         np.full(n, low),
         np.full(n, high),
         np.full(n, source, object),
     ]
-    columns = {
+    columns: dict[str, NDArray[Any]] = {
         name: np.asarray(value).astype(kind, copy=False)
         for (name, kind), value in zip(COLUMNS.items(), values, strict=True)
     }
@@ -136,24 +139,28 @@ def polygons(rings: "Rings", transform: Affine) -> Objects:
     Parameters
     ----------
     rings : Rings
-        Outlines of regions 1..n; the first ring of a region is its exterior.
+        Outlines of regions 1..n.
     transform : affine.Affine
         From pixel corners (col, row) to map coordinates.
 
     Returns
     -------
     polygons : (n,) object array of shapely Polygon
-        Exteriors are counter-clockwise on the map, holes clockwise.
+        Exteriors are counter-clockwise on the map, holes clockwise. A MultiPolygon where a region has several
+        exteriors.
     """
-    corners = rings.vertices[_closed(rings.starts, backwards=transform.determinant < 0)]
+    corners = rings.vertices.take(_closed(rings.starts, transform.determinant < 0), axis=0)
     coordinates = np.empty((len(corners), 2))
     coordinates[:, 0] = transform.a * corners[:, 1] + transform.b * corners[:, 0] + transform.c
     coordinates[:, 1] = transform.d * corners[:, 1] + transform.e * corners[:, 0] + transform.f
-    ring_offsets = rings.starts + np.arange(len(rings.starts))
-    first_rings = np.flatnonzero(np.diff(rings.labels, prepend=0))
-    offsets = (ring_offsets, np.append(first_rings, len(rings.labels)))
-    built: Objects = shapely.from_ragged_array(shapely.GeometryType.POLYGON, coordinates, offsets)
-    return built
+    exteriors = np.flatnonzero(rings.exteriors)
+    n = int(rings.labels[-1]) if len(rings.labels) else 0
+    return Ragged(
+        coordinates,
+        rings.starts + np.arange(len(rings.starts)),
+        np.append(exteriors, len(rings.labels)),
+        np.searchsorted(rings.labels[exteriors], np.arange(1, n + 2)),
+    ).built()
 
 
 def _closed(starts: Integers, backwards: bool) -> Integers:
@@ -171,7 +178,7 @@ def _closed(starts: Integers, backwards: bool) -> Integers:
     return places
 
 
-def _per_region(labels: Integers, values: Floats, n: int) -> Floats:
+def _per_region(labels: Integers, values: NDArray[Any], n: int) -> NDArray[Any]:
     return np.bincount(labels, weights=values, minlength=n + 1)[1:]
 
 
@@ -184,8 +191,12 @@ def _mean_and_std(
 
 
 def _points_inside(polygons: Objects, geobox: GeoBox) -> tuple[Floats, Floats]:
-    """Longitude and latitude of a point inside each polygon; NaN where there is no CRS."""
-    if geobox.crs is None:
-        return np.full(len(polygons), np.nan), np.full(len(polygons), np.nan)
+    """Longitude and latitude of a point inside each polygon; NaN where there is none or no CRS."""
     points = shapely.point_on_surface(polygons)
-    return geobox.lonlat_from_xy(shapely.get_x(points), shapely.get_y(points))
+    try:
+        lon, lat = geobox.lonlat_from_xy(shapely.get_x(points), shapely.get_y(points))
+    except RasterError:
+        return np.full(len(polygons), np.nan), np.full(len(polygons), np.nan)
+    nowhere = ~(np.isfinite(lon) & np.isfinite(lat))
+    lon[nowhere] = lat[nowhere] = np.nan
+    return np.where(np.abs(lon) > 180, np.remainder(lon + 180, 360) - 180, lon), lat

@@ -5,7 +5,8 @@ Coordinates stay integers of 1e-7 degrees in flat arrays; the few polygons that 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
 from uavseg.regions.fold import fold
-from uavseg.regions.ragged import polygons_from_rings, rings_from_polygons
+from uavseg.regions.ragged import Ragged
 from uavseg.regions.table import Regions
 
 Floats = NDArray[np.float64]
@@ -36,19 +37,13 @@ class Batch:
 
     Parameters
     ----------
-    lonlat : (v, 2) int64 array
-        Vertices of closed rings in 1e-7 degrees.
-    starts : (r + 1,) int64 array
-        Where each ring starts.
-    firsts : (n + 1,) int64 array
-        The exterior ring of each region, its holes follow; r at the end.
+    drawn : Ragged
+        Its vertices are an int64 array of longitudes and latitudes in 1e-7 degrees.
     others : dict of int -> shapely Polygon or MultiPolygon
-        Regions, counted from the batch's first, that have no rings here but this geometry (degrees).
+        Regions, counted from the batch's first, that have no polygons in `drawn` but this geometry (degrees).
     """
 
-    lonlat: Integers
-    starts: Integers
-    firsts: Integers
+    drawn: Ragged
     others: dict[int, Any]
 
 
@@ -80,7 +75,7 @@ def geometries(regions: Regions) -> Objects:
     """The regions in WGS 84 as shapely geometries, with the very coordinates that GeoJSON gets."""
     parts = [np.empty(0, object)]
     for batch in batches(regions):
-        drawn = polygons_from_rings(batch.lonlat / UNITS, batch.starts, batch.firsts)
+        drawn = replace(batch.drawn, vertices=batch.drawn.vertices / UNITS).built()
         drawn[list(batch.others)] = list(batch.others.values())
         parts.append(drawn)
     return np.concatenate(parts)
@@ -128,52 +123,48 @@ class _Way:
 
 
 def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
-    xy, starts, firsts = rings_from_polygons(shapely.orient_polygons(polygons))
-    degrees = way.degrees(xy)
-    if way.mirrors(xy[np.argmin(np.abs(degrees[:, 1]))]):
-        xy, starts, firsts = rings_from_polygons(shapely.orient_polygons(polygons, exterior_cw=True))
-        degrees = way.degrees(xy)
-    far = _far_apart(xy, degrees, starts, pixel)
-    if way.straight:
-        degrees, crossing = _turned(degrees, starts[firsts])
-    else:
-        degrees, starts = _bent(xy, degrees, starts, way)
-        crossing = _jumping(degrees, starts, firsts)
-    lonlat = np.rint(degrees * UNITS).astype(np.int64)
+    flat = Ragged.of(shapely.orient_polygons(polygons))
+    degrees = way.degrees(flat.vertices)
+    if way.mirrors(flat.vertices[np.argmin(np.abs(degrees[:, 1]))]):
+        flat = Ragged.of(shapely.orient_polygons(polygons, exterior_cw=True))
+        degrees = way.degrees(flat.vertices)
+    far = _far_apart(flat, degrees, pixel)
+    on_globe, crossing = _turned(flat, degrees) if way.straight else _jumping(_bent(flat, degrees, way))
+    lonlat = np.rint(on_globe.vertices * UNITS).astype(np.int64)
     np.clip(lonlat[:, 1], -90 * UNITS, 90 * UNITS, out=lonlat[:, 1])
-    kept = _without(*_without_repeats(lonlat, starts), firsts, crossing)
-    broken = _collapsed(*kept) if far else _broken(*kept)
-    others = {}
-    for i in np.flatnonzero(crossing | broken):
-        rings = [degrees[starts[r] : starts[r + 1]] for r in range(firsts[i], firsts[i + 1])]
-        whole = fold(rings, not way.straight) if crossing[i] else shapely.Polygon(rings[0], rings[1:])
-        others[int(i)] = _rounded(whole)
-    return Batch(*_without(*kept, broken), others)
+    kept = _without_repeats(replace(on_globe, vertices=lonlat)).without(crossing)
+    broken = _collapsed(kept) if far else _broken(kept)
+    special = np.flatnonzero(crossing | broken)
+    others = {
+        int(i): _rounded(_apart(on_globe, int(i), bool(crossing[i]), not way.straight)) for i in special
+    }
+    return Batch(kept.without(broken), others)
 
 
-def _turned(degrees: Floats, region_starts: Integers) -> tuple[Floats, Flags]:
+def _turned(flat: Ragged, degrees: Floats) -> tuple[Ragged, Flags]:
     """Regions moved by whole turns into -180..180; and which of them cross the antimeridian."""
+    starts = flat.rings[flat.polygons[flat.regions]]
     lon = degrees[:, 0]
-    west = np.minimum.reduceat(lon, region_starts[:-1])
-    east = np.maximum.reduceat(lon, region_starts[:-1])
+    west, east = np.minimum.reduceat(lon, starts[:-1]), np.maximum.reduceat(lon, starts[:-1])
     turns = np.floor((west + 180 + 0.5 / UNITS) / 360)
-    if turns.any():
-        lon = lon - np.repeat(360 * turns, np.diff(region_starts))
-    return np.stack([lon, degrees[:, 1]], axis=1), east - 360 * turns > 180 + 0.5 / UNITS
+    lon = lon - np.repeat(360 * turns, np.diff(starts))
+    crossing = east - 360 * turns > 180 + 0.5 / UNITS
+    return replace(flat, vertices=np.stack([lon, degrees[:, 1]], axis=1)), crossing
 
 
-def _jumping(degrees: Floats, starts: Integers, firsts: Integers) -> Flags:
-    """Which regions have longitudes that jump, or a vertex at a pole."""
-    jumps = np.abs(np.diff(degrees[:, 0])) > 180
-    jumps[starts[1:-1] - 1] = False
-    vertices = np.append(np.flatnonzero(jumps), np.flatnonzero(np.abs(degrees[:, 1]) > 90 - 1e-9))
-    crossing = np.zeros(len(firsts) - 1, bool)
-    crossing[np.searchsorted(starts[firsts], vertices, "right") - 1] = True
-    return crossing
+def _jumping(flat: Ragged) -> tuple[Ragged, Flags]:
+    """Regions as they are; and which of them have longitudes that jump, or a vertex at a pole."""
+    jumps = np.abs(np.diff(flat.vertices[:, 0])) > 180
+    jumps[flat.rings[1:-1] - 1] = False
+    at_pole = np.abs(flat.vertices[:, 1]) > 90 - 1e-9
+    crossing = np.zeros(len(flat.regions) - 1, bool)
+    crossing[flat.region_of(np.append(np.flatnonzero(jumps), np.flatnonzero(at_pole)))] = True
+    return flat, crossing
 
 
-def _bent(xy: Floats, degrees: Floats, starts: Integers, way: _Way) -> tuple[Floats, Integers]:
+def _bent(flat: Ragged, degrees: Floats, way: _Way) -> Ragged:
     """More vertices on edges that would leave their course if drawn straight in longitude and latitude."""
+    xy, starts = flat.vertices, flat.rings
     for _ in range(8):
         pieces = _pieces(xy, degrees, starts, way.radius)
         if pieces.max() == 1:
@@ -185,7 +176,7 @@ def _bent(xy: Floats, degrees: Floats, starts: Integers, way: _Way) -> tuple[Flo
         xy = xy[edge] + (xy[following] - xy[edge]) * along[:, None]
         degrees = way.degrees(xy)
         starts = np.append(places, len(xy))[starts]
-    return degrees, starts
+    return replace(flat, vertices=degrees, rings=starts)
 
 
 def _pieces(xy: Floats, degrees: Floats, starts: Integers, radius: float) -> Integers:
@@ -193,68 +184,74 @@ def _pieces(xy: Floats, degrees: Floats, starts: Integers, radius: float) -> Int
     steps = np.append(np.hypot(*np.diff(xy, axis=0).T), 0)
     steps[starts[1:] - 1] = 0
     pixel = steps[steps > 0].min()
-    curvature = max(np.tan(np.radians(min(np.abs(degrees[:, 1]).max(), 89.999999))), 0.3)
-    if steps.max() <= np.sqrt(8 * _SAG * pixel * radius / curvature):
+    slope = np.abs(degrees[:, 1])
+    if steps.max() <= _straight_enough(slope.max(), pixel, radius):
         return np.ones(len(xy), np.int64)
-    curvatures = np.maximum(np.tan(np.radians(np.abs(degrees[:, 1]))), 0.3)
-    limit = np.sqrt(8 * _SAG * pixel * radius / np.maximum(curvatures, np.roll(curvatures, -1)))
-    return np.maximum(np.ceil(steps / np.maximum(limit, pixel)), 1).astype(np.int64)
+    limit = _straight_enough(np.maximum(slope, np.roll(slope, -1)), pixel, radius)
+    pieces: Integers = np.maximum(np.ceil(steps / np.maximum(limit, pixel)), 1).astype(np.int64)
+    return pieces
 
 
-def _without_repeats(lonlat: Integers, starts: Integers) -> tuple[Integers, Integers]:
+def _straight_enough(lat: Any, pixel: float, radius: float) -> Any:
+    """The length of an edge that sags by a small part of a pixel; meridians meet the faster, the nearer the pole."""
+    curvature = np.maximum(np.tan(np.radians(np.minimum(lat, 89.999999))), 0.3) / radius
+    return np.sqrt(8 * _SAG * pixel / curvature)
+
+
+def _without_repeats(flat: Ragged) -> Ragged:
     """Rings whose vertices differ each from the one before."""
-    repeats = (lonlat[1:, 0] == lonlat[:-1, 0]) & (lonlat[1:, 1] == lonlat[:-1, 1])
-    repeats[starts[1:-1] - 1] = False
+    x, y = flat.vertices.T
+    repeats = (x[1:] == x[:-1]) & (y[1:] == y[:-1])
+    repeats[flat.rings[1:-1] - 1] = False
     if not repeats.any():
-        return lonlat, starts
+        return flat
     keep = np.concatenate([[True], ~repeats])
-    return lonlat[keep], np.concatenate([[0], np.cumsum(keep)])[starts]
+    rings = np.concatenate([[0], np.cumsum(keep)])[flat.rings]
+    return replace(flat, vertices=flat.vertices[keep], rings=rings)
 
 
-def _without(
-    lonlat: Integers, starts: Integers, firsts: Integers, dropped: Flags
-) -> tuple[Integers, Integers, Integers]:
-    """Rings without those of some regions."""
-    if not dropped.any():
-        return lonlat, starts, firsts
-    rings, vertices = np.diff(firsts), np.diff(starts)
-    keep = np.repeat(~dropped, rings)
-    kept_starts = np.concatenate([[0], np.cumsum(vertices[keep])])
-    return lonlat[np.repeat(keep, vertices)], kept_starts, np.concatenate([[0], np.cumsum(rings * ~dropped)])
-
-
-def _collapsed(lonlat: Integers, starts: Integers, firsts: Integers) -> Flags:
+def _collapsed(flat: Ragged) -> Flags:
     """Which regions have a ring of which rounding has left less than a triangle."""
-    collapsed = np.zeros(len(firsts) - 1, bool)
-    short = np.flatnonzero(np.diff(starts) < 4)
-    collapsed[np.searchsorted(firsts, short, "right") - 1] = True
+    collapsed = np.zeros(len(flat.regions) - 1, bool)
+    collapsed[flat.region_of(flat.rings[:-1][np.diff(flat.rings) < 4])] = True
     return collapsed
 
 
-def _broken(lonlat: Integers, starts: Integers, firsts: Integers) -> Flags:
+def _broken(flat: Ragged) -> Flags:
     """Which regions rounding has made invalid."""
-    collapsed = _collapsed(lonlat, starts, firsts)
-    lonlat, starts, firsts = _without(lonlat, starts, firsts, collapsed)
-    return collapsed | ~shapely.is_valid(polygons_from_rings(lonlat / UNITS, starts, firsts))
+    collapsed = _collapsed(flat)
+    flat = flat.without(collapsed)
+    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS).built())
+    return collapsed | ~valid
 
 
-def _far_apart(xy: Floats, degrees: Floats, starts: Integers, pixel: float) -> bool:
+def _far_apart(flat: Ragged, degrees: Floats, pixel: float) -> bool:
     """Whether polygons follow the edges of pixels so large that rounding cannot make anything touch.
 
     Then looking at each polygon, which takes longer than writing it, is not needed. A pixel is at least as
     wide as its area divided by the shortest edge along its height, and the other way round.
     """
-    across, down = np.abs(np.diff(xy, axis=0)).T
-    across[starts[1:-1] - 1] = down[starts[1:-1] - 1] = 0
+    across, down = np.abs(np.diff(flat.vertices, axis=0)).T
+    across[flat.rings[1:-1] - 1] = down[flat.rings[1:-1] - 1] = 0
     if (across * down).any():
         return False
     side = pixel / max(across[across > 0].min(), down[down > 0].min())
-    some = np.flatnonzero(across + down > 0)[:: max(1, len(xy) // 1000)]
+    some = np.flatnonzero(across + down > 0)[:: max(1, len(across) // 1000)]
     units = np.hypot(*(degrees[some + 1] - degrees[some]).T) * UNITS / (across + down)[some]
     return bool(side * units.min() > 2.5)
 
 
+def _apart(flat: Ragged, region: int, crossing: bool, jumping: bool) -> Any:
+    """The geometry of one region, folded if it crosses the antimeridian."""
+    pieces = []
+    for polygon in range(flat.regions[region], flat.regions[region + 1]):
+        ends = flat.rings[flat.polygons[polygon] : flat.polygons[polygon + 1] + 1]
+        rings = [flat.vertices[start:end] for start, end in pairwise(ends)]
+        pieces.append(fold(rings, jumping) if crossing else shapely.Polygon(rings[0], rings[1:]))
+    return shapely.union_all(pieces) if len(pieces) > 1 else pieces[0]
+
+
 def _rounded(geometry: Any) -> Any:
-    """Valid, with seven decimals, exteriors counter-clockwise; as it came where nothing would be left of it."""
+    """Valid, seven decimals, exteriors counter-clockwise; as it came where nothing would be left of it."""
     rounded = shapely.set_precision(geometry, 1 / UNITS)
     return shapely.orient_polygons(geometry if rounded.is_empty else rounded)

@@ -77,7 +77,7 @@ def _parsed(condition: str) -> ast.expr:
         one_equals = "=" in condition and not any(two in condition for two in ("==", "<=", ">=", "!="))
         hint = "; equality is written ==" if one_equals else ""
         raise RegionError(
-            f'the condition {condition[:60]!r} cannot be read; expected as in "mean > 0.7 and pixels > 500"{hint}'
+            f'the condition {condition[:60]!r} cannot be read; expected as in "mean > 0.7"{hint}'
         ) from error
 
 
