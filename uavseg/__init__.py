@@ -1,4 +1,4 @@
-"""uavseg: from an aerial or satellite raster to regions that a drone should fly over, to a mission that flies.
+"""uavseg: from an aerial or satellite raster to regions, to a mission that flies over them.
 
 >>> import uavseg
 >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP

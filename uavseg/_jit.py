@@ -152,8 +152,8 @@ class _Argument:
 def _describe(function: Callable[..., Any], parts: list[str]) -> None:
     """The source of a function and of what it calls, and the constants that it reads."""
     parts.append(inspect.getsource(function))
-    for name in function.__code__.co_names:  # type: ignore[attr-defined]
-        value = function.__globals__.get(name)  # type: ignore[attr-defined]
+    for name in function.__code__.co_names:
+        value = function.__globals__.get(name)
         if isinstance(value, Inlined):
             _describe(value.function, parts)
         elif isinstance(value, int | float):
@@ -161,7 +161,7 @@ def _describe(function: Callable[..., Any], parts: list[str]) -> None:
 
 
 def _cache_folder() -> Path:
-    """Where machine code is kept: $UAVSEG_CACHE, else the user's cache folder, else a private temporary one."""
+    """Where machine code is kept: $UAVSEG_CACHE, the user's cache folder, or else a temporary folder."""
     named = os.environ.get("UAVSEG_CACHE")
     if named:
         folder = Path(named) / "kernels"
@@ -211,12 +211,12 @@ def _compile(kernel: Kernel) -> bytes:
     entry = numba.njit(_entry_types(kernel), nogil=True, error_model="numpy", **_BARE)(_entry(kernel))
     signature = entry.signatures[0]
     name = entry.overloads[signature].fndesc.llvm_func_name
-    code = re.sub(
+    text = re.sub(
         _DESTRUCTOR,
         r"define internal void @NRT_MemInfo_call_dtor(ptr %0) { ret void }",
         entry.inspect_llvm(signature),
     )
-    module = llvm.parse_assembly(code)
+    module = llvm.parse_assembly(text)
     for function in module.functions:
         if not function.is_declaration and function.name != name:
             function.linkage = "internal"
@@ -234,7 +234,8 @@ def _compile(kernel: Kernel) -> bytes:
     outside = {function.name for function in module.functions if function.is_declaration}
     outside = {call for call in outside if not call.startswith("llvm.")} - _LIBRARY_CALLS
     assert not outside, f"kernel {kernel.__name__} calls {sorted(outside)}: it may not allocate or raise"
-    return name.encode() + b"\n" + bytes(machine.emit_object(module))
+    code = bytes(machine.emit_object(module))
+    return name.encode() + b"\n" + code
 
 
 # Counting references to the given arrays is compiled in, but they are borrowed: nothing is ever destroyed.
@@ -276,10 +277,10 @@ def _jitted(function: Callable[..., Any], done: dict[Any, Any]) -> Any:
     import numba
 
     if function not in done:
-        scope = dict(function.__globals__)  # type: ignore[attr-defined]
-        for name in function.__code__.co_names:  # type: ignore[attr-defined]
+        scope = dict(function.__globals__)
+        for name in function.__code__.co_names:
             if isinstance(scope.get(name), Inlined):
                 scope[name] = _jitted(scope[name].function, done)
-        plain = types.FunctionType(function.__code__, scope, function.__name__)  # type: ignore[attr-defined]
+        plain = types.FunctionType(function.__code__, scope, function.__name__)
         done[function] = numba.njit(nogil=True, error_model="numpy")(plain)
     return done[function]

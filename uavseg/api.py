@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from uavseg.parallel import Progress, threads as workers
+from uavseg.parallel import Progress
+from uavseg.parallel import threads as workers
 from uavseg.raster.dataset import Dataset
 from uavseg.regions.cleaning import Area, parse_area
 from uavseg.regions.extract import ExtractParams
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 def extract(
     source: Any,
-    range: tuple[float, float],  # noqa: A002  (the option's name)
+    range: tuple[float, float],
     *,
     band: int | None = None,
     rgb: tuple[int, int, int] | None = None,
@@ -60,8 +61,8 @@ def extract(
     Returns
     -------
     regions : geopandas.GeoDataFrame
-        In the raster's CRS, the region with most pixels first: id, area_m2, perimeter_m, mean, std, pixels, holes, lon,
-        lat, range_low, range_high, source.
+        In the raster's CRS, the region with most pixels first: id, area_m2, perimeter_m, mean, std, pixels,
+        holes, lon, lat, range_low, range_high, source.
 
     Raises
     ------
@@ -79,7 +80,9 @@ def extract(
     return _extract(dataset, IntensityRange(*range), params, workers(threads), progress).regions.frame()
 
 
-def divide(source: Any, *, stretch: str = "auto", tile: int | None = None, threads: int | None = None) -> BlockMap:
+def divide(
+    source: Any, *, stretch: str = "auto", tile: int | None = None, threads: int | None = None
+) -> BlockMap:
     """The block map of a raster, from which `uavseg.segmentation` answers any range.
 
     Parameters

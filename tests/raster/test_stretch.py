@@ -17,7 +17,7 @@ from uavseg.raster.tiling import tiles
 PERCENTS = [0, 0.5, 2, 25, 50, 98, 99.9, 100]
 
 
-def fitted(dataset, spec, side=64, map=serial):  # noqa: A002
+def fitted(dataset, spec, side=64, map=serial):
     return fit(dataset, spec, map, tiles(dataset.geobox.shape, side))
 
 

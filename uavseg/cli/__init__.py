@@ -46,7 +46,10 @@ class _Group(click.Group):
             click.echo(f"uavseg: error: {error}", err=True)
             ctx.exit(1)
         except MemoryError:
-            click.echo("uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less", err=True)
+            click.echo(
+                "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less",
+                err=True,
+            )
             ctx.exit(1)
         except KeyboardInterrupt:
             click.echo("uavseg: interrupted; nothing was written", err=True)
@@ -57,7 +60,7 @@ def _announce_compilation() -> None:
     """Say once that kernels are being compiled, which takes a while and happens once."""
     from uavseg import _jit
 
-    told = []
+    told: list[str] = []
 
     def tell(name: str) -> None:
         if not told:
@@ -81,7 +84,9 @@ def _version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
     short_help="From a raster to regions to a mission.",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-@click.option("--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version.")
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show the version."
+)
 def main() -> None:
     """From an aerial or satellite raster to regions that a drone should fly over, to a mission that flies.
 

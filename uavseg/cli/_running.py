@@ -1,4 +1,4 @@
-"""Options of every command that works through tiles: how they are cut, who works, and what is told meanwhile."""
+"""Options of every command that works through tiles: how they are cut, who works, what is told."""
 
 import sys
 import time
@@ -14,8 +14,15 @@ def running_options(command: Command) -> Command:
     """Give a command --tile, --threads, --overwrite, -q, -v and --progress."""
     for option in reversed(
         (
-            click.option("--tile", type=int, metavar="PIXELS", help="Side of a tile, a multiple of 64; changes no result."),
-            click.option("--threads", type=int, metavar="N", help="Threads to work with.  [default: all cores]"),
+            click.option(
+                "--tile",
+                type=int,
+                metavar="PIXELS",
+                help="Side of a tile, a multiple of 64; changes no result.",
+            ),
+            click.option(
+                "--threads", type=int, metavar="N", help="Threads to work with.  [default: all cores]"
+            ),
             click.option("--overwrite", is_flag=True, help="Replace files that are there."),
             click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
             click.option("-v", "--verbose", is_flag=True, help="Say more."),
@@ -58,7 +65,11 @@ class Reporter:
             click.echo(f"progress {percent}", err=True)
         elif self._bar:
             filled = percent * 40 // 100
-            click.echo(f"\r[{'#' * filled}{'.' * (40 - filled)}] {percent:3d} % {self.seconds:6.1f} s", err=True, nl=False)
+            click.echo(
+                f"\r[{'#' * filled}{'.' * (40 - filled)}] {percent:3d} % {self.seconds:6.1f} s",
+                err=True,
+                nl=False,
+            )
 
     def finish(self) -> None:
         """The work is done: the bar goes, plain progress ends at 100."""

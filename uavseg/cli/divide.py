@@ -30,8 +30,8 @@ def command(
 ) -> None:
     """Divide RASTER... (many are one mosaic) into blocks of uniform texture, and save the block map.
 
-    It is a GeoTIFF of 8 x 8 pixel cells. Its first two bands are for looking at: the mean and the side of each leaf. `uavseg
-    extract` answers any range from it, without the raster or refined with it.
+    It is a GeoTIFF of 8 x 8 pixel cells. Its first two bands are for looking at: the mean and the side of
+    each leaf. `uavseg extract` answers any range from it, without the raster or refined with it.
     """
     from uavseg.atomic import check_target
     from uavseg.parallel import threads as workers

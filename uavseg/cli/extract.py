@@ -41,7 +41,9 @@ if TYPE_CHECKING:
 )
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
-@click.option("--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared.")
+@click.option(
+    "--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared."
+)
 @click.option("--mission", metavar="PATH", help="Also plan a mission over the regions: .plan or .waypoints.")
 @mission_options
 @running_options
@@ -61,8 +63,8 @@ def command(
 ) -> None:
     """Extract the regions of RASTER... (many are one mosaic) whose mean intensity lies in a range.
 
-    RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned too; see
-    `uavseg plan --help` for how.
+    RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
+    too; see `uavseg plan --help` for how.
     """
     from uavseg.parallel import threads as workers
 
@@ -78,7 +80,9 @@ def command(
     for warning in found.warnings:
         reporter.warn(warning)
     if len(found.regions) == 0:
-        reporter.warn(f"no region has a mean v in {wanted.low:g}..{wanted.high:g}; uavseg info shows which v there are")
+        reporter.warn(
+            f"no region has a mean v in {wanted.low:g}..{wanted.high:g}; uavseg info shows which v there are"
+        )
     _write(found, target, labels, run, overwrite)
     if mission is not None:
         _write_mission(found, flight, mission, options["home"], overwrite, reporter)
@@ -187,7 +191,9 @@ def _write_mission(
 
     regions = found.regions
     if regions.wkt is None:
-        raise MissionError("the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit -a_srs")
+        raise MissionError(
+            "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit -a_srs"
+        )
     points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
     made = plan_and_write(list(geometries(regions)), points, flight, home, path, overwrite)
     if not reporter.quiet:
@@ -198,7 +204,11 @@ def _tell(found: Extraction, target: str, reporter: Reporter) -> None:
     """The short table at the end."""
     columns = found.regions.columns
     unit = "m2" if found.regions.wkt is not None else "square units"
-    largest = f"{columns['area_m2'][0]:,.1f} {unit} ({columns['pixels'][0]:,} pixels)" if len(found.regions) else "-"
+    largest = (
+        f"{columns['area_m2'][0]:,.1f} {unit} ({columns['pixels'][0]:,} pixels)"
+        if len(found.regions)
+        else "-"
+    )
     rows = {
         "regions": f"{len(found.regions):,} -> {'stdout' if target == '-' else target}",
         "total area": f"{columns['area_m2'].sum():,.1f} {unit}",

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavseg.atomic import whole_file
 from uavseg.errors import MissionError
-from uavseg.flight.mission import AMSL, FIRMWARES, PLACES, RELATIVE, TERRAIN, WAYPOINT, Home, Item, Mission
+from uavseg.flight.mission import AMSL, FIRMWARES, HEADINGS, RELATIVE, TERRAIN, WAYPOINT, Home, Item, Mission
 
 Path_ = str | os.PathLike[str]
 
@@ -192,7 +192,7 @@ def _item_of_row(number: int, row: str) -> Home | Item:
     first, second, third, fourth, lat, lon, altitude_m = map(float, fields[4:11])
     if number == 0:
         return Home(lat, lon, altitude_m)
-    heading = None if command in PLACES and fourth == 0 else fourth
+    heading = None if command in HEADINGS and fourth == 0 else fourth
     return Item(command, frame, (first, second, third, heading), lat, lon, altitude_m)
 
 

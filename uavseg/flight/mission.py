@@ -14,6 +14,7 @@ from uavseg.errors import MissionError
 WAYPOINT, LOITER_TURNS, LOITER_TIME, RETURN, LAND, TAKEOFF = 16, 18, 19, 20, 21, 22
 VTOL_TAKEOFF, VTOL_LAND, CHANGE_SPEED = 84, 85, 178
 PLACES = frozenset({16, 17, 18, 19, 21, 22, 31, 82, 84, 85})  # commands the vehicle flies to
+HEADINGS = frozenset({16, 17, 21, 22, 84})  # places whose param4 is a heading that may be left open
 TAKEOFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 LANDINGS = frozenset({LAND, VTOL_LAND})
 # MAV_FRAME
@@ -242,9 +243,7 @@ def _check_firmware(item: Item, firmware: str) -> None:
     """Refuse what the autopilot is known to refuse, or to fly otherwise than it says."""
     unset = {number for number, value in enumerate(item.params, start=1) if value is None}
     if firmware == "ardupilot":
-        may_be_unset = {VTOL_LAND: {3, 4}}.get(
-            item.command, {4} if item.command in {16, 17, 21, 22, 84} else set()
-        )
+        may_be_unset = {VTOL_LAND: {3, 4}}.get(item.command, {4} if item.command in HEADINGS else set())
         if unset - may_be_unset:
             raise MissionError(
                 f"ArduPilot refuses command {item.command} with param{min(unset - may_be_unset)} unset"

@@ -112,7 +112,7 @@ class Summary:
 def summarize(
     dataset: Dataset,
     stretch: StretchSpec | str = "auto",
-    map: Map = serial,  # noqa: A002
+    map: Map = serial,
     progress: Progress | None = None,
 ) -> Summary:
     """Look a dataset over.
@@ -162,7 +162,7 @@ def summarize(
 def _count(
     dataset: Dataset,
     stretch: StretchSpec | str,
-    map: Map,  # noqa: A002
+    map: Map,
     progress: Progress | None,
 ) -> tuple[Stretch, NDArray[np.int64]]:
     """The stretch, and how often each grey occurs under it."""

@@ -183,7 +183,7 @@ def _modelled(geobox: GeoBox) -> _Tables:
 
 
 def _interpolated(geobox: GeoBox) -> Floats | None:
-    """Coefficients (3, m, n) of Chebyshev polynomials, as many as it takes; None where some ground is missing."""
+    """Chebyshev coefficients (3, m, n), as many as it takes; None where some ground is missing."""
     shape = [8, 8]
     while True:
         nodes = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in shape]

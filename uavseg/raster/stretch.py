@@ -125,7 +125,7 @@ def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
 def fit(
     dataset: Dataset,
     spec: StretchSpec | str,
-    map: Map,  # noqa: A002
+    map: Map,
     windows: Sequence[Window],
     progress: Progress | None = None,
 ) -> Stretch:
@@ -189,7 +189,7 @@ def _maximum(dataset: Dataset) -> float:
 def _order_statistics(
     dataset: Dataset,
     percents: Sequence[Fraction],
-    map: Map,  # noqa: A002
+    map: Map,
     windows: Sequence[Window],
     progress: Progress | None,
 ) -> list[float] | None:

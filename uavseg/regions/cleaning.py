@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ring_areas
-from uavseg.regions.tilewise import Outlined, by_size, taken
 from uavseg.regions.outline import Rings
+from uavseg.regions.tilewise import Outlined, by_size, taken
 from uavseg.segmentation.components import Sums
 
 
@@ -45,7 +45,9 @@ def parse_area(text: str) -> Area:
     try:
         return Area(float(number.removesuffix("px")), in_pixels)
     except ValueError as error:
-        raise ParameterError(f"an area is square metres such as 500, or pixels such as 64px, not {text!r}") from error
+        raise ParameterError(
+            f"an area is square metres such as 500, or pixels such as 64px, not {text!r}"
+        ) from error
 
 
 def without_small_holes(outlined: Outlined, geobox: GeoBox, smallest: Area) -> Outlined:
@@ -86,7 +88,8 @@ def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
         return rings.pixel_areas().astype(np.float64)
     if geobox.crs is None:
         raise ParameterError(
-            f"the raster has no CRS, so there are no square metres; give the area in pixels, such as {unit.value:g}px"
+            "the raster has no CRS, so there are no square metres; give the area in pixels, "
+            f"such as {unit.value:g}px"
         )
     return ring_areas(geobox, rings.vertices, rings.starts)
 

@@ -1,7 +1,7 @@
 """The main job: regions of a raster whose mean intensity lies in a range."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,8 @@ class ExtractParams:
     stretch : StretchSpec or str
         How intensity becomes v.
     fill_holes : Area, optional
-        Holes of less are filled, and regions within them become part of what surrounds them; this comes first.
+        Holes of less are filled, and regions within them become part of what surrounds them; this comes
+        first.
     min_area : Area, optional
         Regions of less are dropped.
     simplify_m : float, optional
@@ -43,7 +44,7 @@ class ExtractParams:
         Side of a tile in pixels, a multiple of 64; what comes out does not depend on it.
     """
 
-    segment: SegmentParams = SegmentParams()
+    segment: SegmentParams = field(default_factory=SegmentParams)
     stretch: StretchSpec | str = "auto"
     fill_holes: Area | None = None
     min_area: Area | None = None
@@ -52,7 +53,9 @@ class ExtractParams:
 
     def __post_init__(self) -> None:
         if self.simplify_m is not None and not 0 <= self.simplify_m < float("inf"):
-            raise ParameterError(f"outlines are simplified by metres that are not negative, not {self.simplify_m:g}")
+            raise ParameterError(
+                f"outlines are simplified by metres that are not negative, not {self.simplify_m:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -83,8 +86,8 @@ class Extraction:
 def extract(
     dataset: Dataset,
     interval: IntensityRange,
-    params: ExtractParams = ExtractParams(),  # noqa: B008  (frozen)
-    map: Map = serial,  # noqa: A002
+    params: ExtractParams = ExtractParams(),
+    map: Map = serial,
     progress: Progress | None = None,
 ) -> Extraction:
     """Regions of a raster whose mean intensity lies in a range.
@@ -116,8 +119,8 @@ def extract_from_blocks(
     saved: SavedBlocks,
     dataset: Dataset | None,
     interval: IntensityRange,
-    params: ExtractParams = ExtractParams(),  # noqa: B008  (frozen)
-    map: Map = serial,  # noqa: A002
+    params: ExtractParams = ExtractParams(),
+    map: Map = serial,
     progress: Progress | None = None,
 ) -> Extraction:
     """Regions answered from a block map, refined where its raster is at hand.
@@ -137,7 +140,9 @@ def extract_from_blocks(
     if dataset is None or params.segment.refine == "none":
         return _at_block_edges(saved, interval, params)
     if dataset.geobox.shape != saved.geobox.shape:
-        raise ParameterError(f"{dataset.source} has not the size of the raster that the block map was made from")
+        raise ParameterError(
+            f"{dataset.source} has not the size of the raster that the block map was made from"
+        )
     windows = windows_of(dataset, params.tile)
     source = GreySource(dataset, saved.stretch)
     outlined = _outlined(source, saved.blocks, interval, params, windows, map, progress, saved.blocks)
@@ -148,7 +153,7 @@ def divide(
     dataset: Dataset,
     stretch: StretchSpec | str = "auto",
     tile: int | None = None,
-    map: Map = serial,  # noqa: A002
+    map: Map = serial,
     progress: Progress | None = None,
 ) -> tuple[BlockMap, Stretch]:
     """The whole block map of a raster, and the stretch that made its grey."""
@@ -158,7 +163,7 @@ def divide(
     return block_map(source, windows, map, second), source.stretch
 
 
-def painted(found: Extraction, map: Map = serial) -> Iterator[tuple[Window, NDArray[np.uint32]]]:  # noqa: A002
+def painted(found: Extraction, map: Map = serial) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
     """The labels of regions, window by window from the top, as their outlines enclose them."""
     rows, cols = found.geobox.shape
     stripe = max((1 << 24) // cols // BLOCK, 1) * BLOCK
@@ -178,7 +183,7 @@ def _outlined(
     interval: IntensityRange,
     params: ExtractParams,
     windows: Sequence[Window],
-    map: Map,  # noqa: A002
+    map: Map,
     progress: Progress | None,
     expected: BlockMap | None = None,
 ) -> Outlined:
@@ -193,7 +198,7 @@ def _extraction(
     interval: IntensityRange,
     params: ExtractParams,
     windows: Sequence[Window],
-    map: Map,  # noqa: A002
+    map: Map,
 ) -> Extraction:
     dataset = source.dataset
     if params.fill_holes is not None:
@@ -233,7 +238,7 @@ def _measured(
         pixels,
     )
     if params.simplify_m:
-        regions = simplify(regions, params.simplify_m)
+        regions = simplify(regions, params.simplify_m, geobox)
     return Extraction(regions, rings, geobox, stretch, band_names, told)
 
 
@@ -257,11 +262,18 @@ def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: Extrac
         outlined = without_small_holes(outlined, saved.geobox, params.fill_holes)
     name = saved.origin.rasters[0].rsplit("/", 1)[-1]
     return _measured(
-        outlined, saved.geobox, saved.stretch, saved.band_names, name, interval, params, saved.stretch.warnings
+        outlined,
+        saved.geobox,
+        saved.stretch,
+        saved.band_names,
+        name,
+        interval,
+        params,
+        saved.stretch.warnings,
     )
 
 
-def _sums_of_cells(blocks: BlockMap, labels: np.ndarray, count: int) -> Sums:  # type: ignore[type-arg]
+def _sums_of_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> Sums:
     flat = labels.reshape(-1)
     rows, cols = labels.shape
     greys = np.zeros(count + 1, np.uint64)
@@ -269,7 +281,7 @@ def _sums_of_cells(blocks: BlockMap, labels: np.ndarray, count: int) -> Sums:  #
     np.add.at(greys, flat, blocks.sums[:rows, :cols].reshape(-1).astype(np.uint64))
     np.add.at(counts, flat, blocks.counts[:rows, :cols].reshape(-1))
     unknown = np.full(count, np.nan)
-    return Sums(counts[1:], greys[1:], unknown, np.zeros((count, 2), np.int64))  # type: ignore[arg-type]
+    return Sums(counts[1:], greys[1:], unknown, np.zeros((count, 2), np.int64))
 
 
 def _three(progress: Progress | None) -> list[Progress] | list[None]:

@@ -1,4 +1,4 @@
-"""Regions as GeoJSON (RFC 7946): one feature a line, written from integer coordinates without a number in between."""
+"""Regions as GeoJSON (RFC 7946), one feature a line, in bulk from integer coordinates."""
 
 import json
 from collections.abc import Iterable, Iterator

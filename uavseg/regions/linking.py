@@ -40,8 +40,8 @@ def simple_rings(
 ) -> tuple[Vertices, Integers, Integers, NDArray[np.uint8]]:
     """Rings that pass no vertex twice, each beginning at its uppermost, then leftmost vertex.
 
-    A region that touches itself corner to corner gives a chain that passes the corner twice. There it is cut in
-    two: an exterior and a hole, or two holes, that touch in a point, as valid polygons may.
+    A region that touches itself corner to corner gives a chain that passes the corner twice. There it is cut
+    in two: an exterior and a hole, or two holes, that touch in a point, as valid polygons may.
 
     Returns
     -------
@@ -151,10 +151,20 @@ def _part(vertices, starts, owners, partners, stack, place, simple, simple_start
         for k in range(starts[ring + 1] - begin):
             place[k] = -1
             twin = partners[begin + k]
-            if 0 <= twin and twin < k and place[twin] >= 0:
+            if twin >= 0 and twin < k and place[twin] >= 0:
                 bottom = place[twin]
                 emit(
-                    vertices, begin, stack, bottom, top, owners[ring], rings, simple, simple_starts, simple_owners, hole
+                    vertices,
+                    begin,
+                    stack,
+                    bottom,
+                    top,
+                    owners[ring],
+                    rings,
+                    simple,
+                    simple_starts,
+                    simple_owners,
+                    hole,
                 )
                 rings += 1
                 for above in range(bottom + 1, top + 1):

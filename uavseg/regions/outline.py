@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.raster.tiling import Window
 from uavseg.regions.linking import joined_chains, simple_rings
-from uavseg.regions.tracing import OWNER, START, Chains, trace_tile
+from uavseg.regions.tracing import START, Chains, trace_tile
 from uavseg.segmentation.components import united
 
 
@@ -29,8 +29,8 @@ class Rings:
     labels : (r,) int64 array
         The region, 1..n, that each ring belongs to.
     parts : (r,) int64 array
-        The polygon, 0..p - 1, that each ring belongs to: its exterior comes first. A region has several where its
-        pixels do not all share edges.
+        The polygon, 0..p - 1, that each ring belongs to: its exterior comes first. A region has several
+        where its pixels do not all share edges.
     """
 
     vertices: NDArray[np.int32]
@@ -138,8 +138,9 @@ def rasterise(rings: Rings, window: Window) -> NDArray[np.uint32]:
 class Painter:
     """Paints label images from rings, window by window.
 
-    Along a row a label begins at an edge that goes up and ends at one that goes down; the sum of what begins and ends,
-    modulo 2^32, is the label. So the upright edges are all that is needed, sorted by their upper ends.
+    Along a row a label begins at an edge that goes up and ends at one that goes down; the sum of what begins
+    and ends, modulo 2^32, is the label. So the upright edges are all that is needed, sorted by their upper
+    ends.
     """
 
     def __init__(self, rings: Rings) -> None:
@@ -161,7 +162,9 @@ class Painter:
         started = np.searchsorted(self._upper, window.row + window.rows)
         here = np.flatnonzero(self._lower[:started] > window.row)
         labels = np.zeros((window.rows, window.cols + 1), np.uint32)
-        edges = np.stack([self._upper[here] - window.row, self._lower[here] - window.row, self._cols[here]], 1)
+        edges = np.stack(
+            [self._upper[here] - window.row, self._lower[here] - window.row, self._cols[here]], 1
+        )
         _paint(edges, self._steps[here], window.col, labels)
         return np.cumsum(labels, axis=1, dtype=np.uint32, out=labels)[:, :-1]
 

@@ -17,7 +17,7 @@ Integers = NDArray[np.int64]
 
 
 def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
-    """Leave out vertices whose absence changes little; no region vanishes, overlaps another or becomes invalid.
+    """Leave out vertices whose absence changes little; no region vanishes, overlaps or becomes invalid.
 
     All outlines are simplified together (Visvalingam and Whyatt, as GEOS does it for coverages): a border
     between two regions stays one line. Attributes stay those of the pixels.
@@ -27,8 +27,8 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
     regions : Regions
         Polygons along the pixel edges of `geobox`.
     metres : float
-        The side of a square of about the area that leaving out a vertex may move from one side of a line to the
-        other; units of the transform where there is no CRS.
+        Leaving out a vertex may move an area of about this length squared from one side of an outline to the
+        other. Units of the transform where there is no CRS.
     geobox : GeoBox
 
     Returns
@@ -45,8 +45,8 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
         raise ParameterError(f"simplification wants a length of 0 or more metres, not {metres:g}")
     if not len(regions) or metres == 0:
         return regions
-    # The measure is an area, so pixels may serve as units whatever their shape; and whole numbers leave no doubt
-    # on which side of an edge a vertex lies.
+    # The measure is an area, so pixels may serve as units whatever their shape; and whole numbers leave no
+    # doubt on which side of an edge a vertex lies.
     flat = Ragged.of(regions.polygons)
     corners, rings = _noded(_corners(flat.vertices, geobox.transform), flat.rings)
     coverage = Ragged(corners.astype(np.float64), rings, flat.polygons, flat.regions).built()

@@ -48,12 +48,12 @@ class Regions:
     Parameters
     ----------
     columns : dict of str -> (n,) array
-        `id` (the label, from 1), `area_m2` and `perimeter_m` on the ground (local units where there is no CRS),
-        `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point inside the region
-        (NaN where there is no CRS), `range_low`, `range_high`, `source`.
+        `id` (the label, from 1), `area_m2` and `perimeter_m` on the ground (local units where there is no
+        CRS), `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point inside
+        the region (NaN where there is no CRS), `range_low`, `range_high`, `source`.
     polygons : (n,) object array of shapely Polygon
-        In the raster's CRS; along pixel edges, exteriors counter-clockwise. A MultiPolygon where the pixels of a
-        region do not all share edges.
+        In the raster's CRS; along pixel edges, exteriors counter-clockwise. A MultiPolygon where the pixels
+        of a region do not all share edges.
     wkt : str or None
         The CRS; None where coordinates are local.
     """

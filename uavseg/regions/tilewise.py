@@ -53,7 +53,7 @@ def outline_regions(
     interval: IntensityRange,
     refine: Refinement,
     windows: Sequence[Window],
-    map: Map = serial,  # noqa: A002
+    map: Map = serial,
     progress: Progress | None = None,
     expected: BlockMap | None = None,
 ) -> Outlined:
@@ -148,7 +148,9 @@ class _Joined:
         self._pieces: list[Chains] = []
         self._pairs: list[NDArray[np.int64]] = []
         self._count = 0
-        self._above = np.zeros(width, np.int64)  # components along the last row of the tiles above, 0 for none
+        self._above = np.zeros(
+            width, np.int64
+        )  # components along the last row of the tiles above, 0 for none
         self._left: NDArray[np.int64] | None = None
 
     def add(self, window: Window, tile: _Tile | None) -> None:
@@ -205,7 +207,7 @@ def _in_order(
     return Outlined(link(pieces, labels[group], in_raster_order[part]), taken(merged, order))
 
 
-def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], map: Map) -> Sums:  # noqa: A002
+def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], map: Map) -> Sums:
     """Sums over the valid pixels that regions enclose, read again from the raster."""
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
@@ -222,8 +224,8 @@ def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], ma
 def _sum_tile(source: GreySource, paint: Painter, window: Window) -> tuple[NDArray[np.int64], Sums] | None:
     """Labels in a tile, and the sums of each over its valid pixels."""
     labels = paint(window)
-    names = np.unique(labels)
-    names = names[names > 0].astype(np.int64)
+    names = np.unique(labels).astype(np.int64)
+    names = names[names > 0]
     if len(names) == 0:
         return None
     tile = source.read(window, 0)

@@ -1,8 +1,9 @@
 """Walking along the edges between pixels: chains of corners, tile by tile.
 
-An edge of a region is walked with the region on the right-hand side: an exterior runs clockwise as one sees the
-picture, a hole the other way. Directions are 0 right, 1 down, 2 left, 3 up. A tile walks the edges of its own
-pixels; where a boundary goes on along a pixel of another tile, the chain ends, and says where it goes on.
+An edge of a region is walked with the region on the right-hand side: an exterior runs clockwise as one sees
+the picture, a hole the other way. Directions are 0 right, 1 down, 2 left, 3 up. A tile walks the edges of
+its own pixels; where a boundary goes on along a pixel of another tile, the chain ends, and says where it
+goes on.
 """
 
 from dataclasses import dataclass
@@ -28,8 +29,8 @@ class Chains:
     pinched : (v,) uint8 array
         1 where the region touches itself or another piece of its label corner to corner.
     table : (k, 6) int64 array
-        Of each chain: the label it belongs to, its first vertex, its first and its last direction, the key of its
-        first edge and the key of the edge after its last one; both keys are -1 if it is closed.
+        Of each chain: the label it belongs to, its first vertex, its first and its last direction, the key
+        of its first edge and the key of the edge after its last one; both keys are -1 if it is closed.
     """
 
     vertices: NDArray[np.int32]
@@ -63,7 +64,9 @@ def trace_tile(
         pinched = np.empty(room, np.uint8)
         table = np.empty((room, 6), np.int64)
         sizes = np.zeros(2, np.int64)
-        kernel_of_type(image, labels, margin, corner[0], corner[1], width, seen, vertices, pinched, table, sizes)
+        kernel_of_type(
+            image, labels, margin, corner[0], corner[1], width, seen, vertices, pinched, table, sizes
+        )
         if sizes.max() <= room:
             used, chains = sizes
             return Chains(vertices[:used].copy(), pinched[:used].copy(), table[:chains].copy())
@@ -100,12 +103,14 @@ def pixel_col(col, direction, right):  # type: ignore[no-untyped-def]
 @inlined
 def lies_within(row, col, shape):  # type: ignore[no-untyped-def]
     """Whether a pixel is one of the tile's own."""
-    return 0 <= row and row < shape[0] and 0 <= col and col < shape[1]
+    return row >= 0 and row < shape[0] and col >= 0 and col < shape[1]
 
 
 @inlined
 def begins_chain(image, shape, margin, row, col, direction):  # type: ignore[no-untyped-def]
-    """Whether the edge from a corner is one of the tile's whose predecessor runs along another tile's pixel."""
+    """Whether the edge from a corner is one of the tile's whose predecessor runs along another tile's
+    pixel.
+    """
     own_row = pixel_row(row, direction, True)
     own_col = pixel_col(col, direction, True)
     label = image[own_row + margin, own_col + margin]
@@ -196,7 +201,22 @@ def _trace(image, labels, margin, top, left, width, seen, vertices, pinched, tab
                 if lies_within(own_row, own_col, labels.shape) and begins_chain(
                     image, labels.shape, margin, r, c, direction
                 ):
-                    walk(image, labels, margin, top, left, width, seen, vertices, pinched, table, sizes, r, c, direction)
+                    walk(
+                        image,
+                        labels,
+                        margin,
+                        top,
+                        left,
+                        width,
+                        seen,
+                        vertices,
+                        pinched,
+                        table,
+                        sizes,
+                        r,
+                        c,
+                        direction,
+                    )
     # Everything else is closed, and has an upper edge.
     for r in range(rows):
         for c in range(cols):

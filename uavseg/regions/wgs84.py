@@ -28,7 +28,7 @@ UNITS = 10_000_000
 
 _HALF_TURN = 180 * UNITS
 _EARTH_RADII_M = (6.3e6, 6.4e6)
-_SAG = 1 / 20  # how far an edge may leave its true course, in pixels
+_SAG = 1 / 50  # how far an edge may leave its true course, in pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,12 +188,12 @@ def _pieces(xy: Floats, degrees: Floats, starts: Integers, radius: float) -> Int
     if steps.max() <= _straight_enough(slope.max(), pixel, radius):
         return np.ones(len(xy), np.int64)
     limit = _straight_enough(np.maximum(slope, np.roll(slope, -1)), pixel, radius)
-    pieces: Integers = np.maximum(np.ceil(steps / np.maximum(limit, pixel)), 1).astype(np.int64)
+    pieces: Integers = np.maximum(np.ceil(steps / np.maximum(limit, pixel / 16)), 1).astype(np.int64)
     return pieces
 
 
 def _straight_enough(lat: Any, pixel: float, radius: float) -> Any:
-    """The length of an edge that sags by a small part of a pixel; meridians meet the faster, the nearer the pole."""
+    """Length of an edge that sags by a small part of a pixel: meridians meet faster towards the poles."""
     curvature = np.maximum(np.tan(np.radians(np.minimum(lat, 89.999999))), 0.3) / radius
     return np.sqrt(8 * _SAG * pixel / curvature)
 

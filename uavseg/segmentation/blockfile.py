@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.opening import GDAL_ERRORS, gdal, quiet_open
 from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import CELL
@@ -18,7 +17,15 @@ from uavseg.raster.write import read_geotiff, write_geotiff
 from uavseg.segmentation.blockmap import CELLS, BlockMap, leaves
 
 _TAG = "UAVSEG_BLOCK_MAP"
-_BANDS = ("mean v", "side of the leaf in pixels", "sum of grey", "valid pixels", "R of 64", "R of 32", "R of 16")
+_BANDS = (
+    "mean v",
+    "side of the leaf in pixels",
+    "sum of grey",
+    "valid pixels",
+    "R of 64",
+    "R of 32",
+    "R of 16",
+)
 _SIDES = (64, 32, 16)
 
 
@@ -116,14 +123,16 @@ def load(path: str | os.PathLike[str]) -> SavedBlocks:
         blocks.counts[:rows, :cols] = bands[3]
         for k in range(len(_SIDES)):
             _from_cells(bands[4 + k], k, blocks.ratios)
-        geobox = GeoBox(shape, cells.transform * Affine.scale(1 / CELL), cells.crs)
+        geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
         rgb = facts["rgb"] and tuple(facts["rgb"])
         nodata = None if facts["nodata"] is None else float(facts["nodata"])
         origin = Origin(tuple(facts["rasters"]), facts["folder"], facts["band"], rgb, nodata)
         stretch = Stretch(facts["low"], facts["high"], facts["stretch"])
         return SavedBlocks(blocks, geobox, stretch, facts["bands"], origin)
     except (KeyError, ValueError, TypeError, IndexError) as error:
-        raise RasterError(f"{path} is not a block map that this version reads; make it again with uavseg divide") from error
+        raise RasterError(
+            f"{path} is not a block map that this version reads; make it again with uavseg divide"
+        ) from error
 
 
 def _tags(saved: SavedBlocks) -> dict[str, str]:

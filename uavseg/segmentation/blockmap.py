@@ -1,7 +1,8 @@
 """The block map: what every later question is answered from.
 
 For each cell of 8 x 8 pixels the sum of its valid grey and their number, for each block of 64, 32 and 16 the
-ratio R of its texture. None of it depends on a threshold or a range, so leaves for any of them follow from here.
+ratio R of its texture. None of it depends on a threshold or a range, so leaves for any of them follow from
+here.
 """
 
 from dataclasses import dataclass
@@ -42,7 +43,9 @@ class BlockMap:
         """A block map of an image without valid pixels."""
         rows, cols = (-(-length // (8 * CELLS)) for length in shape)
         cells = (rows * CELLS, cols * CELLS)
-        return cls(shape, np.zeros(cells, np.uint32), np.zeros(cells, np.uint8), np.zeros((rows, cols, RATIOS)))
+        return cls(
+            shape, np.zeros(cells, np.uint32), np.zeros(cells, np.uint8), np.zeros((rows, cols, RATIOS))
+        )
 
     @property
     def blocks(self) -> tuple[int, int]:
@@ -185,13 +188,12 @@ def _leaves(sums, counts, ratios, threshold, step, side, mean):  # type: ignore[
                         mark(side, mean, r8, c8, 1, mean_of(sums, counts, r8, c8, 1))
 
 
-def undecided(
-    blocks: BlockMap, low: float, high: float, intensity_step: float
-) -> NDArray[np.bool_]:
+def undecided(blocks: BlockMap, low: float, high: float, intensity_step: float) -> NDArray[np.bool_]:
     """Blocks whose texture must be known before a range [low, high] can be extracted.
 
-    Where the means of all cells of a block lie in the range, or all below it, or all above it, so does the mean of
-    any leaf made of them, and how the block is divided changes nothing. Nor does R where intensity divides anyway.
+    Where the means of all cells of a block lie in the range, or all below it, or all above it, so does the
+    mean of any leaf made of them, and how the block is divided changes nothing. Nor does R where intensity
+    divides anyway.
 
     Returns
     -------

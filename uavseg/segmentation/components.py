@@ -57,9 +57,7 @@ class Sums:
     firsts: NDArray[np.int64]
 
 
-def component_sums(
-    labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16], margin: int = 0
-) -> Sums:
+def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16], margin: int = 0) -> Sums:
     """Sums over the components 1..count of a label image.
 
     Parameters

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.texture import BINS, SYMBOLS, UNCOUNTED, contrast, contrast_bin, counted, given, lbp_code
+from uavseg.segmentation.texture import (
+    BINS,
+    SYMBOLS,
+    UNCOUNTED,
+    contrast,
+    contrast_bin,
+    counted,
+    given,
+    lbp_code,
+)
 
 BLOCK = 64
 RATIOS = 21  # of one block: side 64, then four of side 32, then sixteen of side 16, each row by row
@@ -40,8 +49,8 @@ def block_ratios(
     Returns
     -------
     ratios : (B, 21) float64 array
-        Side 64, then the four of side 32, then the sixteen of side 16, row by row. 0 where every G is 0 or fewer
-        than two children have counted pixels (never divided); infinite where only the smallest G is 0.
+        Side 64, then the four of side 32, then the sixteen of side 16, row by row. 0 where every G is 0 or
+        fewer than two children have counted pixels (never divided); infinite where only the smallest G is 0.
     """
     ratios = np.empty((len(corners), RATIOS))
     scratch = np.zeros((6, SYMBOLS), np.uint64)
@@ -73,7 +82,8 @@ def likelihood_ratio(first: NDArray[np.integer], second: NDArray[np.integer]) ->
 
 
 def _joined(first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.float64]:
-    return _N_LN_N[first + second] - _N_LN_N[first] - _N_LN_N[second]
+    joined: NDArray[np.float64] = _N_LN_N[first + second] - _N_LN_N[first] - _N_LN_N[second]
+    return joined
 
 
 @inlined
@@ -93,7 +103,8 @@ def ratio_of_children(packed, listed, many, width, n_ln_n):  # type: ignore[no-u
     """R from the four histograms packed in a table, over the `many` symbols that are listed.
 
     G of a pair is 2 (J(N_s, N_m) - sum of J(f_s, f_m)) with J(a, b) = (a + b) ln (a + b) - a ln a - b ln b,
-    which is equation 1 put in order. A symbol that only one of the two has adds nothing, so no branch is needed.
+    which is equation 1 put in order. A symbol that only one of the two has adds nothing, so no branch is
+    needed.
     """
     mask = (np.uint64(1) << width) - np.uint64(1)
     n0 = n1 = n2 = n3 = np.uint64(0)

@@ -1,9 +1,9 @@
 """The phases in a row, from a raster to its block map and to refined tiles: read this first.
 
-    stretch  -> measured: cells and contrast   (one pass over all tiles)
-             -> divided: R where it is wanted  (the tiles with such blocks)
-             -> in_range: leaves               (on the block map alone)
-             -> refined: a tile of pixels      (one pass over all tiles)
+stretch  -> measured: cells and contrast   (one pass over all tiles)
+         -> divided: R where it is wanted  (the tiles with such blocks)
+         -> in_range: leaves               (on the block map alone)
+         -> refined: a tile of pixels      (one pass over all tiles)
 """
 
 from collections.abc import Sequence
@@ -129,7 +129,7 @@ class Measured:
 def block_map(
     source: GreySource,
     windows: Sequence[Window],
-    map: Map = serial,  # noqa: A002
+    map: Map = serial,
     progress: Progress | None = None,
 ) -> BlockMap:
     """The whole block map of a raster: sums and counts of its cells, R of all its blocks.
@@ -155,7 +155,7 @@ def block_map_for(
     interval: IntensityRange,
     params: SegmentParams,
     windows: Sequence[Window],
-    map: Map = serial,  # noqa: A002
+    map: Map = serial,
     progress: Progress | None = None,
 ) -> BlockMap:
     """A block map that answers one range exactly: R is known where the range does not decide by itself."""
@@ -167,7 +167,10 @@ def block_map_for(
 
 
 def measure(
-    source: GreySource, windows: Sequence[Window], map: Map, progress: Progress | None = None  # noqa: A002
+    source: GreySource,
+    windows: Sequence[Window],
+    map: Map,
+    progress: Progress | None = None,
 ) -> Measured:
     """Sums and counts of all cells, and the cuts of contrast over the whole raster."""
     blocks = BlockMap.empty(source.shape)
@@ -187,7 +190,7 @@ def divide(
     measured: Measured,
     wanted: NDArray[np.bool_],
     windows: Sequence[Window],
-    map: Map,  # noqa: A002
+    map: Map,
     progress: Progress | None = None,
 ) -> None:
     """Fill in R of the blocks that are wanted, a (B, C) bool array."""
@@ -274,7 +277,9 @@ def _divide_tile(
 def _blocks_in(window: Window, wanted: NDArray[np.bool_]) -> tuple[Window, NDArray[np.int64]] | None:
     """The smallest part of a window with all its wanted blocks, and where they begin in it."""
     top, left = window.row // BLOCK, window.col // BLOCK
-    here = wanted[top : -(-(window.row + window.rows) // BLOCK), left : -(-(window.col + window.cols) // BLOCK)]
+    here = wanted[
+        top : -(-(window.row + window.rows) // BLOCK), left : -(-(window.col + window.cols) // BLOCK)
+    ]
     rows, cols = np.nonzero(here)
     if len(rows) == 0:
         return None
@@ -297,7 +302,7 @@ def window_cells(window: Window) -> tuple[slice, slice]:
 
 def _any_valid(blocks: BlockMap) -> NDArray[np.bool_]:
     rows, cols = blocks.blocks
-    return blocks.counts.reshape(rows, 8, cols, 8).any(axis=(1, 3))
+    return np.asarray(blocks.counts.reshape(rows, 8, cols, 8).any(axis=(1, 3)))
 
 
 def _whole(length: int) -> int:

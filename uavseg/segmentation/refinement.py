@@ -1,8 +1,8 @@
 """Boundaries to the pixel: four scans over the image, or a local mean (beyond the paper).
 
-The scans are Abou Merhy, Payeur and Petriu's compaction (2008, section II C) with "in the range" in the place of the
-states: first pixels outside the range leave their region, then pixels in the range join one. A run of such
-changes ends after 8 pixels, so that what happens to a pixel depends on its neighbourhood alone.
+The scans are Abou Merhy, Payeur and Petriu's compaction (2008, section II C) with "in the range" in the
+place of the states: first pixels outside the range leave their region, then pixels in the range join one. A
+run of such changes ends after 8 pixels, so that what happens to a pixel depends on its neighbourhood alone.
 """
 
 import numpy as np
@@ -49,8 +49,9 @@ def smooth(
 ) -> NDArray[np.uint8]:
     """Decide the pixels near a boundary again, by the mean of v around them.
 
-    A pixel is near where both a pixel inside and a valid one outside lie within 8 pixels of it (in a square). The mean
-    runs over the valid pixels of the 17 x 17 around it with binomial weights (sigma 2 pixels).
+    A pixel is near where both a pixel inside and a valid one outside lie within 8 pixels of it (in a
+    square). The mean runs over the valid pixels of the 17 x 17 around it with binomial weights (sigma 2
+    pixels).
 
     Parameters
     ----------
@@ -80,14 +81,18 @@ def _spread(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
         padded = np.pad(spread, [(_RUN, _RUN) if k == axis else (0, 0) for k in (0, 1)])
         for step in (1, 2, 4, 8, 1):  # windows of 2, 4, 8, 16 and 17
             length = padded.shape[axis] - step
-            padded = np.maximum(padded.take(range(length), axis), padded.take(range(step, length + step), axis))
+            padded = np.maximum(
+                padded.take(range(length), axis), padded.take(range(step, length + step), axis)
+            )
         spread = padded
     return spread
 
 
 @inlined
 def eligible(own, fits, grow):  # type: ignore[no-untyped-def]
-    """1 where a pixel would change its side if the one before it asked: it does not fit, or (grow) it does."""
+    """1 where a pixel would change its side if the one before it asked: it does not fit, or (grow) it
+    does.
+    """
     return (own ^ grow) & (fits ^ grow ^ np.uint8(1))
 
 
@@ -99,7 +104,9 @@ def asks(own, valid, grow):  # type: ignore[no-untyped-def]
 
 @inlined
 def joined(first, second, ahead, result):  # type: ignore[no-untyped-def]
-    """first & second, the latter `ahead` pixels on. (Unsigned indices and one result a loop keep it vectorised.)"""
+    """first & second, the latter `ahead` pixels on. (Unsigned indices and one result a loop keep it
+    vectorised.)
+    """
     margin = np.uintp(_RUN)
     moved = np.uintp(_RUN + ahead)
     for c in range(np.uintp(result.shape[0] - 2 * _RUN)):
@@ -117,8 +124,9 @@ def extended(change, fits, ahead, result):  # type: ignore[no-untyped-def]
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1, i8, u1[::1], u1[::1], u1[::1], u1[::1])")
 def _scan_rows(inside, valid, matching, grow, before, fits, change, fits_2, change_2):  # type: ignore[no-untyped-def]
-    # A pixel changes where it and all between it and one that asks are eligible, and the one that asks is at most 8
-    # pixels before it. Three doublings make runs of 8; lines have 8 zeros at both ends, so nothing runs over.
+    # A pixel changes where it and all between it and one that asks are eligible, and the one that asks is at
+    # most 8 pixels before it. Three doublings make runs of 8; lines have 8 zeros at both ends, so nothing
+    # runs over.
     cols = inside.shape[1]
     for r in range(inside.shape[0]):
         for c in range(cols):

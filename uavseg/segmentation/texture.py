@@ -113,7 +113,8 @@ def contrast(grey, r, c):  # type: ignore[no-untyped-def]
     """Mean of the neighbours >= the centre less mean of the others, rounded down; 0 if either group is empty.
 
     As one fraction, (hi m - lo n) / (n m): both integers fit float32 exactly and the quotient rounds to
-    an integer only where it is one, so that this is the exact floor. Where a group is empty the numerator is 0.
+    an integer only where it is one, so that this is the exact floor. Where a group is empty the numerator is
+    0.
     """
     g = np.int32(grey[r, c])
     n = np.int32(0)
@@ -151,7 +152,9 @@ def lbp_code(grey, r, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def contrast_bin(value, cuts):  # type: ignore[no-untyped-def]
-    """The number of cuts strictly below a contrast; `cuts` as seven numbers, which keeps the loop straight."""
+    """The number of cuts strictly below a contrast; `cuts` as seven numbers, which keeps the loop
+    straight.
+    """
     found = np.int32(0)
     for cut in cuts:
         found += np.int32(cut < value)

@@ -1,0 +1,208 @@
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink import mavwp
+
+from uavseg.errors import MissionError, OutputExistsError
+from uavseg.flight import files
+from uavseg.flight.mission import AMSL, NO_PLACE, RELATIVE, RETURN, TERRAIN, Home, Item, Mission
+
+HOME = Home(-33.856784123, 151.215296987, 12.5)
+WAYPOINT = Item(16, RELATIVE, (0.0, 0.0, 0.0, None), -33.8561234567, 151.2151234567, 40.25)
+MISSION = Mission(
+    HOME,
+    (
+        Item(22, RELATIVE, (0.0, 0.0, 0.0, None), HOME.lat, HOME.lon, 60.0),
+        Item(178, NO_PLACE, (1.0, 7.5, -1.0, 0.0)),
+        WAYPOINT,
+        Item(16, TERRAIN, (3.0, 0.0, 0.0, 90.0), -33.8, 151.2, 55.0),
+        Item(19, AMSL, (20.0, 0.0, 0.0, 0.0), -33.80000001, 151.20000001, 99.125),
+        Item(RETURN, NO_PLACE),
+    ),
+)
+
+numbers = st.floats(-1e4, 1e4)
+headings = st.none() | st.floats(-360, 360).filter(bool)
+places = st.builds(
+    Item,
+    st.sampled_from([16, 17, 21]),
+    st.sampled_from([RELATIVE, TERRAIN]),
+    st.tuples(numbers, numbers, numbers, headings),
+    st.floats(-33.9, -33.8),
+    st.floats(151.1, 151.3),
+    st.floats(0.01, 1000),
+)
+orders = st.builds(Item, st.sampled_from([20, 178, 206]), st.just(NO_PLACE), st.tuples(*[numbers] * 4))
+missions = st.builds(
+    Mission, st.just(HOME), st.tuples(places, orders, places), st.just("ardupilot")
+) | st.lists(st.one_of(places, orders), max_size=9).map(lambda items: Mission(HOME, (WAYPOINT, *items)))
+
+
+def written(mission: Mission, folder: Path, suffix: str) -> Path:
+    path = folder / f"flight{suffix}"
+    files.write(mission, path, overwrite=True)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
+@given(mission=missions)
+@settings(max_examples=40, deadline=None)
+def test_a_mission_comes_back_equal(
+    mission: Mission, suffix: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    assert files.read(written(mission, tmp_path_factory.getbasetemp(), suffix)) == mission
+
+
+def test_a_plan_holds_the_firmware(tmp_path: Path) -> None:
+    mission = Mission(HOME, (WAYPOINT, Item(RETURN, NO_PLACE)), "px4")
+    assert files.read(written(mission, tmp_path, ".plan")) == mission
+
+
+@pytest.mark.parametrize(("suffix", "homes"), [(".plan", 0), (".waypoints", 1)])
+def test_mavsdk_reads_every_item(mavsdk_reader: Any, tmp_path: Path, suffix: str, homes: int) -> None:
+    path = str(written(MISSION, tmp_path, suffix))
+    reader = mavsdk_reader
+    load = reader.import_qgroundcontrol_mission if homes == 0 else reader.import_mission_planner_mission
+    found = load(path).mission_items
+    assert len(found) == len(MISSION.items) + homes
+    if homes:
+        assert (found[0].command, found[0].frame, found[0].z) == (16, 0, 12.5)
+        assert found[0].x == pytest.approx(HOME.lat * 1e7, abs=1)
+    for item, theirs in zip(MISSION.items, found[homes:], strict=True):
+        assert (theirs.command, theirs.frame, theirs.autocontinue) == (item.command, item.frame, 1)
+        assert theirs.x == pytest.approx(item.lat * 1e7, abs=1)
+        assert theirs.y == pytest.approx(item.lon * 1e7, abs=1)
+        assert theirs.z == pytest.approx(item.altitude_m, abs=1e-5)
+        for mine, param in zip(
+            item.params, (theirs.param1, theirs.param2, theirs.param3, theirs.param4), strict=True
+        ):
+            unset = 0.0 if homes else math.nan
+            assert param == pytest.approx(unset if mine is None else mine, nan_ok=True)
+
+
+def test_mavwp_reads_every_row(tmp_path: Path) -> None:
+    loader = mavwp.MAVWPLoader()
+    assert loader.load(str(written(MISSION, tmp_path, ".waypoints"))) == len(MISSION.items) + 1
+    home = loader.wp(0)
+    assert (home.seq, home.current, home.frame, home.command, home.z) == (0, 1, 0, 16, 12.5)
+    assert (home.x, home.y) == (HOME.lat, HOME.lon)
+    for number, item in enumerate(MISSION.items, start=1):
+        row = loader.wp(number)
+        assert (row.seq, row.current, row.frame, row.command) == (number, 0, item.frame, item.command)
+        assert (row.param1, row.param2, row.param3, row.param4) == tuple(p or 0.0 for p in item.params)
+        assert (row.x, row.y, row.z) == (item.lat, item.lon, item.altitude_m)
+
+
+def test_a_plan_has_every_key_that_some_reader_requires() -> None:
+    plan = json.loads(files.plan_text(MISSION), parse_constant=pytest.fail)
+    assert set(plan) == {"fileType", "groundStation", "version", "mission", "geoFence", "rallyPoints"}
+    assert (plan["fileType"], plan["version"], plan["mission"]["version"]) == ("Plan", 1, 2)
+    assert plan["geoFence"] == {"version": 2, "circles": [], "polygons": []}
+    assert plan["rallyPoints"] == {"version": 2, "points": []}
+    mission = plan["mission"]
+    assert mission["plannedHomePosition"] == [HOME.lat, HOME.lon, 12.5]
+    assert (mission["firmwareType"], mission["vehicleType"], mission["globalPlanAltitudeMode"]) == (3, 2, 1)
+    for number in (plan["version"], mission["version"], mission["cruiseSpeed"], mission["hoverSpeed"]):
+        assert type(number) is int
+    for number, item in enumerate(mission["items"], start=1):
+        assert {"type", "command", "frame", "params", "autoContinue", "doJumpId"} <= set(item)
+        assert (item["doJumpId"], len(item["params"]), item["autoContinue"]) == (number, 7, True)
+        assert ("AltitudeMode" in item) == ("Altitude" in item) == ("AMSLAltAboveTerrain" in item)
+    assert [item.get("AltitudeMode") for item in mission["items"]] == [1, None, 1, 4, 2, None]
+
+
+def test_waypoints_are_tabs_and_line_feeds_with_home_first(tmp_path: Path) -> None:
+    text = written(MISSION, tmp_path, ".waypoints").read_bytes().decode("ascii")
+    assert text.startswith("QGC WPL 110\n0\t1\t0\t16\t0.00000000\t") and text.endswith("\t1\n")
+    assert "\r" not in text and "\n\n" not in text
+    for line in text.splitlines()[1:]:
+        fields = line.split("\t")
+        assert len(fields) == 12
+        assert all(len(field.split(".")[1]) >= 8 for field in fields[4:10])
+
+
+def test_the_extension_chooses_and_another_is_refused(tmp_path: Path) -> None:
+    files.write(MISSION, tmp_path / "UPPER.PLAN")
+    for name in ("mission.txt", "mission", "mission.kml"):
+        with pytest.raises(MissionError, match=r"\.plan or \.waypoints"):
+            files.write(MISSION, tmp_path / name)
+        with pytest.raises(MissionError, match=r"\.plan or \.waypoints"):
+            files.read(tmp_path / name)
+
+
+def test_a_mission_is_not_replaced_unasked(tmp_path: Path) -> None:
+    path = written(MISSION, tmp_path, ".plan")
+    before = path.read_bytes()
+    with pytest.raises(OutputExistsError):
+        files.write(Mission(HOME, (WAYPOINT,)), path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["flight.plan"]
+
+
+def changed(**changes: Any) -> str:
+    plan = json.loads(files.plan_text(MISSION))
+    return json.dumps({**plan, **changes})
+
+
+def changed_item(**changes: Any) -> str:
+    plan = json.loads(files.plan_text(MISSION))
+    plan["mission"]["items"][2].update(changes)
+    return json.dumps(plan)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "cannot|not a mission"),
+        ("[]", "not a plan"),
+        ("{}", "not a plan"),
+        (changed(fileType="Fence"), "not a plan"),
+        (changed(version=3), "version 1"),
+        (changed(mission={"version": 2}), "firmwareType' is missing"),
+        (changed_item(type="ComplexItem", complexItemType="survey"), "holds a survey item"),
+        (changed_item(params=[0, 0, 0]), "not a mission"),
+        (changed_item(params=[0, 0, 0, None, 91, 151, 40]), "-90..90"),
+        (changed_item(params=[0, 0, 0, None, -33.8, 151.2, math.nan]), "finite"),
+        (changed_item(command="fly"), "not a mission"),
+    ],
+)
+def test_a_plan_that_is_none_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "odd.plan"
+    path.write_text(text)
+    with pytest.raises(MissionError, match=words) as refused:
+        files.read(path)
+    assert "odd.plan" in str(refused.value) and "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("110", "120", "first line"),
+        ("\n1\t", "\n2\t", "line 3"),
+        ("\t", " ", "line 2"),
+        ("\t-33", "\tminus", "not a mission"),
+        ("-33.8561", "nan", "not a mission|finite"),
+        ("151.21512", "351.21512", "-180..180"),
+    ],
+)
+def test_waypoints_that_are_none_are_refused_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+    path = tmp_path / "odd.waypoints"
+    path.write_text(files.waypoints_text(MISSION).replace(old, new))
+    with pytest.raises(MissionError, match=words):
+        files.read(path)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(MissionError, match=r"none\.plan cannot be read"):
+        files.read(tmp_path / "none.plan")
+
+
+def test_a_fence_that_is_not_read_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "fenced.plan"
+    path.write_text(changed(geoFence={"version": 2, "circles": [{}], "polygons": []}))
+    assert "fence" in files.read(path).warnings[0]

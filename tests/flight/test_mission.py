@@ -1,0 +1,160 @@
+import math
+from typing import Any
+
+import pytest
+
+from uavseg.errors import MissionError
+from uavseg.flight.mission import (
+    AMSL,
+    CHANGE_SPEED,
+    LAND,
+    NO_PLACE,
+    RELATIVE,
+    RETURN,
+    TAKEOFF,
+    TERRAIN,
+    WAYPOINT,
+    Home,
+    Item,
+    Mission,
+)
+
+HOME = Home(47.0, 8.0, 400.0)
+UP = Item(TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)
+BACK = Item(RETURN, NO_PLACE)
+
+
+def waypoint(lat: float = 47.001, lon: float = 8.0, altitude_m: float = 50.0, **changes: Any) -> Item:
+    return Item(**{"command": WAYPOINT, "frame": RELATIVE, "lat": lat, "lon": lon, "altitude_m": altitude_m}
+    | changes)
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "words"),
+    [
+        (math.nan, 8, "finite"),
+        (47, math.inf, "finite"),
+        (90.001, 8, "-90..90"),
+        (-91, 8, "-90..90"),
+        (47, 180.5, "-180..180"),
+        (122.3, 49.4, "swapped"),
+    ],
+)
+def test_a_place_that_is_not_on_earth_is_refused(lat: float, lon: float, words: str) -> None:
+    with pytest.raises(MissionError, match=words):
+        Home(lat, lon)
+    with pytest.raises(MissionError, match=words):
+        waypoint(lat, lon)
+
+
+@pytest.mark.parametrize("altitude_m", [-1.0, 0.0, 1000.5, math.nan, math.inf])
+def test_an_altitude_at_the_ground_or_absurd_is_refused(altitude_m: float) -> None:
+    with pytest.raises(MissionError, match="altitude"):
+        waypoint(altitude_m=altitude_m)
+
+
+def test_a_landing_may_be_at_the_ground() -> None:
+    assert Item(LAND, RELATIVE, lat=47.0, lon=8.0).altitude_m == 0
+
+
+@pytest.mark.parametrize("altitude_m", [-501.0, 9001.0, math.nan])
+def test_home_is_on_the_ground_of_the_earth(altitude_m: float) -> None:
+    with pytest.raises(MissionError, match="above the sea"):
+        Home(47, 8, altitude_m)
+
+
+def test_a_place_needs_a_frame_of_places() -> None:
+    with pytest.raises(MissionError, match="frame 3"):
+        waypoint(frame=NO_PLACE)
+
+
+@pytest.mark.parametrize("params", [(0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0), (0.0, math.inf, 0.0, 0.0)])
+def test_parameters_are_four_finite_numbers(params: Any) -> None:
+    with pytest.raises(MissionError, match="four parameters"):
+        waypoint(params=params)
+
+
+@pytest.mark.parametrize("items", [(), (UP,), (UP, BACK)])
+def test_a_mission_without_a_place_to_fly_to_is_refused(items: tuple[Item, ...]) -> None:
+    with pytest.raises(MissionError, match="has none"):
+        Mission(HOME, items)
+
+
+def test_more_items_than_a_link_counts_are_refused_and_many_are_said() -> None:
+    assert not Mission(HOME, (waypoint(),) * 650).warnings
+    assert "651 items" in Mission(HOME, (waypoint(),) * 651).warnings[0]
+    assert "501 items" in Mission(HOME, (waypoint(),) * 501, "px4").warnings[0]
+    with pytest.raises(MissionError, match="65534"):
+        Mission(HOME, (waypoint(),) * 65535)
+
+
+def test_a_home_far_from_the_first_waypoint_is_refused_with_the_distance() -> None:
+    Mission(HOME, (UP, waypoint(47.17)))
+    with pytest.raises(MissionError, match=r"22 km .* latitude first"):
+        Mission(HOME, (UP, waypoint(47.2)))
+    with pytest.raises(MissionError, match="look swapped"):
+        Mission(Home(8.0, 47.0), (waypoint(),))
+
+
+def test_a_waypoint_far_from_home_is_refused_wherever_it_comes() -> None:
+    with pytest.raises(MissionError, match="111 km from home"):
+        Mission(HOME, (UP, waypoint(), waypoint(48.0)))
+
+
+def test_heights_above_the_sea_are_held_against_home() -> None:
+    Mission(HOME, (waypoint(frame=AMSL, altitude_m=1300.0),))
+    with pytest.raises(MissionError, match="1100 m above home"):
+        Mission(HOME, (waypoint(frame=AMSL, altitude_m=1500.0),))
+
+
+@pytest.mark.parametrize(
+    ("item", "firmware"),
+    [
+        (waypoint(frame=TERRAIN), "px4"),
+        (waypoint(command=18), "px4"),
+        (Item(RETURN, RELATIVE), "px4"),
+        (Item(CHANGE_SPEED, RELATIVE, (1.0, 5.0, -1.0, 0.0)), "px4"),
+        (waypoint(params=(None, 0.0, 0.0, 0.0)), "ardupilot"),
+        (Item(CHANGE_SPEED, NO_PLACE, (1.0, 5.0, None, 0.0)), "ardupilot"),
+        (Item(214, NO_PLACE), "ardupilot"),
+    ],
+)
+def test_what_one_firmware_refuses_only_the_other_may_have(item: Item, firmware: str) -> None:
+    with pytest.raises(MissionError, match=r"PX4|ArduPilot"):
+        Mission(HOME, (waypoint(), item), firmware)
+    Mission(HOME, (waypoint(), item), "px4" if firmware == "ardupilot" else "ardupilot")
+
+
+def test_an_unknown_firmware_is_refused() -> None:
+    with pytest.raises(MissionError, match="betaflight"):
+        Mission(HOME, (waypoint(),), "betaflight")
+
+
+def test_distance_and_time_are_those_of_the_way_there_and_back() -> None:
+    mission = Mission(HOME, (UP, Item(CHANGE_SPEED, NO_PLACE, (1.0, 10.0, -1.0, 0.0)), waypoint(47.01), BACK))
+    north = 1111.77  # metres in 0.01 degrees of latitude at 47 degrees, from tables of the ellipsoid
+    assert mission.speed_m_s == 10
+    assert mission.distance_m == pytest.approx(2 * north, rel=1e-5)
+    assert mission.duration_s == pytest.approx(50 / 2.5 + 2 * north / 10 + 50 / 1.5, rel=1e-4)
+
+
+def test_without_return_nothing_is_flown_after_the_last_item() -> None:
+    assert Mission(HOME, (UP, waypoint())).distance_m * 2 == pytest.approx(
+        Mission(HOME, (UP, waypoint(), BACK)).distance_m
+    )
+
+
+def test_a_takeoff_at_zero_is_where_the_vehicle_is() -> None:
+    here = Item(TAKEOFF, RELATIVE, altitude_m=50.0)
+    assert Mission(HOME, (here, waypoint())).distance_m == Mission(HOME, (UP, waypoint())).distance_m
+
+
+def test_high_and_long_flights_are_said() -> None:
+    high = Mission(HOME, (waypoint(altitude_m=121.0),), notes=("mind the wind",))
+    assert high.warnings[0] == "mind the wind" and "121 m" in high.warnings[1]
+    long = Mission(HOME, (waypoint(47.0), waypoint(47.1), BACK))
+    assert "min in the air" in long.warnings[-1]
+
+
+def test_names_and_notes_do_not_make_missions_differ() -> None:
+    assert Mission(HOME, (waypoint(),), name="a", notes=("b",)) == Mission(HOME, (waypoint(),))
