@@ -234,8 +234,8 @@ def _compile(kernel: Kernel) -> bytes:
     outside = {function.name for function in module.functions if function.is_declaration}
     outside = {call for call in outside if not call.startswith("llvm.")} - _LIBRARY_CALLS
     assert not outside, f"kernel {kernel.__name__} calls {sorted(outside)}: it may not allocate or raise"
-    code = bytes(machine.emit_object(module))
-    return name.encode() + b"\n" + code
+    code: bytes = machine.emit_object(module)
+    return b"\n".join([name.encode(), code])
 
 
 # Counting references to the given arrays is compiled in, but they are borrowed: nothing is ever destroyed.

@@ -16,9 +16,9 @@ TRIES = 50
 @pytest.fixture(scope="session")
 def mavsdk_reader() -> Iterator[Any]:
     """MAVSDK's `MissionRaw`, connected on the loopback to heartbeats of a vehicle of no special make."""
-    mavsdk = pytest.importorskip("mavsdk", reason="mavsdk, the independent reader of missions, is not
-    installed") raw = pytest.importorskip("mavsdk.plugins.mission_raw", reason="this mavsdk has no
-    mission_raw") from pymavlink import mavutil
+    mavsdk = pytest.importorskip("mavsdk", reason="mavsdk, the independent reader, is not installed")
+    raw = pytest.importorskip("mavsdk.plugins.mission_raw", reason="this mavsdk has no mission_raw")
+    from pymavlink import mavutil
 
     mavsdk.log_subscribe(lambda *_: True)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:

@@ -25,8 +25,9 @@ BACK = Item(RETURN, NO_PLACE)
 
 
 def waypoint(lat: float = 47.001, lon: float = 8.0, altitude_m: float = 50.0, **changes: Any) -> Item:
-    return Item(**{"command": WAYPOINT, "frame": RELATIVE, "lat": lat, "lon": lon, "altitude_m": altitude_m}
-    | changes)
+    return Item(
+        **{"command": WAYPOINT, "frame": RELATIVE, "lat": lat, "lon": lon, "altitude_m": altitude_m} | changes
+    )
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ UNITS = 10_000_000
 
 _HALF_TURN = 180 * UNITS
 _EARTH_RADII_M = (6.3e6, 6.4e6)
-_SAG = 1 / 50  # how far an edge may leave its true course, in pixels
+_SAG = 1 / 500  # how far an edge may leave its true course, in pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +129,9 @@ def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
         flat = Ragged.of(shapely.orient_polygons(polygons, exterior_cw=True))
         degrees = way.degrees(flat.vertices)
     far = _far_apart(flat, degrees, pixel)
-    on_globe, crossing = _turned(flat, degrees) if way.straight else _jumping(_bent(flat, degrees, way))
+    on_globe, crossing = (
+        _turned(flat, degrees) if way.straight else _jumping(_bent(flat, degrees, np.sqrt(pixel), way))
+    )
     lonlat = np.rint(on_globe.vertices * UNITS).astype(np.int64)
     np.clip(lonlat[:, 1], -90 * UNITS, 90 * UNITS, out=lonlat[:, 1])
     kept = _without_repeats(replace(on_globe, vertices=lonlat)).without(crossing)
@@ -162,11 +164,11 @@ def _jumping(flat: Ragged) -> tuple[Ragged, Flags]:
     return flat, crossing
 
 
-def _bent(flat: Ragged, degrees: Floats, way: _Way) -> Ragged:
+def _bent(flat: Ragged, degrees: Floats, side: float, way: _Way) -> Ragged:
     """More vertices on edges that would leave their course if drawn straight in longitude and latitude."""
     xy, starts = flat.vertices, flat.rings
     for _ in range(8):
-        pieces = _pieces(xy, degrees, starts, way.radius)
+        pieces = _pieces(xy, degrees, starts, side, way.radius)
         if pieces.max() == 1:
             break
         edge = np.repeat(np.arange(len(xy)), pieces)
@@ -179,23 +181,22 @@ def _bent(flat: Ragged, degrees: Floats, way: _Way) -> Ragged:
     return replace(flat, vertices=degrees, rings=starts)
 
 
-def _pieces(xy: Floats, degrees: Floats, starts: Integers, radius: float) -> Integers:
+def _pieces(xy: Floats, degrees: Floats, starts: Integers, side: float, radius: float) -> Integers:
     """Into how many pieces the edge from each vertex to the next has to be cut."""
     steps = np.append(np.hypot(*np.diff(xy, axis=0).T), 0)
     steps[starts[1:] - 1] = 0
-    pixel = steps[steps > 0].min()
     slope = np.abs(degrees[:, 1])
-    if steps.max() <= _straight_enough(slope.max(), pixel, radius):
+    if steps.max() <= _straight_enough(slope.max(), side, radius):
         return np.ones(len(xy), np.int64)
-    limit = _straight_enough(np.maximum(slope, np.roll(slope, -1)), pixel, radius)
-    pieces: Integers = np.maximum(np.ceil(steps / np.maximum(limit, pixel / 16)), 1).astype(np.int64)
+    limit = _straight_enough(np.maximum(slope, np.roll(slope, -1)), side, radius)
+    pieces: Integers = np.maximum(np.ceil(steps / np.maximum(limit, side / 16)), 1).astype(np.int64)
     return pieces
 
 
-def _straight_enough(lat: Any, pixel: float, radius: float) -> Any:
+def _straight_enough(lat: Any, side: float, radius: float) -> Any:
     """Length of an edge that sags by a small part of a pixel: meridians meet faster towards the poles."""
     curvature = np.maximum(np.tan(np.radians(np.minimum(lat, 89.999999))), 0.3) / radius
-    return np.sqrt(8 * _SAG * pixel / curvature)
+    return np.sqrt(8 * _SAG * side / curvature)
 
 
 def _without_repeats(flat: Ragged) -> Ragged:

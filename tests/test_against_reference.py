@@ -1,0 +1,158 @@
+"""Every pixel of the labels, against the slow implementation that was written from the description alone."""
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from numpy.typing import NDArray
+
+from uavseg.parallel import Map, serial, threads
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.stretch import Stretch, StretchSpec
+from uavseg.raster.tiling import Window, tiles
+from uavseg.regions.extract import ExtractParams, extract
+from uavseg.regions.outline import rasterise
+from uavseg.regions.tilewise import Outlined, outline_regions
+from uavseg.segmentation.pipeline import GreySource, SegmentParams, block_map_for
+from uavseg.segmentation.segments import IntensityRange, in_range
+
+CHUNK = 20
+RASTERS = range(0, 240, CHUNK)
+FILES = range(1000, 1040, 10)
+RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
+
+
+class Case(NamedTuple):
+    """A raster, what is asked of it, and the answer."""
+
+    values: NDArray[Any]
+    valid: NDArray[np.bool_]
+    bounds: tuple[float, float]
+    interval: IntensityRange
+    params: SegmentParams
+    labels: NDArray[np.uint32]
+
+
+def cases(reference: ModuleType, seed: int) -> Iterator[Case]:
+    """The paper's method and the adaptive one, unrefined and scanned, on one random raster."""
+    values, valid, low, high = reference.random_raster(seed)
+    lo, hi, X, tau = reference.random_choices(seed)
+    for method, step in (("paper", None), ("adaptive", 0.05 if tau is None else tau)):
+        for refine in ("none", "scan"):
+            labels = reference.extract(values, valid, low, high, lo, hi, X=X, tau=step, refine=refine)
+            params = SegmentParams(method, X, step or 0.0, refine)
+            yield Case(values, valid, (low, high), IntensityRange(lo, hi), params, labels)
+
+
+@dataclass(frozen=True)
+class InMemory:
+    """Stands in for a dataset: an array, read by window."""
+
+    values: NDArray[Any]
+    valid: NDArray[np.bool_]
+
+    @property
+    def geobox(self) -> GeoBox:
+        return GeoBox(self.valid.shape, Affine.identity(), None)
+
+    def is_empty(self, window: Window) -> bool:
+        return not self.valid[window.slices].any()
+
+    def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+        valid = self.valid[window.slices]
+        return self.values[window.slices][None], None if valid.all() else valid
+
+
+def segmented(case: Case, side: int, run: Map) -> Outlined:
+    """The project's own answer, tile by tile."""
+    source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
+    windows = tiles(source.shape, side)
+    blocks = block_map_for(source, case.interval, case.params, windows, run)
+    inside = in_range(blocks, case.interval, case.params.threshold, case.params.step)
+    return outline_regions(source, inside, case.interval, case.params.refine, windows, run)
+
+
+def painted(rings: Any, shape: tuple[int, int]) -> NDArray[np.uint32]:
+    return rasterise(rings, Window(0, 0, *shape))
+
+
+def told(seed: int, case: Case, side: int) -> str:
+    return f"seed {seed}, tiles of {side}, {case.params}"
+
+
+@pytest.mark.parametrize("first", RASTERS, ids=lambda first: f"seeds {first} to {first + CHUNK - 1}")
+def test_labels_are_those_of_the_reference(reference: ModuleType, first: int) -> None:
+    different = []
+    for seed in range(first, first + CHUNK):
+        for case in cases(reference, seed):
+            for side, run in RUNNERS:
+                found = segmented(case, side, run)
+                if not np.array_equal(painted(found.rings, case.valid.shape), case.labels):
+                    different.append(told(seed, case, side))
+                pixels = np.bincount(case.labels.ravel(), minlength=1)[1:]
+                if not np.array_equal(found.sums.counts, pixels):
+                    different.append("sums of " + told(seed, case, side))
+    assert not different
+
+
+def write(path: Path, values: NDArray[Any], valid: NDArray[np.bool_], seed: int) -> None:
+    """A GeoTIFF that says which pixels are invalid by NaN, by a nodata value, or where none is free by a mask."""
+    pixels, nodata = values.copy(), None
+    if values.dtype.kind == "f":
+        nodata = (None, -9999.0)[seed % 2]
+        pixels[~valid] = np.nan if nodata is None else nodata
+    else:
+        limits = np.iinfo(values.dtype)
+        free = np.setdiff1d(np.arange(limits.min, limits.max + 1), values[valid])
+        if len(free) and seed % 4:
+            nodata = int(free[seed % len(free)])
+            pixels[~valid] = nodata
+    blocks = {"tiled": True, "blockxsize": 16, "blockysize": 32} if seed % 3 else {}
+    rows, cols = values.shape
+    how = {"driver": "GTiff", "height": rows, "width": cols, "count": 1, "dtype": values.dtype.name}
+    with (
+        warnings.catch_warnings(action="ignore"),
+        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True),
+        rasterio.open(path, "w", nodata=nodata, **how, **blocks) as file,
+    ):
+        file.write(pixels, 1)
+        if nodata is None and values.dtype.kind != "f":
+            file.write_mask(valid)
+
+
+@pytest.mark.parametrize("first", FILES, ids=lambda first: f"seeds {first} to {first + 9}")
+def test_regions_of_a_file_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, first: int) -> None:
+    different = []
+    for seed in range(first, first + 10):
+        values, valid, low, high = reference.random_raster(seed)
+        write(tmp_path / f"{seed}.tif", values, valid, seed)
+        dataset = Dataset.open(tmp_path / f"{seed}.tif")
+        given = StretchSpec("given", (Fraction(low), Fraction(high)))
+        side, run = [(192, serial), (64, threads(2))][seed % 2]
+        for case in cases(reference, seed):
+            found = extract(dataset, case.interval, ExtractParams(case.params, given, tile=side), run)
+            if not np.array_equal(painted(found.rings, valid.shape), case.labels):
+                different.append(told(seed, case, side))
+            mine = np.bincount(case.labels.ravel(), minlength=1)[1:]
+            if not np.array_equal(found.regions.columns["pixels"], mine):
+                different.append("pixels of " + told(seed, case, side))
+    assert not different
+
+
+def test_the_rasters_are_of_every_kind(reference: ModuleType) -> None:
+    seeds = range(RASTERS.stop)
+    rasters = [reference.random_raster(seed) for seed in seeds]
+    assert {raster[0].dtype.name for raster in rasters} == {"uint8", "uint16", "int16", "float32", "float64"}
+    assert min(min(raster[1].shape) for raster in rasters) <= 2
+    assert max(max(raster[1].shape) for raster in rasters) > 190
+    assert sum(not raster[1].all() for raster in rasters) > 60
+    assert sum(len(np.unique(case.labels)) > 3 for seed in seeds[:60] for case in cases(reference, seed)) > 60
