@@ -255,4 +255,5 @@ def _apart(flat: Ragged, region: int, crossing: bool, jumping: bool) -> Any:
 def _rounded(geometry: Any) -> Any:
     """Valid, seven decimals, exteriors counter-clockwise; as it came where nothing would be left of it."""
     rounded = shapely.set_precision(geometry, 1 / UNITS)
-    return shapely.orient_polygons(geometry if rounded.is_empty else rounded)
+    parts = shapely.get_parts(shapely.orient_polygons(geometry if rounded.is_empty else rounded))
+    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts.tolist())

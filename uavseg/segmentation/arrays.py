@@ -1,0 +1,93 @@
+"""The phases on one image that is held in memory, for those who have an array and no file."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.segmentation.blockmap import CELLS, BlockMap, cell_sums
+from uavseg.segmentation.components import component_sums, components
+from uavseg.segmentation.division import BLOCK, block_ratios
+from uavseg.segmentation.refinement import scan, smooth
+from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
+
+_CELL = BLOCK // CELLS
+
+
+def divided(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:
+    """The block map of an image.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+        v = grey / 65535.
+    valid : (M, N) bool array, optional
+        Which pixels count; all do, if left out.
+
+    Examples
+    --------
+    >>> halves = np.zeros((64, 64), np.uint16)
+    >>> halves[:, 32:] = 65535
+    >>> float(divided(halves).ratios[0, 0, 0])  # texture differs along the middle only
+    inf
+    """
+    padded, known = _padded(grey, valid)
+    sums, counts = cell_sums(padded, known, margin=1)
+    blocks = BlockMap(grey.shape, sums, counts, BlockMap.empty(grey.shape).ratios)
+    cuts = contrast_cuts(contrast_histogram(padded, known))
+    rows, cols = np.indices(blocks.blocks).reshape(2, -1) * BLOCK
+    ratios = block_ratios(padded, known, cuts, np.stack([rows, cols], axis=1))
+    blocks.ratios[:] = ratios.reshape(blocks.ratios.shape)
+    return blocks
+
+
+def regions(
+    grey: NDArray[np.uint16],
+    interval: IntensityRange,
+    valid: NDArray[np.bool_] | None = None,
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    refine: str = "scan",
+) -> NDArray[np.uint32]:
+    """Labels of the regions of an image whose mean lies in a range.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+    interval : IntensityRange
+    valid : (M, N) bool array, optional
+    threshold, intensity_step : float
+        X and tau; an infinite tau is the paper's method.
+    refine : {"scan", "none", "smooth"}
+        With "none", labels are those of connected pixels.
+
+    Returns
+    -------
+    labels : (M, N) uint32 array
+        1..n, most pixels first; 0 nothing.
+    """
+    known = np.ones(grey.shape, np.uint8) if valid is None else valid.astype(np.uint8)
+    shown = np.ascontiguousarray(grey * known)
+    cells = in_range(divided(grey, valid), interval, threshold, intensity_step)
+    inside = cells.repeat(_CELL, 0).repeat(_CELL, 1)[: grey.shape[0], : grey.shape[1]] & known
+    low, high = interval.greys
+    if refine == "scan":
+        scan(inside, known, ((shown >= low) & (shown <= high)).view(np.uint8) & known)
+    elif refine == "smooth":
+        inside = smooth(inside, known, shown, interval.low, interval.high)
+    labels, count = components(inside)
+    order = np.argsort(-component_sums(labels, count, shown).counts, kind="stable")
+    number = np.zeros(count + 1, np.uint32)
+    number[order + 1] = np.arange(1, count + 1)
+    return np.asarray(number[labels])
+
+
+def _padded(
+    grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None
+) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+    """An image filled up to whole blocks, with a border of one pixel; what is added is not valid."""
+    rows, cols = (-(-length // BLOCK) * BLOCK + 2 for length in grey.shape)
+    padded, known = np.zeros((rows, cols), np.uint16), np.zeros((rows, cols), np.uint8)
+    place = (slice(1, grey.shape[0] + 1), slice(1, grey.shape[1] + 1))
+    known[place] = 1 if valid is None else valid
+    padded[place] = grey * known[place]
+    return padded, known
