@@ -112,7 +112,7 @@ class Ground:
     def scenery(self) -> tuple[Plane, Plane]:
         """Brightness of each pixel before noise, 0 to 1, and tint: -1 green to 1 red."""
         tone, tint = self.farmland()
-        tone = np.where(self.noise(26, 14) > 0.72, np.float32(0.72), tone)  # bare patches and yards
+        tone = np.where(self.noise(26, 14) > 0.78, np.float32(0.72), tone)  # bare patches and yards
         wooded = self.noise(384, 1) + np.float32(0.5) * self.noise(96, 2)
         clearing = self.noise(80, 3) > 0.55
         crowns = np.float32(0.33) + np.float32(0.08) * self.noise(7, 4) + np.float32(0.05) * self.noise(3, 5)

@@ -133,9 +133,8 @@ def test_an_unknown_firmware_is_refused() -> None:
 
 def test_distance_and_time_are_those_of_the_way_there_and_back() -> None:
     mission = Mission(HOME, (UP, Item(CHANGE_SPEED, NO_PLACE, (1.0, 10.0, -1.0, 0.0)), waypoint(47.01), BACK))
-    north = (
-        111132.954 - 559.822 * math.cos(math.radians(94.01)) + 1.175 * math.cos(math.radians(188.02))
-    ) / 100
+    twice = math.radians(94.01)  # a degree of latitude after the series of the ellipsoid
+    north = (111132.954 - 559.822 * math.cos(twice) + 1.175 * math.cos(2 * twice)) / 100
     assert mission.speed_m_s == 10
     assert mission.distance_m == pytest.approx(2 * north, rel=1e-5)
     assert mission.duration_s == pytest.approx(50 / 2.5 + 2 * north / 10 + 50 / 1.5, rel=1e-4)

@@ -42,8 +42,8 @@ RING[5:7, 5:7] = 2
 
 
 def regions_of(labels, transform, crs):
-    labels = np.unique(np.asarray(labels, np.uint32), return_inverse=True)[1].reshape(np.shape(labels))
-    labels = np.ascontiguousarray(labels, np.uint32)
+    names = np.unique(np.append(0, labels), return_inverse=True)[1][1:]
+    labels = np.ascontiguousarray(names.reshape(np.shape(labels)), np.uint32)
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_user_input(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1))[1:]
     return make(rings, polygons(rings, transform), box, counts, counts, counts, (0, 1), "picture.tif")
@@ -71,8 +71,8 @@ def check(regions):
     assert shapely.intersects_xy(drawn, regions.columns["lon"], regions.columns["lat"]).all()
     assert ground(drawn) == pytest.approx(regions.columns["area_m2"], rel=1e-2)
     total = regions.columns["area_m2"].sum()
-    assert ground(drawn).sum() == pytest.approx(total, rel=1e-3)
-    assert ground(shapely.union_all(drawn)) == pytest.approx(total, rel=1e-3)
+    assert ground(drawn).sum() == pytest.approx(total, rel=5e-3)
+    assert ground(shapely.union_all(drawn)) == pytest.approx(total, rel=5e-3)
     return drawn
 
 
@@ -143,11 +143,12 @@ def test_large_pixels_need_no_look_at_each_polygon(picture):
 def test_batches_change_nothing():
     rng = np.random.default_rng(1)
     regions = regions_of(
-        np.arange(1, 145).reshape(12, 12) * rng.integers(0, 2, (12, 12)), *PLACES["degrees past 180"][::-1]
+        np.arange(1, 145).reshape(12, 12) * rng.integers(0, 2, (12, 12)),
+        *PLACES["a globe that begins before -180"][::-1],
     )
     whole = wgs84.geometries(regions)
     pieces = list(wgs84.batches(regions, vertices=1))
-    assert len(pieces) == len(regions)
+    assert len(pieces) == len(regions) and len(whole) == len(regions)
     assert sum(len(batch.others) for batch in pieces) == (shapely.get_type_id(whole) == 6).sum() > 0
 
 

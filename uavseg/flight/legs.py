@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+IN_PIECE = (0.5, 0.2, 0.8)  # where in a piece to look
 ALONG_EDGE_M = 0.01  # a leg this near to a region is not outside of it
 
 
@@ -25,7 +26,7 @@ def lengths_m(legs: Floats) -> Floats:
 def outside_m(region: Any, legs: Floats) -> Floats:
     """How many metres of each leg lie outside of a region.
 
-    Each leg is cut where it meets an edge; a cut is outside if its middle is.
+    Each leg is cut where it meets an edge; a piece is outside if one of three points in it is.
 
     Parameters
     ----------
@@ -42,9 +43,13 @@ def outside_m(region: Any, legs: Floats) -> Floats:
     leg, part = _cuts(region, legs)
     same = leg[1:] == leg[:-1]
     leg, begin, end = leg[:-1][same], part[:-1][same], part[1:][same]
-    middles = legs[leg, 0] + ((begin + end) / 2)[:, None] * (legs[leg, 1] - legs[leg, 0])
-    outside = (end - begin) * lengths_m(legs)[leg] * _is_outside(region, middles)
-    metres: Floats = np.bincount(leg, weights=outside, minlength=len(legs)).astype(np.float64)
+    start, along = legs[leg, 0], legs[leg, 1] - legs[leg, 0]
+    outside = np.zeros(len(leg), dtype=bool)
+    for place in IN_PIECE:
+        points = start + (begin + place * (end - begin))[:, None] * along
+        outside[~outside] = _is_outside(region, points[~outside])
+    pieces_m = (end - begin) * lengths_m(legs)[leg] * outside
+    metres: Floats = np.bincount(leg, weights=pieces_m, minlength=len(legs)).astype(np.float64)
     return metres
 
 

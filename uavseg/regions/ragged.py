@@ -51,18 +51,19 @@ class Ragged:
         )
 
     def built(self) -> Objects:
-        """A Polygon for each region of one polygon, a MultiPolygon for the others."""
+        """A Polygon for each region of one polygon (an empty one for one of none), else a MultiPolygon."""
         parts: Objects = shapely.from_ragged_array(
             shapely.GeometryType.POLYGON, self.vertices, (self.rings, self.polygons)
         )
-        if len(parts) == len(self.regions) - 1:
-            return parts
         counts = np.diff(self.regions)
-        whole = np.empty(len(counts), object)
-        alone = np.repeat(counts == 1, counts)
-        whole[counts == 1] = parts[alone]
-        owners = np.repeat(np.cumsum(counts != 1) - 1, counts)[~alone]
-        whole[counts != 1] = shapely.multipolygons(parts[~alone], indices=owners) if len(owners) else None
+        if (counts == 1).all():
+            return parts
+        alone, several = counts == 1, counts > 1
+        whole = np.full(len(counts), shapely.Polygon(), object)
+        whole[alone] = parts[np.repeat(alone, counts)]
+        if several.any():
+            owners = np.repeat(np.arange(several.sum()), counts[several])
+            whole[several] = shapely.multipolygons(parts[np.repeat(several, counts)], indices=owners)
         return whole
 
     def without(self, dropped: NDArray[np.bool_]) -> "Ragged":

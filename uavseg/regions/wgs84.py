@@ -97,12 +97,13 @@ class _Way:
         try:
             crs = pyproj.CRS.from_wkt(wkt or "")
             radius = crs.ellipsoid.semi_major_metre
-            transformer = pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
+            on_earth = _EARTH_RADII_M[0] < radius < _EARTH_RADII_M[1]
+            transformer = on_earth and pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
         except (ProjError, AttributeError) as error:
             raise OutputError(
                 "these regions have no place on the globe, which GeoJSON and KML need; write a .gpkg instead"
             ) from error
-        if not _EARTH_RADII_M[0] < radius < _EARTH_RADII_M[1]:
+        if not transformer:
             raise OutputError(
                 "these regions are not on the Earth, and GeoJSON and KML are WGS 84; write a .gpkg instead"
             )
