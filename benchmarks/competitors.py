@@ -1,7 +1,7 @@
 """What is run against what: each competitor makes polygons of the bright regions of a raster.
 
-The task is the same for all: a GeoTIFF in, a GeoPackage out with polygons of the regions of v in 0.55..1, pieces under
-64 pixels dropped, everything from the start of the process to its end.
+The task is the same for all: a GeoTIFF in, a GeoPackage out with polygons of the regions of v in 0.55..1,
+pieces under 64 pixels dropped, everything from the start of the process to its end.
 """
 
 import importlib.util
@@ -87,7 +87,17 @@ def with_project(variables: Mapping[str, str]) -> dict[str, str]:
 
 def _uavseg(job: Job) -> list[Command]:
     command = [sys.executable, "-m", "uavseg", "extract", str(job.raster), "--range", f"{LOW},1"]
-    return [[*command, "--stretch", f"0,{job.scene.white:g}", "--min-area", f"{MIN_PIXELS}px", "-o", str(job.output)]]
+    return [
+        [
+            *command,
+            "--stretch",
+            f"0,{job.scene.white:g}",
+            "--min-area",
+            f"{MIN_PIXELS}px",
+            "-o",
+            str(job.output),
+        ]
+    ]
 
 
 def _script(name: str) -> Callable[[Job], list[Command]]:

@@ -124,7 +124,7 @@ class Ground:
         return tone, tint
 
     def farmland(self) -> tuple[Plane, Plane]:
-        """Bent fields of one tone each, most of them striped, with hedges between and here and there a road."""
+        """Bent fields of one tone each, most of them striped, with hedges between and a few roads."""
         rows = np.arange(self.row, self.row + TILE, dtype=np.float32)[:, None] + self.bend(20)
         cols = np.arange(self.col, self.col + TILE, dtype=np.float32)[None, :] + self.bend(30)
         field_row, field_col = np.floor(rows / FIELD[0]), np.floor(cols / FIELD[1])
@@ -141,10 +141,11 @@ class Ground:
 
     def bend(self, salt: int) -> Plane:
         """How far the ground is moved, in pixels: far in long waves, and a little from pixel to pixel."""
-        return 60 * self.noise(256, salt) + 6 * self.noise(24, salt + 1) + 3 * self.noise(7, salt + 2)
+        bent: Plane = 60 * self.noise(256, salt) + 6 * self.noise(24, salt + 1) + 3 * self.noise(7, salt + 2)
+        return bent
 
     def fields(self, field_row: Plane, field_col: Plane) -> tuple[Plane, Plane]:
-        """Tone of the field each pixel lies in, and how strong its stripes are: along columns where negative."""
+        """Tone of each pixel's field, and how strong its stripes are: along columns where negative."""
         first_row, first_col = int(field_row.min()), int(field_col.min())
         rows = np.arange(first_row, int(field_row.max()) + 1)
         cols = np.arange(first_col, int(field_col.max()) + 1)
@@ -157,10 +158,12 @@ class Ground:
 
     def noise(self, step: int, salt: int) -> Plane:
         """Random numbers at lattice points `step` pixels apart, -1 to 1, and smooth between them."""
-        rows, row_weights = _lattice(self.row, step)
-        cols, col_weights = _lattice(self.col, step)
+        rows, above, down = _lattice(self.row, step)
+        cols, before, along = _lattice(self.col, step)
         points = (2 * chance(rows, cols, salt) - 1).astype(np.float32)
-        return row_weights @ points @ col_weights.T
+        lines = points[above] + down[:, None] * (points[above + 1] - points[above])
+        left = lines.take(before, axis=1)
+        return left + along * (lines.take(before + 1, axis=1) - left)
 
 
 def chance(rows: NDArray[np.int64], cols: NDArray[np.int64], salt: int) -> NDArray[np.float64]:
@@ -185,18 +188,13 @@ def chance(rows: NDArray[np.int64], cols: NDArray[np.int64], salt: int) -> NDArr
     return (word >> np.uint64(11)) / float(1 << 53)
 
 
-def _lattice(first: int, step: int) -> tuple[NDArray[np.int64], Plane]:
-    """Lattice points around a line of pixels, and how much each of them weighs at each pixel."""
+def _lattice(first: int, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+    """Lattice points around a line of pixels; which one lies before each pixel, and how far back."""
     position = np.arange(first, first + TILE) / step
-    below = np.floor(position).astype(np.int64)
-    points = np.arange(below[0], below[-1] + 2)
-    beyond = position - below
-    beyond = beyond * beyond * (3 - 2 * beyond)
-    weights = np.zeros((TILE, len(points)), np.float32)
-    line = np.arange(TILE)
-    weights[line, below - below[0]] = 1 - beyond
-    weights[line, below - below[0] + 1] = beyond
-    return points, weights
+    before = np.floor(position).astype(np.int64)
+    points = np.arange(before[0], before[-1] + 2)
+    beyond = position - before
+    return points, before - before[0], (beyond * beyond * (3 - 2 * beyond)).astype(np.float32)
 
 
 if __name__ == "__main__":

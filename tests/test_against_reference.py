@@ -105,7 +105,7 @@ def test_labels_are_those_of_the_reference(reference: ModuleType, first: int) ->
 
 
 def write(path: Path, values: NDArray[Any], valid: NDArray[np.bool_], seed: int) -> None:
-    """A GeoTIFF that says which pixels are invalid by NaN, by a nodata value, or where none is free by a mask."""
+    """A GeoTIFF that tells invalid pixels by NaN, by a nodata value, or where none is free by a mask."""
     pixels, nodata = values.copy(), None
     if values.dtype.kind == "f":
         nodata = (None, -9999.0)[seed % 2]
@@ -130,7 +130,9 @@ def write(path: Path, values: NDArray[Any], valid: NDArray[np.bool_], seed: int)
 
 
 @pytest.mark.parametrize("first", FILES, ids=lambda first: f"seeds {first} to {first + 9}")
-def test_regions_of_a_file_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, first: int) -> None:
+def test_regions_of_a_file_are_those_of_the_reference(
+    reference: ModuleType, tmp_path: Path, first: int
+) -> None:
     different = []
     for seed in range(first, first + 10):
         values, valid, low, high = reference.random_raster(seed)
@@ -155,4 +157,4 @@ def test_the_rasters_are_of_every_kind(reference: ModuleType) -> None:
     assert min(min(raster[1].shape) for raster in rasters) <= 2
     assert max(max(raster[1].shape) for raster in rasters) > 190
     assert sum(not raster[1].all() for raster in rasters) > 60
-    assert sum(len(np.unique(case.labels)) > 3 for seed in seeds[:60] for case in cases(reference, seed)) > 60
+    assert sum(len(np.unique(case.labels)) > 3 for seed in seeds[:20] for case in cases(reference, seed)) > 20

@@ -1,6 +1,7 @@
 """What someone who cares about speed writes with OpenCV: ``opencv.py RASTER OUTPUT``."""
 
 import sys
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -25,22 +26,26 @@ image = cv2.GaussianBlur(image, (5, 5), 0, dst=image)
 mask = cv2.compare(image, LOW * white, cv2.CMP_GE)
 del image
 
-count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
-keep = (stats[:, cv2.CC_STAT_AREA] >= MIN_PIXELS).astype(np.uint8)
+# connectedComponents works on all cores, with statistics it does not; counting band by band is quicker.
+count, labels = cv2.connectedComponents(mask, connectivity=4, ltype=cv2.CV_32S)
+sizes = np.zeros(count, np.int64)
+for top in range(0, len(labels), 256):
+    sizes += np.bincount(labels[top : top + 256].ravel(), minlength=count)
+keep = (sizes >= MIN_PIXELS).astype(np.uint8)
 keep[0] = 0
-np.take(keep, labels, out=mask)
+mask = keep[labels]
 del labels
 
 # All rings at once: one call of shapely for the rings, one for the polygons.
 rings, owners = [], []
-for number, (polygon, _) in enumerate(rasterio.features.shapes(mask, mask, connectivity=4, transform=transform)):
+for number, (polygon, _) in enumerate(
+    rasterio.features.shapes(mask, mask, connectivity=4, transform=transform)
+):
     rings += polygon["coordinates"]
     owners += [number] * len(polygon["coordinates"])
-polygons = np.empty(0, object)
-if rings:
-    coordinates = np.array([point for ring in rings for point in ring])
-    of_ring = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
-    polygons = shapely.polygons(shapely.linearrings(coordinates, indices=of_ring), indices=owners)
+coordinates = np.fromiter(chain.from_iterable(chain.from_iterable(rings)), float).reshape(-1, 2)
+of_ring = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+polygons = shapely.polygons(shapely.linearrings(coordinates, indices=of_ring), indices=owners)
 
 pyogrio.raw.write(
     output,

@@ -10,7 +10,8 @@ from pymavlink import mavwp
 
 from uavseg.errors import MissionError, OutputExistsError
 from uavseg.flight import files
-from uavseg.flight.mission import AMSL, NO_PLACE, RELATIVE, RETURN, TERRAIN, Home, Item, Mission
+from uavseg.flight.items import AMSL, NO_PLACE, RELATIVE, RETURN, TERRAIN, Home, Item
+from uavseg.flight.mission import Mission
 
 HOME = Home(-33.856784123, 151.215296987, 12.5)
 WAYPOINT = Item(16, RELATIVE, (0.0, 0.0, 0.0, None), -33.8561234567, 151.2151234567, 40.25)

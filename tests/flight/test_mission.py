@@ -4,7 +4,7 @@ from typing import Any
 import pytest
 
 from uavseg.errors import MissionError
-from uavseg.flight.mission import (
+from uavseg.flight.items import (
     AMSL,
     CHANGE_SPEED,
     LAND,
@@ -16,8 +16,8 @@ from uavseg.flight.mission import (
     WAYPOINT,
     Home,
     Item,
-    Mission,
 )
+from uavseg.flight.mission import Mission
 
 HOME = Home(47.0, 8.0, 400.0)
 UP = Item(TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)

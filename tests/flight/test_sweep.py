@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from shapely.affinity import rotate, translate
 
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.sweep import JOINED, best_angle, sweep
+from uavseg.flight.sweep import best_angle, sweep
 
 EPSILON = 1e-6
+JOINED = 1 / 20  # of the spacing: gaps that are flown through
 RING = shapely.Point(0, 0).buffer(90) - shapely.Point(10, 5).buffer(40)
 SHAPES = {
     "box": shapely.box(0, 0, 120, 80),

@@ -28,7 +28,11 @@ PLACES = {
     "a globe that begins before -180": (4326, Affine(30, 0, -195, 0, -15, 90)),
     "pixels half beyond the poles": (4326, Affine(30, 0, -180, 0, -16, 96)),
     "degrees up to 180": (4326, Affine(1, 0, 168, 0, -1, 12)),
+    "an older datum past 180": (4267, Affine(1, 0, 174, 0, -1, 60)),
+    "grads of Paris": (4807, Affine(0.1, 0, 1, 0, -0.1, 50)),
+    "a sphere, half beyond the poles": ("+proj=longlat +R=6371229", Affine(30, 0, -15, 0, -16, 96)),
     "south-up": (32660, Affine(5000, 0, 650_000, 0, 5000, 4e6)),
+    "south for x and west for y": (5513, Affine(500, 0, 1_080_000, 0, -500, 706_000)),
     "west and south for x and y": (2053, Affine(500, 0, 9000, 0, -500, 3e6)),
 }
 pictures = st.integers(2, 4).flatmap(

@@ -10,7 +10,8 @@ import numpy as np
 
 from uavseg.atomic import whole_file
 from uavseg.errors import MissionError
-from uavseg.flight.mission import AMSL, FIRMWARES, HEADINGS, RELATIVE, TERRAIN, WAYPOINT, Home, Item, Mission
+from uavseg.flight.items import AMSL, FIRMWARES, HEADINGS, RELATIVE, TERRAIN, WAYPOINT, Home, Item
+from uavseg.flight.mission import Mission
 
 Path_ = str | os.PathLike[str]
 

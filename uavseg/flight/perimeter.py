@@ -10,6 +10,7 @@ Floats = NDArray[np.float64]
 
 LEAST_TOLERANCE_M = 1.0  # what satellite positioning does not tell apart anyway
 FEWEST_STEPS = 12  # edges below which right angles are corners, not stairs
+STRAIGHT_M = 1e-3  # corners that stick out less lie on straight edges
 CHANGED = 0.1  # of its area, by which an outline is another shape: there were no stairs
 RIGHT_ANGLE = 0.02  # radians by which the corners of pixels may lean in another projection
 
@@ -29,10 +30,16 @@ def perimeter(region: Any, tolerance_m: float) -> Floats:
     ring : (N, 2) array
         x, y in metres; the last point is the first one.
     """
-    ring = shapely.Polygon(region.exterior)
-    simple = shapely.simplify(ring, tolerance_m, preserve_topology=True)
-    corners: Floats = shapely.get_coordinates(simple.exterior)
-    return corners
+    ring = shapely.get_coordinates(region.exterior)[:-1]
+    ring = np.roll(ring, -_farthest(ring, ring.mean(axis=0)), axis=0)
+    turn = _farthest(ring, ring[0])
+    there = shapely.simplify(shapely.LineString(ring[: turn + 1]), tolerance_m, preserve_topology=False)
+    back = shapely.simplify(shapely.LineString([*ring[turn:], ring[0]]), tolerance_m, preserve_topology=False)
+    return np.concatenate((shapely.get_coordinates(there), shapely.get_coordinates(back)[1:]))
+
+
+def _farthest(points: Floats, place: Floats) -> int:
+    return int(np.argmax(np.hypot(*(points - place).T)))
 
 
 def default_tolerance_m(region: Any) -> float:
@@ -44,21 +51,21 @@ def default_tolerance_m(region: Any) -> float:
     >>> round(default_tolerance_m(stairs), 6), default_tolerance_m(shapely.box(0, 0, 50, 90))
     (10.0, 1.0)
     """
-    corners = shapely.get_coordinates(
-        shapely.simplify(region.exterior, 1e-3)
-    )  # without those on straight edges
+    corners = shapely.get_coordinates(shapely.simplify(region.exterior, STRAIGHT_M))
     steps = np.diff(corners, axis=0)
     if len(steps) < FEWEST_STEPS:
         return LEAST_TOLERANCE_M
-    before, turn = np.roll(steps, 1, axis=0), np.hypot(*steps.T)
-    leaning = np.abs((before * steps).sum(axis=1)) / (turn * np.roll(turn, 1))
-    pixel_m = _pixel_m(steps, turn) if np.mean(leaning < RIGHT_ANGLE) > 0.9 else 0.0
+    before, length = np.roll(steps, 1, axis=0), np.hypot(*steps.T)
+    leaning = np.abs((before * steps).sum(axis=1)) / (length * np.roll(length, 1))
+    pixel_m = _pixel_m(steps, length) if np.mean(leaning < RIGHT_ANGLE) > 0.9 else 0.0
     return pixel_m if pixel_m > LEAST_TOLERANCE_M and _keeps_shape(region, pixel_m) else LEAST_TOLERANCE_M
 
 
 def _keeps_shape(region: Any, tolerance_m: float) -> bool:
-    outline = shapely.Polygon(region.exterior)
-    simple = shapely.Polygon(perimeter(region, tolerance_m))
+    outline, ring = shapely.Polygon(region.exterior), perimeter(region, tolerance_m)
+    if len(ring) < 4:
+        return False
+    simple = shapely.make_valid(shapely.Polygon(ring))
     return bool(shapely.symmetric_difference(outline, simple).area < CHANGED * outline.area)
 
 

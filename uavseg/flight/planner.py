@@ -1,23 +1,17 @@
 """Polygons become a mission: read this first."""
 
-import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.errors import MissionError, ParameterError
-from uavseg.flight import route
-from uavseg.flight.legs import between, leaving_hull, outside_m
-from uavseg.flight.mission import (
+from uavseg.errors import MissionError
+from uavseg.flight import patterns, route
+from uavseg.flight.items import (
     CHANGE_SPEED,
-    CRUISE_M_S,
     FARTHEST_M,
-    FIRMWARES,
-    HIGHEST_M,
     NO_PLACE,
     RELATIVE,
     RETURN,
@@ -25,80 +19,21 @@ from uavseg.flight.mission import (
     WAYPOINT,
     Home,
     Item,
-    Mission,
     check_near,
     check_position,
     distance_m,
 )
-from uavseg.flight.perimeter import default_tolerance_m, perimeter
+from uavseg.flight.mission import Mission
+from uavseg.flight.params import PlanParams
+from uavseg.flight.patterns import Part
 from uavseg.flight.plane import Plane, plane_around
-from uavseg.flight.survey import backwards, survey
+
+__all__ = ["PlanParams", "plan"]
 
 Floats = NDArray[np.float64]
 
-PATTERNS = ("visit", "perimeter", "survey")
-FASTEST_M_S = 50.0
-MOST_STARTS = 16  # corners of a perimeter where it may begin
+PATTERNS = {"visit": patterns.visits, "perimeter": patterns.perimeters, "survey": patterns.surveys}
 DECIMALS = 8  # of degrees: a millimetre
-UNCOVERED = 0.01  # of the area, that nobody needs to be told
-
-
-@dataclass(frozen=True, slots=True)
-class PlanParams:
-    """How to fly regions.
-
-    Parameters
-    ----------
-    altitude_m : float
-        Height of the whole flight above home, above 0 and at most 1000.
-    pattern : "visit", "perimeter" or "survey"
-        Fly to a point inside each region, along its outline, or to and fro over it.
-    spacing_m : float, optional
-        Distance between the lines of a survey, which needs it.
-    angle_deg : float, optional
-        Azimuth of the lines of a survey, clockwise from north; by default, for each region, the one that
-        needs the fewest.
-    speed_m_s : float
-        Over ground, above 0 and at most 50.
-    firmware : "ardupilot" or "px4"
-    tolerance_m : float, optional
-        How far an outline may be moved to have fewer corners; by default a metre, or a pixel where the
-        pixels of a region are larger.
-    name : str
-        Of the mission, for people.
-
-    Raises
-    ------
-    ParameterError
-        If a value is outside of these.
-    """
-
-    altitude_m: float
-    pattern: str = "visit"
-    spacing_m: float | None = None
-    angle_deg: float | None = None
-    speed_m_s: float = CRUISE_M_S
-    firmware: str = "ardupilot"
-    tolerance_m: float | None = None
-    name: str = ""
-
-    def __post_init__(self) -> None:
-        _check_number("altitude", self.altitude_m, HIGHEST_M, "m above home")
-        _check_number("speed", self.speed_m_s, FASTEST_M_S, "m/s")
-        if self.pattern not in PATTERNS:
-            raise ParameterError(f"a pattern is one of {', '.join(PATTERNS)}, not {self.pattern!r}")
-        if self.firmware not in FIRMWARES:
-            raise ParameterError(f"a firmware is one of {', '.join(FIRMWARES)}, not {self.firmware!r}")
-        if self.pattern == "survey" and self.spacing_m is None:
-            raise ParameterError("a survey needs the spacing of its lines in metres")
-        if self.pattern != "survey" and (self.spacing_m, self.angle_deg) != (None, None):
-            raise ParameterError(f"spacing and angle are for a survey, not for the pattern {self.pattern}")
-        if self.spacing_m is not None:
-            _check_number("spacing", self.spacing_m, FARTHEST_M, "m")
-        if self.angle_deg is not None and not math.isfinite(self.angle_deg):
-            raise ParameterError(f"the angle of lines is a number of degrees, not {self.angle_deg}")
-        if self.tolerance_m is not None:
-            _check_number("tolerance", self.tolerance_m, FARTHEST_M, "m")
 
 
 def plan(
@@ -130,18 +65,10 @@ def plan(
     start = Home(*home)
     plane = _plane(polygons, points, start)
     parts = _parts(plane.flattened(polygons), plane, points)
-    ways, notes = _PATTERNS[params.pattern](parts, params)
+    ways, notes = PATTERNS[params.pattern](parts, params)
     paths = _ordered(ways, plane, start)
     notes = [*_home_notes(home), *notes]
     return Mission(start, _items(paths, plane, start, params), params.firmware, params.name, tuple(notes))
-
-
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """One connected region in metres, and a point (x, y) inside it."""
-
-    polygon: Any
-    point: tuple[float, float]
 
 
 def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: Home) -> Plane:
@@ -164,7 +91,7 @@ def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home:
     return plane
 
 
-def _parts(regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]) -> list[_Part]:
+def _parts(regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]) -> list[Part]:
     """The connected parts of regions; the point of a part is the one given, if that is in it."""
     parts = []
     for region, lonlat in zip(regions, points, strict=True):
@@ -172,7 +99,7 @@ def _parts(regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, f
         for polygon in _connected(region):
             inside = shapely.contains_xy(polygon, x, y)
             own = shapely.get_coordinates(shapely.point_on_surface(polygon))[0]
-            parts.append(_Part(polygon, (x, y) if inside else (float(own[0]), float(own[1]))))
+            parts.append(Part(polygon, (x, y) if inside else (float(own[0]), float(own[1]))))
     return parts
 
 
@@ -182,62 +109,6 @@ def _connected(region: Any) -> list[Any]:
     if not shapely.is_valid(region):
         region = shapely.make_valid(region, method="structure", keep_collapsed=False)
     return [part for part in shapely.get_parts(region) if part.geom_type == "Polygon" and part.area > 0]
-
-
-def _visits(parts: Sequence[_Part], params: PlanParams) -> tuple[list[list[Floats]], list[str]]:
-    return [[np.array([part.point])] for part in parts], []
-
-
-def _perimeters(parts: Sequence[_Part], params: PlanParams) -> tuple[list[list[Floats]], list[str]]:
-    """Each outline, begun at any of some of its corners."""
-    tolerances = [params.tolerance_m or default_tolerance_m(part.polygon) for part in parts]
-    ways = []
-    for part, tolerance_m in zip(parts, tolerances, strict=True):
-        ring = perimeter(part.polygon, tolerance_m)[:-1]
-        starts = range(0, len(ring), -(-len(ring) // MOST_STARTS))
-        ways.append([np.roll(ring, -start, axis=0)[[*range(len(ring)), 0]] for start in starts])
-    return ways, [f"outlines are simplified by up to {max(tolerances):.3g} m (--tolerance)"]
-
-
-def _surveys(parts: Sequence[_Part], params: PlanParams) -> tuple[list[list[Floats]], list[str]]:
-    """Sweep lines over each region, in either direction, and what to say about the legs between them."""
-    assert params.spacing_m is not None
-    ways, outside, uncovered, leaving = [], 0.0, 0.0, 0
-    for part in parts:
-        flown = survey(part.polygon, params.spacing_m, params.angle_deg)
-        ways.append([way.reshape(-1, 2) for path in flown.paths for way in (path, backwards(path))])
-        legs = between(flown.paths[0])
-        outside += float(outside_m(part.polygon, legs).sum())
-        uncovered += _uncovered_m2(part.polygon, flown.paths[0], params.spacing_m)
-        leaving += len(leaving_hull(part.polygon, legs, params.spacing_m))
-    return ways, _survey_notes(outside, uncovered / sum(part.polygon.area for part in parts), leaving)
-
-
-def _uncovered_m2(region: Any, path: Floats, spacing_m: float) -> float:
-    """Area of a region that is farther than half a spacing from every line."""
-    swaths = shapely.buffer(shapely.linestrings(path), spacing_m / 2, quad_segs=4)
-    return float(shapely.difference(region, shapely.union_all(swaths)).area)
-
-
-def _survey_notes(outside: float, uncovered: float, leaving: int) -> list[str]:
-    notes = []
-    if leaving:
-        notes.append(
-            f"{leaving} legs between survey lines leave the hull of their region by more than a spacing"
-        )
-    if outside >= 1:
-        notes.append(
-            f"legs between survey lines lie outside of their regions, inside their hulls, for {outside:.0f} m"
-        )
-    if uncovered > UNCOVERED:
-        notes.append(
-            f"{uncovered:.0%} of the area lies farther than half a spacing from every line; "
-            "a narrower spacing or another angle reaches it"
-        )
-    return notes
-
-
-_PATTERNS = {"visit": _visits, "perimeter": _perimeters, "survey": _surveys}
 
 
 def _ordered(ways: Sequence[Sequence[Floats]], plane: Plane, home: Home) -> list[Floats]:
@@ -270,8 +141,3 @@ def _home_notes(home: tuple[float, ...]) -> list[str]:
     if len(home) > 2:
         return []
     return ["the altitude of home above the sea is not given and written as 0; all heights are above home"]
-
-
-def _check_number(what: str, value: float, most: float, unit: str) -> None:
-    if not 0 < value <= most:
-        raise ParameterError(f"the {what} is above 0 and at most {most:g} {unit}, not {value:g}")

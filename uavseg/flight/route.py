@@ -14,6 +14,7 @@ Cost = Callable[[Any, Any], Any]  # of flying between points, given by index; br
 EFFORT = 3e7  # passes times stops squared, until a route is good enough
 STARTS = 30, 1000  # a route without home is tried from so many stops, times stops
 LEAST_GAIN = 1e-6  # metres
+MANY_STOPS = 1500  # no vehicle holds more: their parts are turned round, but not moved
 LONGEST_PART = 3  # stops that are moved together
 
 
@@ -72,8 +73,10 @@ def _improved(
         total, chosen = _best_options([options[stop] for stop in stops], fly, end)
         pairs = np.array([options[stop][k] for stop, k in zip(stops, chosen, strict=True)])
         found = [(int(stop), k) for stop, k in zip(stops, chosen, strict=True)]
-        turned = _turn_parts(stops, pairs, fly, end)
-        if not (_move_parts(stops, pairs, fly, end) or turned):
+        gained = _turn_parts(stops, pairs, fly, end)
+        if len(stops) <= MANY_STOPS:
+            gained |= _move_parts(stops, pairs, fly, end)
+        if not gained:
             break
     return total, found
 

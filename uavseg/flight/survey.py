@@ -70,6 +70,7 @@ def survey(region: Any, spacing_m: float, angle_deg: float | None = None) -> Sur
 
     Examples
     --------
+    >>> import shapely
     >>> flown = survey(shapely.box(0, 0, 20, 100), 10)
     >>> flown.angle_deg, flown.lines, flown.cells
     (0.0, 2, 1)

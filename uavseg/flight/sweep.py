@@ -9,13 +9,13 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.mission import MOST_ITEMS
+from uavseg.flight.items import MOST_ITEMS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 JOINED = 1 / 20  # of the spacing: shorter gaps are flown through, shorter pieces left out
-ROUNDING = 1e-6  # of a line: what floating point may add to a width before it needs one line more
+SLACK = 0.01  # spacings, by which a polygon may be wider before it needs one line more
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +56,9 @@ class Lines:
 def sweep(region: Any, spacing_m: float, angle_deg: float) -> Lines:
     """Cut parallel lines to the inside of a polygon.
 
-    The lines are centred over the polygon: the outermost ones lie at most half a spacing inside its
-    edge, and a polygon narrower than the spacing gets one line through its middle. Gaps and pieces
-    shorter than a twentieth of the spacing are not kept.
+    The lines are centred over the polygon: the outermost ones lie at most half a spacing (and half a
+    hundredth of it) inside its edge, and a polygon narrower than the spacing gets one line through its
+    middle. Gaps and pieces shorter than a twentieth of the spacing are not kept.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _axes(angle_deg: float) -> Floats:
 
 
 def _lines_over(width_m: float, spacing_m: float) -> int:
-    count = max(math.ceil(width_m / spacing_m - ROUNDING), 1)
+    count = max(math.ceil(width_m / spacing_m - SLACK), 1)
     if 2 * count > MOST_ITEMS:
         raise MissionError(
             f"{width_m:.0f} m at a spacing of {spacing_m:g} m make {count} lines, more than a mission holds; "

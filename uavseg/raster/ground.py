@@ -15,13 +15,13 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
+from uavseg.raster.ellipsoid import Globe, globe_under, pixel_on_ground, pixel_on_map
 from uavseg.raster.geobox import GeoBox
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.integer[Any]]
 
 _CHUNK = 1 << 20  # vertices measured at a time
-_STEP = 1 / 1600  # finite differences, in radii of the globe: 4 km on the Earth
 _MOST_NODES = 128
 _TOLERANCE = 1e-11
 
@@ -67,11 +67,10 @@ def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
     Units of the transform where there is no CRS.
     """
     centre = (np.array([length / 2]) for length in geobox.shape)
-    per_col, per_row, _ = _pixel_on_ground(geobox, *centre)
+    per_col, per_row, _ = pixel_on_ground(geobox, *centre)
     if np.isfinite(per_col[0]) and np.isfinite(per_row[0]):
         return float(per_col[0]), float(per_row[0])
-    per_col, per_row, _ = _planar(geobox)
-    return float(per_col[0]), float(per_row[0])
+    return pixel_on_map(geobox)[:2]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,14 +89,14 @@ class _Tables:
     length_of_rows: _Product
     length_of_cols: _Product
 
-    def area_along(self, here: Integers, there: Integers, first: Integers) -> Floats:
-        """Ground between each edge and the column where its ring starts; horizontal edges give 0."""
+    def area_along(self, here: Integers, there: Integers) -> Floats:
+        """Ground between each edge and the first column; horizontal edges give 0."""
         total = np.zeros(len(here))
         for rows, cols in zip(self.area.rows, self.area.cols, strict=True):
-            total += (rows[there[:, 0]] - rows[here[:, 0]]) * (cols[here[:, 1]] - cols[first[:, 1]])
+            total += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
         return total
 
-    def length_along(self, here: Integers, there: Integers, first: Integers) -> Floats:
+    def length_along(self, here: Integers, there: Integers) -> Floats:
         """Length of each edge; it moves along a row or along a column, so one of the two sums is 0."""
         down, across = np.zeros(len(here)), np.zeros(len(here))
         for rows, cols in zip(self.length_of_cols.rows, self.length_of_cols.cols, strict=True):
@@ -108,9 +107,9 @@ class _Tables:
 
 
 def _over_rings(
-    measure: Callable[[Integers, Integers, Integers], Floats], vertices: Integers, starts: Integers
+    measure: Callable[[Integers, Integers], Floats], vertices: Integers, starts: Integers
 ) -> Floats:
-    """Sum of `measure(vertex, next vertex, first vertex of the ring)` over each ring."""
+    """Sum of `measure(vertices, next vertices)` over each ring."""
     sums = np.zeros(len(starts) - 1)
     ring = 0
     while ring < len(sums):
@@ -121,17 +120,16 @@ def _over_rings(
         there = np.empty_like(here)
         there[:-1] = here[1:]
         there[np.append(offsets[1:], len(here)) - 1] = here[offsets]
-        first = np.repeat(here[offsets], np.diff(starts[ring : last + 1]), axis=0)
-        sums[ring:last] = np.add.reduceat(measure(here, there, first), offsets)
+        sums[ring:last] = np.add.reduceat(measure(here, there), offsets)
         ring = last
     return sums
 
 
 @lru_cache(maxsize=4)
 def _tables(geobox: GeoBox) -> _Tables:
-    globe = _globe(geobox.wkt)
+    globe = globe_under(geobox.wkt)
     if globe is None:
-        return _evenly(geobox, *_planar(geobox)[:, 0])
+        return _evenly(geobox, *pixel_on_map(geobox))
     if globe.inverse is None and geobox.transform.b == 0 == geobox.transform.d:
         return _between_parallels(geobox, globe)
     return _modelled(geobox)
@@ -147,7 +145,7 @@ def _evenly(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tab
     )
 
 
-def _between_parallels(geobox: GeoBox, globe: "_Globe") -> _Tables:
+def _between_parallels(geobox: GeoBox, globe: Globe) -> _Tables:
     """A geographic raster whose rows are parallels; there is no ground beyond the poles."""
     rows, cols = (np.arange(length + 1.0) for length in geobox.shape)
     lat = np.clip((geobox.transform.f + geobox.transform.e * rows) * globe.unit, -np.pi / 2, np.pi / 2)
@@ -173,7 +171,7 @@ def _modelled(geobox: GeoBox) -> _Tables:
     if fitted is None:
         fitted = _least_squares(geobox)
     if fitted is None:
-        return _evenly(geobox, *_planar(geobox)[:, 0])
+        return _evenly(geobox, *pixel_on_map(geobox))
     along_rows, along_cols, area = fitted
     return _Tables(
         _product(geobox, area, True, True),
@@ -188,7 +186,7 @@ def _interpolated(geobox: GeoBox) -> Floats | None:
     while True:
         nodes = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in shape]
         row, col = (length * (1 + x) / 2 for length, x in zip(geobox.shape, nodes, strict=True))
-        samples = np.stack(_pixel_on_ground(geobox, row[:, None], col[None, :]))
+        samples = np.stack(pixel_on_ground(geobox, row[:, None], col[None, :]))
         if not np.isfinite(samples).all():
             return None
         into_rows, into_cols = (_from_nodes(x) for x in nodes)
@@ -213,7 +211,7 @@ def _least_squares(geobox: GeoBox, degree: int = 16) -> Floats | None:
     """The same where a raster reaches past what its projection can express: fitted where there is ground."""
     x, y = np.meshgrid(np.linspace(-1, 1, 49), np.linspace(-1, 1, 49))
     row, col = (length * (1 + at) / 2 for length, at in zip(geobox.shape, (y, x), strict=True))
-    samples = np.stack(_pixel_on_ground(geobox, row, col))
+    samples = np.stack(pixel_on_ground(geobox, row, col))
     inside = np.isfinite(samples).all(axis=0)
     if inside.sum() < 4 * (degree + 1) ** 2:
         return None
@@ -235,97 +233,3 @@ def _product(geobox: GeoBox, fitted: Floats, over_rows: bool, over_cols: bool) -
 def _at_corners(polynomials: Floats, length: int, integrated: bool) -> Floats:
     series = chebyshev.chebint(polynomials, lbnd=-1, scl=length / 2) if integrated else polynomials
     return np.asarray(chebyshev.chebval(np.linspace(-1, 1, length + 1), series), np.float64)
-
-
-def _pixel_on_ground(geobox: GeoBox, row: Floats, col: Floats) -> tuple[Floats, Floats, Floats]:
-    """Length of a pixel's step along its row and along its column, and its area, at pixel positions.
-
-    From differences of points in space, of fourth order; not finite where the projection ends.
-    """
-    globe = _globe(geobox.wkt)
-    row, col = np.broadcast_arrays(row, col)
-    if globe is None:
-        per_col, per_row, area = np.multiply.outer(_planar(geobox)[:, 0], np.ones(row.shape))
-        return per_col, per_row, area
-    t = geobox.transform
-    steps = globe.radius * _STEP / (globe.unit_m * np.hypot([t.a, t.b], [t.d, t.e]))
-    with np.errstate(invalid="ignore", over="ignore"):
-        east = _difference(lambda by: globe.place(*geobox.xy_from_pixel(row, col + by)), steps[0])
-        south = _difference(lambda by: globe.place(*geobox.xy_from_pixel(row + by, col)), steps[1])
-        across = np.cross(east, south)
-        per_col, per_row, area = (np.sqrt((v * v).sum(axis=-1)) for v in (east, south, across))
-    return per_col, per_row, area
-
-
-def _difference(place: Callable[[float], Floats], step: float) -> Floats:
-    near, far = place(step) - place(-step), place(2 * step) - place(-2 * step)
-    return (8 * near - far) / (12 * step)
-
-
-def _planar(geobox: GeoBox) -> Floats:
-    """Length along a row, along a column, and area of a pixel in the plane of the map: (3, 1)."""
-    t, unit = geobox.transform, _unit_of_length(geobox.wkt)
-    per_col, per_row = np.hypot(t.a, t.d) * unit, np.hypot(t.b, t.e) * unit
-    return np.array([[per_col], [per_row], [abs(t.determinant) * unit**2]])
-
-
-@dataclass(frozen=True, slots=True)
-class _Globe:
-    """The ellipsoid under a CRS and the way to it; `inverse` is None where the map is in angles already."""
-
-    inverse: Callable[[Floats, Floats], tuple[Floats, Floats]] | None
-    unit: float  # of the angles, in radians
-    unit_m: float  # of the map, about, in metres
-    radius: float
-    flattening: float  # squared eccentricity
-
-    def radii(self, lat: Floats) -> tuple[Floats, Floats]:
-        """Radius of curvature along the meridian, and radius of the parallel, in metres."""
-        squeeze = 1 - self.flattening * np.sin(lat) ** 2
-        normal = self.radius / np.sqrt(squeeze)
-        return normal * (1 - self.flattening) / squeeze, normal * np.cos(lat)
-
-    def place(self, x: Floats, y: Floats) -> Floats:
-        """Map coordinates -> points in space (..., 3), metres from the centre."""
-        lon, lat = (x, y) if self.inverse is None else self.inverse(x, y)
-        lon, lat = lon * self.unit, lat * self.unit
-        normal = self.radius / np.sqrt(1 - self.flattening * np.sin(lat) ** 2)
-        out = normal * np.cos(lat)
-        up = normal * (1 - self.flattening) * np.sin(lat)
-        return np.stack([out * np.cos(lon), out * np.sin(lon), up], axis=-1)
-
-
-@lru_cache(maxsize=32)
-def _globe(wkt: str | None) -> _Globe | None:
-    """None where there is no CRS, or one that has no place on a globe."""
-    if wkt is None:
-        return None
-    import pyproj
-    from pyproj.exceptions import ProjError
-
-    try:
-        crs = pyproj.CRS.from_wkt(wkt)
-        angles = crs.geodetic_crs
-        if angles is None:
-            return None
-        way = (
-            None if crs.is_geographic else pyproj.Transformer.from_crs(crs, angles, always_xy=True).transform
-        )
-    except ProjError:
-        return None
-    unit = angles.axis_info[0].unit_conversion_factor
-    radius = angles.ellipsoid.semi_major_metre
-    unit_m = unit * radius if way is None else _unit_of_length(wkt)
-    squared = 1 - (angles.ellipsoid.semi_minor_metre / radius) ** 2
-    return _Globe(way, unit, unit_m, radius, squared)
-
-
-@lru_cache(maxsize=32)
-def _unit_of_length(wkt: str | None) -> float:
-    """Metres in one unit of the map; 1 where that is not known."""
-    if wkt is None:
-        return 1.0
-    import pyproj
-
-    axes = pyproj.CRS.from_wkt(wkt).axis_info
-    return float(axes[0].unit_conversion_factor) if axes else 1.0

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from uavseg.atomic import check_target, whole_file
 from uavseg.errors import OutputError
-from uavseg.regions import geojson
+from uavseg.regions import geojson, kml
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84 import geometries
 
 LAYER = "regions"
 _DAY = "2000-01-01T00:00:00Z"  # same regions, same bytes: files do not say when they were written
@@ -109,8 +108,8 @@ def _write_shapefile(regions: Regions, path: Path) -> None:
 
 
 def _write_kml(regions: Regions, path: Path) -> None:
-    on_globe = Regions(regions.columns, geometries(regions), "EPSG:4326")
-    _write_layer(on_globe, path, "KML")
+    with path.open("wb") as stream:
+        kml.dump(regions, stream)
 
 
 def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> None:

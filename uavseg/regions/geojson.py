@@ -11,12 +11,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import mapping
 
+from uavseg.regions.decimals import lines_of, words_of, write_degrees
 from uavseg.regions.ragged import Ragged
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84 import UNITS, batches
-
-Integers = NDArray[np.int64]
-Words = NDArray[np.uint32]
+from uavseg.regions.wgs84 import batches
 
 
 def dump(regions: Regions, stream: IO[bytes]) -> None:
@@ -85,12 +83,7 @@ def _on_globe(regions: Regions) -> Iterator[bytes]:
 
 
 def _polygons(flat: Ragged) -> list[bytes]:
-    """The coordinates of each polygon.
-
-    Every vertex is a row of eight words of four bytes: opening brackets, longitude in three (sign and
-    degrees, point and three decimals, four decimals), comma and latitude likewise, closing brackets. Bytes
-    that a word does not need are zero, and all zeros are dropped at the end.
-    """
+    """The coordinates of each polygon: a row of words for every vertex, with its brackets."""
     rows = np.empty((len(flat.vertices), 8), np.uint32)
     ends = flat.rings[flat.polygons]
     rows[:, 0] = _OPEN_VERTEX
@@ -99,29 +92,10 @@ def _polygons(flat: Ragged) -> list[bytes]:
     rows[:, 7] = _CLOSE_VERTEX
     rows[flat.rings[1:] - 1, 7] = _CLOSE_RING
     rows[ends[1:] - 1, 7] = _CLOSE_POLYGON
-    _write_degrees(flat.vertices[:, 0], _DEGREES, rows[:, 1:4])
-    _write_degrees(flat.vertices[:, 1], _COMMA_DEGREES, rows[:, 4:7])
-    return rows.tobytes().translate(None, b"\0").split(b"\n")[:-1]
+    write_degrees(flat.vertices[:, 0], rows[:, 1:4])
+    write_degrees(flat.vertices[:, 1], rows[:, 4:7], after=",")
+    return lines_of(rows)
 
 
-def _write_degrees(value: Integers, degrees: Words, words: Words) -> None:
-    """1e-7 degrees as text in three words each."""
-    size = np.abs(value)
-    whole = size // UNITS
-    decimals = (size - whole * UNITS).astype(np.int32)
-    words[:, 0] = degrees[whole + (value < 0) * (len(degrees) // 2)]
-    words[:, 1] = _THREE[decimals // 10_000]
-    words[:, 2] = _FOUR[decimals % 10_000]
-
-
-def _words(texts: Iterable[str]) -> Words:
-    """Texts of up to four bytes as numbers."""
-    return np.frombuffer("".join(text.ljust(4, "\0") for text in texts).encode(), np.uint32)
-
-
-_DEGREES = _words(f"{sign}{whole}" for sign in ("", "-") for whole in range(181))
-_COMMA_DEGREES = _words(f",{sign}{whole}" for sign in ("", "-") for whole in range(91))
-_THREE = _words(f".{decimals:03}" for decimals in range(1000))
-_FOUR = _words(f"{decimals:04}" for decimals in range(10_000))
-_OPEN_VERTEX, _OPEN_RING, _OPEN_POLYGON = _words(["[", "[[", "[[["])
-_CLOSE_VERTEX, _CLOSE_RING, _CLOSE_POLYGON = _words(["],", "]],", "]]]\n"])
+_OPEN_VERTEX, _OPEN_RING, _OPEN_POLYGON = words_of(["[", "[[", "[[["])
+_CLOSE_VERTEX, _CLOSE_RING, _CLOSE_POLYGON = words_of(["],", "]],", "]]]\n"])

@@ -74,10 +74,16 @@ def _read(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) 
     except (RuntimeError, ValueError, OSError, ArrowException) as error:
         if isinstance(error, RegionError):
             raise
-        raise RegionError(f"{name} cannot be read as regions: {str(error).splitlines()[0]}") from error
+        raise RegionError(f"{name} cannot be read as regions: {_cause(error)}") from error
     if not isinstance(frame, geopandas.GeoDataFrame):
         raise RegionError(f"{name} holds no geometries; regions are polygons")
     return frame
+
+
+def _cause(error: Exception) -> str:
+    cause = (str(error).splitlines() or [type(error).__name__])[0]
+    unknown = "not recognized as being in a supported file format" in cause
+    return "it is neither GeoJSON nor another format of polygons that GDAL knows" if unknown else cause
 
 
 def _layers(source: Any, name: str, layer: str | None) -> Any:

@@ -14,6 +14,8 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
+from uavseg.regions.bend import bent
+from uavseg.regions.decimals import UNITS
 from uavseg.regions.fold import fold
 from uavseg.regions.ragged import Ragged
 from uavseg.regions.table import Regions
@@ -23,12 +25,7 @@ Integers = NDArray[np.int64]
 Objects = NDArray[np.object_]
 Flags = NDArray[np.bool_]
 
-UNITS = 10_000_000
-"""Units in a degree: seven decimals."""
-
-_HALF_TURN = 180 * UNITS
 _EARTH_RADII_M = (6.3e6, 6.4e6)
-_SAG = 1 / 500  # how far an edge may leave its true course, in pixels
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +42,12 @@ class Batch:
 
     drawn: Ragged
     others: dict[int, Any]
+
+    def geometries(self) -> Objects:
+        """The regions as shapely geometries, in degrees."""
+        drawn = replace(self.drawn, vertices=self.drawn.vertices / UNITS).built()
+        drawn[list(self.others)] = list(self.others.values())
+        return drawn
 
 
 def batches(regions: Regions, vertices: int = 1 << 18) -> Iterator[Batch]:
@@ -73,12 +76,7 @@ def batches(regions: Regions, vertices: int = 1 << 18) -> Iterator[Batch]:
 
 def geometries(regions: Regions) -> Objects:
     """The regions in WGS 84 as shapely geometries, with the very coordinates that GeoJSON gets."""
-    parts = [np.empty(0, object)]
-    for batch in batches(regions):
-        drawn = replace(batch.drawn, vertices=batch.drawn.vertices / UNITS).built()
-        drawn[list(batch.others)] = list(batch.others.values())
-        parts.append(drawn)
-    return np.concatenate(parts)
+    return np.concatenate([np.empty(0, object), *(batch.geometries() for batch in batches(regions))])
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +85,8 @@ class _Way:
 
     transformer: Any
     straight: bool  # the CRS is geographic: edges stay straight, longitudes never jump
-    radius: float  # of the Earth, in units of the map
+    radius: float  # of the Earth in units of the map, unless straight
+    turn: float  # 360 degrees in units of the map, if straight
 
     @classmethod
     def of(cls, wkt: str | None) -> "_Way":
@@ -107,16 +106,24 @@ class _Way:
             raise OutputError(
                 "these regions are not on the Earth, and GeoJSON and KML are WGS 84; write a .gpkg instead"
             )
-        return cls(transformer, crs.is_geographic, radius / crs.axis_info[0].unit_conversion_factor)
+        unit = crs.axis_info[0].unit_conversion_factor
+        return cls(transformer, crs.is_geographic, radius / unit, 2 * np.pi / unit)
 
     def degrees(self, xy: Floats) -> Floats:
-        lonlat = np.stack(self.transformer.transform(xy[:, 0], xy[:, 1]), axis=1)
+        x, y = xy.T
+        if self.straight:
+            y = np.clip(y, -self.turn / 4, self.turn / 4)
+        lonlat = np.stack(self.transformer.transform(x, y), axis=1)
         if not np.isfinite(lonlat).all():
             raise OutputError("a region reaches past the edge of its projection; write a .gpkg instead")
+        if self.straight:
+            lonlat[:, 0] += 360 * np.round(x / self.turn - lonlat[:, 0] / 360)
         return lonlat
 
     def mirrors(self, xy: Floats) -> bool:
         """Whether left and right change places on the way (at this vertex, and so everywhere)."""
+        if self.straight:
+            return False
         step = self.radius * 1e-5
         there = self.degrees(xy + np.array([[0, 0], [step, 0], [0, step]]))
         (a, b), (c, d) = np.remainder(there[1:] - there[0] + 180, 360) - 180
@@ -130,9 +137,10 @@ def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
         flat = Ragged.of(shapely.orient_polygons(polygons, exterior_cw=True))
         degrees = way.degrees(flat.vertices)
     far = _far_apart(flat, degrees, pixel)
-    on_globe, crossing = (
-        _turned(flat, degrees) if way.straight else _jumping(_bent(flat, degrees, np.sqrt(pixel), way))
-    )
+    if way.straight:
+        on_globe, crossing = _turned(flat, degrees)
+    else:
+        on_globe, crossing = _jumping(bent(flat, degrees, np.sqrt(pixel), way.radius, way.degrees))
     lonlat = np.rint(on_globe.vertices * UNITS).astype(np.int64)
     np.clip(lonlat[:, 1], -90 * UNITS, 90 * UNITS, out=lonlat[:, 1])
     kept = _without_repeats(replace(on_globe, vertices=lonlat)).without(crossing)
@@ -163,41 +171,6 @@ def _jumping(flat: Ragged) -> tuple[Ragged, Flags]:
     crossing = np.zeros(len(flat.regions) - 1, bool)
     crossing[flat.region_of(np.append(np.flatnonzero(jumps), np.flatnonzero(at_pole)))] = True
     return flat, crossing
-
-
-def _bent(flat: Ragged, degrees: Floats, side: float, way: _Way) -> Ragged:
-    """More vertices on edges that would leave their course if drawn straight in longitude and latitude."""
-    xy, starts = flat.vertices, flat.rings
-    for _ in range(8):
-        pieces = _pieces(xy, degrees, starts, side, way.radius)
-        if pieces.max() == 1:
-            break
-        edge = np.repeat(np.arange(len(xy)), pieces)
-        places = np.cumsum(pieces) - pieces
-        along = (np.arange(len(edge)) - places[edge]) / pieces[edge]
-        following = np.minimum(edge + 1, len(xy) - 1)
-        xy = xy[edge] + (xy[following] - xy[edge]) * along[:, None]
-        degrees = way.degrees(xy)
-        starts = np.append(places, len(xy))[starts]
-    return replace(flat, vertices=degrees, rings=starts)
-
-
-def _pieces(xy: Floats, degrees: Floats, starts: Integers, side: float, radius: float) -> Integers:
-    """Into how many pieces the edge from each vertex to the next has to be cut."""
-    steps = np.append(np.hypot(*np.diff(xy, axis=0).T), 0)
-    steps[starts[1:] - 1] = 0
-    slope = np.abs(degrees[:, 1])
-    if steps.max() <= _straight_enough(slope.max(), side, radius):
-        return np.ones(len(xy), np.int64)
-    limit = _straight_enough(np.maximum(slope, np.roll(slope, -1)), side, radius)
-    pieces: Integers = np.maximum(np.ceil(steps / np.maximum(limit, side / 16)), 1).astype(np.int64)
-    return pieces
-
-
-def _straight_enough(lat: Any, side: float, radius: float) -> Any:
-    """Length of an edge that sags by a small part of a pixel: meridians meet faster towards the poles."""
-    curvature = np.maximum(np.tan(np.radians(np.minimum(lat, 89.999999))), 0.3) / radius
-    return np.sqrt(8 * _SAG * side / curvature)
 
 
 def _without_repeats(flat: Ragged) -> Ragged:

@@ -59,6 +59,40 @@ def block_ratios(
     return ratios
 
 
+def wanted_ratios(
+    grey: NDArray[np.uint16],
+    valid: NDArray[np.uint8] | None,
+    cuts: NDArray[np.int32],
+    corners: NDArray[np.int64],
+    wanted: NDArray[np.uint32],
+    threshold: float,
+) -> NDArray[np.float64]:
+    """R of some of the blocks within blocks of 64 x 64 pixels: those that a question depends on.
+
+    Parameters
+    ----------
+    grey, valid, cuts, corners
+        As of `block_ratios`.
+    wanted : (B,) uint32 array
+        Bit k is set where ratio k of a block is wanted.
+    threshold : float
+        X. Where a wanted block is not divided, what lies within it is not looked at.
+
+    Returns
+    -------
+    ratios : (B, 21) float64 array
+        Exactly as of `block_ratios` where they were computed, 0 where they were not.
+    """
+    ratios = np.zeros((len(corners), RATIOS))
+    table, listed = np.zeros(SYMBOLS, np.uint64), np.zeros(SYMBOLS, np.uint64)
+    texture = np.empty(BLOCK * BLOCK, np.uint16)
+    every = valid is None
+    _wanted_ratios(
+        grey, given(valid), every, cuts, corners, wanted, threshold, _N_LN_N, table, listed, texture, ratios
+    )
+    return ratios
+
+
 def likelihood_ratio(first: NDArray[np.integer], second: NDArray[np.integer]) -> float:
     """G between two histograms: 0 where they have the same proportions.
 
@@ -205,14 +239,77 @@ def ratios_of_block(texture, n_ln_n, scratch, ratios, b):  # type: ignore[no-unt
 def _ratios(grey, valid, every, cuts, corners, n_ln_n, scratch, texture, ratios):  # type: ignore[no-untyped-def]
     seven = (cuts[0], cuts[1], cuts[2], cuts[3], cuts[4], cuts[5], cuts[6])
     for b in range(corners.shape[0]):
-        for r in range(BLOCK):
-            row = corners[b, 0] + r + 1
-            for c in range(BLOCK):
-                col = corners[b, 1] + c + 1
-                level = contrast_bin(contrast(grey, row, col), seven)
-                texture[r * BLOCK + c] = lbp_code(grey, row, col) * BINS + level
-            if not every:
-                for c in range(BLOCK):
-                    if not counted(valid, row, corners[b, 1] + c + 1):
-                        texture[r * BLOCK + c] = UNCOUNTED
+        fill_texture(grey, valid, every, seven, corners[b, 0] + 1, corners[b, 1] + 1, texture)
         ratios_of_block(texture, n_ln_n, scratch, ratios, b)
+
+
+@inlined
+def ratio_of_block(texture, row, col, side, n_ln_n, table, listed):  # type: ignore[no-untyped-def]
+    """R of one block within the 4096 symbols of a block of 64; leaves the table as it found it, empty."""
+    # Sixteens in the order of `ratios_of_block`, so that sums are rounded alike and R is the same to the bit.
+    half = side // 2
+    many = 0
+    for k in range(side // 16 * (side // 16)):
+        top = k // 8 * 32 + k // 2 % 2 * 16
+        left = k // 4 % 2 * 32 + k % 2 * 16
+        for r in range(top, top + 16):
+            for c in range(left, left + 16):
+                name = texture[(row + r) * BLOCK + col + c]
+                if name != UNCOUNTED:
+                    if table[name] == 0:
+                        listed[many] = name
+                        many += 1
+                    table[name] += np.uint64(1) << np.uint64(16 * (2 * (r // half) + c // half))
+    ratio = ratio_of_children(table, listed, many, np.uint64(16), n_ln_n)
+    for k in range(many):
+        table[listed[k]] = 0
+    return ratio
+
+
+@inlined
+def fill_texture(grey, valid, every, cuts, top, left, texture):  # type: ignore[no-untyped-def]
+    """The symbols of a block of 64 whose first pixel is grey[top, left]."""
+    for r in range(BLOCK):
+        row = top + r
+        for c in range(BLOCK):
+            level = contrast_bin(contrast(grey, row, left + c), cuts)
+            texture[r * BLOCK + c] = lbp_code(grey, row, left + c) * BINS + level
+        if not every:
+            for c in range(BLOCK):
+                if not counted(valid, row, left + c):
+                    texture[r * BLOCK + c] = UNCOUNTED
+
+
+_WANTED = (
+    "void(u2[:,::1], u1[:,::1], b1, i4[::1], i8[:,::1], u4[::1], f8, f8[::1], u8[::1], u8[::1], u2[::1], "
+    "f8[:,::1])"
+)
+
+
+@kernel(_WANTED)
+def _wanted_ratios(  # type: ignore[no-untyped-def]
+    grey, valid, every, cuts, corners, wanted, threshold, n_ln_n, table, listed, texture, ratios
+):
+    seven = (cuts[0], cuts[1], cuts[2], cuts[3], cuts[4], cuts[5], cuts[6])
+    for b in range(corners.shape[0]):
+        bits = wanted[b]
+        if bits == 0:
+            continue
+        fill_texture(grey, valid, every, seven, corners[b, 0] + 1, corners[b, 1] + 1, texture)
+        if bits & np.uint32(1):
+            ratios[b, 0] = ratio_of_block(texture, 0, 0, 64, n_ln_n, table, listed)
+            if ratios[b, 0] <= threshold:
+                continue
+        for half in range(4):
+            row = half // 2 * 32
+            col = half % 2 * 32
+            if bits >> np.uint32(1 + half) & np.uint32(1):
+                ratios[b, 1 + half] = ratio_of_block(texture, row, col, 32, n_ln_n, table, listed)
+                if ratios[b, 1 + half] <= threshold:
+                    continue
+            for quarter in range(4):
+                r = row + quarter // 2 * 16
+                c = col + quarter % 2 * 16
+                k = 5 + r // 16 * 4 + c // 16
+                if bits >> np.uint32(k) & np.uint32(1):
+                    ratios[b, k] = ratio_of_block(texture, r, c, 16, n_ln_n, table, listed)

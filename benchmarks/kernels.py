@@ -1,0 +1,172 @@
+"""Nanoseconds per pixel of the kernels, beside what copying the same arrays costs.
+
+    python -m benchmarks.kernels
+
+One thread, one tile of 2048 x 2048 of the synthetic scene; the least of several runs.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.competitors import LOW, MIN_PIXELS, with_project
+
+SIDE = 2048
+RUNS = 7
+
+
+@dataclass(frozen=True, slots=True)
+class Speed:
+    """One row of the table.
+
+    Parameters
+    ----------
+    title : str
+    ns : float
+        Per pixel of the tile.
+    floor_ns : float
+        Copying what is read and what is written, once each.
+    remark : str
+    """
+
+    title: str
+    ns: float
+    floor_ns: float
+    remark: str = ""
+
+
+def speeds() -> list[Speed]:
+    """All rows, measured in a process of its own so that the caller stays small."""
+    command = [sys.executable, "-m", "benchmarks.kernels"]
+    told = subprocess.run(
+        command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
+    ).stdout
+    return [Speed(*row) for row in json.loads(told)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """What is timed: `call` on fresh `scratch` copies; `arrays` are those it reads and writes once each."""
+
+    title: str
+    call: Callable[..., Any]
+    arrays: tuple[Any, ...]
+    scratch: tuple[Any, ...] = ()
+    remark: str = ""
+
+
+def _cases() -> Iterator[_Case]:
+    import numpy as np
+    import rasterio.features
+
+    from uavseg.raster.stretch import Stretch
+    from uavseg.regions.outline import trace
+    from uavseg.regions.tracing import trace_tile
+    from uavseg.segmentation.blockmap import cell_sums
+    from uavseg.segmentation.components import component_sums, components
+    from uavseg.segmentation.division import BLOCK, block_ratios
+    from uavseg.segmentation.refinement import scan
+    from uavseg.segmentation.texture import contrast_cuts, contrast_histogram, symbols
+
+    tile = _tile()
+    stretch = Stretch(0.0, 255.0, "dtype")
+    grey = stretch.apply(tile)  # with a border of one pixel, as the pipeline reads it
+    inner = np.ascontiguousarray(grey[1:-1, 1:-1])
+    valid = np.ones_like(grey, dtype=np.uint8)
+    yield _Case("`Stretch.apply`, 8 to 16 bit", lambda: stretch.apply(tile), (tile, grey))
+
+    sums, counts = cell_sums(grey, valid, 1)
+    yield _Case("`blockmap.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
+
+    cuts = contrast_cuts(contrast_histogram(grey))
+    yield _Case("`texture.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
+    yield _Case("`texture.symbols`", lambda: symbols(grey, None, cuts), (grey, inner))
+
+    starts = np.arange(0, SIDE, BLOCK)
+    corners = np.stack(np.meshgrid(starts, starts, indexing="ij"), axis=-1).reshape(-1, 2)
+    yield _Case("`division.block_ratios`", lambda: block_ratios(grey, None, cuts, corners), (grey,))
+
+    bright = sums >= LOW * 65535.0 * counts
+    inside = bright.astype(np.uint8).repeat(8, axis=0).repeat(8, axis=1)
+    whole = np.ones_like(inside)
+    matching = (inner >= LOW * 65535).astype(np.uint8)
+    yield _Case(
+        "`refinement.scan`", lambda mask: scan(mask, whole, matching), (inside, whole, matching), (inside,)
+    )
+
+    refined = scan(inside.copy(), whole, matching)
+    labels, count = components(refined)
+    yield _Case("`components.components`", lambda: components(refined), (refined, labels))
+    yield _Case("`components.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
+
+    sizes = np.bincount(labels.ravel())
+    labels[sizes[labels] < MIN_PIXELS] = 0
+    framed = np.pad((labels > 0).astype(np.uint8), 1)
+    regions = f"{len(np.unique(labels)) - 1} regions"
+    yield _Case(
+        "`tracing.trace_tile`",
+        lambda: trace_tile(framed, labels, 1, (0, 0), SIDE),
+        (framed, labels),
+        remark=f"{regions}, chains of corners",
+    )
+    yield _Case("`outline.trace`", lambda: trace(labels), (labels,), remark=f"{regions}, rings")
+    signed = labels.astype(np.int32)
+    yield _Case(
+        "rasterio.features.shapes",
+        lambda: list(rasterio.features.shapes(signed, signed > 0)),
+        (labels,),
+        remark=f"{regions}, dictionaries",
+    )
+
+
+def _tile() -> Any:
+    """A (1, 2050, 2050) uint8 picture of the scene."""
+    import numpy as np
+
+    from benchmarks.data import TILE, draw
+    from benchmarks.scenes import Scene
+
+    across = range(0, SIDE + TILE, TILE)
+    picture = np.block([[draw(Scene(SIDE), row, col)[0] for col in across] for row in across])
+    return np.ascontiguousarray(picture[: SIDE + 2, : SIDE + 2])[np.newaxis]
+
+
+def _seconds(call: Callable[..., Any], scratch: tuple[Any, ...] = ()) -> float:
+    """The least of several runs, each on copies of `scratch`; the first run does not count."""
+    call(*(array.copy() for array in scratch))
+    least = float("inf")
+    for _ in range(RUNS):
+        copies = tuple(array.copy() for array in scratch)
+        start = time.perf_counter()
+        call(*copies)
+        least = min(least, time.perf_counter() - start)
+    return least
+
+
+def _floor(arrays: tuple[Any, ...]) -> float:
+    """Seconds to copy some arrays into memory that is there already."""
+    import numpy as np
+
+    targets = [array.copy() for array in arrays]
+
+    def copy() -> None:
+        for target, array in zip(targets, arrays, strict=True):
+            np.copyto(target, array)
+
+    return _seconds(copy)
+
+
+def _measured() -> Iterator[Speed]:
+    for case in _cases():
+        seconds = _seconds(case.call, case.scratch)
+        per_pixel = 1e9 / SIDE**2
+        yield Speed(case.title, seconds * per_pixel, _floor(case.arrays) * per_pixel, case.remark)
+
+
+if __name__ == "__main__":
+    print(json.dumps([(row.title, row.ns, row.floor_ns, row.remark) for row in _measured()]))

@@ -1,0 +1,97 @@
+"""What starting costs: the interpreter, the help, and one small tile."""
+
+import os
+import statistics
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.competitors import LOW, with_project
+from benchmarks.measure import Cost, cost
+from benchmarks.scenes import Scene, ready
+
+TILE = Scene(512)
+RUNS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Medians over a few runs of one command.
+
+    Parameters
+    ----------
+    title : str
+    wall_s, cpu_s : float
+    imports_s : float
+        Sum of the times that ``-X importtime`` gives for each module by itself, from a run of its own.
+    """
+
+    title: str
+    wall_s: float
+    cpu_s: float
+    imports_s: float
+
+
+def starts(runs: int = RUNS) -> list[Start]:
+    """Of `python -c pass`, `uavseg --help` and `uavseg extract` on a tile of 512 x 512.
+
+    Parameters
+    ----------
+    runs : int
+        How often each; the numbers are medians.
+    """
+    tile = str(ready(TILE))
+    extract = [
+        "-m",
+        "uavseg",
+        "extract",
+        tile,
+        "--range",
+        f"{LOW},1",
+        "-q",
+        "--overwrite",
+        "-o",
+        "regions.gpkg",
+    ]
+    with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
+        place = Path(folder)
+        _once(extract, place)  # compiles what is not yet compiled
+        return [
+            _start("`python -c pass`", ["-c", "pass"], place, runs),
+            _start("`uavseg --help`", ["-m", "uavseg", "--help"], place, runs),
+            _start(f"`uavseg extract`, {TILE.side} x {TILE.side}", extract, place, runs),
+        ]
+
+
+def _start(title: str, arguments: list[str], folder: Path, runs: int) -> Start:
+    costs = [_once(arguments, folder) for _ in range(runs)]
+    imports = statistics.median(_importing(arguments, folder) for _ in range(runs))
+    wall = statistics.median(taken.wall_s for taken in costs)
+    return Start(title, wall, statistics.median(taken.cpu_s for taken in costs), imports)
+
+
+def _once(arguments: list[str], folder: Path) -> Cost:
+    return cost([sys.executable, *arguments], with_project(os.environ), folder)
+
+
+def _importing(arguments: list[str], folder: Path) -> float:
+    said = folder / "importtime.txt"
+    cost([sys.executable, "-X", "importtime", *arguments], with_project(os.environ), folder, said)
+    return imports_s(said.read_text())
+
+
+def imports_s(said: str) -> float:
+    """Seconds spent in imports, from what ``-X importtime`` printed.
+
+    Examples
+    --------
+    >>> imports_s("import time: self [us] | cumulative | imported\\nimport time:  1500 |  1500 | os")
+    0.0015
+    """
+    total = 0
+    for line in said.splitlines():
+        words = line.replace("|", " ").split()
+        if line.startswith("import time:") and words[2].isdigit():
+            total += int(words[2])
+    return total / 1e6

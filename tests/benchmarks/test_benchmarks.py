@@ -1,0 +1,252 @@
+"""The benchmarks measure what they say; how fast anything is, they do not say here."""
+
+import doctest
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import rasterio
+from hypothesis import given, settings
+from hypothesis.strategies import integers
+
+from benchmarks import __main__ as command
+from benchmarks import data, startup, table
+from benchmarks.answers import answer
+from benchmarks.competitors import COMPETITORS, Competitor, Job, chosen
+from benchmarks.measure import CommandError, Cost, Outcome, cost, outcomes
+from benchmarks.scenes import KINDS, Scene
+from benchmarks.startup import imports_s
+
+
+def made(scene: Scene, folder: Path) -> Path:
+    path = folder / f"{scene.kind}-{scene.side}.tif"
+    data.write(scene, path)
+    return path
+
+
+def pixels(path: Path) -> np.ndarray:
+    with rasterio.open(path) as file:
+        return file.read()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_scene_is_the_same_every_time_and_the_corner_of_a_larger_one(kind: str, tmp_path: Path) -> None:
+    small = pixels(made(Scene(500, kind), tmp_path))
+    again = pixels(made(Scene(500, kind), tmp_path))
+    large = pixels(made(Scene(530, kind), tmp_path))
+    assert np.array_equal(small, again)
+    assert np.array_equal(small, large[:, :500, :500])
+
+
+@given(row=integers(0, 40), col=integers(0, 40), step=integers(16, 900))
+@settings(max_examples=20, deadline=None)
+def test_the_ground_goes_on_from_tile_to_tile(row: int, col: int, step: int) -> None:
+    here = data.Ground(512 * row, 512 * col).noise(step, 1)
+    right = data.Ground(512 * row, 512 * (col + 1)).noise(step, 1)
+    below = data.Ground(512 * (row + 1), 512 * col).noise(step, 1)
+    steepest = 1.5 * 2 / step + 1e-5  # of the weights, times the range of the numbers
+    assert np.abs(here[:, -1] - right[:, 0]).max() <= steepest
+    assert np.abs(here[-1] - below[0]).max() <= steepest
+
+
+def test_a_scene_is_stored_as_promised(tmp_path: Path) -> None:
+    with rasterio.open(made(Scene(520, "rgb8"), tmp_path)) as file:
+        assert file.shape == (520, 520) and file.count == 3
+        assert file.block_shapes == [(512, 512)] * 3
+        assert file.compression.name == "deflate"
+        assert file.crs.to_epsg() == 32633 and file.res == (0.5, 0.5)
+
+
+def test_a_scene_has_bright_and_dark_ground_and_repeats_nowhere() -> None:
+    tiles = [data.draw(Scene(4096), row, col)[0] for row in (0, 512, 2048) for col in (0, 2048)]
+    bright = np.mean([tile > 0.55 * 255 for tile in tiles])
+    assert 0.2 < bright < 0.7
+    assert len({tile.tobytes() for tile in tiles}) == 6
+
+
+def test_drawing_never_runs_far_ahead_of_writing(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[int] = []
+
+    def draw(scene: Scene, row: int, col: int) -> np.ndarray:
+        drawn.append(col)
+        return np.zeros((1, 1, 1), np.uint8)
+
+    monkeypatch.setattr(data, "draw", draw)
+    monkeypatch.setattr(data.os, "cpu_count", lambda: 2)
+    tiles = data._drawn(Scene(512), [(0, col) for col in range(100)])
+    next(tiles)
+    assert len(drawn) <= 5
+    assert len(list(tiles)) == 99 and len(drawn) == 100
+
+
+def test_colour_keeps_the_luminance_of_grey() -> None:
+    grey = data.draw(Scene(512, "float32"), 0, 0)[0]
+    red, green, blue = data.draw(Scene(512, "rgb8"), 0, 0) / 255.0
+    luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    assert abs(float(np.mean(luminance - grey))) < 0.002
+    assert not np.array_equal(red, green)
+
+
+@pytest.mark.parametrize("side, kind", [(0, "grey8"), (512, "grey7")])
+def test_an_impossible_scene_is_refused(side: int, kind: str) -> None:
+    with pytest.raises(ValueError, match="scene"):
+        Scene(side, kind)
+
+
+def test_the_cost_of_a_command_is_its_own() -> None:
+    hold = cost([sys.executable, "-c", "held = bytearray(300_000_000)"], {})
+    spend = cost([sys.executable, "-c", "import time\nwhile time.process_time() < 0.3: pass"], {})
+    assert hold.peak_bytes > 300e6
+    assert 0.3 <= spend.cpu_s <= spend.wall_s * 2
+
+
+def test_a_command_that_fails_says_why() -> None:
+    with pytest.raises(CommandError, match="code 1: ValueError: no such thing"):
+        cost([sys.executable, "-c", "raise ValueError('no such thing')"], {})
+
+
+def test_everybody_takes_turns_and_who_fails_stays_out(tmp_path: Path) -> None:
+    def saying(name: str, code: str = "pass") -> Competitor:
+        return Competitor(name, name, lambda job: [[sys.executable, "-c", code]])
+
+    said: list[str] = []
+    raster = tmp_path / "empty.tif"
+    raster.touch()
+    absent = Competitor("c", "c", lambda job: [], wants=("no_such_module",))
+    field = [saying("a"), saying("b", "raise SystemExit('broken')"), absent, saying("d")]
+    found = outcomes(Scene(8), raster, field, 2, lambda path: (1, 2.0, 0), said.append)
+    assert [line.split(":")[0] for line in said] == [
+        "8² round 1 a",
+        "8² b",
+        "8² round 1 d",
+        "8² round 2 a",
+        "8² round 2 d",
+    ]
+    assert [len(outcome.costs) for outcome in found] == [2, 0, 0, 2]
+    assert "broken" in found[1].remark and "no_such_module" in found[2].remark
+
+
+def test_a_peer_may_have_a_largest_scene() -> None:
+    [slic] = chosen(["slic"])
+    assert "2048" in (slic.why_not(Scene(4096)) or "")
+
+
+def test_an_unknown_competitor_is_refused() -> None:
+    with pytest.raises(ValueError, match="uavseg, opencv"):
+        chosen(["nobody"])
+
+
+def cells(lines: list[str], title: str) -> list[str]:
+    [row] = [line for line in lines if line.startswith(f"| {title}")]
+    return [cell.strip() for cell in row.split("|")[2:-1]]
+
+
+def test_the_table_holds_medians_ratios_and_remarks() -> None:
+    ours, theirs, missing = COMPETITORS[:3]
+    scene = Scene(2048)
+    costs = tuple(Cost(wall, 1.0, 100_000_000) for wall in (5.0, 2.0, 1.0))
+    slow = tuple(Cost(wall, 9.0, 300_000_000) for wall in (4.0, 6.0, 5.0))
+    text = table.processes(
+        [
+            Outcome(ours, scene, costs, (12, 3e6, 0)),
+            Outcome(theirs, scene, slow, (13, 3.1e6, 1)),
+            Outcome(missing, scene, remark="Python has no scipy"),
+        ],
+        3,
+    )
+    lines = text.splitlines()
+    [first] = [line for line in lines if line.startswith(f"| {ours.title}")]
+    [second] = [line for line in lines if line.startswith(f"| {theirs.title}")]
+    assert [cell.strip() for cell in first.split("|")[2:-1]] == [
+        "2.00",
+        "1.00",
+        "100",
+        "12",
+        "3.000",
+        "0",
+        "1.00",
+    ]
+    assert [cell.strip() for cell in second.split("|")[2:-1]] == [
+        "5.00",
+        "9.00",
+        "300",
+        "13",
+        "3.100",
+        "1",
+        "2.50",
+    ]
+    assert "- usual: Python has no scipy" in lines
+    assert len({len(line) for line in lines if line.startswith("|")}) == 1
+
+
+def test_a_section_is_written_again_and_the_rest_stays() -> None:
+    before = "# Title\n\n<!-- startup -->\nold\n<!-- /startup -->\n\nend\n"
+    once = table.replaced(before, "startup", "new")
+    assert "old" not in once and once.startswith("# Title") and once.endswith("\n\nend\n")
+    assert table.replaced(once, "startup", "new") == once
+    with pytest.raises(ValueError, match="kernels"):
+        table.replaced(before, "kernels", "new")
+
+
+def test_the_readme_has_a_place_for_each_section() -> None:
+    for section in ("processes", "startup", "kernels"):
+        table.replaced(table.README.read_text(), section, "")
+
+
+def test_only_the_time_of_modules_counts_as_importing() -> None:
+    said = "import time: self [us] | cumulative | imported\nimport time:   1500 |   2500 |   os\nother 3"
+    assert imports_s(said) == 0.0015
+
+
+@pytest.mark.parametrize("module", [table, startup])
+def test_the_examples_hold(module: ModuleType) -> None:
+    found = doctest.testmod(module)
+    assert found.attempted and not found.failed
+
+
+@pytest.mark.parametrize("name", ["uavseg", "opencv", "gdal"])
+def test_a_competitor_finds_the_bright_ground(name: str, tmp_path: Path) -> None:
+    [competitor] = chosen([name])
+    scene = Scene(512)
+    reason = competitor.why_not(scene)
+    if reason:
+        pytest.skip(reason)
+    raster = made(scene, tmp_path)
+    [outcome] = outcomes(scene, raster, [competitor], 1, answer, lambda line: None)
+    assert outcome.remark == "" and outcome.answer is not None
+    polygons, area_m2, invalid = outcome.answer
+    bright_m2 = 0.25 * np.count_nonzero(pixels(raster) > 0.55 * 255)
+    assert polygons > 3 and invalid == 0
+    assert area_m2 == pytest.approx(bright_m2, rel=0.05)
+
+
+def test_options_choose_sections_and_leave_a_partial_table_unkept(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text("<!-- startup --><!-- /startup -->")
+
+    def section(text: str) -> Callable[..., str]:
+        return lambda options: text
+
+    monkeypatch.setattr(command, "_SECTIONS", {"processes": section("who"), "startup": section("when")})
+    command.main(["--startup", "--readme", str(readme)])
+    assert "when" in readme.read_text()
+    command.main(["--only", "uavseg", "--readme", str(readme)])
+    assert "who" in capsys.readouterr().out and "who" not in readme.read_text()
+
+
+def test_gdal_chain_is_given_each_band_of_a_colour_scene(tmp_path: Path) -> None:
+    [gdal] = chosen(["gdal"])
+    if gdal.why_not(Scene(512)):
+        pytest.skip("GDAL's programs are absent")
+    calc = gdal.commands(Job(Scene(512, "rgb8"), tmp_path / "in.tif", tmp_path / "out.gpkg"))[0]
+    assert [argument for argument in calc if "_band" in argument] == [
+        "--A_band=1",
+        "--B_band=2",
+        "--C_band=3",
+    ]
+    assert "--calc=0.2126*A.astype(float) + 0.7152*B + 0.0722*C >= 140.25" in calc

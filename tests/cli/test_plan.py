@@ -1,0 +1,162 @@
+from pathlib import Path
+
+import geopandas
+import pytest
+import shapely
+from click.testing import CliRunner, Result
+
+from uavseg.cli.plan import command
+from uavseg.errors import MissionError, OutputExistsError, ParameterError, RegionError, UavsegError
+from uavseg.flight import files
+from uavseg.flight.items import WAYPOINT
+from uavseg.flight.mission import Mission
+
+HOME = "47.0,8.0,430"
+
+
+@pytest.fixture
+def regions(tmp_path: Path) -> Path:
+    """Three regions some hundred metres from home: 300 x 150, 75 x 110 and 75 x 20 metres."""
+    path = tmp_path / "regions.geojson"
+    boxes = [(8.0, 47.0, 8.004, 47.00135), (8.006, 47.0, 8.007, 47.001), (8.008, 47.0, 8.009, 47.0002)]
+    columns = {"id": [1, 2, 3], "mean": [0.6, 0.8, 0.9]}
+    geopandas.GeoDataFrame(columns, geometry=[shapely.box(*box) for box in boxes], crs=4326).to_file(path)
+    return path
+
+
+def run(*arguments: object, text: bytes | None = None) -> Result:
+    return CliRunner().invoke(command, [str(argument) for argument in arguments], input=text)
+
+
+def flown(regions: Path, *options: object, suffix: str = ".plan") -> Mission:
+    output = regions.with_suffix(suffix)
+    done = run(regions, "-o", output, "--altitude", 60, "--home", HOME, "--overwrite", *options)
+    assert done.exception is None, done.output
+    return files.read(output)
+
+
+def error(regions: Path, *options: object, output: str = "mission.plan") -> UavsegError:
+    done = run(regions, "-o", regions.parent / output, *options)
+    assert isinstance(done.exception, UavsegError), done.output
+    assert "\n" not in str(done.exception)
+    assert not (regions.parent / output).exists()
+    return done.exception
+
+
+def waypoints(mission: Mission) -> int:
+    return sum(item.command == WAYPOINT for item in mission.items)
+
+
+def test_by_default_every_region_is_visited(regions: Path) -> None:
+    assert waypoints(flown(regions)) == 3
+
+
+def test_a_spacing_makes_a_survey_and_the_pattern_decides(regions: Path) -> None:
+    assert waypoints(flown(regions, "--spacing", 25, "--angle", 90)) == 2 * (6 + 5 + 1)
+    assert waypoints(flown(regions, "--pattern", "survey", "--spacing", 25, "--angle", "auto")) == 2 * (
+        6 + 4 + 1
+    )
+    assert waypoints(flown(regions, "--pattern", "perimeter", "--tolerance", 0.5)) == 15
+
+
+def test_regions_are_chosen(regions: Path) -> None:
+    assert waypoints(flown(regions, "--ids", "1,3")) == 2
+    assert waypoints(flown(regions, "--largest", 1)) == 1
+    assert waypoints(flown(regions, "--where", "mean > 0.7 and area_m2 > 3000")) == 1
+
+
+def test_how_to_fly_reaches_the_mission(regions: Path) -> None:
+    mission = flown(regions, "--speed", 8.5, "--firmware", "px4")
+    assert (mission.firmware, mission.speed_m_s, mission.items[0].altitude_m) == ("px4", 8.5, 60)
+    assert (mission.home.lat, mission.home.lon, mission.home.altitude_m) == (47, 8, 430)
+
+
+def test_both_formats_hold_the_same_flight(regions: Path) -> None:
+    assert flown(regions, suffix=".plan") == flown(regions, suffix=".waypoints")
+
+
+def test_home_may_be_in_the_first_region(regions: Path) -> None:
+    mission = flown(regions, "--home", "auto", "--ids", "2,3")
+    assert shapely.box(8.006, 47.0, 8.007, 47.001).contains(shapely.Point(mission.home.lon, mission.home.lat))
+
+
+def test_regions_may_come_from_standard_input(regions: Path) -> None:
+    output = regions.with_name("piped.plan")
+    done = run("-", "-o", output, "--altitude", 60, "--home", HOME, text=regions.read_bytes())
+    assert done.exception is None
+    assert waypoints(files.read(output)) == 3
+
+
+def test_the_summary_is_on_stderr_and_can_be_silenced(regions: Path) -> None:
+    arguments = [
+        regions,
+        "-o",
+        regions.with_suffix(".plan"),
+        "--altitude",
+        60,
+        "--home",
+        "47,8",
+        "--overwrite",
+    ]
+    told = run(*arguments)
+    assert told.stdout == ""
+    first, *notes = told.stderr.splitlines()
+    assert "3 regions, 6 items, " in first and " km, at least " in first
+    assert notes and all(note.startswith("note: ") for note in notes)
+    assert run(*arguments, "-q").output == ""
+
+
+def test_what_a_format_loses_is_said(regions: Path) -> None:
+    arguments = ["--altitude", 60, "--home", HOME, "--firmware", "px4"]
+    assert "face north" in run(regions, "-o", regions.with_suffix(".waypoints"), *arguments).stderr
+    assert "face north" not in run(regions, "-o", regions.with_suffix(".plan"), *arguments).stderr
+
+
+FLY = ("--altitude", 60, "--home", HOME)
+
+
+@pytest.mark.parametrize(
+    ("options", "kind", "words"),
+    [
+        (("--home", HOME), ParameterError, "--altitude"),
+        (("--altitude", 60), ParameterError, "--home LAT,LON"),
+        ((*FLY, "--altitude", 0), ParameterError, "altitude"),
+        ((*FLY, "--altitude", "nan"), ParameterError, "altitude"),
+        ((*FLY, "--home", "here"), ParameterError, "LAT,LON"),
+        ((*FLY, "--home", "47"), ParameterError, "LAT,LON"),
+        ((*FLY, "--home", "8.0,47.0"), MissionError, "look swapped"),
+        ((*FLY, "--home", "47.0,208.0"), MissionError, "-180..180"),
+        ((*FLY, "--angle", "north"), ParameterError, "--angle"),
+        ((*FLY, "--angle", "30"), ParameterError, "survey"),
+        ((*FLY, "--pattern", "survey"), ParameterError, "spacing"),
+        ((*FLY, "--pattern", "visit", "--spacing", "9"), ParameterError, "spacing"),
+        ((*FLY, "--ids", "1,x"), RegionError, "--ids"),
+        ((*FLY, "--ids", "1,9"), RegionError, "no region 9; there are 1, 2, 3"),
+        ((*FLY, "--where", "size > 3"), RegionError, "they have id, area_m2, mean, lon, lat"),
+        ((*FLY, "--where", "__import__('os')"), RegionError, "not understood"),
+        ((*FLY, "--where", "mean > 1"), RegionError, "none of the 3"),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_and_nothing_written(
+    regions: Path, options: tuple[object, ...], kind: type[UavsegError], words: str
+) -> None:
+    refused = error(regions, *options)
+    assert isinstance(refused, kind)
+    assert words in str(refused)
+
+
+def test_an_unknown_format_is_refused_before_anything_is_read(tmp_path: Path) -> None:
+    refused = error(tmp_path / "none.gpkg", *FLY, output="mission.kml")
+    assert ".plan or .waypoints" in str(refused)
+
+
+def test_a_mission_is_not_replaced_unasked(regions: Path) -> None:
+    output = regions.with_suffix(".plan")
+    output.write_text("mine")
+    assert isinstance(run(regions, "-o", output, *FLY).exception, OutputExistsError)
+    assert output.read_text() == "mine"
+
+
+def test_a_word_that_is_no_choice_is_a_usage_error(regions: Path) -> None:
+    assert run(regions, "-o", "x.plan", *FLY, "--firmware", "dji").exit_code == 2
+    assert run(regions, "-o", "x.plan", *FLY, "--largest", "0").exit_code == 2

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyproj import Geod
+
+from uavseg.flight.plane import Plane, plane_around
+
+GEOD = Geod(ellps="WGS84")
+centres = st.builds(Plane, st.floats(-89, 89), st.floats(-180, 180))
+near = st.tuples(st.floats(0, 360), st.floats(0, 50_000))
+
+
+@given(centres, near, near)
+@settings(max_examples=60, deadline=None)
+def test_distances_in_the_plane_are_those_on_the_ground(
+    plane: Plane, here: tuple[float, float], there: tuple[float, float]
+) -> None:
+    lon, lat, _ = GEOD.fwd(*[[plane.lon] * 2, [plane.lat] * 2], *zip(here, there, strict=True))
+    x, y = plane.xy_from_lonlat(lon, lat)
+    on_ground = GEOD.inv(lon[0], lat[0], lon[1], lat[1])[2]
+    assert np.hypot(x[1] - x[0], y[1] - y[0]) == pytest.approx(on_ground, rel=1e-4, abs=1e-3)
+    back_lon, back_lat = plane.lonlat_from_xy(x, y)
+    assert (np.abs(GEOD.inv(lon, lat, back_lon, back_lat)[2]) < 1e-3).all()
+
+
+def test_east_is_x_and_north_is_y() -> None:
+    x, y = Plane(47, 8).xy_from_lonlat([8.01, 8], [47, 47.01])
+    assert x[0] > 700 and abs(y[0]) < 1 and abs(x[1]) < 1e-6 and y[1] > 1000
+
+
+def test_boxes_on_both_sides_of_the_antimeridian_are_neighbours() -> None:
+    plane = plane_around(np.array([[179.99, 10, 180, 10.02], [-180, 10, -179.99, 10.02]]), 179.9)
+    assert abs(abs(plane.lon) - 180) < 1e-9
+    assert plane.lat == pytest.approx(10.01)
+
+
+def test_an_edge_that_is_straight_in_degrees_stays_where_it_was() -> None:
+    (flat,) = Plane(60, 8.25).flattened([shapely.box(8, 60, 8.5, 60.2)])
+    x, y = Plane(60, 8.25).xy_from_lonlat(8.25, 60)
+    assert flat.exterior.distance(shapely.Point(float(x), float(y))) < 0.02

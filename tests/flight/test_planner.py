@@ -1,0 +1,194 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pyproj import Geod
+
+from uavseg.errors import MissionError, ParameterError, UavsegError
+from uavseg.flight.items import CHANGE_SPEED, NO_PLACE, RELATIVE, RETURN, TAKEOFF, WAYPOINT
+from uavseg.flight.mission import Mission
+from uavseg.flight.plane import Plane
+from uavseg.flight.planner import PlanParams, plan
+
+GEOD = Geod(ellps="WGS84")
+HOME = (47.0, 8.0, 430.0)
+
+
+def box(east_m: float, north_m: float, width_m: float, height_m: float) -> shapely.Polygon:
+    """A box, so many metres from home."""
+    return degrees(shapely.box(east_m, north_m, east_m + width_m, north_m + height_m))
+
+
+def degrees(polygon: shapely.Polygon, plane: Plane = Plane(47.0, 8.0)) -> shapely.Polygon:  # noqa: B008
+    return shapely.transform(polygon, lambda xy: np.column_stack(plane.lonlat_from_xy(*xy.T)))
+
+
+def inside(polygons: list[shapely.Polygon]) -> list[tuple[float, float]]:
+    return [tuple(shapely.point_on_surface(polygon).coords[0]) for polygon in polygons]
+
+
+def planned(polygons: list[shapely.Polygon], home: tuple[float, ...] = HOME, **params: Any) -> Mission:
+    return plan(polygons, inside(polygons), PlanParams(**{"altitude_m": 60} | params), home)
+
+
+def waypoints(mission: Mission) -> list[tuple[float, float]]:
+    return [(item.lon, item.lat) for item in mission.items if item.command == WAYPOINT]
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+@pytest.mark.parametrize("params", [{}, {"pattern": "perimeter"}, {"pattern": "survey", "spacing_m": 20}])
+def test_a_mission_takes_off_at_home_sets_its_speed_and_returns(
+    params: dict[str, Any], firmware: str
+) -> None:
+    mission = planned([box(100, 100, 80, 60)], firmware=firmware, speed_m_s=7.5, **params)
+    start, speed, *flight, end = mission.items
+    assert (start.command, start.frame, start.lat, start.lon, start.altitude_m) == (
+        TAKEOFF,
+        RELATIVE,
+        47,
+        8,
+        60,
+    )
+    assert (speed.command, speed.frame, speed.params) == (CHANGE_SPEED, NO_PLACE, (1, 7.5, -1, 0))
+    assert (end.command, end.frame) == (RETURN, NO_PLACE)
+    assert {(i.command, i.frame, i.altitude_m, i.params) for i in flight} == {
+        (WAYPOINT, RELATIVE, 60, (0, 0, 0, None))
+    }
+    assert mission.firmware == firmware
+    assert (mission.home.lat, mission.home.lon, mission.home.altitude_m) == HOME
+
+
+def test_a_visit_goes_to_the_point_of_every_region_once() -> None:
+    polygons = [box(x, y, 30, 30) for x, y in [(0, 900), (50, 0), (0, 300), (50, 600)]]
+    found = np.array(sorted(waypoints(planned(polygons))))
+    assert np.allclose(found, sorted(inside(polygons)), rtol=0, atol=1e-8)
+
+
+def test_a_perimeter_is_the_outline_and_closed() -> None:
+    polygons = [box(100, 100, 80, 60)]
+    found = waypoints(planned(polygons, pattern="perimeter"))
+    assert len(found) == 5 and found[0] == found[-1]
+    assert shapely.Polygon(found).symmetric_difference(polygons[0]).area < 1e-3 * polygons[0].area
+    assert "1 m" in planned(polygons, pattern="perimeter").warnings[0]
+
+
+@given(st.floats(-80, 80), st.floats(-180, 180), st.floats(0, 180), st.floats(8, 60))
+@settings(max_examples=25, deadline=None)
+def test_survey_lines_are_one_spacing_apart_on_the_ground(
+    lat: float, lon: float, angle_deg: float, spacing_m: float
+) -> None:
+    plane = Plane(lat, lon)
+    polygon = degrees(shapely.Point(0, 0).buffer(150), plane)
+    if polygon.bounds[2] - polygon.bounds[0] > 180:
+        return  # cut at the antimeridian first: see below
+    params = PlanParams(60, "survey", spacing_m, angle_deg)
+    found = np.array(waypoints(plan([polygon], [(lon, lat)], params, (lat, lon, 0.0))))
+    x, y = plane.xy_from_lonlat(*found.T)
+    azimuth = math.radians(angle_deg)
+    across = (x * math.cos(azimuth) - y * math.sin(azimuth)).reshape(-1, 2)
+    assert np.allclose(across[:, 0], across[:, 1], atol=0.02)
+    assert np.allclose(np.abs(np.diff(across[:, 0])), spacing_m, atol=0.02)
+    assert (np.hypot(x, y) < 150.1).all()
+
+
+def test_a_region_cut_at_the_antimeridian_is_one_region() -> None:
+    west, east = shapely.box(179.999, 10, 180, 10.002), shapely.box(-180, 10, -179.999, 10.002)
+    params = PlanParams(60, "perimeter")
+    mission = plan([shapely.MultiPolygon([west, east])], [(179.9995, 10.001)], params, (10.0, 180.0))
+    assert len(waypoints(mission)) == 5
+    assert mission.distance_m < 2500
+
+
+def test_each_part_of_a_region_is_flown() -> None:
+    parts = [box(0, 0, 40, 40), box(100, 0, 40, 40)]
+    region = shapely.MultiPolygon(parts)
+    found = waypoints(plan([region], inside(parts)[:1], PlanParams(60), HOME))
+    assert [shapely.covers(part, shapely.points(found)).sum() for part in parts] == [1, 1]
+    assert np.isclose(found, inside(parts)[0], atol=1e-8, rtol=0).all(axis=1).any()
+
+
+def test_two_surveys_begin_where_that_is_near() -> None:
+    mission = planned(
+        [box(500, 0, 200, 100), box(0, 0, 200, 100)], pattern="survey", spacing_m=20, angle_deg=90
+    )
+    xy = np.array(waypoints(mission))
+    metres = np.abs(GEOD.inv(*xy[:-1].T, *xy[1:].T)[2])
+    assert len(xy) == 20
+    assert np.sort(metres)[-1] == pytest.approx(300, abs=25)
+
+
+def test_legs_outside_of_a_region_and_what_no_line_reaches_are_said() -> None:
+    around = shapely.box(0, 0, 300, 200) - shapely.box(100, 50, 200, 150)
+    said = planned([degrees(around)], pattern="survey", spacing_m=30, angle_deg=45).warnings
+    assert any("outside of their regions" in warning for warning in said)
+    arm = shapely.box(0, 0, 100, 120) | shapely.box(100, 55, 250, 65)  # between the lines, and no line in it
+    said = planned([degrees(arm)], pattern="survey", spacing_m=60, angle_deg=90).warnings
+    assert any("farther than half a spacing" in warning for warning in said)
+    plain = planned([box(0, 0, 100, 100)], pattern="survey", spacing_m=20)
+    assert plain.warnings == ()
+
+
+def test_an_unknown_altitude_of_home_is_said() -> None:
+    assert "written as 0" in planned([box(0, 0, 50, 50)], home=(47.0, 8.0)).warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("polygons", "home", "words"),
+    [
+        ([], HOME, "no region"),
+        ([box(0, 0, 50, 50)], (8.0, 47.0), "look swapped"),
+        ([box(0, 0, 50, 50)], (46.0, 8.0), "111 km"),
+        ([box(0, 0, 50, 50)], (math.nan, 8.0), "finite"),
+        ([box(0, 0, 50, 50)], (47.0, 200.0), "-180..180"),
+        ([box(0, 0, 50, 50), shapely.box(10, 47, 10.01, 47.01)], HOME, "153 km from home"),
+        ([shapely.box(7, 46, 9, 48)], HOME, "from home"),
+        ([shapely.box(500000, 5200000, 500100, 5200100)], HOME, "-90..90"),
+    ],
+)
+def test_regions_that_are_not_near_home_are_refused(polygons: Any, home: Any, words: str) -> None:
+    with pytest.raises(MissionError, match=words):
+        planned(polygons, home)
+
+
+def test_a_survey_with_too_many_items_is_refused() -> None:
+    with pytest.raises(MissionError, match="wider spacing"):
+        planned([box(0, 0, 9000, 9000)], pattern="survey", spacing_m=0.2)
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        {"altitude_m": 0},
+        {"altitude_m": -5},
+        {"altitude_m": 1001},
+        {"altitude_m": math.nan},
+        {"speed_m_s": 0},
+        {"speed_m_s": 51},
+        {"pattern": "spiral"},
+        {"firmware": "dji"},
+        {"pattern": "survey"},
+        {"spacing_m": 10},
+        {"angle_deg": 10},
+        {"pattern": "survey", "spacing_m": 0},
+        {"pattern": "survey", "spacing_m": 10, "angle_deg": math.inf},
+        {"tolerance_m": -1},
+    ],
+)
+def test_parameters_check_themselves(params: dict[str, Any]) -> None:
+    with pytest.raises(ParameterError):
+        PlanParams(**{"altitude_m": 60} | params)
+
+
+def test_a_region_that_touches_itself_is_flown() -> None:
+    pinched = shapely.Polygon([(0, 0), (60, 0), (30, 30), (60, 60), (0, 60), (30, 30)])
+    assert not pinched.is_valid
+    mission = plan([degrees(pinched)], [(8.0, 47.0)], PlanParams(60, "survey", 5), HOME)
+    assert len(waypoints(mission)) > 10
+
+
+def test_every_error_is_one_that_the_user_can_mend() -> None:
+    assert issubclass(MissionError, UavsegError) and issubclass(ParameterError, ValueError)

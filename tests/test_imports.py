@@ -1,0 +1,236 @@
+"""Which way imports point, and that starting up brings in nothing heavy."""
+
+import ast
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import uavseg
+
+PACKAGE = Path(uavseg.__file__).resolve().parent
+HEAVY = {
+    *("numpy", "rasterio", "numba", "llvmlite", "geopandas", "pandas", "shapely", "pyproj", "pyogrio"),
+    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "affine", "antimeridian"),
+}
+
+
+@dataclass(frozen=True)
+class Import:
+    """One module imports another; `now` where it does so as soon as it is itself imported."""
+
+    importer: str
+    imported: str
+    now: bool
+    for_types: bool
+
+
+def name_of(path: Path) -> str:
+    parts = [PACKAGE.name, *path.relative_to(PACKAGE).with_suffix("").parts]
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@cache
+def modules() -> dict[str, Path]:
+    return {name_of(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+def imports_in(node: ast.AST, importer: str, now: bool = True, for_types: bool = False) -> Iterator[Import]:
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Import):
+            yield from (Import(importer, alias.name, now, for_types) for alias in child.names)
+        elif isinstance(child, ast.ImportFrom):
+            assert child.level == 0, f"{importer} imports by dots; name modules in full"
+            for alias in child.names:
+                whole = f"{child.module}.{alias.name}"
+                yield Import(importer, whole if whole in modules() else str(child.module), now, for_types)
+        elif isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            yield from imports_in(child, importer, False, for_types)
+        elif isinstance(child, ast.If) and ast.unparse(child.test).endswith("TYPE_CHECKING"):
+            yield from imports_in(child, importer, False, True)
+        else:
+            yield from imports_in(child, importer, now, for_types)
+
+
+@cache
+def imports() -> tuple[Import, ...]:
+    return tuple(
+        found
+        for name, path in modules().items()
+        for found in imports_in(ast.parse(path.read_text(encoding="utf-8")), name)
+    )
+
+
+def room_of(module: str) -> str:
+    """The room, or the module itself where it lies beside the rooms."""
+    parts = module.split(".")
+    return parts[1] if len(parts) > 1 else "uavseg"
+
+
+# Rooms, and the rooms that each may import. Data walks through them in one direction.
+
+GROUND = {"errors", "_jit", "parallel", "atomic"}
+TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
+MAY_IMPORT = {
+    "errors": set(),
+    "_jit": set(),
+    "parallel": {"errors"},
+    "atomic": {"errors"},
+    "raster": GROUND,
+    "segmentation": GROUND | {"raster"},
+    "regions": GROUND | {"raster", "segmentation"},
+    "occupancy": TO_REGIONS,
+    "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
+    "look": TO_REGIONS - {"segmentation"} | {"occupancy", "flight"},  # it draws what the others made
+    "api": TO_REGIONS | {"occupancy", "flight"},
+    "uavseg": TO_REGIONS | {"occupancy", "flight", "api"},  # by name, on first use
+    "cli": TO_REGIONS | {"occupancy", "flight", "look", "api", "uavseg"},
+    "__main__": {"cli"},
+}
+
+# Within segmentation, the phases take arrays: they import neither raster nor each other, except for these.
+
+PHASES = {
+    "texture": set(),
+    "division": {"texture"},  # its kernel takes the symbols of a block as they are made
+    "blockmap": {"division"},
+    "segments": {"blockmap"},
+    "refinement": set(),
+    "components": set(),
+}
+EVERY_PHASE = set(PHASES)
+PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks
+PHASES["original"] = EVERY_PHASE  # a method of its own, made of them
+ON_RASTERS = {"pipeline", "blockfile"}  # these may import raster, and all phases
+
+# Packages, and the only places that import them (for more than types).
+
+ONLY_IN = {
+    "rasterio": {"raster", "flight.terrain"},
+    "numba": {"_jit"},
+    "llvmlite": {"_jit"},
+    "geopandas": {"regions"},
+    "pandas": {"regions"},
+    "pymavlink": {"flight.files", "flight.link"},
+    "dask": {"parallel"},
+    "distributed": {"parallel"},
+    "click": {"cli"},
+    "matplotlib": {"look"},
+}
+
+
+@pytest.mark.parametrize("room", sorted({room_of(name) for name in modules()}))
+def test_rooms_import_only_what_comes_before_them(room: str) -> None:
+    wrong = {
+        f"{found.importer} imports {found.imported}"
+        for found in imports()
+        if room_of(found.importer) == room
+        and found.imported.split(".")[0] == "uavseg"
+        and room_of(found.imported) not in MAY_IMPORT[room] | {room}
+    }
+    assert not wrong
+
+
+def test_phases_of_segmentation_stand_alone() -> None:
+    wrong = set()
+    for found in imports():
+        phase = found.importer.rpartition(".")[2]
+        if room_of(found.importer) != "segmentation" or phase in ON_RASTERS | {"segmentation"}:
+            continue
+        allowed = {f"uavseg.segmentation.{name}" for name in PHASES.get(phase, set())} | {
+            "uavseg.errors",
+            "uavseg._jit",
+        }
+        if found.imported.startswith("uavseg") and found.imported not in allowed:
+            wrong.add(f"{found.importer} imports {found.imported}")
+    assert not wrong
+
+
+@pytest.mark.parametrize("package", ONLY_IN)
+def test_a_package_is_imported_where_it_belongs(package: str) -> None:
+    places = tuple(f"uavseg.{place}" for place in ONLY_IN[package])
+    wrong = {
+        found.importer
+        for found in imports()
+        if found.imported.split(".")[0] == package
+        and not found.for_types
+        and not f"{found.importer}.".startswith(tuple(f"{place}." for place in places))
+    }
+    assert not wrong
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    graph: dict[str, set[str]] = {name: set() for name in modules()}
+    for found in imports():
+        if found.now and found.imported in graph:
+            graph[found.importer].add(found.imported)
+    assert len(list(TopologicalSorter(graph).static_order())) == len(graph)
+
+
+def test_commands_import_only_click_before_they_are_called() -> None:
+    wrong = {
+        f"{found.importer} imports {found.imported}"
+        for found in imports()
+        if room_of(found.importer) in ("cli", "__main__")
+        and found.now
+        and not found.imported.startswith(("uavseg.cli", "uavseg.errors", "click"))
+        and found.imported.split(".")[0] not in sys.stdlib_module_names
+    }
+    assert not wrong
+
+
+def test_the_imports_are_seen() -> None:
+    seen = {(found.importer, found.imported) for found in imports()}
+    assert ("uavseg.cli.info", "uavseg.raster.dataset") in seen  # in a function
+    assert ("uavseg.segmentation.pipeline", "uavseg.parallel") in seen
+    assert ("uavseg.raster.stretch", "uavseg.raster.histogram") in seen  # from a package import a module
+
+
+def loaded_by(program: str) -> set[str]:
+    """Top-level packages that a program has loaded at its end."""
+    script = f"{program}\nimport sys; print('\\n' + ' '.join(sys.modules))"
+    search = os.pathsep.join([str(PACKAGE.parent), os.environ.get("PYTHONPATH", "")])
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": search},
+    )
+    assert run.returncode == 0, run.stderr
+    return {name.split(".")[0] for name in run.stdout.splitlines()[-1].split()}
+
+
+def test_importing_the_package_brings_in_nothing_heavy() -> None:
+    assert not loaded_by("import uavseg") & (HEAVY | {"click"})
+
+
+def test_importing_the_command_line_brings_in_click_and_nothing_heavy() -> None:
+    loaded = loaded_by("import uavseg, uavseg.cli")
+    assert "click" in loaded and not loaded & HEAVY
+
+
+def test_help_brings_in_nothing_heavy() -> None:
+    assert not loaded_by("from uavseg.cli import main; main(['--help'], standalone_mode=False)") & HEAVY
+
+
+def test_help_of_a_command_brings_in_nothing_heavy_but_numpy() -> None:
+    program = (
+        "from uavseg.cli import main\n"
+        "for name in main.list_commands(None):\n"
+        "    main([name, '--help'], standalone_mode=False)"
+    )
+    assert not loaded_by(program) & HEAVY - {"numpy"}  # which comes with the hook that tells of compiling
+
+
+def test_public_words_are_there_when_they_are_used() -> None:
+    for word in uavseg.__all__:
+        assert getattr(uavseg, word) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        uavseg.nothing  # noqa: B018

@@ -1,0 +1,224 @@
+"""The same input gives the same bytes: how a raster is cut, who works on it and when change nothing."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import chdir
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from click.testing import CliRunner
+from geopandas.testing import assert_geodataframe_equal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import uavseg
+from uavseg.cli import main
+
+ROOT = Path(__file__).resolve().parents[1]
+QUARRY = ROOT / "samples" / "quarry.tif"
+FORMATS = ["geojson", "gpkg", "fgb", "parquet", "shp", "kml"]
+TILES = [64, 128, 256, 4096]
+RANGE = ["--range", "0.55,1"]
+HOME = ["--altitude", "60", "--home", "auto"]
+
+
+@pytest.fixture(scope="session")
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder in which there is a new one at each step."""
+    base, numbers = tmp_path_factory.mktemp("bytes"), count()
+
+    def folders() -> Iterator[Path]:
+        while True:
+            folder = base / str(next(numbers))
+            folder.mkdir()
+            yield folder
+
+    return folders()  # type: ignore[return-value]
+
+
+def run(*arguments: object) -> None:
+    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    assert result.exit_code == 0, result.output
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def assert_same(one: dict[str, bytes], other: dict[str, bytes]) -> None:
+    assert one.keys() == other.keys()
+    assert [name for name in one if one[name] != other[name]] == []
+
+
+def write(path: Path, image: NDArray[Any], row: int = 0, col: int = 0, **how: Any) -> Path:
+    place = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5 + 2 * col, 0, -2, 5e6 - 2 * row), "nodata": 0}
+    rows, cols = image.shape
+    with rasterio.open(path, "w", "GTiff", cols, rows, 1, dtype=image.dtype.name, **(place | how)) as file:
+        file.write(image, 1)
+    return path
+
+
+def scene(seed: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
+    """Patches with noise and nodata (0), of 8 or 16 bits or as floats."""
+    rng = np.random.default_rng(seed)
+    grain = int(rng.choice([4, 13, 40]))
+    coarse = rng.integers(50, 240, (shape[0] // grain + 1, shape[1] // grain + 1))
+    image = np.kron(coarse, np.ones((grain, grain)))[: shape[0], : shape[1]]
+    image = np.clip(image + rng.normal(0, rng.choice([1, 20]), shape), 1, 255).astype(np.uint8)
+    gone = np.kron(rng.random(coarse.shape) < 0.15, np.ones((grain, grain)))[: shape[0], : shape[1]]
+    image = np.where(gone > 0, 0, image) * {"uint8": 1, "uint16": 99, "float32": 0.01}[kind]
+    return image.astype(kind)
+
+
+def answers(raster: Path, folder: Path, *options: object, formats: list[str] = FORMATS) -> dict[str, bytes]:
+    """Everything that can be written of a raster."""
+    with chdir(folder):
+        for extension in formats:
+            run("extract", raster, *RANGE, "-o", f"out.{extension}", "-q", *options)
+        run("extract", raster, *RANGE, "-o", "-", "--labels", "labels.tif", "-q", *options)
+        running = [option for k in range(0, len(options), 2) if options[k] in ("--tile", "--threads")
+                   for option in options[k : k + 2]]  # fmt: skip
+        with chdir(raster.parent):  # a block map knows the folder that it was made in
+            run("divide", raster.name, "-o", folder / "blocks.tif", "-q", *running)
+    return contents(folder)
+
+
+# Tiles and threads
+
+
+@settings(max_examples=4, deadline=None)
+@given(
+    seed=st.integers(0, 10**6),
+    shape=st.tuples(st.integers(1, 300), st.integers(1, 300)),
+    kind=st.sampled_from(["uint8", "uint16", "float32"]),
+    refine=st.sampled_from(["none", "scan", "smooth"]),
+    method=st.sampled_from(["paper", "adaptive"]),
+)
+def test_tiles_and_threads_change_no_byte(
+    fresh: Iterator[Path], seed: int, shape: tuple[int, int], kind: str, refine: str, method: str
+) -> None:
+    raster = write(next(fresh) / "tile.tif", scene(seed, shape, kind))
+    how = ("--refine", refine, "--method", method, "--fill-holes", "30px")
+    wanted = answers(raster, next(fresh), *how, "--tile", 64, "--threads", 1)
+    for k, tile in enumerate(TILES):
+        assert_same(wanted, answers(raster, next(fresh), *how, "--tile", tile, "--threads", 1 + (k + 1) % 2))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_real_raster_gives_the_same_bytes_for_every_tile(fresh: Iterator[Path], threads: int) -> None:
+    wanted = answers(QUARRY, next(fresh))
+    for tile in TILES:
+        assert_same(wanted, answers(QUARRY, next(fresh), "--tile", tile, "--threads", threads))
+
+
+def test_processes_give_the_same_bytes_whatever_their_hashes(fresh: Iterator[Path]) -> None:
+    found = []
+    for seed in ("1", "2"):
+        folder = next(fresh)
+        for k, options in enumerate((["-o", "a.gpkg", "--labels", "a.tif"], ["-o", "a.parquet"])):
+            mission = ["--mission", f"{k}.plan", *HOME, "--spacing", "9"]
+            command = [sys.executable, "-m", "uavseg", "extract", str(QUARRY), *RANGE, "-q", *options, *mission]
+            how = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": seed}
+            subprocess.run(command, check=True, cwd=folder, env=how, timeout=120)
+        found.append(contents(folder))
+    assert_same(*found)
+    assert found[0]["0.plan"] == found[0]["1.plan"]
+
+
+def test_missions_are_the_same_too(fresh: Iterator[Path]) -> None:
+    found = []
+    for tile in (64, 4096):
+        with chdir(next(fresh)):
+            for path in ("a.plan", "a.waypoints"):
+                run("extract", QUARRY, *RANGE, "--mission", path, *HOME, "--tile", tile, "-q", "--overwrite")
+            found.append(contents(Path()))
+    assert_same(*found)
+
+
+def test_a_file_is_replaced_by_the_same_bytes(fresh: Iterator[Path]) -> None:
+    with chdir(next(fresh)):
+        for _ in range(2):
+            run("extract", QUARRY, *RANGE, "-o", "a.gpkg", "--labels", "a.tif", "-q", "--overwrite")
+            before = contents(Path())
+        run("extract", QUARRY, *RANGE, "-o", "a.gpkg", "--labels", "a.tif", "-q", "--overwrite")
+        assert_same(before, contents(Path()))
+
+
+def test_block_maps_answer_with_the_same_bytes_as_their_rasters(fresh: Iterator[Path]) -> None:
+    with chdir(next(fresh)):
+        run("divide", QUARRY, "-o", "blocks.tif", "-q", "--tile", 128)
+        for source, name in ((QUARRY, "raster"), ("blocks.tif", "blocks")):
+            run("extract", source, *RANGE, "-o", f"{name}.fgb", "--labels", f"{name}.tif", "-q")
+        found = contents(Path())
+    assert found["raster.tif"] == found["blocks.tif"] or found["raster.fgb"] == found["blocks.fgb"]
+
+
+# How a raster is stored, and cut into files
+
+
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 10**6), kind=st.sampled_from(["uint8", "uint16", "float32"]), data=st.data())
+def test_pieces_in_any_order_are_the_whole(
+    fresh: Iterator[Path], seed: int, kind: str, data: st.DataObject
+) -> None:
+    rows, cols = data.draw(st.tuples(st.integers(2, 200), st.integers(2, 200)))
+    image = scene(seed, (rows, cols), kind)
+    folder = next(fresh)
+    whole = write(folder / "whole.tif", image)
+    across, down = (data.draw(st.lists(st.integers(1, n - 1), max_size=2, unique=True)) for n in (rows, cols))
+    pieces = [
+        write(folder / f"{top}-{left}.tif", image[top:bottom, left:right], top, left)
+        for top, bottom in parts(across, rows)
+        for left, right in parts(down, cols)
+    ]
+    ordered = data.draw(st.permutations(pieces))
+    with chdir(folder):
+        run("extract", whole, *RANGE, "-o", "one.fgb", "--labels", "one.tif", "-q")
+        run("extract", *ordered, *RANGE, "-o", "many.fgb", "--labels", "many.tif", "-q", "--tile", 64)
+        assert Path("one.tif").read_bytes() == Path("many.tif").read_bytes()
+        one, many = (geopandas.read_file(name) for name in ("one.fgb", "many.fgb"))
+    assert_geodataframe_equal(one.drop(columns="source"), many.drop(columns="source"))
+    assert set(many["source"]) <= {ordered[0].name}
+
+
+def parts(cuts: list[int], end: int) -> list[tuple[int, int]]:
+    edges = [0, *sorted(cuts), end]
+    return list(zip(edges[:-1], edges[1:], strict=True))
+
+
+def test_overlaps_that_agree_change_nothing(fresh: Iterator[Path]) -> None:
+    folder, image = next(fresh), scene(3, (150, 160), "uint8")
+    whole = write(folder / "whole.tif", image)
+    pieces = [write(folder / "a.tif", image[:100]), write(folder / "b.tif", image[40:, 30:], 40, 30),
+              write(folder / "c.tif", image[90:, :90], 90)]  # fmt: skip
+    wanted = uavseg.extract(whole, (0.55, 1)).drop(columns="source")
+    for order in ((0, 1, 2), (2, 1, 0), (1, 0, 2)):
+        found = uavseg.extract([pieces[k] for k in order], (0.55, 1)).drop(columns="source")
+        assert_geodataframe_equal(found, wanted)
+
+
+@pytest.mark.parametrize(
+    "stored",
+    [
+        {"tiled": True, "blockxsize": 64, "blockysize": 16},
+        {"compress": "deflate", "predictor": 2},
+        {"interleave": "pixel", "BIGTIFF": "YES"},
+    ],
+    ids=str,
+)
+def test_how_a_file_is_stored_changes_no_byte(fresh: Iterator[Path], stored: dict[str, Any]) -> None:
+    image = scene(8, (180, 210), "uint16")
+    plain = answers(write(next(fresh) / "tile.tif", image), next(fresh))
+    other = answers(write(next(fresh) / "tile.tif", image, **stored), next(fresh))
+    for found in (plain, other):
+        found.pop("blocks.tif")  # it says where its raster is
+    assert_same(plain, other)
