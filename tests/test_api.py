@@ -25,7 +25,11 @@ def scene() -> np.ndarray:
     """Three bright rectangles with noise in a dark field."""
     rng = np.random.default_rng(5)
     image = rng.integers(20, 50, (140, 180))
-    for rows, cols in ((slice(10, 60), slice(20, 90)), (slice(80, 130), slice(8, 40)), (slice(90, 101), slice(100, 170))):
+    for rows, cols in (
+        (slice(10, 60), slice(20, 90)),
+        (slice(80, 130), slice(8, 40)),
+        (slice(90, 101), slice(100, 170)),
+    ):
         image[rows, cols] += 160
     image[30:40, 40:60] = 30
     return image.astype(np.uint8)
@@ -66,8 +70,12 @@ def test_a_raster_becomes_a_frame(regions: geopandas.GeoDataFrame) -> None:
 def test_measures_are_those_of_the_pixels(regions: geopandas.GeoDataFrame) -> None:
     field = scene()[80:130, 8:40] / 255
     row = regions.iloc[1]
-    assert row["mean"] == pytest.approx(field.mean(), abs=1e-5) and row["std"] == pytest.approx(field.std(), abs=1e-5)
-    assert row["area_m2"] == pytest.approx(6400, rel=1e-3) and row["perimeter_m"] == pytest.approx(328, rel=1e-3)
+    assert row["mean"] == pytest.approx(field.mean(), abs=1e-5) and row["std"] == pytest.approx(
+        field.std(), abs=1e-5
+    )
+    assert row["area_m2"] == pytest.approx(6400, rel=1e-3) and row["perimeter_m"] == pytest.approx(
+        328, rel=1e-3
+    )
     inside = geopandas.points_from_xy([row["lon"]], [row["lat"]], crs=4326).to_crs(32618)[0]
     assert row.geometry.contains(inside)
 
@@ -179,7 +187,9 @@ def test_a_raster_that_is_not_there_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_public_word_is_there() -> None:
-    assert {"extract", "divide", "plan", "Dataset", "GeoBox", "trace", "IntensityRange"} <= set(uavseg.__all__)
+    assert {"extract", "divide", "plan", "Dataset", "GeoBox", "trace", "IntensityRange"} <= set(
+        uavseg.__all__
+    )
     for name in uavseg.__all__:
         assert getattr(uavseg, name) is not None and name in dir(uavseg)
     with pytest.raises(AttributeError, match="has no attribute 'fly'"):

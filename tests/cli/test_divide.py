@@ -83,14 +83,18 @@ def test_a_block_map_is_a_raster_of_cells_that_shows_means_and_leaves() -> None:
 
 
 def test_what_is_told_at_the_end() -> None:
-    rows = dict(line.split(maxsplit=1) for line in done("divide", "tile.tif", "-o", "b.tif").stderr.splitlines())
+    rows = dict(
+        line.split(maxsplit=1) for line in done("divide", "tile.tif", "-o", "b.tif").stderr.splitlines()
+    )
     assert rows["blocks"] == "9 of 64 x 64 -> b.tif"
     assert rows["stretch"] == "dtype -> 0..255" and rows["band"] == "band 1" and float(rows["seconds"]) >= 0
 
 
 def test_quiet_says_nothing_and_plain_progress_rises_to_100() -> None:
     assert done("divide", "tile.tif", "-o", "b.tif", "-q").output == ""
-    lines = done("divide", "tile.tif", "-o", "c.tif", "-q", "--progress", "plain", "--tile", 64).stderr.splitlines()
+    lines = done(
+        "divide", "tile.tif", "-o", "c.tif", "-q", "--progress", "plain", "--tile", 64
+    ).stderr.splitlines()
     percents = [int(line.removeprefix("progress ")) for line in lines]
     assert percents == sorted(set(percents)) and percents[-1] == 100
 
@@ -163,7 +167,9 @@ def test_a_raster_is_found_beside_its_block_map_when_both_have_moved(folder: Pat
     same(regions("moved/blocks.tif"), wanted)
 
 
-def test_a_block_map_of_another_folder_finds_its_raster(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_block_map_of_another_folder_finds_its_raster(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     done("divide", "tile.tif", "-o", "blocks.tif", "-q")
     wanted = regions("tile.tif")
     (folder / "elsewhere").mkdir()

@@ -102,7 +102,9 @@ def test_every_format_agrees_with_the_labels(extension: str) -> None:
         sizes = np.bincount(file.read(1).reshape(-1))[1:]
     read = geopandas.read_parquet if extension == "parquet" else geopandas.read_file
     frame = read(f"out.{extension}")
-    ids = frame["Name" if extension == "kml" else "id"].astype(int)  # GDAL has an id of its own for a placemark
+    ids = frame["Name" if extension == "kml" else "id"].astype(
+        int
+    )  # GDAL has an id of its own for a placemark
     by_id = dict(zip(ids, frame["pixels"].astype(int), strict=True))
     assert by_id == dict(enumerate(sizes.tolist(), 1))
     assert frame.is_valid.all() and not frame.is_empty.any()
@@ -167,7 +169,9 @@ def test_small_things_go() -> None:
 
 def test_outlines_are_simplified() -> None:
     rng = np.random.default_rng(1)
-    image = np.where(np.add.outer(np.arange(90), np.arange(110)) < 100, 200, 30) + rng.integers(-9, 9, (90, 110))
+    image = np.where(np.add.outer(np.arange(90), np.arange(110)) < 100, 200, 30) + rng.integers(
+        -9, 9, (90, 110)
+    )
     write(Path("slope.tif"), image.astype(np.uint8))
     counts = []
     for options in ((), ("--simplify", 6)):
@@ -293,7 +297,10 @@ REFUSALS: dict[str, tuple[str, str]] = {
     ),
     "no such folder": ("tile.tif --range 0.5,1 -o none/out.gpkg", "the folder none does not exist"),
     "a folder": ("tile.tif --range 0.5,1 -o folder.gpkg --overwrite", "folder.gpkg is a folder"),
-    "extension": ("tile.tif --range 0.5,1 -o out.xyz", ".geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml"),
+    "extension": (
+        "tile.tif --range 0.5,1 -o out.xyz",
+        ".geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml",
+    ),
     "no extension": ("tile.tif --range 0.5,1 -o out", "regions are written to"),
     "upside down": ("tile.tif --range 1,0.5", "0 <= low < high <= 1, not 1,0.5"),
     "no number": ("tile.tif --range low,high", "two numbers between commas, such as 0.55,1, not 'low,high'"),
@@ -315,13 +322,19 @@ REFUSALS: dict[str, tuple[str, str]] = {
     "negative area": ("tile.tif --range 0.5,1 --min-area -5", "an area is"),
     "strange area": ("tile.tif --range 0.5,1 --fill-holes 5ha", "square metres such as 500, or pixels"),
     "square metres": ("local.tif --range 0.5,1 --min-area 5", "no CRS"),
-    "square metres of holes": ("local.tif --range 0.5,1 --fill-holes 5", "give the area in pixels, such as 5px"),
+    "square metres of holes": (
+        "local.tif --range 0.5,1 --fill-holes 5",
+        "give the area in pixels, such as 5px",
+    ),
     "simplify": ("tile.tif --range 0.5,1 --simplify -2", "metres that are not negative, not -2"),
     "threshold": ("tile.tif --range 0.5,1 --threshold -1", "is at least 0, not -1"),
     "step": ("tile.tif --range 0.5,1 --intensity-step 2", "an intensity step lies in 0..1, not 2"),
     "no altitude": ("tile.tif --range 0.5,1 --mission a.plan --home auto", "a mission needs --altitude"),
     "no home": ("tile.tif --range 0.5,1 --mission a.plan --altitude 60", "a mission needs --home LAT,LON"),
-    "strange home": ("tile.tif --range 0.5,1 --mission a.plan --altitude 60 --home here", "--home is LAT,LON"),
+    "strange home": (
+        "tile.tif --range 0.5,1 --mission a.plan --altitude 60 --home here",
+        "--home is LAT,LON",
+    ),
     "mission format": ("tile.tif --range 0.5,1 --mission a.txt --altitude 60 --home auto", ".plan"),
     "mission of nowhere": (
         "local.tif --range 0.5,1 --mission a.plan --altitude 60 --home auto",
@@ -335,7 +348,9 @@ REFUSALS: dict[str, tuple[str, str]] = {
     "stretch of a block map": ("blocks.tif --range 0.5,1 --stretch minmax", "leave these options out"),
     "not on Earth": ("europa.tif --range 0.5,1 --labels labels.tif", "write a .gpkg instead"),
 }
-EUROPA = 'GEOGCS["Europa",DATUM["Europa",SPHEROID["Europa",1560800,0]],PRIMEM["0",0],UNIT["degree",0.0174532925]]'
+EUROPA = (
+    'GEOGCS["Europa",DATUM["Europa",SPHEROID["Europa",1560800,0]],PRIMEM["0",0],UNIT["degree",0.0174532925]]'
+)
 
 
 @pytest.fixture
@@ -404,7 +419,11 @@ def raises(error: BaseException) -> Callable[..., Any]:
     ("error", "code", "said"),
     [
         (KeyboardInterrupt(), 130, "uavseg: interrupted; nothing was written\n"),
-        (MemoryError(), 1, "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less\n"),
+        (
+            MemoryError(),
+            1,
+            "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less\n",
+        ),
     ],
 )
 def test_what_ends_the_work_leaves_nothing(

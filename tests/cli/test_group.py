@@ -14,7 +14,18 @@ from uavseg.cli import main
 from uavseg.errors import UavsegError
 
 COMMANDS = ["extract", "divide", "plan", "info", "preview"]
-HEAVY = {"numpy", "rasterio", "numba", "llvmlite", "shapely", "geopandas", "pandas", "matplotlib", "pyproj", "pyogrio"}
+HEAVY = {
+    "numpy",
+    "rasterio",
+    "numba",
+    "llvmlite",
+    "shapely",
+    "geopandas",
+    "pandas",
+    "matplotlib",
+    "pyproj",
+    "pyogrio",
+}
 
 
 def test_help_names_every_command() -> None:
@@ -28,7 +39,11 @@ def test_help_names_every_command() -> None:
 def test_every_command_explains_itself(command: str) -> None:
     result = CliRunner().invoke(main, [command, "--help"])
     assert result.exit_code == 0 and result.stderr == ""
-    assert result.stdout.startswith("Usage: uavseg " + command) and "-o, --output" in result.stdout or command == "info"
+    assert (
+        result.stdout.startswith("Usage: uavseg " + command)
+        and "-o, --output" in result.stdout
+        or command == "info"
+    )
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -57,7 +72,9 @@ def test_wrong_usage_ends_with_2(arguments: list[str]) -> None:
         (KeyboardInterrupt(), 130, "uavseg: interrupted; nothing was written\n"),
     ],
 )
-def test_errors_are_one_line(monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int, said: str) -> None:
+def test_errors_are_one_line(
+    monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int, said: str
+) -> None:
     @click.command("fail")
     def fail() -> None:
         raise error
@@ -84,7 +101,11 @@ def python(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 def test_python_m_uavseg_is_uavseg() -> None:
     done = python("-m", "uavseg", "--help")
-    assert done.returncode == 0 and done.stderr == "" and done.stdout.startswith("Usage: uavseg [OPTIONS] COMMAND")
+    assert (
+        done.returncode == 0
+        and done.stderr == ""
+        and done.stdout.startswith("Usage: uavseg [OPTIONS] COMMAND")
+    )
 
 
 @pytest.mark.parametrize("word", ["import uavseg", "import uavseg.cli", "from uavseg.cli import main"])

@@ -214,7 +214,9 @@ def filled_by_force(labels: Labels, limit: float) -> Labels:
     holes = []
     for name in range(1, int(labels.max()) + 1):
         pieces, many = connected(np.pad(labels != name, 1, constant_values=True))
-        holes += [(inside.sum(), name, inside) for k in range(1, many + 1) if not (inside := pieces == k)[0, 0]]
+        holes += [
+            (inside.sum(), name, inside) for k in range(1, many + 1) if not (inside := pieces == k)[0, 0]
+        ]
     result = labels.astype(np.int64)
     for size, name, inside in sorted(holes, key=lambda hole: int(hole[0])):  # the outermost is painted last
         if size < limit:
@@ -240,7 +242,9 @@ def test_holes_are_filled_as_by_force(seed: int, limit: int) -> None:
 def test_small_regions_are_dropped_as_by_force(seed: int, limit: int) -> None:
     labels = random_regions(seed)
     sizes = np.bincount(labels.reshape(-1))
-    wanted = np.where((sizes[labels] >= limit) & (labels > 0), labels, 0)  # ids are by size: what is left is 1..k
+    wanted = np.where(
+        (sizes[labels] >= limit) & (labels > 0), labels, 0
+    )  # ids are by size: what is left is 1..k
     found = without_small_regions(outlined(labels), box(labels), Area(limit, True))
     assert np.array_equal(painted(found, labels), wanted)
     assert found.sums.greys.tolist() == (10 * np.bincount(wanted.reshape(-1))[1:]).tolist()

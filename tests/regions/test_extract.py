@@ -99,7 +99,9 @@ def equal(one: Extraction, other: Extraction) -> bool:
     """All attributes, and all outlines."""
     names = one.regions.columns
     columns = all(str(names[k].tolist()) == str(other.regions.columns[k].tolist()) for k in names)
-    same_shapes = [a.equals_exact(b) for a, b in zip(one.regions.polygons, other.regions.polygons, strict=True)]
+    same_shapes = [
+        a.equals_exact(b) for a, b in zip(one.regions.polygons, other.regions.polygons, strict=True)
+    ]
     return columns and all(same_shapes) and np.array_equal(labels_of(one), labels_of(other))
 
 
@@ -153,7 +155,9 @@ def test_a_bright_field_is_one_region_with_its_attributes(opened: Opened) -> Non
     assert cells_of(found) == ["......", ".1111.", ".1..1.", ".1111.", "......"]
     columns = {name: column.tolist() for name, column in found.regions.columns.items()}
     assert columns["pixels"] == [640] and columns["holes"] == [1]
-    assert columns["mean"] == pytest.approx([200 / 255], abs=1e-5) and columns["std"] == pytest.approx([0], abs=1e-5)
+    assert columns["mean"] == pytest.approx([200 / 255], abs=1e-5) and columns["std"] == pytest.approx(
+        [0], abs=1e-5
+    )
     assert columns["area_m2"] == pytest.approx([2560], rel=1e-3)
     assert columns["perimeter_m"] == pytest.approx([2 * (14 + 6) * 8], rel=1e-3)
     assert (columns["range_low"], columns["range_high"]) == ([0.55], [1])
@@ -189,7 +193,9 @@ def test_tiles_and_threads_change_nothing(
 def test_progress_rises_to_the_end(opened: Opened) -> None:
     told: list[float] = []
     dataset = opened(scene(4, (200, 200)).astype(np.uint16))
-    extract(dataset, BRIGHT, ExtractParams(tile=64), threads(2), lambda done, total: told.append(done / total))
+    extract(
+        dataset, BRIGHT, ExtractParams(tile=64), threads(2), lambda done, total: told.append(done / total)
+    )
     assert told == sorted(told) and told[-1] == 1 and len(told) > 16
 
 
@@ -249,7 +255,9 @@ def test_cleaned_regions_are_measured_over_their_valid_pixels(
 ) -> None:
     image = scene(seed, (120, 130))
     valid = image > 0
-    found = extract(opened(image, 0), BRIGHT, ExtractParams(how, "auto", pixels(holes), pixels(small), tile=64))
+    found = extract(
+        opened(image, 0), BRIGHT, ExtractParams(how, "auto", pixels(holes), pixels(small), tile=64)
+    )
     if len(found.regions):
         assert_measured(found, reference.grey(image, valid, 0, 255), valid)
         assert found.regions.columns["pixels"].min() >= small
@@ -303,7 +311,9 @@ def test_a_block_map_with_its_raster_answers_as_the_raster(
 ) -> None:
     dataset = opened(scene(seed, shape), 0)
     params = ExtractParams(how, tile=64)
-    assert equal(extract_from_blocks(saved(dataset), dataset, BRIGHT, params), extract(dataset, BRIGHT, params))
+    assert equal(
+        extract_from_blocks(saved(dataset), dataset, BRIGHT, params), extract(dataset, BRIGHT, params)
+    )
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (100, 140), (7, 9), (129, 65)])
@@ -348,7 +358,9 @@ def test_a_raster_that_changed_is_refused(opened: Opened) -> None:
     blocks = saved(opened(image, 0))
     changed = image.copy()
     changed[np.unravel_index(np.argmax(image), image.shape)] -= 9
-    with pytest.raises(RasterError, match="make the block map again with uavseg divide, or give --refine none"):
+    with pytest.raises(
+        RasterError, match="make the block map again with uavseg divide, or give --refine none"
+    ):
         extract_from_blocks(blocks, opened(changed, 0), BRIGHT, ExtractParams(tile=64))
     assert len(extract_from_blocks(blocks, opened(changed, 0), BRIGHT, ExtractParams(NONE)).regions)
 
@@ -361,7 +373,9 @@ def test_a_raster_whose_black_became_nodata_has_changed_too(opened: Opened) -> N
 
 
 def test_a_raster_of_another_size_is_refused(opened: Opened) -> None:
-    with pytest.raises(ParameterError, match="has not the size of the raster that the block map was made from"):
+    with pytest.raises(
+        ParameterError, match="has not the size of the raster that the block map was made from"
+    ):
         extract_from_blocks(saved(opened(picture("##"))), opened(picture("###")), BRIGHT)
 
 

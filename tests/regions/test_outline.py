@@ -19,7 +19,9 @@ ONE = "#"  # in a drawing, # is label 1, digits are themselves and . is nothing
 
 def picture(text: str) -> Labels:
     """Labels from a drawing, a row for each word."""
-    return np.array([[int(c) if c.isdigit() else int(c == ONE) for c in row] for row in text.split()], np.uint32)
+    return np.array(
+        [[int(c) if c.isdigit() else int(c == ONE) for c in row] for row in text.split()], np.uint32
+    )
 
 
 def random_labels(seed: int) -> Labels:

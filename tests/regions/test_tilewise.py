@@ -196,7 +196,8 @@ def check_against_reference(
 
 @pytest.mark.parametrize("refine", ["none", "scan"])
 @pytest.mark.parametrize(
-    ("seed", "shape"), [(0, (1, 1)), (1, (70, 130)), (2, (64, 64)), (3, (129, 65)), (4, (1, 200)), (5, (190, 9))]
+    ("seed", "shape"),
+    [(0, (1, 1)), (1, (70, 130)), (2, (64, 64)), (3, (129, 65)), (4, (1, 200)), (5, (190, 9))],
 )
 def test_labels_and_sums_are_those_of_the_reference(
     reference: ModuleType, sourced: Sourced, seed: int, shape: tuple[int, int], refine: str
@@ -236,7 +237,13 @@ def test_progress_is_told_of_every_tile(sourced: Sourced) -> None:
     image, told = scene(1, (128, 192)), []
     cells = random_cells(1, image.shape)
     outline_regions(
-        sourced(image), cells, BRIGHT, "scan", tiles(image.shape, 64), threads(2), lambda *step: told.append(step)
+        sourced(image),
+        cells,
+        BRIGHT,
+        "scan",
+        tiles(image.shape, 64),
+        threads(2),
+        lambda *step: told.append(step),
     )
     assert told == [(k, 6) for k in range(1, 7)]
 

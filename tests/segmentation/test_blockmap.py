@@ -24,10 +24,13 @@ def random_map(seed: int, shape: tuple[int, int] = (150, 190)) -> BlockMap:
     rows, cols = blocks.counts.shape
     blocks.counts[:] = rng.choice([0, 1, 31, 64, 64, 64, 64, 64], (rows, cols))
     side = int(rng.choice([1, 2, 4, 8, 16]))
-    levels = rng.choice([0, 13107, 26214, 30000, 65535], (rows // side + 1, cols // side + 1))
+    greys = rng.choice([0, 13107, 26214, 30000, 65535], int(rng.choice([2, 5])))
+    levels = rng.choice(greys, (rows // side + 1, cols // side + 1))
     noise = rng.integers(0, 1 + int(rng.choice([0, 3000])), (rows, cols))
     mean = levels.repeat(side, 0).repeat(side, 1)[:rows, :cols] + noise
-    blocks.sums[:] = np.clip(mean + (rng.random((rows, cols)) < 0.1) * 9000, 0, 65535) * blocks.counts
+    blocks.sums[:] = (
+        np.clip(mean + (rng.random((rows, cols)) < rng.choice([0, 0.1])) * 9000, 0, 65535) * blocks.counts
+    )
     blocks.ratios[:] = rng.choice([0.0, 1.0, 1.15, 1.2, 1.21, 3.0, INF], blocks.ratios.shape)
     return blocks
 

@@ -15,8 +15,10 @@ from uavseg.cli.plan import mission_options
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
+    from uavseg.flight.mission import Mission
     from uavseg.parallel import Map
     from uavseg.regions.extract import Extraction, ExtractParams
+    from uavseg.segmentation.blockfile import SavedBlocks
     from uavseg.segmentation.segments import IntensityRange
 
 
@@ -74,8 +76,10 @@ def command(
     params = _params(tile, options)
     flight = _flight(mission, options)
     _check_targets(target, labels, mission, overwrite)
+    saved, dataset = _opened(rasters, options, params, reporter)
+    _check_place(target, mission, saved.geobox.wkt if saved is not None else dataset.geobox.wkt)
     run = workers(threads)
-    found = _extracted(rasters, wanted, params, options, run, reporter)
+    found = _extracted(saved, dataset, wanted, params, run, reporter)
     reporter.finish()
     for warning in found.warnings:
         reporter.warn(warning)
@@ -83,9 +87,10 @@ def command(
         reporter.warn(
             f"no region has a mean v in {wanted.low:g}..{wanted.high:g}; uavseg info shows which v there are"
         )
+    made = None if flight is None else _planned(found, flight, options["home"])
     _write(found, target, labels, run, overwrite)
-    if mission is not None:
-        _write_mission(found, flight, mission, options["home"], overwrite, reporter)
+    if made is not None:
+        _write_mission(made, len(found.regions), mission, overwrite, reporter)
     _tell(found, target, reporter)
 
 
@@ -145,59 +150,83 @@ def _check_targets(output: str, labels: str | None, mission: str | None, overwri
         raise ParameterError(f"labels are written as GeoTIFF; name a .tif, not {labels}")
 
 
-def _extracted(
-    rasters: tuple[str, ...],
-    wanted: IntensityRange,
-    params: ExtractParams,
-    options: dict[str, Any],
-    run: Map,
-    reporter: Reporter,
-) -> Extraction:
+def _check_place(output: str, mission: str | None, wkt: str | None) -> None:
+    """Nothing is computed that has no place where it is to be written or flown."""
+    from uavseg.errors import MissionError
+    from uavseg.regions import export, wgs84
+
+    export.check_crs(output, wkt)
+    if mission is None:
+        return
+    if wkt is None:
+        raise MissionError(
+            "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
+        )
+    wgs84.check_crs(wkt)
+
+
+def _opened(
+    rasters: tuple[str, ...], options: dict[str, Any], params: ExtractParams, reporter: Reporter
+) -> tuple[SavedBlocks | None, Any]:
+    """A block map and its raster if that is at hand, or a raster alone; no pixel is read."""
     from uavseg.raster.dataset import Dataset
-    from uavseg.regions.extract import extract, extract_from_blocks
     from uavseg.segmentation.blockfile import is_block_map, load
 
     if len(rasters) > 1 or not is_block_map(rasters[0]):
-        dataset = Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
-        return extract(dataset, wanted, params, run, reporter.progress)
+        return None, Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
     if options["band"] or options["rgb"] or options["nodata"] is not None or options["stretch"] != "auto":
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
     saved = load(rasters[0])
+    if params.segment.refine == "none":
+        return saved, None
     origin = saved.origin
     paths = origin.found(rasters[0])
-    if paths is None and params.segment.refine != "none":
+    if paths is None:
         reporter.warn(f"{origin.rasters[0]} is not where it was, so regions end at block edges")
-    raster = None if paths is None else Dataset.open(paths, origin.band, origin.rgb, origin.nodata)
-    return extract_from_blocks(saved, raster, wanted, params, run, reporter.progress)
+        return saved, None
+    return saved, Dataset.open(paths, origin.band, origin.rgb, origin.nodata)
+
+
+def _extracted(
+    saved: SavedBlocks | None,
+    dataset: Any,
+    wanted: IntensityRange,
+    params: ExtractParams,
+    run: Map,
+    reporter: Reporter,
+) -> Extraction:
+    from uavseg.regions.extract import extract, extract_from_blocks
+
+    if saved is None:
+        return extract(dataset, wanted, params, run, reporter.progress)
+    return extract_from_blocks(saved, dataset, wanted, params, run, reporter.progress)
 
 
 def _write(found: Extraction, target: str, labels: str | None, run: Map, overwrite: bool) -> None:
     from uavseg.regions import export
 
+    export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
     if labels is not None:
         from uavseg.raster.write import write_labels
         from uavseg.regions.extract import painted
 
         write_labels(labels, painted(found, run), found.geobox, overwrite)
-    export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
 
 
-def _write_mission(
-    found: Extraction, flight: Any, path: str, home: str | None, overwrite: bool, reporter: Reporter
-) -> None:
-    from uavseg.cli.plan import plan_and_write, report
-    from uavseg.errors import MissionError
+def _planned(found: Extraction, flight: Any, home: str | None) -> Mission:
+    from uavseg.cli.plan import planned
     from uavseg.regions.wgs84 import geometries
 
-    regions = found.regions
-    if regions.wkt is None:
-        raise MissionError(
-            "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit -a_srs"
-        )
-    points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
-    made = plan_and_write(list(geometries(regions)), points, flight, home, path, overwrite)
+    return planned(found.regions, list(geometries(found.regions)), flight, home)
+
+
+def _write_mission(made: Mission, regions: int, path: Any, overwrite: bool, reporter: Reporter) -> None:
+    from uavseg.cli.plan import report
+    from uavseg.flight import files
+
+    files.write(made, path, overwrite)
     if not reporter.quiet:
-        report(made, len(regions), path)
+        report(made, regions, path)
 
 
 def _tell(found: Extraction, target: str, reporter: Reporter) -> None:

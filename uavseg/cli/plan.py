@@ -12,6 +12,7 @@ from uavseg.errors import MissionError, ParameterError, RegionError
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
     from uavseg.flight.planner import PlanParams
+    from uavseg.regions.table import Regions
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -100,8 +101,8 @@ def command(
     params = mission_params(**flight)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     chosen = choose(load(source, layer), parse_ids(ids), largest, where)
-    points = list(zip(chosen.columns["lon"].tolist(), chosen.columns["lat"].tolist(), strict=True))
-    mission = plan_and_write(list(chosen.polygons), points, params, flight["home"], output, overwrite)
+    mission = planned(chosen, list(chosen.polygons), params, flight["home"])
+    files.write(mission, output, overwrite)
     if not quiet:
         report(mission, len(chosen), output)
 
@@ -124,21 +125,12 @@ def mission_params(**flight: Any) -> PlanParams:
     )
 
 
-def plan_and_write(
-    polygons: Sequence[Any],
-    points: Sequence[tuple[float, float]],
-    params: PlanParams,
-    home: str | None,
-    output: str,
-    overwrite: bool,
-) -> Mission:
-    """Plan over polygons in degrees (lon, lat), write the mission, and return it."""
-    from uavseg.flight import files
+def planned(regions: Regions, polygons: Sequence[Any], params: PlanParams, home: str | None) -> Mission:
+    """A mission over regions whose polygons are given in degrees (lon, lat)."""
     from uavseg.flight.planner import plan
 
-    mission = plan(polygons, points, params, home_position(home, points))
-    files.write(mission, output, overwrite)
-    return mission
+    points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
+    return plan(polygons, points, params, home_position(home, points))
 
 
 def home_position(text: str | None, points: Sequence[tuple[float, float]]) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
 """Small things away: holes are filled first, then small regions are dropped."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -10,7 +10,7 @@ from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ring_areas
 from uavseg.regions.outline import Rings
-from uavseg.regions.tilewise import Outlined, by_size, taken
+from uavseg.regions.tilewise import Outlined, taken
 from uavseg.segmentation.components import Sums
 
 
@@ -59,21 +59,37 @@ def without_small_holes(outlined: Outlined, geobox: GeoBox, smallest: Area) -> O
     small = ~rings.exteriors & (-_areas(rings, geobox, smallest) < smallest.value)
     if not small.any():
         return outlined
-    absorbed = _inside_of(rings, small)
-    kept = ~small & ~np.isin(rings.labels, absorbed)
-    left = np.unique(rings.labels[kept])
-    sums = taken(outlined.sums, left - 1)
-    pixels = np.bincount(rings.labels[kept], rings.pixel_areas()[kept], int(left.max()) + 1)[left]
-    return _renumbered(rings, kept, left, replace(sums, counts=pixels.astype(np.int64)))
+    kept = ~small & ~np.isin(rings.parts, _parts_inside(rings, small))
+    return numbered_by_size(rings, outlined.sums, kept)
 
 
 def without_small_regions(outlined: Outlined, geobox: GeoBox, smallest: Area) -> Outlined:
     """Regions of at least an area; the rest keep their order and are numbered 1..n."""
     rings = outlined.rings
     areas = np.bincount(rings.labels, _areas(rings, geobox, smallest), len(outlined.sums.counts) + 1)
-    kept = areas[rings.labels] >= smallest.value
+    return numbered_by_size(rings, outlined.sums, areas[rings.labels] >= smallest.value)
+
+
+def numbered_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = None) -> Outlined:
+    """Regions with labels 1..n: the one that encloses most pixels first, ties in raster order.
+
+    Parameters
+    ----------
+    rings : Rings
+    sums : Sums
+        Of the regions of `rings`, in the order of their labels.
+    kept : (r,) bool array, optional
+        The rings that are kept; all, if left out.
+    """
+    kept = np.ones(len(rings.labels), bool) if kept is None else kept
     left = np.unique(rings.labels[kept])
-    return _renumbered(rings, kept, left, taken(outlined.sums, left - 1))
+    pixels = np.bincount(rings.labels[kept], rings.pixel_areas()[kept], len(sums.counts) + 1)[left]
+    firsts = sums.firsts[left - 1]
+    order = np.lexsort((firsts[:, 1], firsts[:, 0], -pixels))
+    number = np.empty(len(order), np.int64)
+    number[order] = np.arange(1, len(order) + 1)
+    labels = number[np.searchsorted(left, rings.labels[kept])]
+    return Outlined(rings.chosen(kept, labels), taken(sums, left[order] - 1))
 
 
 def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
@@ -94,8 +110,8 @@ def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
     return ring_areas(geobox, rings.vertices, rings.starts)
 
 
-def _inside_of(rings: Rings, holes: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Labels of the regions that lie within some of the holes."""
+def _parts_inside(rings: Rings, holes: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The polygons that lie within some of the holes."""
     corners = rings.vertices[rings.starts[:-1][rings.exteriors]]
     centres = shapely.points(corners[:, ::-1] + 0.5)  # a region's uppermost, then leftmost pixel
     filled = [
@@ -103,13 +119,4 @@ def _inside_of(rings: Rings, holes: NDArray[np.bool_]) -> NDArray[np.int64]:
         for k in np.flatnonzero(holes)
     ]
     _, within = shapely.STRtree(centres).query(filled, predicate="contains")
-    return np.unique(rings.labels[rings.exteriors][within])
-
-
-def _renumbered(rings: Rings, kept: NDArray[np.bool_], left: NDArray[np.int64], sums: Sums) -> Outlined:
-    """Rings that are kept, with labels 1..n by size."""
-    order = by_size(sums)
-    number = np.empty(len(order), np.int64)
-    number[order] = np.arange(1, len(order) + 1)
-    labels = number[np.searchsorted(left, rings.labels[kept])]
-    return Outlined(rings.chosen(kept, labels), taken(sums, order))
+    return np.unique(rings.parts[rings.exteriors][within])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavseg.atomic import check_target, whole_file
 from uavseg.errors import OutputError
-from uavseg.regions import geojson, kml
+from uavseg.regions import geojson, kml, wgs84
 from uavseg.regions.table import Regions
 
 LAYER = "regions"
@@ -77,6 +77,19 @@ def check(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
         *known, last = _WRITERS
         raise OutputError(f"{path}: regions are written to {', '.join(known)} or {last}")
     return check_target(path, overwrite)
+
+
+def check_crs(path: str | os.PathLike[str], wkt: str | None) -> None:
+    """Whether regions of a CRS may be written to a file of this name, or to a stream, which is "-".
+
+    Raises
+    ------
+    OutputError
+        If they have no place on the Earth, which KML needs, and GeoJSON where there is a CRS.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".kml" or (wkt is not None and (suffix in (".geojson", ".json") or path == "-")):
+        wgs84.check_crs(wkt)
 
 
 def _stream(regions: Regions, stream: IO[Any]) -> None:

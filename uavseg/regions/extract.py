@@ -12,8 +12,8 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import BLOCK, CELL, Window, tile_side, tiles
-from uavseg.regions.cleaning import Area, without_small_holes, without_small_regions
-from uavseg.regions.outline import Painter, Rings, trace
+from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
+from uavseg.regions.outline import Painter, Rings, rasterise, trace
 from uavseg.regions.simplify import simplify
 from uavseg.regions.table import Regions, make, polygons
 from uavseg.regions.tilewise import Outlined, outline_regions, summed
@@ -174,7 +174,7 @@ def painted(found: Extraction, map: Map = serial) -> Iterator[tuple[Window, NDAr
 def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
     """The tiles of a dataset: squares of the given side, else what suits its files."""
     shape = dataset.geobox.shape
-    return tiles(shape, tile or tile_side(shape, dataset.file_block))
+    return tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile)
 
 
 def _outlined(
@@ -249,17 +249,15 @@ def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: Extrac
     inside = in_range(blocks, interval, how.threshold, how.step)
     leaves, count = components(np.ascontiguousarray(inside[:rows, :cols]))
     leaves[blocks.counts[:rows, :cols] == 0] = 0
-    sums = _sums_of_cells(blocks, leaves, count)
-    order = np.lexsort((np.arange(count), -sums.counts))
-    number = np.zeros(count + 1, np.uint32)
-    number[order + 1] = np.arange(1, count + 1)
-    rings = trace(number[leaves])
+    rings = trace(leaves)
     limit = np.array(saved.geobox.shape, np.int32)
     on_pixels = replace(rings, vertices=np.minimum(rings.vertices * np.int32(CELL), limit))
-    ordered = Sums(sums.counts[order], sums.greys[order], sums.squares[order], sums.firsts[order])
-    outlined = Outlined(on_pixels, ordered)
+    outlined = numbered_by_size(on_pixels, _sums_of_cells(blocks, leaves, count))
     if params.fill_holes is not None:
-        outlined = without_small_holes(outlined, saved.geobox, params.fill_holes)
+        filled = without_small_holes(outlined, saved.geobox, params.fill_holes)
+        on_cells = replace(filled.rings, vertices=-(-filled.rings.vertices // np.int32(CELL)))
+        labels = rasterise(on_cells, Window(0, 0, rows, cols))
+        outlined = replace(filled, sums=_sums_of_cells(blocks, labels, len(filled.sums.counts)))
     name = saved.origin.rasters[0].rsplit("/", 1)[-1]
     return _measured(
         outlined,
@@ -280,8 +278,10 @@ def _sums_of_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> 
     counts = np.zeros(count + 1, np.int64)
     np.add.at(greys, flat, blocks.sums[:rows, :cols].reshape(-1).astype(np.uint64))
     np.add.at(counts, flat, blocks.counts[:rows, :cols].reshape(-1))
-    unknown = np.full(count, np.nan)
-    return Sums(counts[1:], greys[1:], unknown, np.zeros((count, 2), np.int64))
+    names, first = np.unique(flat, return_index=True)
+    firsts = np.zeros((count + 1, 2), np.int64)
+    firsts[names] = np.stack(np.divmod(first, cols), axis=1)
+    return Sums(counts[1:], greys[1:], np.full(count, np.nan), firsts[1:])
 
 
 def _three(progress: Progress | None) -> list[Progress] | list[None]:

@@ -91,11 +91,11 @@ def outline_regions(
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    """A tile, its cells in range with those around it, and what its cells must add up to."""
+    """A tile, its cells in range with those around it, and the sums and counts its cells must have."""
 
     window: Window
     inside: NDArray[np.uint8]
-    sums: NDArray[np.uint32] | None
+    cells: tuple[NDArray[np.uint32], NDArray[np.uint8]] | None
 
 
 class _Jobs(Sequence[_Job]):
@@ -113,8 +113,9 @@ class _Jobs(Sequence[_Job]):
 
     def __getitem__(self, k: Any) -> Any:
         window = self._windows[k]
-        sums = None if self._expected is None else self._expected.sums[window_cells(window)]
-        return _Job(window, cells_around(self._inside, window), sums)
+        here, known = window_cells(window), self._expected
+        cells = None if known is None else (known.sums[here], known.counts[here])
+        return _Job(window, cells_around(self._inside, window), cells)
 
 
 def _outline_tile(
@@ -125,7 +126,7 @@ def _outline_tile(
     if found is None:
         return None
     pixels, tile = found
-    if job.sums is not None and not np.array_equal(job.sums, cell_sums(tile.grey, tile.valid, REACH)[0]):
+    if job.cells is not None and not _same(job.cells, cell_sums(tile.grey, tile.valid, REACH)):
         raise RasterError(
             f"{source.dataset.source} is not as it was when its block map was made; make the block map again "
             "with uavseg divide, or give --refine none"
@@ -138,6 +139,10 @@ def _outline_tile(
     chains = trace_tile(pixels, labels, REACH, (window.row, window.col), source.shape[1])
     own = labels[: window.rows, : window.cols]
     return _Tile(sums, chains, own[0].copy(), own[-1].copy(), own[:, 0].copy(), own[:, -1].copy())
+
+
+def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> bool:
+    return all(np.array_equal(one, other) for one, other in zip(first, second, strict=True))
 
 
 class _Joined:

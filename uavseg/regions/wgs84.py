@@ -79,6 +79,17 @@ def geometries(regions: Regions) -> Objects:
     return np.concatenate([np.empty(0, object), *(batch.geometries() for batch in batches(regions))])
 
 
+def check_crs(wkt: str | None) -> None:
+    """Whether regions of a CRS have a place on the Earth.
+
+    Raises
+    ------
+    OutputError
+        If they have not.
+    """
+    _Way.of(wkt)
+
+
 @dataclass(frozen=True, slots=True)
 class _Way:
     """From a CRS to longitude and latitude."""
