@@ -17,7 +17,8 @@ from geopandas.testing import assert_geodataframe_equal
 import uavseg
 from uavseg.errors import IntensityRangeError, ParameterError, RasterReadError
 
-COLUMNS = "id area_m2 perimeter_m mean std pixels holes lon lat range_low range_high source geometry".split()
+COLUMNS = ["id", "area_m2", "perimeter_m", "mean", "std", "pixels", "holes", "lon", "lat"]
+COLUMNS += ["range_low", "range_high", "source", "geometry"]
 RANGE = (0.55, 1)
 
 

@@ -103,6 +103,25 @@ def test_a_consumer_that_stops_stops_the_work(run: Map) -> None:
     assert len(begun) == settled
 
 
+def test_what_waits_is_never_begun_once_the_consumer_stops() -> None:
+    begun: list[int] = []
+    busy, release = threading.Barrier(3), threading.Event()
+
+    def work(item: int) -> int:
+        begun.append(item)
+        if item in (1, 2):
+            busy.wait(PATIENCE_S)
+            release.wait(PATIENCE_S)
+        return item
+
+    results = threads(2)(work, range(10))
+    assert next(results) == 0
+    busy.wait(PATIENCE_S)  # both threads are at work, and item 3 waits
+    threading.Timer(0.5, release.set).start()
+    results.close()  # type: ignore[attr-defined]
+    assert sorted(begun) == [0, 1, 2]
+
+
 @pytest.mark.parametrize("count", [1, 2, 3, 7])
 def test_only_a_few_results_wait(count: int) -> None:
     lock, waiting, most, items = threading.Lock(), 0, 0, Items(300)

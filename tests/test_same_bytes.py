@@ -5,7 +5,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import chdir
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -192,8 +192,7 @@ def test_pieces_in_any_order_are_the_whole(
 
 
 def parts(cuts: list[int], end: int) -> list[tuple[int, int]]:
-    edges = [0, *sorted(cuts), end]
-    return list(zip(edges[:-1], edges[1:], strict=True))
+    return list(pairwise([0, *sorted(cuts), end]))
 
 
 def test_overlaps_that_agree_change_nothing(fresh: Iterator[Path]) -> None:

@@ -31,7 +31,7 @@ NOTHING = "no region has a mean v in 0.55..1"
 
 @dataclass(frozen=True)
 class Case:
-    """What a raster gives: an error, or regions (how many by default, and by the paper's method) and warnings."""
+    """What a raster gives: an error, or regions (how many by default, and by the paper's method)."""
 
     regions: tuple[int, int] = (0, 0)
     warnings: tuple[str, ...] = ()

@@ -41,6 +41,7 @@ def test_a_side_that_is_no_multiple_of_64_is_refused(side: int | tuple[int, int]
 @given(windows, shapes)
 def test_a_clipped_window_is_the_pixels_that_both_have(window: Window, shape: tuple[int, int]) -> None:
     clipped = window.clipped(shape)
+    assert clipped.rows >= 0 and clipped.cols >= 0
     rows = set(range(window.row, window.row + window.rows)) & set(range(shape[0]))
     cols = set(range(window.col, window.col + window.cols)) & set(range(shape[1]))
     assert set(range(clipped.row, clipped.row + clipped.rows)) == rows

@@ -39,11 +39,8 @@ def test_help_names_every_command() -> None:
 def test_every_command_explains_itself(command: str) -> None:
     result = CliRunner().invoke(main, [command, "--help"])
     assert result.exit_code == 0 and result.stderr == ""
-    assert (
-        result.stdout.startswith("Usage: uavseg " + command)
-        and "-o, --output" in result.stdout
-        or command == "info"
-    )
+    assert result.stdout.startswith("Usage: uavseg " + command)
+    assert "-o, --output" in result.stdout or command == "info"
 
 
 @pytest.mark.parametrize("command", COMMANDS)

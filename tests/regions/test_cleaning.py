@@ -135,10 +135,11 @@ def test_without_holes_nothing_is_made_anew() -> None:
     assert without_small_holes(found, box(labels), Area(9, True)) is found
 
 
-def test_filled_pixels_are_counted_and_their_grey_is_not_known_yet() -> None:
+def test_sums_are_those_of_before_until_they_are_measured_again() -> None:
     labels = picture("111 121 111")
     found = without_small_holes(outlined(labels), box(labels), Area(2, True))
-    assert found.sums.counts.tolist() == [9] and found.sums.greys.tolist() == [80]
+    assert found.rings.pixel_areas().tolist() == [9]
+    assert found.sums.counts.tolist() == [8] and found.sums.greys.tolist() == [80]
 
 
 # Regions
@@ -181,7 +182,7 @@ def test_holes_in_square_metres() -> None:
 @pytest.mark.parametrize("clean", [without_small_holes, without_small_regions])
 def test_square_metres_want_a_crs(clean: object) -> None:
     labels = picture("111 1.1 111")
-    with pytest.raises(ParameterError, match="no CRS.*give the area in pixels, such as 4px"):
+    with pytest.raises(ParameterError, match=r"no CRS.*give the area in pixels, such as 4px"):
         clean(outlined(labels), box(labels, 2, None), Area(4))  # type: ignore[operator]
 
 
@@ -231,7 +232,7 @@ def test_holes_are_filled_as_by_force(seed: int, limit: int) -> None:
     found = without_small_holes(outlined(labels), box(labels), Area(limit, True))
     wanted = filled_by_force(labels, limit)
     assert np.array_equal(painted(found, labels), wanted)
-    assert found.sums.counts.tolist() == np.bincount(wanted.reshape(-1))[1:].tolist()
+    assert len(found.sums.counts) == wanted.max()
     again = trace(wanted)
     assert np.array_equal(found.rings.vertices, again.vertices)
     assert np.array_equal(found.rings.labels, again.labels) and np.array_equal(found.rings.parts, again.parts)

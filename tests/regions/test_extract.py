@@ -22,8 +22,8 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.tiling import tiles
 from uavseg.regions.cleaning import Area
 from uavseg.regions.extract import (
-    ExtractParams,
     Extraction,
+    ExtractParams,
     divide,
     extract,
     extract_from_blocks,
@@ -74,7 +74,7 @@ def scene(seed: int, shape: tuple[int, int]) -> NDArray[np.uint8]:
 
 
 def picture(text: str, side: int = 8) -> NDArray[np.uint8]:
-    """A drawing in which every letter is a cell of 8 x 8 pixels, or a block: # bright, . dark, and x nodata (0)."""
+    """A drawing in which every letter is a cell of 8 x 8 pixels, or more: # bright, . dark, x nodata (0)."""
     small = np.array([[{"#": 200, ".": 20, "x": 0}[c] for c in row] for row in text.split()], np.uint8)
     return small.repeat(side, 0).repeat(side, 1)
 
