@@ -92,14 +92,14 @@ def test_backwards_twice_is_forwards() -> None:
 
 
 @given(
-    st.lists(st.tuples(*[st.floats(-120, 320)] * 4), min_size=1, max_size=8),
+    st.lists(st.tuples(*[st.integers(-120_000, 320_000)] * 4), min_size=1, max_size=8),
     st.sampled_from([U, RING, HOLES]),
 )
 @settings(max_examples=40, deadline=None)
 def test_metres_outside_agree_with_geos(
-    ends: list[tuple[float, float, float, float]], region: shapely.Polygon
+    ends: list[tuple[int, int, int, int]], region: shapely.Polygon
 ) -> None:
-    legs = np.array(ends).reshape(-1, 2, 2)
+    legs = np.array(ends).reshape(-1, 2, 2) / 1000  # GEOS loses lines whose ends are 1e-222 m from a corner
     lines = shapely.linestrings(legs)
     ours = outside_m(region, legs)
     assert (ours <= shapely.length(shapely.difference(lines, region)) + 1e-6).all()
