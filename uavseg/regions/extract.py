@@ -15,7 +15,7 @@ from uavseg.raster.tiling import BLOCK, CELL, Window, tile_side, tiles
 from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
 from uavseg.regions.outline import Painter, Rings, rasterise, trace
 from uavseg.regions.simplify import simplify
-from uavseg.regions.table import Regions, make, polygons
+from uavseg.regions.table import Regions, make
 from uavseg.regions.tilewise import Outlined, outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
@@ -229,7 +229,6 @@ def _measured(
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make(
         rings,
-        polygons(rings, geobox.transform),
         geobox,
         sums.counts,
         sums.greys,

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.raster.tiling import Window
 from uavseg.regions.linking import joined_chains, simple_rings
-from uavseg.regions.tracing import START, Chains, trace_tile
-from uavseg.segmentation.components import united
+from uavseg.regions.tracing import OWNER, START, Chains, trace_tile
+from uavseg.segmentation.components import equal_components
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,15 +41,18 @@ class Rings:
     @property
     def exteriors(self) -> NDArray[np.bool_]:
         """Which rings are exteriors."""
-        return np.diff(self.parts, prepend=-1) > 0
+        return self.exteriors_of(0, len(self.parts))
+
+    def exteriors_of(self, first: int, last: int) -> NDArray[np.bool_]:
+        """Which of the rings from `first` up to `last` are exteriors."""
+        before = self.parts[first - 1] if first else -1
+        return np.diff(self.parts[first:last], prepend=before) > 0
 
     def pixel_areas(self) -> NDArray[np.int64]:
         """Pixels within each ring; negative for a hole."""
-        row, col = self.vertices[:, 0].astype(np.int64), self.vertices[:, 1].astype(np.int64)
-        after = np.arange(1, len(row) + 1)
-        after[self.starts[1:] - 1] = self.starts[:-1]
-        doubled = col * row[after] - col[after] * row
-        return np.add.reduceat(doubled, self.starts[:-1]) // 2 if len(self.labels) else doubled
+        areas = np.empty(len(self.labels), np.int64)
+        _pixel_areas(self.vertices, self.starts, areas)
+        return areas
 
     def chosen(self, rings: NDArray[np.bool_], labels: NDArray[np.int64] | None = None) -> "Rings":
         """Some of the rings, in order, with new labels if they are given (one for each ring kept).
@@ -81,13 +84,12 @@ def trace(labels: NDArray[np.uint32]) -> Rings:
     [[0, 0], [0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
     """
     image = np.pad(np.ascontiguousarray(labels, np.uint32), 1)
-    pieces = _pieces(labels)
+    pieces, count = equal_components(np.ascontiguousarray(labels, np.uint32))
+    names = np.zeros(count, np.int64)  # label of each piece
+    names[pieces[labels > 0] - 1] = labels[labels > 0]
     chains = trace_tile(image, pieces, 1, (0, 0), labels.shape[1])
-    firsts = np.unique(pieces, return_index=True)[1]
-    names = labels.reshape(-1)[firsts].astype(np.int64)  # label of each piece; piece 0 is nothing
-    if pieces.size and pieces.reshape(-1)[firsts[0]]:
-        names = np.concatenate([[0], names])
-    return link([chains], names, np.arange(len(names)))
+    chains.table[:, OWNER] -= 1
+    return link([chains], names, np.arange(count))
 
 
 def link(pieces: Sequence[Chains], labels: NDArray[np.int64], parts: NDArray[np.int64]) -> Rings:
@@ -169,24 +171,6 @@ class Painter:
         return np.cumsum(labels, axis=1, dtype=np.uint32, out=labels)[:, :-1]
 
 
-def _pieces(labels: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Connected pieces of equal label, 1..n in raster order of their first pixels; 0 where the label is 0."""
-    numbers = np.arange(1, labels.size + 1).reshape(labels.shape)
-    beside = (labels[:, 1:] == labels[:, :-1]) & (labels[:, 1:] > 0)
-    below = (labels[1:] == labels[:-1]) & (labels[1:] > 0)
-    pairs = np.concatenate(
-        [
-            np.stack([numbers[:, 1:][beside], numbers[:, :-1][beside]], 1),
-            np.stack([numbers[1:][below], numbers[:-1][below]], 1),
-        ]
-    )
-    roots = united(pairs, labels.size + 1)[1:].reshape(labels.shape)
-    roots[labels == 0] = 0
-    names, pieces = np.unique(roots, return_inverse=True)
-    pieces = pieces.reshape(labels.shape) + int(names.size > 0 and names[0] > 0)
-    return pieces.astype(np.uint32)
-
-
 def _stacked(arrays: Sequence[NDArray], empty: tuple[int, ...], dtype: type) -> NDArray:  # type: ignore[type-arg]
     return np.concatenate([np.empty(empty, dtype), *arrays])
 
@@ -195,10 +179,32 @@ def _gathered(
     vertices: NDArray[np.int32], starts: NDArray[np.int64], order: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """The rings in another order."""
-    lengths = np.diff(starts)[order]
-    after = np.concatenate([[0], np.cumsum(lengths)])
-    index = np.arange(after[-1]) + np.repeat(starts[:-1][order] - after[:-1], lengths)
-    return vertices[index], after
+    after = np.concatenate([[0], np.cumsum(np.diff(starts)[order])])
+    gathered = np.empty((int(after[-1]), 2), np.int32)
+    _gather(vertices, starts, order, gathered)
+    return gathered, after
+
+
+@kernel("void(i4[:,::1], i8[::1], i8[::1], i4[:,::1])")
+def _gather(vertices, starts, order, gathered):  # type: ignore[no-untyped-def]
+    used = 0
+    for ring in order:
+        for v in range(starts[ring], starts[ring + 1]):
+            gathered[used, 0] = vertices[v, 0]
+            gathered[used, 1] = vertices[v, 1]
+            used += 1
+
+
+@kernel("void(i4[:,::1], i8[::1], i8[::1])")
+def _pixel_areas(vertices, starts, areas):  # type: ignore[no-untyped-def]
+    for ring in range(areas.shape[0]):
+        doubled = np.int64(0)
+        before = starts[ring + 1] - 1
+        for v in range(starts[ring], starts[ring + 1]):
+            doubled += np.int64(vertices[before, 1]) * np.int64(vertices[v, 0])
+            doubled -= np.int64(vertices[v, 1]) * np.int64(vertices[before, 0])
+            before = v
+        areas[ring] = doubled // 2
 
 
 @kernel("void(i4[:,::1], u4[::1], i8, u4[:,::1])")
