@@ -75,11 +75,12 @@ def room_of(module: str) -> str:
 
 # Rooms, and the rooms that each may import. Data walks through them in one direction.
 
-GROUND = {"errors", "_jit", "parallel", "atomic"}
+GROUND = {"errors", "_jit", "_memory", "parallel", "atomic"}
 TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
 MAY_IMPORT = {
     "errors": set(),
     "_jit": set(),
+    "_memory": set(),
     "parallel": {"errors"},
     "atomic": {"errors"},
     "raster": GROUND,

@@ -18,7 +18,7 @@ from uavseg.errors import RasterReadError
 from uavseg.raster.tiling import Window
 
 MAX_OPEN = 64  # files that a thread keeps open
-CACHE_BYTES = 64 << 20  # decoded blocks that GDAL keeps; its own default is a twentieth of the memory
+CACHE_BYTES = 32 << 20  # decoded blocks that GDAL keeps; its own default is a twentieth of the memory
 GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError)  # they have no parent of their own
 
 

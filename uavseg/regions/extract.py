@@ -6,12 +6,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg._memory import give_back
 from uavseg.errors import ParameterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.tiling import BLOCK, CELL, Window, tile_side, tiles
+from uavseg.raster.tiling import BLOCK, CELL, Window, in_panels, tile_side, tiles
 from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
 from uavseg.regions.outline import Painter, Rings, rasterise, trace
 from uavseg.regions.simplify import simplify
@@ -112,6 +113,7 @@ def extract(
     first, second, third = _three(progress)
     source = GreySource(dataset, fit(dataset, params.stretch, map, windows, first))
     blocks = block_map_for(source, interval, params.segment, windows, map, second)
+    give_back()
     outlined = _outlined(source, blocks, interval, params, windows, map, third)
     return _extraction(source, outlined, interval, params, windows, map)
 
@@ -173,9 +175,9 @@ def painted(found: Extraction, map: Map = serial) -> Iterator[tuple[Window, NDAr
 
 
 def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
-    """The tiles of a dataset: squares of the given side, else what suits its files."""
+    """The tiles of a dataset, in the order of reading: squares of this side, else what suits its files."""
     shape = dataset.geobox.shape
-    return tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile)
+    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))
 
 
 def _outlined(
@@ -190,7 +192,9 @@ def _outlined(
 ) -> Outlined:
     how = params.segment
     inside = in_range(blocks, interval, how.threshold, how.step)
-    return outline_regions(source, inside, interval, how.refine, windows, map, progress, expected)
+    found = outline_regions(source, inside, interval, how.refine, windows, map, progress, expected)
+    give_back()
+    return found
 
 
 def _extraction(

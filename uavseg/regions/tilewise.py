@@ -69,7 +69,7 @@ def outline_regions(
     refine : {"none", "scan", "smooth"}
         With "none", leaves that share an edge are one region also where invalid pixels part their pixels.
     windows : sequence of Window
-        Tiles that cover the raster, row by row.
+        Tiles that cover the raster, each after those above it and to its left.
     map, progress
         Who runs the work, and who is told.
     expected : BlockMap, optional
@@ -82,7 +82,7 @@ def outline_regions(
     """
     jobs = _Jobs(inside, windows, expected)
     tiles = map(partial(_outline_tile, source, interval, refine), jobs, progress)
-    found = _Joined(source.shape[1])
+    found = _Joined(source.shape)
     for window, tile in zip(windows, tiles, strict=True):
         found.add(window, tile)
     sums, parts, pieces = found.result()
@@ -147,30 +147,27 @@ def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> 
 
 
 class _Joined:
-    """Tiles put together in raster order; only the borders that still wait for a neighbour are held."""
+    """Tiles put together, each after those above it and to its left; of these only the borders are held."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, shape: tuple[int, int]) -> None:
         self._sums: list[Sums] = []
         self._pieces: list[Chains] = []
         self._pairs: list[NDArray[np.int64]] = []
         self._count = 0
-        self._above = np.zeros(
-            width, np.int64
-        )  # components along the last row of the tiles above, 0 for none
-        self._left: NDArray[np.int64] | None = None
+        # Components along the lowest row, and along the rightmost column, of what is there; 0 for none.
+        self._above = np.zeros(shape[1], np.int64)
+        self._beside = np.zeros(shape[0], np.int64)
 
     def add(self, window: Window, tile: _Tile | None) -> None:
         """Take in the next tile."""
-        columns = slice(window.col, window.col + window.cols)
+        rows, cols = window.slices
         if tile is None:
-            self._above[columns] = 0
-            self._left = None
+            self._above[cols] = self._beside[rows] = 0
             return
-        self._meet(self._above[columns], self._numbered(tile.top))
-        if window.col > 0 and self._left is not None:
-            self._meet(self._left, self._numbered(tile.left))
-        self._above[columns] = self._numbered(tile.bottom)
-        self._left = self._numbered(tile.right)
+        self._meet(self._above[cols], self._numbered(tile.top))
+        self._meet(self._beside[rows], self._numbered(tile.left))
+        self._above[cols] = self._numbered(tile.bottom)
+        self._beside[rows] = self._numbered(tile.right)
         tile.chains.table[:, 0] += self._count - 1
         self._sums.append(tile.sums)
         self._pieces.append(tile.chains)

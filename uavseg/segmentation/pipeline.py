@@ -22,7 +22,7 @@ from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
 from uavseg.segmentation.division import EVERY, block_ratios, wanted_ratios
 from uavseg.segmentation.patches import SIDE, Patches
 from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.segments import IntensityRange, matching, pixels_of
 from uavseg.segmentation.source import GreySource, GreyTile, whole_blocks
 from uavseg.segmentation.texture import GREYS, contrast_cuts, contrast_histogram
 
@@ -198,11 +198,9 @@ def refined(
     if not inside.any():
         return None
     tile = source.read(window, REACH)
-    pixels = inside.repeat(CELL, axis=0).repeat(CELL, axis=1) & tile.valid
+    pixels = pixels_of(inside, tile.valid)
     if refine == "scan" and not inside.all():
-        low, high = interval.greys
-        matching = ((tile.grey >= low) & (tile.grey <= high)).view(np.uint8) & tile.valid
-        scan(pixels, tile.valid, matching)
+        scan(pixels, tile.valid, matching(tile.grey, tile.valid, *interval.greys))
     elif refine == "smooth" and not inside.all():
         pixels = smooth(pixels, tile.valid, tile.grey, interval.low, interval.high)
     return pixels, tile
