@@ -75,13 +75,16 @@ def room_of(module: str) -> str:
 
 # Rooms, and the rooms that each may import. Data walks through them in one direction.
 
-GROUND = {"errors", "_jit", "parallel", "atomic"}
+GROUND = {"errors", "_jit", "parallel", "atomic", "fingerprint", "resultfile", "resuming"}
 TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
 MAY_IMPORT = {
     "errors": set(),
     "_jit": set(),
     "parallel": {"errors"},
     "atomic": {"errors"},
+    "fingerprint": set(),
+    "resultfile": set(),
+    "resuming": {"errors", "parallel", "atomic", "fingerprint", "resultfile", "uavseg"},  # for the version
     "raster": GROUND,
     "segmentation": GROUND | {"raster"},
     "regions": GROUND | {"raster", "segmentation"},

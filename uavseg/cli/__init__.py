@@ -5,6 +5,7 @@ Importing it brings in click and nothing heavy; a command's own module is import
 
 import importlib
 import sys
+import traceback
 from typing import Any
 
 import click
@@ -51,7 +52,8 @@ class _Group(click.Group):
                 err=True,
             )
             ctx.exit(1)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
+            traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
             click.echo("uavseg: interrupted; nothing was written", err=True)
             ctx.exit(_INTERRUPTED)
 
