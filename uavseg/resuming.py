@@ -121,14 +121,8 @@ def _make(folder: Path) -> None:
 
 
 def _save(stage: Path, key: str, result: Any) -> None:
-    data = dump(result, key)
-    try:
-        with whole_file(stage / _file_name(key), overwrite=True) as path:
-            path.write_bytes(data)
-    except OutputError:
-        raise
-    except OSError as error:
-        raise OutputError(f"finished tiles cannot be kept in {stage.parent}: {error.strerror}") from error
+    with whole_file(stage / _file_name(key), overwrite=True) as path:
+        path.write_bytes(dump(result, key))
 
 
 def _taken(stage: Path, key: str, again: Callable[[], Iterator[Any]]) -> Any:
