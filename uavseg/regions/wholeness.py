@@ -42,7 +42,7 @@ def _flatgeobuf(path: Path, count: int) -> bool:
         place = 12 + struct.unpack_from("<I", data, 8)[0] + _index_bytes(count)
         for _ in range(count):
             place += 4 + struct.unpack_from("<I", data, place)[0]
-        return place == len(data)
+        return bool(place == len(data))
 
 
 def _index_bytes(count: int) -> int:
