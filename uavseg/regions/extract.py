@@ -20,8 +20,9 @@ from uavseg.regions.tilewise import Outlined, outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.components import Sums, components
-from uavseg.segmentation.pipeline import GreySource, SegmentParams, block_map, block_map_for, stages
+from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for, stages
 from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.source import GreySource
 
 
 @dataclass(frozen=True, slots=True)

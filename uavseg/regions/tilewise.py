@@ -15,9 +15,10 @@ from uavseg.regions.outline import Painter, Rings, link
 from uavseg.regions.tracing import Chains, trace_tile
 from uavseg.segmentation.blockmap import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, components, united
-from uavseg.segmentation.pipeline import GreySource, Refinement, cells_around, refined, window_cells
+from uavseg.segmentation.pipeline import Refinement, cells_around, refined, window_cells
 from uavseg.segmentation.refinement import REACH
 from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.source import GreySource
 
 
 @dataclass(frozen=True)
