@@ -40,8 +40,8 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
-        _announce_compilation()
         try:
+            _announce_compilation()
             return super().invoke(ctx)
         except UavsegError as error:
             click.echo(f"uavseg: error: {error}", err=True)
