@@ -70,14 +70,29 @@ def files() -> set[str]:
     return {path.name for path in Path().iterdir()}
 
 
-def program(*arguments: object, **how: Any) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "uavseg", *map(str, arguments)]
+def program(*arguments: object, script: str = "", **how: Any) -> subprocess.Popen[str]:
+    python = [sys.executable, *(("-c", script) if script else ("-m", "uavseg"))]
+    command = [*python, *map(str, arguments)]
     return subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True, **how)
+
+
+SLOW = """
+import time
+from uavseg.cli import main
+from uavseg.cli._running import Reporter
+tell = Reporter.progress
+def tell_slowly(self, done, total):
+    tell(self, done, total)
+    if 100 * done // total >= {percent}:
+        time.sleep(0.05)
+Reporter.progress = tell_slowly
+main(prog_name="uavseg")
+"""  # from some progress on, so that a signal meets the program at work
 
 
 def stopped(percent: int, by: signal.Signals, *arguments: object) -> tuple[int, str]:
     """Exit code of a program that gets a signal once it tells this much progress, and what it said then."""
-    with program(*arguments, "--progress", "plain") as process:
+    with program(*arguments, "--progress", "plain", script=SLOW.format(percent=percent)) as process:
         assert process.stderr is not None
         for line in process.stderr:
             if line.startswith("progress ") and int(line.split()[1]) >= percent:
