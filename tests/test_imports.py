@@ -75,7 +75,7 @@ def room_of(module: str) -> str:
 
 # Rooms, and the rooms that each may import. Data walks through them in one direction.
 
-GROUND = {"errors", "_jit", "_memory", "parallel", "atomic"}
+GROUND = {"errors", "_jit", "_memory", "parallel", "atomic", "fingerprint", "resultfile", "resuming"}
 TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
 MAY_IMPORT = {
     "errors": set(),
@@ -83,6 +83,9 @@ MAY_IMPORT = {
     "_memory": set(),
     "parallel": {"errors"},
     "atomic": {"errors"},
+    "fingerprint": set(),
+    "resultfile": set(),
+    "resuming": {"errors", "parallel", "atomic", "fingerprint", "resultfile", "uavseg"},  # for the version
     "raster": GROUND,
     "segmentation": GROUND | {"raster"},
     "regions": GROUND | {"raster", "segmentation"},

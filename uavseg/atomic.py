@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from uavseg.errors import OutputError, OutputExistsError
+from uavseg.errors import OutputError, OutputExistsError, UavsegError
 
 
 def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -36,6 +36,11 @@ def whole_file(path: str | os.PathLike[str], overwrite: bool = False) -> Iterato
 
     The temporary path keeps the name's suffix, and lies in a folder of its own, so that drivers which
     write several files (a shapefile's parts) may do so: all of them move together.
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        As `check_target`, and if writing fails, as on a full disk.
     """
     target = check_target(path, overwrite)
     try:
@@ -46,5 +51,9 @@ def whole_file(path: str | os.PathLike[str], overwrite: bool = False) -> Iterato
         yield folder / target.name
         for part in sorted(folder.iterdir()):
             part.replace(target.parent / part.name)
+    except OSError as error:
+        if isinstance(error, UavsegError):
+            raise
+        raise OutputError(f"{target} cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)

@@ -198,7 +198,7 @@ def test_a_cut_file_says_where_it_ends(write_raster):
     path.write_bytes(path.read_bytes()[:20000])
     dataset = Dataset.open(path)
     dataset.read(Window(0, 0, 10, 300))
-    with pytest.raises(RasterReadError, match="rows 280 to 290, columns 0 to 300"):
+    with pytest.raises(RasterReadError, match="rows 270 to 297, columns 0 to 300"):
         dataset.read(Window(280, 0, 10, 300))
 
 
@@ -335,8 +335,8 @@ def test_real_rasters_are_valid_where_gdal_says_so(shared_data, name):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("odd/nodegdal_truncated.tiff", "cannot be read in rows 0 to"),
-        ("odd/rasterio_corrupt.tif", "cannot be read in rows 0 to"),
+        ("odd/nodegdal_truncated.tiff", "cannot be read in rows 3 to 6, columns 0 to 801 "),
+        ("odd/rasterio_corrupt.tif", "cannot be read in rows 512 to 1024, columns 512 to 1024 "),
         ("odd/riotiler_cog_gcps.tif", "gdalwarp -tps"),
         ("maps/depot.yaml", "cannot be opened as a raster"),
     ],

@@ -5,6 +5,7 @@ Importing it brings in click and nothing heavy; a command's own module is import
 
 import importlib
 import sys
+import traceback
 from typing import Any
 
 import click
@@ -39,8 +40,8 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
-        _announce_compilation()
         try:
+            _announce_compilation()
             return super().invoke(ctx)
         except UavsegError as error:
             click.echo(f"uavseg: error: {error}", err=True)
@@ -51,7 +52,8 @@ class _Group(click.Group):
                 err=True,
             )
             ctx.exit(1)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
+            traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
             click.echo("uavseg: interrupted; nothing was written", err=True)
             ctx.exit(_INTERRUPTED)
 

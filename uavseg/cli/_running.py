@@ -1,17 +1,22 @@
 """Options of every command that works through tiles: how they are cut, who works, what is told."""
 
+from __future__ import annotations
+
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+if TYPE_CHECKING:
+    from uavseg.parallel import Map
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def running_options(command: Command) -> Command:
-    """Give a command --tile, --threads, --overwrite, -q, -v and --progress."""
+    """Give a command --tile, --threads, --resume, --overwrite, -q, -v and --progress."""
     for option in reversed(
         (
             click.option(
@@ -22,6 +27,13 @@ def running_options(command: Command) -> Command:
             ),
             click.option(
                 "--threads", type=int, metavar="N", help="Threads to work with.  [default: all cores]"
+            ),
+            click.option(
+                "--resume",
+                type=click.Path(),
+                metavar="DIR",
+                help="Keep finished tiles in this folder, and take up those that are there, so that a run "
+                "that was stopped goes on where it stopped. Remove the folder when you are done.",
             ),
             click.option("--overwrite", is_flag=True, help="Replace files that are there."),
             click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
@@ -37,6 +49,15 @@ def running_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def resuming(run: Map, folder: str | None, reporter: Reporter) -> Map:
+    """A map that keeps finished tiles in the folder, if one was given."""
+    if folder is None:
+        return run
+    from uavseg.resuming import kept
+
+    return kept(run, folder, reporter.resumed)
 
 
 class Reporter:
@@ -77,6 +98,10 @@ class Reporter:
             self.progress(1, 1)
         elif self._bar and self._percent >= 0:
             click.echo("\r\x1b[K", err=True, nl=False)
+
+    def resumed(self, stage: str, done: int, total: int) -> None:
+        """Some tiles of a stage were done by a run before this one."""
+        self.say(f"resumed: {done:,} of {total:,} tiles were done ({stage})")
 
     def warn(self, text: str) -> None:
         """Something that the user should know."""

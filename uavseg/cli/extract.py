@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._running import Reporter, running_options
+from uavseg.cli._running import Reporter, resuming, running_options
 from uavseg.cli._segmenting import segmenting_options
 from uavseg.cli.plan import mission_options
 from uavseg.errors import ParameterError
@@ -57,6 +58,7 @@ def command(
     mission: str | None,
     tile: int | None,
     threads: int | None,
+    resume: str | None,
     overwrite: bool,
     quiet: bool,
     verbose: bool,
@@ -79,7 +81,7 @@ def command(
     saved, dataset = _opened(rasters, options, params, reporter)
     _check_place(target, mission, saved.geobox.wkt if saved is not None else dataset.geobox.wkt)
     run = workers(threads)
-    found = _extracted(saved, dataset, wanted, params, run, reporter)
+    found = _extracted(saved, dataset, wanted, params, resuming(run, resume, reporter), reporter)
     reporter.finish()
     for warning in found.warnings:
         reporter.warn(warning)
@@ -173,7 +175,8 @@ def _opened(
     from uavseg.segmentation.blockfile import is_block_map, load
 
     if len(rasters) > 1 or not is_block_map(rasters[0]):
-        return None, Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
+        how = (options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"])
+        return None, Dataset.open(rasters, *how)
     if options["band"] or options["rgb"] or options["nodata"] is not None or options["stretch"] != "auto":
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
     saved = load(rasters[0])
@@ -184,7 +187,7 @@ def _opened(
     if paths is None:
         reporter.warn(f"{origin.rasters[0]} is not where it was, so regions end at block edges")
         return saved, None
-    return saved, Dataset.open(paths, origin.band, origin.rgb, origin.nodata)
+    return saved, Dataset.open(paths, origin.band, origin.rgb, origin.nodata, options["skip_bad_tiles"])
 
 
 def _extracted(
@@ -195,10 +198,13 @@ def _extracted(
     run: Map,
     reporter: Reporter,
 ) -> Extraction:
+    from uavseg.raster.skipping import BadBlock, listing
     from uavseg.regions.extract import extract, extract_from_blocks
 
     if saved is None:
-        return extract(dataset, wanted, params, run, reporter.progress)
+        bad: set[BadBlock] = set()
+        found = extract(dataset, wanted, params, listing(run, bad), reporter.progress)
+        return replace(found, warnings=(*found.warnings, *map(str, sorted(bad))))
     return extract_from_blocks(saved, dataset, wanted, params, run, reporter.progress)
 
 

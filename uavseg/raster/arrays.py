@@ -8,7 +8,7 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 
-from uavseg.errors import RasterError
+from uavseg.errors import ParameterError, RasterError
 from uavseg.raster.bands import BandChoice, BandLayout
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import valid_pixels
@@ -39,6 +39,18 @@ class ArraySource:
     def name(self) -> str:
         """The name of the array."""
         return self.path
+
+    def fingerprint(self) -> object:
+        """Nothing tells whether an array in memory is what it was in another run.
+
+        Raises
+        ------
+        ParameterError
+        """
+        raise ParameterError(
+            f"{self.name} is an array, and nothing tells whether it changed since; to resume, give the file "
+            "it comes from"
+        )
 
     def read(
         self, _handles: object, choice: BandChoice, window: Window, shape: tuple[int, int] | None = None

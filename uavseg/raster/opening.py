@@ -93,7 +93,8 @@ def telling(path: str, window: Window) -> Iterator[None]:
         rows, cols = ranges(window)
         raise RasterReadError(
             f"{path} cannot be read in rows {rows[0]} to {rows[1]}, columns {cols[0]} to {cols[1]} "
-            f"({first_cause(error)}); the file is damaged or incomplete"
+            f"({first_cause(error)}); the file is damaged or incomplete: mend it, or give --skip-bad-tiles "
+            "(skip_bad_tiles=True) to count what cannot be read as nodata"
         ) from error
 
 

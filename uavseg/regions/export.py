@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import textwrap
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from uavseg.errors import OutputError
 from uavseg.regions import geojson, kml, shapes, wgs84
 from uavseg.regions.shapes import any_multi
 from uavseg.regions.table import Regions
+from uavseg.regions.wholeness import is_whole
 
 LAYER = "regions"
 _GEOMETRY = "geometry"
@@ -53,12 +55,7 @@ def write(regions: Regions, path: str | os.PathLike[str] | IO[Any], overwrite: b
         return
     target = check(path, overwrite)
     with whole_file(target, overwrite) as part:
-        try:
-            _WRITERS[target.suffix.lower()](regions, part)
-        except OSError as error:
-            if isinstance(error, OutputError):
-                raise
-            raise OutputError(f"{target} cannot be written: {error.strerror or error}") from error
+        _WRITERS[target.suffix.lower()](regions, part)
 
 
 def check(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -96,12 +93,20 @@ def check_crs(path: str | os.PathLike[str], wkt: str | None) -> None:
 
 
 def _stream(regions: Regions, stream: IO[Any]) -> None:
-    if not hasattr(stream, "encoding"):
-        geojson.dump(regions, stream)
-        return
-    text = io.BytesIO()
-    geojson.dump(regions, text)
-    stream.write(text.getvalue().decode())
+    try:
+        if hasattr(stream, "encoding"):
+            text = io.BytesIO()
+            geojson.dump(regions, text)
+            stream.write(text.getvalue().decode())
+        else:
+            geojson.dump(regions, stream)
+        stream.flush()
+    except BrokenPipeError:
+        raise  # whoever reads has enough
+    except OSError as error:
+        raise OutputError(
+            f"the regions cannot be written to the stream: {error.strerror or error}"
+        ) from error
 
 
 def _write_geojson(regions: Regions, path: Path) -> None:
@@ -148,7 +153,10 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
                 layer_options=options,
             )
         except (DataSourceError, DataLayerError) as error:
-            raise OutputError(f"GDAL cannot write the regions as {driver}: {error}") from error
+            reason = textwrap.shorten(str(error).rpartition("failed: ")[2], 200)  # GDAL quotes long SQL
+            raise OutputError(f"GDAL cannot write the regions as {driver}: {reason}") from error
+    if not is_whole(path, len(regions)):
+        raise OutputError(f"{path.name} cannot be written whole; is the disk full?")
 
 
 def _batches(regions: Regions, promoted: bool = False) -> Any:

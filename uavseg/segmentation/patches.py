@@ -44,6 +44,10 @@ class Patches:
     def __reduce__(self) -> tuple[type["Patches"], tuple[int]]:
         return Patches, (0,)
 
+    def fingerprint(self) -> tuple[()]:
+        """Nothing: no result depends on what is here."""
+        return ()
+
     def put(self, window: Window, tile: GreyTile, corners: NDArray[np.int64]) -> None:
         """Keep the blocks of a tile that begin at `corners`, (k, 2), if there is room for them.
 

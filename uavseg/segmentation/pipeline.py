@@ -136,6 +136,24 @@ class Question:
         return undecided(sums, counts, self.low, self.high, self.step)
 
 
+@dataclass(frozen=True)
+class _InPassing:
+    """A question whose blocks are kept while cells are measured; what is measured does not depend on it."""
+
+    question: Question | None
+
+    def fingerprint(self) -> tuple[()]:
+        """Nothing, so that cells that were measured serve every question, see `resuming`."""
+        return ()
+
+    def keep(
+        self, window: Window, tile: GreyTile, sums: NDArray[np.uint32], counts: NDArray[np.uint8]
+    ) -> None:
+        """Keep the blocks of a tile that the question will look at."""
+        if self.question is not None:
+            self.question.patches.put(window, tile, _corners(self.question.open_in(sums, counts)))
+
+
 def measure(
     source: GreySource,
     windows: Sequence[Window],
@@ -146,7 +164,7 @@ def measure(
     """Sums and counts of all cells, and the cuts of contrast over the whole raster."""
     blocks = BlockMap.empty(source.shape)
     histogram = np.zeros(GREYS, np.int64)
-    measure_tile = partial(_measure_tile, source, question)
+    measure_tile = partial(_measure_tile, source, _InPassing(question))
     for window, found in zip(windows, map(measure_tile, windows, progress), strict=True):
         if found is None:
             continue
@@ -228,14 +246,13 @@ def stages(progress: Progress, count: int) -> list[Progress]:
 
 
 def _measure_tile(
-    source: GreySource, question: Question | None, window: Window
+    source: GreySource, in_passing: _InPassing, window: Window
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None:
     if source.dataset.is_empty(window):
         return None
     tile = source.read(window, 1)
     sums, counts = cell_sums(tile.grey, tile.valid, margin=1)
-    if question is not None:
-        question.patches.put(window, tile, _corners(question.open_in(sums, counts)))
+    in_passing.keep(window, tile, sums, counts)
     return sums, counts, contrast_histogram(tile.grey, None if tile.every else tile.valid)
 
 
