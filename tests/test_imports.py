@@ -17,7 +17,7 @@ import uavseg
 PACKAGE = Path(uavseg.__file__).resolve().parent
 HEAVY = {
     *("numpy", "rasterio", "numba", "llvmlite", "geopandas", "pandas", "shapely", "pyproj", "pyogrio"),
-    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "affine", "antimeridian"),
+    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "distributed", "affine", "antimeridian"),
 }
 
 
@@ -75,12 +75,13 @@ def room_of(module: str) -> str:
 
 # Rooms, and the rooms that each may import. Data walks through them in one direction.
 
-GROUND = {"errors", "_jit", "parallel", "atomic"}
+GROUND = {"errors", "_jit", "parallel", "cluster", "atomic"}
 TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
 MAY_IMPORT = {
     "errors": set(),
     "_jit": set(),
     "parallel": {"errors"},
+    "cluster": {"errors", "parallel"},
     "atomic": {"errors"},
     "raster": GROUND,
     "segmentation": GROUND | {"raster"},
@@ -118,8 +119,8 @@ ONLY_IN = {
     "geopandas": {"regions"},
     "pandas": {"regions"},
     "pymavlink": {"flight.files", "flight.link"},
-    "dask": {"parallel"},
-    "distributed": {"parallel"},
+    "dask": {"cluster"},
+    "distributed": {"cluster"},
     "click": {"cli"},
     "matplotlib": {"look"},
 }

@@ -13,7 +13,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import BLOCK, CELL, Window, tile_side, tiles
 from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
-from uavseg.regions.outline import Painter, Rings, rasterise, trace
+from uavseg.regions.outline import Rings, Sketch, Sketches, rasterise, trace
 from uavseg.regions.simplify import simplify
 from uavseg.regions.table import Regions, make, polygons
 from uavseg.regions.tilewise import Outlined, outline_regions, summed
@@ -168,7 +168,7 @@ def painted(found: Extraction, map: Map = serial) -> Iterator[tuple[Window, NDAr
     rows, cols = found.geobox.shape
     stripe = max((1 << 24) // cols // BLOCK, 1) * BLOCK
     windows = tiles((rows, cols), (stripe, -(-cols // BLOCK) * BLOCK))
-    return zip(windows, map(Painter(found.rings), windows), strict=True)
+    return zip(windows, map(Sketch.paint, Sketches(found.rings, windows)), strict=True)
 
 
 def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
