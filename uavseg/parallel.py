@@ -7,10 +7,12 @@ computed them. Functions and items must survive pickling, so that the same call 
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from uavseg.errors import ParameterError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -67,7 +69,10 @@ def threads(count: int | None = None) -> Map:
         from concurrent.futures import ThreadPoolExecutor  # 13 ms that one thread does not need
 
         with ThreadPoolExecutor(count) as pool:
-            begin = partial(pool.submit, function)
+
+            def begin(item: Item) -> "Future[Result]":
+                return pool.submit(function, item)
+
             yield from in_order(begin, lambda future: future.result(), lambda: 2 * count, items, progress)
 
     return run

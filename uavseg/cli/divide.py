@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._running import Reporter, running_options
+from uavseg.cli._running import Reporter, running_options, workers
 from uavseg.cli._segmenting import segmenting_options
 
 
@@ -22,6 +22,7 @@ def command(
     output: str,
     tile: int | None,
     threads: int | None,
+    scheduler: str | None,
     overwrite: bool,
     quiet: bool,
     verbose: bool,
@@ -34,7 +35,6 @@ def command(
     each leaf. `uavseg extract` answers any range from it, without the raster or refined with it.
     """
     from uavseg.atomic import check_target
-    from uavseg.parallel import threads as workers
     from uavseg.raster.dataset import Dataset
     from uavseg.regions.extract import divide
     from uavseg.segmentation.blockfile import Origin, SavedBlocks, save
@@ -44,7 +44,9 @@ def command(
     check_target(output, overwrite)
     params = SegmentParams(options["method"], options["threshold"], options["intensity_step"])
     dataset = Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
-    blocks, stretch = divide(dataset, options["stretch"], tile, workers(threads), reporter.progress)
+    run = workers(threads, scheduler)
+    reporter.begin(dataset, tile)
+    blocks, stretch = divide(dataset, options["stretch"], tile, run, reporter.progress)
     origin = Origin(rasters, str(Path.cwd()), options["band"], options["rgb"], options["nodata"])
     saved = SavedBlocks(blocks, dataset.geobox, stretch, dataset.band_names, origin)
     save(output, saved, params.threshold, params.step, overwrite)
