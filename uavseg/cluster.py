@@ -137,11 +137,9 @@ class Cluster:
         return self._client.submit(pickle.loads, text, pure=False)
 
     def _result(self, future: Any) -> Any:
-        from distributed import wait
-
         while True:
             try:
-                wait([future], timeout=_LOOK_S)
+                future.exception(timeout=_LOOK_S)  # waits, and fetches no result
             except TimeoutError:
                 self._room()
                 if time.monotonic() - self._seen > NO_WORKERS_S:
@@ -201,7 +199,8 @@ class _Work:
             from distributed import get_worker
 
             place = f"on the worker {get_worker().address}, host {socket.gethostname()}"
-            raise type(error)(f"{error} ({place})") from error
+            wrong = type(error)(f"{error} ({place})")
+        raise wrong  # out here it has no cause: those of GDAL cannot be pickled
 
 
 def packed(value: object) -> bytes:
