@@ -23,7 +23,7 @@ from uavseg.raster.write import write_labels
 GRID = Affine(0.5, 0, 300000.1, 0, -0.5, 4000000.3)
 LOCAL = 'LOCAL_CS["mine",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'
 SOUTH_UP = "+proj=tmerc +lat_0=3 +lon_0=7 +k=0.9996 +x_0=1 +y_0=2 +ellps=GRS80 +units=us-ft +no_defs"
-MARS = 'GEOGCS["Mars",DATUM["D_Mars",SPHEROID["Mars",3396190,169.8]],PRIMEM["0",0],UNIT["degree",0.0174533]]'
+MARS = 'GEOGCS["Mars",DATUM["D_Mars",SPHEROID["Mars",3396190,169.8]],PRIMEM["0",0],UNIT["degree",0.0174532925199433],AXIS["Latitude",NORTH],AXIS["Longitude",EAST]]'  # noqa: E501
 
 
 class Part:
