@@ -17,7 +17,7 @@ import uavseg
 PACKAGE = Path(uavseg.__file__).resolve().parent
 HEAVY = {
     *("numpy", "rasterio", "numba", "llvmlite", "geopandas", "pandas", "shapely", "pyproj", "pyogrio"),
-    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "affine", "antimeridian"),
+    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "distributed", "affine", "antimeridian"),
 }
 
 
@@ -75,13 +75,15 @@ def room_of(module: str) -> str:
 
 # Rooms, and the rooms that each may import. Data walks through them in one direction.
 
-GROUND = {"errors", "_jit", "_memory", "parallel", "atomic", "fingerprint", "resultfile", "resuming"}
+GROUND = {"errors", "_jit", "_memory", "parallel", "cluster", "atomic"}
+GROUND |= {"fingerprint", "resultfile", "resuming"}
 TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
 MAY_IMPORT = {
     "errors": set(),
     "_jit": set(),
     "_memory": set(),
     "parallel": {"errors"},
+    "cluster": {"errors", "parallel"},
     "atomic": {"errors"},
     "fingerprint": set(),
     "resultfile": set(),
@@ -122,8 +124,8 @@ ONLY_IN = {
     "geopandas": {"regions"},
     "pandas": {"regions"},
     "pymavlink": {"flight.files", "flight.link"},
-    "dask": {"parallel"},
-    "distributed": {"parallel"},
+    "dask": {"cluster"},
+    "distributed": {"cluster"},
     "click": {"cli"},
     "matplotlib": {"look"},
 }

@@ -32,6 +32,10 @@ class RegionError(UavsegError, ValueError):
     """Regions are missing, empty or not what was asked for."""
 
 
+class ClusterError(UavsegError, OSError):
+    """A scheduler or its workers cannot be reached, are lost, or differ from this installation."""
+
+
 class MissionError(UavsegError, ValueError):
     """A mission would not be safe, or a reader would refuse it."""
 

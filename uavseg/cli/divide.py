@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._running import Reporter, resuming, running_options
+from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import segmenting_options
 
 
@@ -22,6 +22,7 @@ def command(
     output: str,
     tile: int | None,
     threads: int | None,
+    scheduler: str | None,
     resume: str | None,
     overwrite: bool,
     quiet: bool,
@@ -35,7 +36,6 @@ def command(
     each leaf. `uavseg extract` answers any range from it, without the raster or refined with it.
     """
     from uavseg.atomic import check_target
-    from uavseg.parallel import threads as workers
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.skipping import BadBlock, listing
     from uavseg.regions.extract import divide
@@ -49,7 +49,8 @@ def command(
         rasters, options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"]
     )
     bad: set[BadBlock] = set()
-    run = listing(resuming(workers(threads), resume, reporter), bad)
+    run = listing(resuming(workers(threads, scheduler), resume, reporter), bad)
+    reporter.begin(dataset, tile)
     blocks, stretch = divide(dataset, options["stretch"], tile, run, reporter.progress)
     origin = Origin(rasters, str(Path.cwd()), options["band"], options["rgb"], options["nodata"])
     saved = SavedBlocks(blocks, dataset.geobox, stretch, dataset.band_names, origin)

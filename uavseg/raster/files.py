@@ -1,7 +1,7 @@
 """One raster file: what it says about itself, and its pixels by window."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import BandChoice, BandLayout
 from uavseg.raster.identity import State, states
-from uavseg.raster.opening import Handles, ranges, telling
+from uavseg.raster.opening import Handles, in_full, ranges, telling
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import valid_pixels
 
@@ -63,6 +63,11 @@ class RasterFile:
     driver: str
     overviews: tuple[int, ...]
     warnings: tuple[str, ...]
+
+    def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
+        values = (getattr(self, part.name) for part in fields(self))
+        path, *others = values
+        return RasterFile, (in_full(path), *others)  # who gets it may work in another folder
 
     @property
     def name(self) -> str:

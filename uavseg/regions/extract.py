@@ -1,6 +1,6 @@
 """The main job: regions of a raster whose mean intensity lies in a range."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,9 +12,9 @@ from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.tiling import BLOCK, CELL, Window, in_panels, tile_side, tiles
+from uavseg.raster.tiling import CELL, Window, in_panels, tile_side, tiles
 from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
-from uavseg.regions.outline import Painter, Rings, rasterise, trace
+from uavseg.regions.outline import Rings, rasterise, trace
 from uavseg.regions.simplify import simplify
 from uavseg.regions.table import Regions, make
 from uavseg.regions.tilewise import Outlined, outline_regions, summed
@@ -164,14 +164,6 @@ def divide(
     first, second = (None, None) if progress is None else stages(progress, 2)
     source = GreySource(dataset, fit(dataset, stretch, map, windows, first))
     return block_map(source, windows, map, second), source.stretch
-
-
-def painted(found: Extraction, map: Map = serial) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
-    """The labels of regions, window by window from the top, as their outlines enclose them."""
-    rows, cols = found.geobox.shape
-    stripe = max((1 << 24) // cols // BLOCK, 1) * BLOCK
-    windows = tiles((rows, cols), (stripe, -(-cols // BLOCK) * BLOCK))
-    return zip(windows, map(Painter(found.rings), windows), strict=True)
 
 
 def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:

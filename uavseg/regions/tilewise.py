@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline import Painter, Rings, link
+from uavseg.regions.outline import Rings, Sketch, Sketches, link
 from uavseg.regions.tracing import Chains, trace_tile
 from uavseg.segmentation.blockmap import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, components, united
@@ -215,7 +215,7 @@ def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], ma
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts = np.zeros_like(sums.counts)
-    for found in map(partial(_sum_tile, source, Painter(outlined.rings)), windows):
+    for found in map(partial(_sum_tile, source), Sketches(outlined.rings, windows)):
         if found is not None:
             names, parts = found
             counts[names - 1] += parts.counts
@@ -224,9 +224,9 @@ def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], ma
     return Sums(counts, greys, squares, sums.firsts)
 
 
-def _sum_tile(source: GreySource, paint: Painter, window: Window) -> tuple[NDArray[np.int64], Sums] | None:
+def _sum_tile(source: GreySource, sketch: Sketch) -> tuple[NDArray[np.int64], Sums] | None:
     """Labels in a tile, and the sums of each over its valid pixels."""
-    labels = paint(window)
+    window, labels = sketch.window, sketch.paint()
     names = np.unique(labels).astype(np.int64)
     names = names[names > 0]
     if len(names) == 0:
