@@ -8,8 +8,16 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from skimage import measure
 
-from uavseg.segmentation.components import component_sums, components, united
+from uavseg.segmentation.components import (
+    cell_totals,
+    component_sums,
+    components,
+    equal_components,
+    united,
+    words_of,
+)
 
 seeds = st.integers(0, 100_000)
 shapes = st.tuples(st.integers(1, 45), st.integers(1, 45))
@@ -45,6 +53,52 @@ def test_a_margin_is_left_out_as_if_it_were_not_there(seed: int, shape: tuple[in
     labels, count = components(inside, margin)
     expected, number = components(core)
     assert count == number and np.array_equal(labels, expected)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seeds, st.integers(1, 30), st.integers(1, 9), st.sampled_from([0, 8, 16]))
+def test_eight_pixels_at_once_are_as_one_by_one(seed: int, rows: int, words: int, margin: int) -> None:
+    inside = blots(seed, (rows + 2 * margin, 8 * words + 2 * margin))
+    assert words_of(inside).size == inside.size // 8
+    labels, count = components(inside, margin)
+    core = np.ascontiguousarray(inside[margin : margin + rows, margin : margin + 8 * words])
+    expected, number = ndimage.label(core)
+    assert count == number and np.array_equal(labels, expected)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seeds, shapes)
+def test_components_of_equal_value_are_those_of_scikit_image(seed: int, shape: tuple[int, int]) -> None:
+    image = (blots(seed, shape) + 2 * blots(seed + 1, shape) * blots(seed + 2, shape)).astype(np.uint32)
+    labels, count = equal_components(image)
+    expected, number = measure.label(image, connectivity=1, background=0, return_num=True)
+    assert count == number
+    assert np.array_equal(labels, in_raster_order(expected))
+
+
+def in_raster_order(labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The same components, numbered by their first pixels."""
+    names, firsts = np.unique(labels, return_index=True)
+    number = np.zeros(labels.max() + 1, np.int64)
+    named = names > 0
+    number[names[named][np.argsort(firsts[named])]] = np.arange(1, named.sum() + 1)
+    return number[labels]
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, shapes)
+def test_totals_of_cells_are_those_of_each_component_alone(seed: int, shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(seed)
+    labels, count = components(blots(seed, shape))
+    sums, counts = (
+        rng.integers(0, 1 << 22, shape).astype(np.uint32),
+        rng.integers(0, 65, shape).astype(np.uint8),
+    )
+    found, greys, firsts = cell_totals(sums, counts, labels, count)
+    for k in range(count):
+        here = labels == k + 1
+        assert (found[k], greys[k]) == (counts[here].sum(), sums[here].sum())
+        assert firsts[k].tolist() == np.argwhere(here)[0].tolist()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -93,6 +94,7 @@ def write_geotiff(
     tags: Mapping[str, str] | None = None,
     overwrite: bool = False,
     nodata: float | None = None,
+    pages: Sequence["Page"] = (),
 ) -> None:
     """Write bands of one type as a tiled, compressed GeoTIFF.
 
@@ -108,30 +110,53 @@ def write_geotiff(
     overwrite : bool
         Whether a file that is there may be replaced.
     nodata : float, optional
+    pages : sequence of Page
+        More images in the same file, which GDAL calls its subdatasets.
 
     Raises
     ------
     OutputExistsError, OutputError
         If the file may not or cannot be written.
     """
-    dtype = np.result_type(*bands)
+    first = Page(bands, geobox, descriptions or [""] * len(bands))
     with whole_file(path, overwrite) as target, _writing(path):
-        how = _profile(geobox, len(bands), dtype) | {"nodata": nodata}
-        with quiet_open(target, "w", **how) as file:
-            file.update_tags(**(tags or {}))
-            for number, band in enumerate(bands, start=1):
-                file.write(band.astype(dtype, copy=False), number)
-                if descriptions is not None:
-                    file.set_band_description(number, descriptions[number - 1])
-        _check_whole(target)
+        for number, page in enumerate((first, *pages), start=1):
+            dtype = np.result_type(*page.bands)
+            how = _profile(page.geobox, len(page.bands), dtype) | {"append_subdataset": number > 1}
+            with quiet_open(target, "w", **how, nodata=nodata if number == 1 else None) as file:
+                if number == 1:
+                    file.update_tags(**(tags or {}))
+                for band, (values, name) in enumerate(
+                    zip(page.bands, page.descriptions, strict=True), start=1
+                ):
+                    file.write(values.astype(dtype, copy=False), band)
+                    if name:
+                        file.set_band_description(band, name)
+        for number in range(1, len(pages) + 2):
+            _check_whole(target, number)
 
 
-def read_geotiff(path: Path_) -> tuple[list[NDArray[Any]], GeoBox, list[str], dict[str, str]]:
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One image of a file: bands of one type, where they lie, and what they are called."""
+
+    bands: Sequence[NDArray[Any]]
+    geobox: GeoBox
+    descriptions: Sequence[str]
+
+
+def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list[str], dict[str, str]]:
     """What `write_geotiff` wrote.
+
+    Parameters
+    ----------
+    path : path
+    page : int
+        Which image of the file, counted from 1.
 
     Returns
     -------
-    bands : list of (rows, cols) arrays
+    bands : (bands, rows, cols) array
     geobox : GeoBox
     descriptions : list of str
         Names of the bands, "" where one has none.
@@ -143,11 +168,16 @@ def read_geotiff(path: Path_) -> tuple[list[NDArray[Any]], GeoBox, list[str], di
         If there is no such raster.
     """
     try:
-        with gdal(), quiet_open(path) as file:
+        with gdal(), quiet_open(_of_page(path, page), num_threads="all_cpus") as file:
             geobox = GeoBox(file.shape, file.transform, file.crs)
-            return list(file.read()), geobox, [text or "" for text in file.descriptions], file.tags()
+            return file.read(), geobox, [text or "" for text in file.descriptions], file.tags()
     except GDAL_ERRORS as error:
         raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({error})") from error
+
+
+def _of_page(path: Path_, page: int) -> str:
+    """The name by which GDAL opens one image of a file."""
+    return os.fspath(path) if page == 1 else f"GTIFF_DIR:{page}:{os.fspath(path)}"
 
 
 def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any]) -> dict[str, Any]:
@@ -169,10 +199,10 @@ def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any]) -> dict[str, Any]
     }
 
 
-def _check_whole(path: Path) -> None:
+def _check_whole(path: Path, page: int = 1) -> None:
     """Every block lies inside the file; a disk that is full when the file is closed is told to nobody."""
     size = path.stat().st_size
-    with quiet_open(path) as file:
+    with quiet_open(_of_page(path, page)) as file:
         for band in file.indexes:
             for (i, j), _ in file.block_windows(band):
                 offset = int(file.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", dm="TIFF", bidx=band) or size)

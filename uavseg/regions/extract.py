@@ -20,7 +20,7 @@ from uavseg.regions.table import Regions, make
 from uavseg.regions.tilewise import Outlined, outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
-from uavseg.segmentation.components import Sums, components
+from uavseg.segmentation.components import Sums, cell_totals, components
 from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for, stages
 from uavseg.segmentation.segments import IntensityRange, in_range
 from uavseg.segmentation.source import GreySource
@@ -268,16 +268,9 @@ def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: Extrac
 
 
 def _sums_of_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> Sums:
-    flat = labels.reshape(-1)
     rows, cols = labels.shape
-    greys = np.zeros(count + 1, np.uint64)
-    counts = np.zeros(count + 1, np.int64)
-    np.add.at(greys, flat, blocks.sums[:rows, :cols].reshape(-1).astype(np.uint64))
-    np.add.at(counts, flat, blocks.counts[:rows, :cols].reshape(-1))
-    names, first = np.unique(flat, return_index=True)
-    firsts = np.zeros((count + 1, 2), np.int64)
-    firsts[names] = np.stack(np.divmod(first, cols), axis=1)
-    return Sums(counts[1:], greys[1:], np.full(count, np.nan), firsts[1:])
+    counts, greys, firsts = cell_totals(blocks.sums[:rows, :cols], blocks.counts[:rows, :cols], labels, count)
+    return Sums(counts, greys, np.full(count, np.nan), firsts)
 
 
 def _three(progress: Progress | None) -> list[Progress] | list[None]:

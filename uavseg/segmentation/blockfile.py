@@ -4,29 +4,23 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import RasterError
+from uavseg.errors import RasterError, RasterReadError
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.opening import GDAL_ERRORS, gdal, is_remote, quiet_open
 from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import CELL
-from uavseg.raster.write import read_geotiff, write_geotiff
+from uavseg.raster.write import Page, read_geotiff, write_geotiff
 from uavseg.segmentation.blockmap import CELLS, BlockMap, leaves
 
 _TAG = "UAVSEG_BLOCK_MAP"
-_BANDS = (
-    "mean v",
-    "side of the leaf in pixels",
-    "sum of grey",
-    "valid pixels",
-    "R of 64",
-    "R of 32",
-    "R of 16",
-)
-_SIDES = (64, 32, 16)
+_LOOKED_AT = ("mean v", "side of the leaf in pixels")
+_RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k}" for k in range(16)))
+_SUMS, _COUNTS, _RATIOS = 2, 3, 4  # pages of the file
 
 
 @dataclass(frozen=True)
@@ -83,26 +77,31 @@ def save(
 ) -> None:
     """Write a block map; a pixel of the file is a cell of 8 x 8 pixels.
 
-    The first two bands are for looking at: mean v and the side of each leaf, for the given X and tau.
+    What one sees is the mean v and the side of each leaf, for the given X and tau. Further pages of the file
+    hold the block map itself: sums and counts of the cells, and R of all blocks, a pixel for each of 64.
     """
-    blocks, shape = saved.blocks, saved.geobox.coarsen(CELL).shape
+    blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = leaves(blocks, threshold, step)
-    bands = [
-        np.where(mean < 0, np.nan, mean),
-        side,
-        blocks.sums,
-        blocks.counts,
-        *(_on_cells(blocks.ratios, k) for k in range(len(_SIDES))),
-    ]
+    seen = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
     write_geotiff(
         path,
-        [band[: shape[0], : shape[1]].astype(np.float64, copy=False) for band in bands],
-        saved.geobox.coarsen(CELL),
-        _BANDS,
+        [_within(band, cells) for band in seen],
+        cells,
+        _LOOKED_AT,
         _tags(saved),
         overwrite,
         nodata=float("nan"),
+        pages=[
+            Page([_within(blocks.sums, cells)], cells, ["sum of grey"]),
+            Page([_within(blocks.counts, cells)], cells, ["valid pixels"]),
+            Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
+        ],
     )
+
+
+def _within(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
+    """The part of a band of cells that the raster reaches."""
+    return band[: cells.shape[0], : cells.shape[1]]
 
 
 def load(path: str | os.PathLike[str]) -> SavedBlocks:
@@ -113,23 +112,22 @@ def load(path: str | os.PathLike[str]) -> SavedBlocks:
     RasterReadError, RasterError
         If the file cannot be read or is no block map.
     """
-    bands, cells, _, tags = read_geotiff(path)
+    _, cells, _, tags = read_geotiff(path)
     try:
         facts = json.loads(tags[_TAG])
         shape = (int(facts["rows"]), int(facts["cols"]))
         blocks = BlockMap.empty(shape)
         rows, cols = cells.shape
-        blocks.sums[:rows, :cols] = bands[2]
-        blocks.counts[:rows, :cols] = bands[3]
-        for k in range(len(_SIDES)):
-            _from_cells(bands[4 + k], k, blocks.ratios)
+        blocks.sums[:rows, :cols] = read_geotiff(path, _SUMS)[0][0]
+        blocks.counts[:rows, :cols] = read_geotiff(path, _COUNTS)[0][0]
+        blocks.ratios[:] = read_geotiff(path, _RATIOS)[0].transpose(1, 2, 0)
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
         rgb = facts["rgb"] and tuple(facts["rgb"])
         nodata = None if facts["nodata"] is None else float(facts["nodata"])
         origin = Origin(tuple(facts["rasters"]), facts["folder"], facts["band"], rgb, nodata)
         stretch = Stretch(facts["low"], facts["high"], facts["stretch"])
         return SavedBlocks(blocks, geobox, stretch, facts["bands"], origin)
-    except (KeyError, ValueError, TypeError, IndexError) as error:
+    except (KeyError, ValueError, TypeError, IndexError, RasterReadError) as error:
         raise RasterError(
             f"{path} is not a block map that this version reads; make it again with uavseg divide"
         ) from error
@@ -151,28 +149,3 @@ def _tags(saved: SavedBlocks) -> dict[str, str]:
         "nodata": None if origin.nodata is None else repr(origin.nodata),
     }
     return {_TAG: json.dumps(facts)}
-
-
-def _ratios_of_side(ratios: NDArray[np.float64], k: int) -> NDArray[np.float64]:
-    """R of all blocks of one side, as an image of blocks; a view for the largest, a copy otherwise."""
-    rows, cols, many = ratios.shape[0], ratios.shape[1], 1 << k
-    first = (0, 1, 5)[k]
-    small = ratios[:, :, first : first + many * many].reshape(rows, cols, many, many)
-    return small.transpose(0, 2, 1, 3).reshape(rows * many, cols * many)
-
-
-def _on_cells(ratios: NDArray[np.float64], k: int) -> NDArray[np.float64]:
-    """R of all blocks of one side, repeated over their cells."""
-    times = CELLS >> k
-    return _ratios_of_side(ratios, k).repeat(times, axis=0).repeat(times, axis=1)
-
-
-def _from_cells(band: NDArray[np.float64], k: int, ratios: NDArray[np.float64]) -> None:
-    """Fill in R of one side from a band over cells."""
-    rows, cols, many, times = ratios.shape[0], ratios.shape[1], 1 << k, CELLS >> k
-    small = np.zeros((rows * many, cols * many))
-    known = band[::times, ::times]
-    small[: known.shape[0], : known.shape[1]] = known
-    first = (0, 1, 5)[k]
-    apart = small.reshape(rows, many, cols, many).transpose(0, 2, 1, 3)
-    ratios[:, :, first : first + many * many] = apart.reshape(rows, cols, many * many)
