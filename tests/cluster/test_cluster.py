@@ -241,7 +241,22 @@ def test_workers_of_another_version_are_refused(processes: Any, monkeypatch: pyt
         cluster.dask(processes.address)
 
 
+WITHOUT_UAVSEG = """
+import sys
+
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name == "uavseg":
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+sys.meta_path.insert(0, Absent())
+"""
+
+
 def test_workers_without_uavseg_are_refused(other: Any) -> None:
+    (other.folder / "sitecustomize.py").write_text(WITHOUT_UAVSEG)  # it may be installed
     other.add(1, path=str(other.folder))
     present(other, 1)
     with pytest.raises(ClusterError, match=r"worker tcp://\S+ has no uavseg .*No module named 'uavseg'"):
