@@ -2,17 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.parallel import Map, serial
 from uavseg.raster.tiling import Window
 from uavseg.regions.linking import joined_chains, simple_rings
 from uavseg.regions.tracing import OWNER, START, Chains, trace_tile
-from uavseg.segmentation.components import equal_components
+from uavseg.segmentation.components import equal_components, united, values_of
 
+STRIP = 1024  # rows of a label image that are traced at a time
 LONGEST = 256  # rows: upright edges are cut to this, so that those of a window are found at once
 _COLUMN_0 = np.array([1, 1, 0], np.int32)
 
@@ -73,13 +77,15 @@ class Rings:
         )
 
 
-def trace(labels: NDArray[np.uint32]) -> Rings:
+def trace(labels: NDArray[np.uint32], map: Map = serial) -> Rings:
     """Outlines of the regions of a label image.
 
     Parameters
     ----------
     labels : (M, N) uint32 array
         0 is nothing; pixels of one label that share no edges become several polygons of one region.
+    map : Map
+        Who runs the work.
 
     Examples
     --------
@@ -87,13 +93,49 @@ def trace(labels: NDArray[np.uint32]) -> Rings:
     >>> rings.vertices.tolist()
     [[0, 0], [0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
     """
-    image = np.pad(np.ascontiguousarray(labels, np.uint32), 1)
-    pieces, count = equal_components(np.ascontiguousarray(labels, np.uint32))
-    names = np.zeros(count, np.int64)  # label of each piece
-    names[pieces[labels > 0] - 1] = labels[labels > 0]
-    chains = trace_tile(image, pieces, 1, (0, 0), labels.shape[1])
+    image = np.ascontiguousarray(labels, np.uint32)
+    strips = list(map(partial(_trace_strip, image), range(0, image.shape[0], STRIP)))
+    before = np.cumsum([0] + [len(strip.names) for strip in strips])
+    for strip, offset in zip(strips, before, strict=False):
+        strip.chains.table[:, OWNER] += offset
+    names = _stacked([strip.names for strip in strips], (0,), np.int64)
+    return link([strip.chains for strip in strips], names, united(_meetings(strips, before), len(names)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Strip:
+    """What some rows of a label image add: chains of its pieces 0..n - 1, the label of each, and which pieces
+    lie along the first row and the last, -1 where there is none.
+    """
+
+    chains: Chains
+    names: NDArray[np.int64]
+    top: NDArray[np.int64]
+    bottom: NDArray[np.int64]
+
+
+def _trace_strip(image: NDArray[np.uint32], top: int) -> _Strip:
+    pieces, count = equal_components(image[top : top + STRIP])
+    rows, cols = pieces.shape
+    near = image[max(top - 1, 0) : top + rows + 1]
+    first = 1 if top == 0 else 0
+    framed = np.zeros((rows + 2, cols + 2), np.uint32)
+    framed[first : first + len(near), 1:-1] = near
+    chains = trace_tile(framed, pieces, 1, (top, 0), cols)
     chains.table[:, OWNER] -= 1
-    return link([chains], names, np.arange(count))
+    names = values_of(image[top : top + rows], pieces, count)
+    return _Strip(chains, names, pieces[0].astype(np.int64) - 1, pieces[-1].astype(np.int64) - 1)
+
+
+def _meetings(strips: Sequence[_Strip], before: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pairs of pieces of one label that share an edge between two strips, (k, 2)."""
+    pairs = [np.empty((0, 2), np.int64)]
+    for k, (above, below) in enumerate(pairwise(strips)):
+        both = (above.bottom >= 0) & (below.top >= 0)
+        upper, lower = above.bottom[both], below.top[both]
+        same = above.names[upper] == below.names[lower]
+        pairs.append(np.stack([upper[same] + before[k], lower[same] + before[k + 1]], 1))
+    return np.concatenate(pairs)
 
 
 def link(pieces: Sequence[Chains], labels: NDArray[np.int64], parts: NDArray[np.int64]) -> Rings:

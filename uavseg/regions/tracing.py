@@ -58,7 +58,7 @@ def trace_tile(
         Columns of the whole raster, which makes the keys of edges unique.
     """
     seen = np.zeros(labels.shape, np.uint8)
-    room = 1024 + labels.size // 64
+    room = 1024 + labels.size // 16  # what is not written to takes no memory
     kernel_of_type = _trace_u1 if image.dtype == np.uint8 else _trace_u4
     words = words_of(image) if image.dtype == np.uint8 and margin % WORD == 0 else np.empty((0, 0), np.uint64)
     while True:

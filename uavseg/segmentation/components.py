@@ -62,6 +62,20 @@ def equal_components(image: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int
     return labels, _label_u4(image, np.empty((0, 0), np.uint64), 0, labels, parents)
 
 
+def values_of(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
+    """The value of each component 1..count of an image, (count,) int64.
+
+    Parameters
+    ----------
+    image, labels : (M, N) uint32 arrays
+        As given to `equal_components`, and what it gave.
+    count : int
+    """
+    values = np.empty(count, np.int64)
+    _name(image, labels, values)
+    return values
+
+
 def words_of(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
     """Eight pixels of a row in one number, so that they are compared at once; empty where they do not fit."""
     if image.shape[1] % WORD or not image.flags.c_contiguous or image.ctypes.data % WORD:
@@ -239,6 +253,16 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
 
 _label_u1 = kernel("i8(u1[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
 _label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
+
+
+@kernel("void(u4[:,::1], u4[:,::1], i8[::1])")
+def _name(image, labels, values):  # type: ignore[no-untyped-def]
+    named = 0  # components are numbered in the order in which they are met
+    for r in range(labels.shape[0]):
+        for c in range(labels.shape[1]):
+            if labels[r, c] > named:
+                values[named] = image[r, c]
+                named += 1
 
 
 @kernel("void(u4[:,::1], u2[:,::1], i8, i8[::1], u8[::1], u8[::1], i8[:,::1])")
