@@ -8,16 +8,20 @@ from pathlib import Path
 from benchmarks import table
 from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, chosen
+from benchmarks.decode import decoding_s
 from benchmarks.kernels import speeds
 from benchmarks.measure import outcomes
+from benchmarks.phases import phases
+from benchmarks.scale import again, growing, kinds, threading
 from benchmarks.scenes import KINDS, Scene, ready
 from benchmarks.startup import starts
+from benchmarks.vectors import vectorised
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run what the options ask for."""
     options = _parser().parse_args(arguments)
-    sections = options.sections or ["processes", "startup", "kernels"]
+    sections = options.sections or list(_SECTIONS)
     if options.only is not None:
         sections = ["processes"]
     for section in sections:
@@ -30,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _processes(options: argparse.Namespace) -> str:
     starts(runs=1)  # what is compiled once for a machine is compiled now
     found = []
-    for kind in options.kinds:
+    for kind in options.pixels:
         for side in options.sizes:
             scene = Scene(side, kind)
             found += outcomes(
@@ -47,7 +51,47 @@ def _kernels(options: argparse.Namespace) -> str:
     return table.kernels(speeds())
 
 
-_SECTIONS = {"processes": _processes, "startup": _startup, "kernels": _kernels}
+def _phases(options: argparse.Namespace) -> str:
+    scene = Scene(max(options.sizes))
+    raster = ready(scene)
+    return table.phases(scene, phases(raster), decoding_s(raster, 1))
+
+
+def _growing(options: argparse.Namespace) -> str:
+    sides = [side for side in _GROWING if side <= options.largest]
+    return table.growing(growing(sides, options.rounds, _tell), options.rounds)
+
+
+def _kinds(options: argparse.Namespace) -> str:
+    return table.kinds(kinds(max(options.sizes), list(KINDS), options.rounds, _tell), options.rounds)
+
+
+def _again(options: argparse.Namespace) -> str:
+    side = max(options.sizes)
+    return table.again(side, again(side, options.rounds, _tell), options.rounds)
+
+
+def _threads(options: argparse.Namespace) -> str:
+    side = min(8192, max(options.sizes))
+    return table.threads(side, threading(side, options.rounds), options.rounds)
+
+
+def _vectors(options: argparse.Namespace) -> str:
+    return table.vectors(vectorised(min(8192, max(options.sizes)), options.rounds), options.rounds)
+
+
+_GROWING = (2048, 8192, 16384, 32768, 65536)
+_SECTIONS = {
+    "processes": _processes,
+    "phases": _phases,
+    "growing": _growing,
+    "kinds": _kinds,
+    "again": _again,
+    "threads": _threads,
+    "vectors": _vectors,
+    "startup": _startup,
+    "kernels": _kernels,
+}
 
 
 def _tell(line: str) -> None:
@@ -59,9 +103,17 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--sizes", type=_numbers, default=[2048, 8192, 16384], help="sides of the scenes, with commas"
     )
-    parser.add_argument("--kinds", type=_kinds, default=["grey8"], help=f"with commas: {', '.join(KINDS)}")
     parser.add_argument(
-        "--rounds", type=int, default=3, help="how often everybody runs; the numbers are medians"
+        "--pixels",
+        type=_known_kinds,
+        default=["grey8"],
+        help=f"kinds of pixels of whole processes, with commas: {', '.join(KINDS)}",
+    )
+    parser.add_argument(
+        "--largest", type=int, default=65536, help="side of the largest raster of the section growing"
+    )
+    parser.add_argument(
+        "--rounds", type=int, default=5, help="how often everybody runs; the numbers are medians"
     )
     parser.add_argument(
         "--only", type=_competitors, help="names with commas; such a table is printed, not kept"
@@ -79,7 +131,7 @@ def _numbers(text: str) -> list[int]:
     return [int(number) for number in text.split(",")]
 
 
-def _kinds(text: str) -> list[str]:
+def _known_kinds(text: str) -> list[str]:
     return [Scene(1, kind).kind for kind in text.split(",")]
 
 

@@ -20,7 +20,7 @@ PACKAGES = (
 def machine() -> str:
     """Processor, cores, memory and system, in one line."""
     memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    return f"{_processor()}, {_cores()} cores, {memory_gib:.0f} GiB of memory, {platform.system()}"
+    return f"{_processor()}, {cores()} cores, {memory_gib:.0f} GiB of memory, {platform.system()}"
 
 
 def software() -> str:
@@ -28,7 +28,8 @@ def software() -> str:
     return ", ".join([f"Python {platform.python_version()}", *(_named(package) for package in PACKAGES)])
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

@@ -39,6 +39,12 @@ class Cost:
         return Cost(self.wall_s + other.wall_s, self.cpu_s + other.cpu_s, peak)
 
 
+def median(costs: Sequence[Cost]) -> Cost:
+    """The median of each number on its own."""
+    walls, cpus, peaks = zip(*((c.wall_s, c.cpu_s, c.peak_bytes) for c in costs), strict=True)
+    return Cost(statistics.median(walls), statistics.median(cpus), int(statistics.median(peaks)))
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """What a competitor made of a scene.
@@ -63,8 +69,7 @@ class Outcome:
 
     def median(self) -> Cost:
         """The median of each number on its own."""
-        walls, cpus, peaks = zip(*((c.wall_s, c.cpu_s, c.peak_bytes) for c in self.costs), strict=True)
-        return Cost(statistics.median(walls), statistics.median(cpus), int(statistics.median(peaks)))
+        return median(self.costs)
 
 
 class CommandError(RuntimeError):

@@ -53,6 +53,11 @@ class Scene:
         return KINDS[self.kind][1]
 
     @property
+    def bytes_per_pixel(self) -> int:
+        """Of all bands, decoded."""
+        return self.bands * {"uint8": 1, "uint16": 2, "float32": 4}[self.dtype]
+
+    @property
     def white(self) -> float:
         """The value of v = 1."""
         return WHITE[self.dtype]

@@ -6,8 +6,12 @@ from pathlib import Path
 
 from benchmarks.kernels import Speed
 from benchmarks.machine import machine, software
-from benchmarks.measure import Outcome
+from benchmarks.measure import Cost, Outcome
+from benchmarks.phases import Phase
+from benchmarks.scale import Again, Run
+from benchmarks.scenes import Scene
 from benchmarks.startup import Start
+from benchmarks.vectors import Vectorised
 
 README = Path(__file__).resolve().with_name("README.md")
 
@@ -56,9 +60,8 @@ def _scene_table(outcomes: Sequence[Outcome]) -> str:
 def _scene_row(outcome: Outcome, ours_s: float | None) -> list[str]:
     cost = outcome.median()
     polygons, area, invalid = outcome.answer or (0, 0.0, 0)
-    numbers = [f"{cost.wall_s:.2f}", f"{cost.cpu_s:.2f}", f"{cost.peak_bytes / 1e6:.0f}"]
     ratio = f"{cost.wall_s / ours_s:.2f}" if ours_s else ""
-    return [outcome.competitor.title, *numbers, str(polygons), f"{area / 1e6:.3f}", str(invalid), ratio]
+    return [outcome.competitor.title, *_cost(cost), str(polygons), f"{area / 1e6:.3f}", str(invalid), ratio]
 
 
 def starting(starts: Sequence[Start]) -> str:
@@ -78,6 +81,104 @@ def kernels(speeds: Sequence[Speed]) -> str:
         [s.title, f"{s.ns:.2f}", f"{s.floor_ns:.2f}", f"{s.ns / s.floor_ns:.0f}", s.remark] for s in speeds
     ]
     return _signed(rows(heads, cells))
+
+
+def phases(scene: Scene, spent: Sequence[Phase], decoding_s: float) -> str:
+    """Where the time of one thread goes."""
+    whole = spent[-1].seconds
+    cells = [
+        [
+            phase.title,
+            f"{phase.seconds:.2f}",
+            f"{phase.seconds / whole:.0%}",
+            f"{phase.seconds / scene.side**2 * 1e9:.2f}",
+        ]
+        for phase in spent
+    ]
+    cells.append(
+        [
+            "decoding the file once, nothing else",
+            f"{decoding_s:.2f}",
+            f"{decoding_s / whole:.0%}",
+            f"{decoding_s / scene.side**2 * 1e9:.2f}",
+        ]
+    )
+    return _signed(f"{scene.title}, one thread, one run.\n\n" + rows(["", "s", "share", "ns / pixel"], cells))
+
+
+def growing(runs: Sequence[Run], rounds: int) -> str:
+    """Whole processes over larger and larger rasters."""
+    heads = ["", "wall s", "CPU s", "peak MB", "wall ns / pixel", "CPU ns / pixel", "decoding once s"]
+    cells = [
+        [
+            run.scene.title,
+            *_cost(run.taken),
+            f"{run.taken.wall_s / run.scene.side**2 * 1e9:.1f}",
+            f"{run.taken.cpu_s / run.scene.side**2 * 1e9:.1f}",
+            f"{run.decoding_s:.2f}",
+        ]
+        for run in runs
+    ]
+    return _signed(f"Medians of {rounds}.\n\n" + rows(heads, cells))
+
+
+def kinds(runs: Sequence[Run], rounds: int) -> str:
+    """Whole processes over other kinds of pixels; the first is what the others are compared with."""
+    heads = ["", "wall s", "CPU s", "peak MB", "ns / decoded byte", "ratio", "decoding once s"]
+    per_byte = [run.taken.wall_s / run.decoded_bytes * 1e9 for run in runs]
+    cells = [
+        [run.scene.title, *_cost(run.taken), f"{ns:.1f}", f"{ns / per_byte[0]:.2f}", f"{run.decoding_s:.2f}"]
+        for run, ns in zip(runs, per_byte, strict=True)
+    ]
+    return _signed(f"Medians of {rounds}.\n\n" + rows(heads, cells))
+
+
+def again(side: int, found: Again, rounds: int) -> str:
+    """A second question, from a saved block map."""
+    heads = ["", "wall s", "CPU s", "peak MB", "wall / first"]
+    named = {
+        "`extract RASTER`": found.first,
+        "`divide RASTER`": found.dividing,
+        "`extract blocks.tif`, another range at block edges": found.another,
+    }
+    cells = [
+        [title, *_cost(taken), f"{taken.wall_s / found.first.wall_s:.2f}"] for title, taken in named.items()
+    ]
+    told = f"Of the last, labels and polygons in memory: {found.regions_s:.2f} s."
+    return _signed(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}\n\n{told}")
+
+
+def threads(side: int, found: Sequence[tuple[int, float, float]], rounds: int) -> str:
+    """What threads gain, beside what they gain on work that shares nothing."""
+    _, one, alone = found[0]
+    cells = [
+        [str(count), f"{segmenting:.2f}", f"{one / segmenting:.2f}", f"{alone / computing:.2f}"]
+        for count, segmenting, computing in found
+    ]
+    heads = ["threads", "segmentation s", "gain", "gain on work that shares nothing"]
+    return _signed(f"{side}², medians of {rounds}.\n\n" + rows(heads, cells))
+
+
+def vectors(found: Vectorised, rounds: int) -> str:
+    """A label image to polygons."""
+    cells = [
+        ["**uavseg**: `outline.trace`, `Shapes`, all threads", f"{found.ours_s:.2f}", "1.00"],
+        ["the same, one thread", f"{found.alone_s:.2f}", f"{found.alone_s / found.ours_s:.2f}"],
+        [
+            "rasterio.features.shapes, shapely.geometry.shape",
+            f"{found.theirs_s:.2f}",
+            f"{found.theirs_s / found.ours_s:.2f}",
+        ],
+    ]
+    told = (
+        f"{found.regions} regions in {found.pieces} pieces, {found.vertices} vertices; "
+        f"{found.equal} pieces have the same rings on both sides. Medians of {rounds}."
+    )
+    return _signed(f"{told}\n\n{rows(['', 's', 'ratio'], cells)}")
+
+
+def _cost(taken: Cost) -> list[str]:
+    return [f"{taken.wall_s:.2f}", f"{taken.cpu_s:.2f}", f"{taken.peak_bytes / 1e6:.0f}"]
 
 
 def _signed(text: str) -> str:

@@ -1,6 +1,7 @@
 """The benchmarks measure what they say; how fast anything is, they do not say here."""
 
 import doctest
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -13,12 +14,15 @@ from hypothesis import given, settings
 from hypothesis.strategies import integers
 
 from benchmarks import __main__ as command
-from benchmarks import data, startup, table
+from benchmarks import data, scale, startup, table
 from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, Job, chosen
+from benchmarks.decode import decoding_s
 from benchmarks.measure import CommandError, Cost, Outcome, cost, outcomes
+from benchmarks.phases import phases
 from benchmarks.scenes import KINDS, Scene
 from benchmarks.startup import imports_s
+from benchmarks.vectors import vectorised
 
 
 def made(scene: Scene, folder: Path) -> Path:
@@ -192,8 +196,52 @@ def test_a_section_is_written_again_and_the_rest_stays() -> None:
 
 
 def test_the_readme_has_a_place_for_each_section() -> None:
-    for section in ("processes", "startup", "kernels"):
+    for section in command._SECTIONS:
         table.replaced(table.README.read_text(), section, "")
+
+
+def test_a_repeated_scene_is_the_scene_again_and_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(scale, "REPEATED", 520)
+    [once, twice] = [pixels(scale.repeated(side, tmp_path))[0] for side in (520, 1040)]
+    assert np.array_equal(once, pixels(tmp_path / "grey8-520.tif")[0])
+    assert np.array_equal(twice, np.tile(once, (2, 2)))
+
+
+def test_the_cost_of_larger_rasters_is_told_per_pixel_and_per_byte(tmp_path: Path) -> None:
+    small, large = Scene(1000), Scene(500, "rgb8")
+    runs = [scale.Run(small, Cost(2.0, 3.0, 200_000_000), 0.5), scale.Run(large, Cost(9.0, 9.0, 1), 0.5)]
+    lines = table.growing(runs, 3).splitlines()
+    assert cells(lines, "1000²") == ["2.00", "3.00", "200", "2000.0", "3000.0", "0.50"]
+    lines = table.kinds(runs, 3).splitlines()
+    assert cells(lines, "500² rgb8") == ["9.00", "9.00", "0", "12000.0", "6.00", "0.50"]
+
+
+def test_a_file_is_decoded_for_the_floor(tmp_path: Path) -> None:
+    assert 0 < decoding_s(made(Scene(600, "rgb8"), tmp_path), 2) < 60
+
+
+def test_phases_make_up_the_whole(tmp_path: Path) -> None:
+    found = {phase.title: phase.seconds for phase in phases(made(Scene(1024), tmp_path))}
+    assert sum(found.values()) == pytest.approx(2 * found["the whole"])
+    idle = [title for title, seconds in found.items() if seconds == 0]
+    assert idle == []  # a function that was renamed is never seen
+
+
+def test_label_images_become_the_same_polygons_on_both_sides() -> None:
+    found = vectorised(600, 1)
+    assert found.regions == pytest.approx((600 / 25.92) ** 2, rel=0.1)
+    assert found.equal == found.pieces >= found.regions
+    assert min(found.ours_s, found.alone_s, found.theirs_s) > 0
+
+
+def test_another_question_is_measured_where_the_answer_is(tmp_path: Path) -> None:
+    raster = made(Scene(512), tmp_path)
+    assert scale._segment(str(raster), "2") > 0 and scale._compute("1") > 0
+    blocks = tmp_path / "blocks.tif"
+    cost([sys.executable, "-m", "uavseg", "divide", str(raster), "-q", "-o", str(blocks)], dict(os.environ))
+    assert scale._again(str(blocks)) > 0
 
 
 def test_only_the_time_of_modules_counts_as_importing() -> None:

@@ -1,0 +1,85 @@
+"""Where the time of `uavseg extract` goes, function by function, with one thread.
+
+python -m benchmarks.phases RASTER
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.competitors import LOW, MIN_PIXELS, with_project
+
+WATCHED = (
+    ("raster/files.py", "read", "decoding, twice: `files.read`"),
+    ("raster/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
+    ("segmentation/blockmap.py", "cell_sums", "`blockmap.cell_sums`"),
+    ("segmentation/texture.py", "contrast_histogram", "`texture.contrast_histogram`"),
+    ("segmentation/patches.py", "put", "mixed blocks kept: `Patches.put`"),
+    ("segmentation/division.py", "wanted_ratios", "`division.wanted_ratios`"),
+    ("segmentation/segments.py", "in_range", "`segments.in_range`"),
+    ("segmentation/segments.py", "matching", "`segments.matching`"),
+    ("segmentation/segments.py", "pixels_of", "`segments.pixels_of`"),
+    ("segmentation/refinement.py", "scan", "`refinement.scan`"),
+    ("segmentation/components.py", "components", "`components.components`"),
+    ("segmentation/components.py", "component_sums", "`components.component_sums`"),
+    ("regions/tracing.py", "trace_tile", "`tracing.trace_tile`"),
+    ("regions/outline.py", "link", "`outline.link`"),
+    ("regions/table.py", "make", "areas, lengths, points inside: `table.make`"),
+    ("regions/export.py", "write", "GeoPackage: `export.write`"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """Seconds spent in one function and what it calls."""
+
+    title: str
+    seconds: float
+
+
+def phases(raster: Path) -> list[Phase]:
+    """All phases, imports first and the whole last, measured in a process of its own."""
+    command = [sys.executable, "-m", "benchmarks.phases", str(raster)]
+    told = subprocess.run(
+        command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
+    ).stdout
+    return [Phase(*row) for row in json.loads(told)]
+
+
+def _measured(raster: str) -> list[tuple[str, float]]:
+    start = time.perf_counter()
+    import cProfile
+    import pstats
+    import tempfile
+
+    from uavseg.raster.dataset import Dataset
+    from uavseg.regions import export
+    from uavseg.regions.cleaning import Area
+    from uavseg.regions.extract import ExtractParams, extract
+    from uavseg.segmentation.segments import IntensityRange
+
+    profile = cProfile.Profile()
+    imported = time.perf_counter()
+    with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
+        profile.enable()
+        params = ExtractParams(min_area=Area(MIN_PIXELS, True))
+        found = extract(Dataset.open(raster), IntensityRange(LOW, 1), params)
+        export.write(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
+        profile.disable()
+    whole = time.perf_counter() - start
+    spent = {
+        (file.rpartition("uavseg/")[2], function): cumulative
+        for (file, _, function), (_, _, _, cumulative, _) in pstats.Stats(profile).stats.items()  # type: ignore[attr-defined]
+    }
+    rows = [("imports", imported - start)]
+    rows += [(title, spent.get((file, function), 0.0)) for file, function, title in WATCHED]
+    rows.append(("all else", whole - sum(seconds for _, seconds in rows)))
+    return [*rows, ("the whole", whole)]
+
+
+if __name__ == "__main__":
+    print(json.dumps(_measured(sys.argv[1])))
