@@ -10,7 +10,6 @@ calling it releases the interpreter's lock.
 import contextlib
 import ctypes
 import hashlib
-import inspect
 import os
 import re
 import sys
@@ -120,7 +119,7 @@ class Kernel:
             self._native = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *flat)(address)
 
     def _fingerprint(self) -> str:
-        """What the machine code depends on: sources, constants, compiler and processor."""
+        """What the machine code depends on: byte code, constants, compiler and processor."""
         import llvmlite
         import llvmlite.binding as llvm
 
@@ -154,9 +153,10 @@ class _Argument:
 
 
 def _describe(function: Callable[..., Any], parts: list[str]) -> None:
-    """The source of a function and of what it calls, and the constants that it reads."""
-    parts.append(inspect.getsource(function))
-    for name in function.__code__.co_names:
+    """The byte code of a function and of what it calls, and the constants that it reads."""
+    code = function.__code__
+    parts += [code.co_code.hex(), repr((code.co_consts, code.co_varnames, code.co_names))]
+    for name in code.co_names:
         value = function.__globals__.get(name)
         if isinstance(value, Inlined):
             _describe(value.function, parts)

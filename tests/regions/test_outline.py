@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from shapely.geometry import shape
 
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline import Painter, Rings, link, rasterise, trace
+from uavseg.regions.outline import Rings, link, trace
+from uavseg.regions.painting import Painter, rasterise
 from uavseg.regions.tracing import trace_tile
 
 Labels = NDArray[np.uint32]

@@ -18,7 +18,8 @@ from uavseg.parallel import Map, serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import Window, tiles
-from uavseg.regions.outline import Rings, rasterise, trace
+from uavseg.regions.outline import Rings, trace
+from uavseg.regions.painting import rasterise
 from uavseg.regions.tilewise import Outlined, outline_regions, summed
 from uavseg.segmentation.pipeline import measure
 from uavseg.segmentation.segments import IntensityRange

@@ -14,7 +14,8 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import CELL, Window, in_panels, tile_side, tiles
 from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
-from uavseg.regions.outline import Rings, rasterise, trace
+from uavseg.regions.outline import Rings, trace
+from uavseg.regions.painting import rasterise
 from uavseg.regions.simplify import simplify
 from uavseg.regions.table import Regions, make
 from uavseg.regions.tilewise import Outlined, outline_regions, summed

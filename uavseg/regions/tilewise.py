@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline import Rings, Sketch, Sketches, link
+from uavseg.regions.outline import Rings, link
+from uavseg.regions.painting import Sketch, Sketches
 from uavseg.regions.tracing import Chains, trace_tile
 from uavseg.segmentation.blockmap import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, components, united
