@@ -56,6 +56,9 @@ def _measured(raster: str) -> list[tuple[str, float]]:
     import pstats
     import tempfile
 
+    from uavseg.__main__ import Absent
+
+    sys.meta_path.insert(0, Absent())  # as the program does
     from uavseg.raster.dataset import Dataset
     from uavseg.regions import export
     from uavseg.regions.cleaning import Area

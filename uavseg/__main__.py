@@ -7,7 +7,7 @@ from typing import Any
 UNUSED = ("pandas", "geopandas")
 
 
-class _Absent(MetaPathFinder):
+class Absent(MetaPathFinder):
     """Finds that a module is not installed, whether it is or not."""
 
     def find_spec(self, fullname: str, path: Any, target: Any = None) -> None:
@@ -22,7 +22,7 @@ def run() -> None:
     pyogrio loads pandas and geopandas where they are installed: a third of a second and 45 MB of which no
     command uses anything, so here they count as absent.
     """
-    sys.meta_path.insert(0, _Absent())
+    sys.meta_path.insert(0, Absent())
     from uavseg.cli import main
 
     main(prog_name="uavseg")
