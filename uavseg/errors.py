@@ -32,6 +32,10 @@ class RegionError(UavsegError, ValueError):
     """Regions are missing, empty or not what was asked for."""
 
 
+class PathError(UavsegError, ValueError):
+    """No path leads where it is wanted."""
+
+
 class MissionError(UavsegError, ValueError):
     """A mission would not be safe, or a reader would refuse it."""
 

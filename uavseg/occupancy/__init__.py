@@ -1,0 +1,1 @@
+"""What a robot believes of its surroundings, and the ways through them."""
