@@ -15,6 +15,7 @@ _COMMANDS = {
     "extract": "Extract regions within a range of intensity.",
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
+    "path": "Find the shortest path between two places of one region.",
     "info": "Tell what a raster is and what its intensity looks like.",
     "preview": "Draw a raster, regions and a mission as a picture.",
 }

@@ -10,7 +10,7 @@ import click
 
 from uavseg.cli._reading import reading_options
 from uavseg.cli._running import Reporter, running_options
-from uavseg.cli._segmenting import segmenting_options
+from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import mission_options
 from uavseg.errors import ParameterError
 
@@ -72,7 +72,7 @@ def command(
 
     reporter = Reporter(quiet, verbose, progress)
     target = output or f"{Path(rasters[0]).stem}.regions.geojson"
-    wanted = _parsed_range(interval)
+    wanted = parsed_range(interval)
     params = _params(tile, options)
     flight = _flight(mission, options)
     _check_targets(target, labels, mission, overwrite)
@@ -92,16 +92,6 @@ def command(
     if made is not None:
         _write_mission(made, len(found.regions), mission, overwrite, reporter)
     _tell(found, target, reporter)
-
-
-def _parsed_range(text: str) -> IntensityRange:
-    from uavseg.segmentation.segments import IntensityRange
-
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise ParameterError(f"--range is two numbers between commas, such as 0.55,1, not {text!r}") from None
-    return IntensityRange(low, high)
 
 
 def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:

@@ -12,14 +12,16 @@ from uavseg._jit import inlined, kernel
 Cells = NDArray[np.int64]
 
 _PATIENCE = 32  # cells in a row that are hidden before a view is taken to end
+_FARTHEST = 256  # corners that a leg may skip
 _ROUNDS = 64  # each makes the path shorter, by less and less
 
 
 def tightened(mask: NDArray[np.bool_], cells: Cells) -> Cells:
     """The corners of a shorter path between the same ends.
 
-    From each corner the path goes straight to the last cell of it that can be seen; then corners move, a cell
-    at a time, as long as that makes the path shorter. What comes out is never longer than what went in.
+    From each corner the path goes straight to the last cell of it that can be seen. Then, in turn, corners
+    move by a cell at a time as long as that makes the path shorter, and those are kept that make the shortest
+    path. What comes out is never longer than what went in.
 
     Parameters
     ----------
@@ -40,13 +42,23 @@ def tightened(mask: NDArray[np.bool_], cells: Cells) -> Cells:
     """
     open_ = np.ascontiguousarray(mask).view(np.uint8)
     corners = np.ascontiguousarray(cells, np.int64).copy()
-    count = _straighten(open_, corners, len(corners), _PATIENCE)
+    corners = corners[: _straighten(open_, corners)]
     for _ in range(_ROUNDS):
-        moved = _pull(open_, corners, count)
-        count = _straighten(open_, corners, count, count)
+        moved = _pull(open_, corners)
+        corners = _chosen(open_, corners)
         if not moved:
             break
-    return corners[:count]
+    return corners
+
+
+def _chosen(mask: NDArray[np.uint8], corners: Cells) -> Cells:
+    """The corners of a shortest path over some of them, in their order."""
+    before, lengths = np.zeros(len(corners), np.int64), np.zeros(len(corners))
+    _choose(mask, corners, _FARTHEST, lengths, before)
+    line = [len(corners) - 1]
+    while line[-1]:
+        line.append(int(before[line[-1]]))
+    return corners[line[::-1]]
 
 
 def is_visible(mask: NDArray[np.bool_], one: tuple[int, int], other: tuple[int, int]) -> bool:
@@ -105,9 +117,10 @@ def _visible(mask, row, col, to_row, to_col):  # type: ignore[no-untyped-def]
     return sees(mask, row, col, to_row, to_col)
 
 
-@kernel("i8(u1[:,::1], i8[:,::1], i8, i8)")
-def _straighten(mask, corners, count, patience):  # type: ignore[no-untyped-def]
+@kernel("i8(u1[:,::1], i8[:,::1])")
+def _straighten(mask, corners):  # type: ignore[no-untyped-def]
     # From each corner go on from the last that it sees, and drop those between; how many are left.
+    count = corners.shape[0]
     kept = 0
     k = 0
     while k < count - 1:
@@ -115,7 +128,7 @@ def _straighten(mask, corners, count, patience):  # type: ignore[no-untyped-def]
         for j in range(k + 2, count):
             if sees(mask, corners[k, 0], corners[k, 1], corners[j, 0], corners[j, 1]):
                 farthest = j
-            elif j - farthest > patience:
+            elif j - farthest > _PATIENCE:
                 break
         corners[kept, 0] = corners[k, 0]
         corners[kept, 1] = corners[k, 1]
@@ -126,11 +139,25 @@ def _straighten(mask, corners, count, patience):  # type: ignore[no-untyped-def]
     return kept + 1
 
 
-@kernel("i8(u1[:,::1], i8[:,::1], i8)")
-def _pull(mask, corners, count):  # type: ignore[no-untyped-def]
+@kernel("void(u1[:,::1], i8[:,::1], i8, f8[::1], i8[::1])")
+def _choose(mask, corners, most, lengths, before):  # type: ignore[no-untyped-def]
+    # Length of the shortest path to each corner, and the corner before it there.
+    for k in range(1, corners.shape[0]):
+        lengths[k] = np.inf
+        for j in range(max(k - most, 0), k):
+            total = lengths[j] + _leg(corners[j, 0], corners[j, 1], corners[k, 0], corners[k, 1])
+            if total < lengths[k] and (
+                j == k - 1 or sees(mask, corners[j, 0], corners[j, 1], corners[k, 0], corners[k, 1])
+            ):
+                lengths[k] = total
+                before[k] = j
+
+
+@kernel("i8(u1[:,::1], i8[:,::1])")
+def _pull(mask, corners):  # type: ignore[no-untyped-def]
     # Move each corner to the neighbour that makes the path shortest, until none does; how many moved.
     moved = 0
-    for k in range(1, count - 1):
+    for k in range(1, corners.shape[0] - 1):
         before_row, before_col = corners[k - 1, 0], corners[k - 1, 1]
         after_row, after_col = corners[k + 1, 0], corners[k + 1, 1]
         row, col = corners[k, 0], corners[k, 1]
