@@ -106,7 +106,8 @@ PHASES = {
 }
 EVERY_PHASE = set(PHASES)
 PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks
-PHASES["original"] = EVERY_PHASE  # a method of its own, made of them
+PHASES["merging"] = {"components"}  # of the original algorithm
+PHASES["original"] = EVERY_PHASE | {"arrays", "merging"}  # a method of its own, made of them
 ON_RASTERS = {"pipeline", "blockfile"}  # these may import raster, and all phases
 
 # Packages, and the only places that import them (for more than types).

@@ -16,6 +16,7 @@ _COMMANDS = {
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
     "path": "Find the shortest path between two places of one region.",
+    "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like.",
     "preview": "Draw a raster, regions and a mission as a picture.",
 }
