@@ -10,6 +10,7 @@ from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, chosen
 from benchmarks.kernels import speeds
 from benchmarks.measure import outcomes
+from benchmarks.paths import searches
 from benchmarks.scenes import KINDS, Scene, ready
 from benchmarks.startup import starts
 
@@ -47,7 +48,11 @@ def _kernels(options: argparse.Namespace) -> str:
     return table.kernels(speeds())
 
 
-_SECTIONS = {"processes": _processes, "startup": _startup, "kernels": _kernels}
+def _paths(options: argparse.Namespace) -> str:
+    return table.paths(searches())
+
+
+_SECTIONS = {"processes": _processes, "startup": _startup, "kernels": _kernels, "paths": _paths}
 
 
 def _tell(line: str) -> None:

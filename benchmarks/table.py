@@ -7,6 +7,7 @@ from pathlib import Path
 from benchmarks.kernels import Speed
 from benchmarks.machine import machine, software
 from benchmarks.measure import Outcome
+from benchmarks.paths import Search
 from benchmarks.startup import Start
 
 README = Path(__file__).resolve().with_name("README.md")
@@ -78,6 +79,16 @@ def kernels(speeds: Sequence[Speed]) -> str:
         [s.title, f"{s.ns:.2f}", f"{s.floor_ns:.2f}", f"{s.ns / s.floor_ns:.0f}", s.remark] for s in speeds
     ]
     return _signed(rows(heads, cells))
+
+
+def paths(searches: Sequence[Search]) -> str:
+    """Seconds of shortest paths, and how many times ours."""
+    heads = ["", "who", "seconds", "cost", "seconds / uavseg"]
+    cells = [
+        [s.field, s.who, f"{s.seconds:.4f}", f"{s.cost:,.1f}", f"{s.seconds / s.ours_s:,.1f}"]
+        for s in searches
+    ]
+    return _signed(f"{rows(heads, cells)}\n\nscikit-image cuts corners, so its paths may be shorter.")
 
 
 def _signed(text: str) -> str:

@@ -6,6 +6,8 @@ centre of a cell to the nearest point of an impassable cell, not to its centre: 
 the centre touches nothing. What lies outside of the map is impassable, since nobody knows what is there.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,7 +60,12 @@ def kept_clear(
     >>> kept_clear(np.ones((3, 4), bool), 1.5).sum()
     np.int64(2)
     """
-    return np.asarray(mask & (clearance(mask, width, height) >= metres * (1 - _SLACK)))
+    return np.asarray(mask & reaches(clearance(mask, width, height), metres))
+
+
+def reaches(distance: Any, metres: float) -> Any:
+    """Whether distances are as large as asked for; one that is so exactly is, whatever rounding says."""
+    return distance >= metres * (1 - _SLACK)
 
 
 @kernel("void(u1[:,::1], f8[:,::1])")

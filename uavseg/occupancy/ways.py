@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, PathError
 from uavseg.occupancy.astar import Path, shortest_path
-from uavseg.occupancy.clearance import clearance
+from uavseg.occupancy.clearance import clearance, reaches
 from uavseg.occupancy.free import FreeCells, Place
 from uavseg.occupancy.tighten import tightened
 from uavseg.parallel import Map, serial
@@ -18,7 +18,6 @@ from uavseg.raster.ground import ground_steps, line_length
 
 Cell = tuple[int, int]
 
-_SLACK = 1e-9  # of a distance, so that one that is met exactly is met
 _SQUARE = 0.01  # sides of a cell that differ by less are of one length
 
 
@@ -123,20 +122,17 @@ def find_way(
     if params.clearance_m > 0:
         mask = _kept_clear(mask, params.clearance_m, (width, height), {"start": begin, "goal": end})
     path = _searched(mask, begin, end, first.region, params)
-    corners = tightened(mask, path.cells) if params.smooth else _turns(path.cells)
-    length = line_length(free.geobox, *(corners + offset + 0.5).T)
-    told = tuple(_warnings(width, height))
-    corners = corners + offset
+    corners = offset + (tightened(mask, path.cells) if params.smooth else _turns(path.cells))
     return Way(
         corners,
         free.geobox,
-        length,
+        line_length(free.geobox, *(corners + 0.5).T),
         len(path.cells),
         path.expanded,
         params.clearance_m,
         first.region,
         walls,
-        told,
+        tuple(_warnings(width, height)),
     )
 
 
@@ -169,12 +165,12 @@ def _kept_clear(
     """The cells that are far enough from what is impassable, if start and goal are among them."""
     distance = clearance(mask, *side)
     for name, cell in ends.items():
-        if distance[cell] < metres * (1 - _SLACK):
+        if not reaches(distance[cell], metres):
             raise PathError(
                 f"a clearance of {metres:g} m leaves no room at the {name}, which is {distance[cell]:.4g} m "
                 f"from the nearest impassable cell (the most in its region is {distance.max():.4g} m)"
             )
-    return np.asarray(distance >= metres * (1 - _SLACK))
+    return np.asarray(reaches(distance, metres) & mask)
 
 
 def _turns(cells: NDArray[np.int64]) -> NDArray[np.int64]:
