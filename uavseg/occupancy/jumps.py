@@ -32,6 +32,18 @@ def left_to(row, col, goal_row, goal_col):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _down(way):  # type: ignore[no-untyped-def]
+    """Rows that one step of a straight way adds."""
+    return (way == _SOUTH) - (way == _NORTH)
+
+
+@inlined
+def _right(way):  # type: ignore[no-untyped-def]
+    """Columns that one step of a straight way adds."""
+    return (way == _EAST) - (way == _WEST)
+
+
+@inlined
 def _jump(rows, cols, row, col, way, goal_row, goal_col):  # type: ignore[no-untyped-def]
     """How many steps it is in a straight way to the next cell to stop at, or to the goal; 0 for none."""
     if way in (_EAST, _WEST):
@@ -62,8 +74,8 @@ def _ways_on(rows, row, col, came):  # type: ignore[no-untyped-def]
     for way in range(4):
         if (came >> way) & 1:
             ways |= 1 << way
-            down = (way == _SOUTH) - (way == _NORTH)
-            right = (way == _EAST) - (way == _WEST)
+            down = _down(way)
+            right = _right(way)
             for turn in (1, -1):  # clockwise: (down, right) becomes (right, -down)
                 side_row = row + turn * right
                 side_col = col - turn * down
@@ -71,18 +83,6 @@ def _ways_on(rows, row, col, came):  # type: ignore[no-untyped-def]
                     side = (way + turn) & 3
                     ways |= 1 << side | 16 << (way if turn == 1 else side)
     return ways
-
-
-@inlined
-def _down(way):  # type: ignore[no-untyped-def]
-    """Rows that one step of a straight way adds."""
-    return (way == _SOUTH) - (way == _NORTH)
-
-
-@inlined
-def _right(way):  # type: ignore[no-untyped-def]
-    """Columns that one step of a straight way adds."""
-    return (way == _EAST) - (way == _WEST)
 
 
 @inlined
