@@ -1,7 +1,6 @@
 """OccupancyGrid: the probability that each cell of a map is occupied, and evidence merged into it."""
 
 import math
-from typing import Any
 
 import numpy as np
 from affine import Affine
@@ -109,17 +108,11 @@ class OccupancyGrid:
         ranges = scan.ranges[heard]
         reach = np.where(np.isinf(ranges), scan.max_range_m, ranges + REACH_SIGMAS * scan.sigma_m)
         angles = math.radians(scan.pose.heading_deg) + scan.angles[heard]
-        to_cells: Any = ~self.geobox.transform
         along_x, along_y = np.cos(angles), np.sin(angles)
-        beams = np.column_stack(
-            [
-                to_cells.a * along_x + to_cells.b * along_y,
-                to_cells.d * along_x + to_cells.e * along_y,
-                ranges,
-                reach,
-            ]
-        )
-        origin = to_cells * (scan.pose.x, scan.pose.y)
+        a, b, c, d, e, f = tuple(~self.geobox.transform)[:6]  # from metres to cells
+        beams = np.column_stack([a * along_x + b * along_y, d * along_x + e * along_y, ranges, reach])
+        x, y = scan.pose.x, scan.pose.y
+        origin = (a * x + b * y + c, d * x + e * y + f)
         return merge_beams(self.log_odds, self.probabilities, origin, beams, scan.sigma_m)
 
     def dataset(self, name: str = "occupancy grid") -> Dataset:
