@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from uavseg.errors import ParameterError, RasterError, RasterReadError, UavsegError
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.opening import MAX_OPEN
+from uavseg.raster.pictures import write_png
 from uavseg.raster.tiling import Window, tiles
 
 RAMP = np.arange(150 * 170, dtype=np.uint16).reshape(150, 170)
@@ -346,3 +347,12 @@ def test_broken_rasters_are_refused_in_one_line(shared_data, name, words):
         dataset = Dataset.open(shared_data / name)
         dataset.read(whole(dataset))
     assert "\n" not in str(caught.value)
+
+
+def test_a_truncated_png_is_refused_rather_than_read_as_black(tmp_path):
+    path = tmp_path / "noise.png"
+    write_png(path, np.random.default_rng(0).integers(1, 255, (90, 90), np.uint8))
+    path.write_bytes(path.read_bytes()[:3000])
+    dataset = Dataset.open(path)
+    with pytest.raises(RasterReadError, match="the file is damaged or incomplete"):
+        dataset.read(whole(dataset))

@@ -3,7 +3,6 @@
 import os
 
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
 from rasterio.io import DatasetReader
 
@@ -15,7 +14,6 @@ Bytes = NDArray[np.uint8]
 Opaque = NDArray[np.bool_]
 Path_ = str | os.PathLike[str]
 
-_STRICT = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO"}  # the shortcut reads what is missing of a truncated file as 0
 WEIGHTS = (306, 601, 117)  # of red, green and blue in 1024ths: luminance of Rec. 601
 
 
@@ -36,7 +34,7 @@ def read_grey(path: Path_) -> tuple[Bytes, Opaque | None]:
         If it is no picture, or damaged.
     """
     try:
-        with gdal(), rasterio.Env(**_STRICT), quiet_open(path) as file:
+        with gdal(), quiet_open(path) as file:
             if any(name not in ("uint8", "uint16") for name in file.dtypes):
                 raise RasterReadError(f"{os.fspath(path)} holds {file.dtypes[0]}; a picture has 8 or 16 bits")
             return _grey(file)
