@@ -80,6 +80,23 @@ def scans(draw: st.DrawFn, side: float = 12.0) -> Scan:
     return Scan(pose, np.array(angles), np.array(ranges), draw(st.floats(0.5, 15)), draw(st.floats(0.05, 2)))
 
 
+@st.composite
+def unaligned_scans(draw: st.DrawFn) -> Scan:
+    """Beams that run along no edge and through no corner, and end in the middle of no cell."""
+
+    def numbers(low: float, step: float) -> st.SearchStrategy[float]:
+        return st.integers(0, 40).map(lambda n: low + n * step)
+
+    count = draw(st.integers(1, 12))
+    far = st.one_of(numbers(0.1137, 0.3719), st.just(math.inf))
+    ranges = draw(st.lists(far, min_size=count, max_size=count))
+    angles = draw(st.lists(numbers(-3.0371, 0.1531), min_size=count, max_size=count))
+    place = numbers(-2.7193, 0.4337)
+    pose = Pose(draw(place), draw(place), draw(numbers(1.1379, 8.7713)))
+    reach, sigma = draw(numbers(0.2339, 0.4127)), draw(numbers(0.0517, 0.0731))
+    return Scan(pose, np.array(angles), np.array(ranges), reach, sigma)
+
+
 @pytest.mark.parametrize("measured", [0.0, 3.3, 20.0, 49.7])
 @pytest.mark.parametrize("sigma", [0.2, 1.0, 5.0])
 def test_cells_along_a_beam_follow_the_model(measured: float, sigma: float) -> None:
@@ -108,7 +125,7 @@ def test_without_a_return_all_up_to_the_range_is_free() -> None:
 @given(
     st.floats(-2, 9) | st.integers(-4, 18).map(lambda n: n / 2),
     st.floats(-2, 9) | st.integers(-4, 18).map(lambda n: n / 2),
-    st.floats(0, 360) | st.integers(0, 23).map(lambda n: 15.0 * n),
+    st.integers(0, 360_000_000).map(lambda n: n / 1e6) | st.integers(0, 23).map(lambda n: 15.0 * n),
     st.floats(0.1, 14),
 )
 @settings(max_examples=150, deadline=None)
@@ -186,24 +203,16 @@ def test_the_order_of_scans_matters_only_at_the_clamp(taken: list[Scan], random:
     assert max(np.abs(grid.log_odds).max() for grid in grids) <= 6
 
 
-@given(scans(), st.integers(1, 3))
+@given(unaligned_scans(), st.integers(1, 3))
 @settings(max_examples=40, deadline=None)
 def test_a_turned_scan_makes_a_turned_map(scan: Scan, quarters: int) -> None:
     grid, turned = (OccupancyGrid.empty((12, 12), 1.0) for _ in range(2))
     grid.merge(scan)
     turned.merge(rotated(quarters, scan, 12.0))
-    differ = ~np.isclose(np.rot90(grid.log_odds, quarters), turned.log_odds, atol=1e-4)
-    assert differ.mean() <= grazing(scan)
+    np.testing.assert_allclose(turned.log_odds, np.rot90(grid.log_odds, quarters), atol=1e-4)
 
 
-def grazing(scan: Scan) -> float:
-    """Beams along edges, through corners or that end in the middle of a cell fall to either side of it."""
-    along = np.abs(np.sin(2 * (math.radians(scan.pose.heading_deg) + scan.angles))) < 1e-6
-    on_edge = any(abs(2 * place - round(2 * place)) < 1e-6 for place in (scan.pose.x, scan.pose.y))
-    return 1.0 if along.any() or on_edge else 0.02
-
-
-@given(scans(), st.floats(-180, 180), st.floats(-50, 50))
+@given(unaligned_scans(), st.floats(-180, 180), st.floats(-50, 50))
 @settings(max_examples=30, deadline=None)
 def test_a_map_turned_with_its_sensor_is_the_same_map(scan: Scan, turn: float, shift: float) -> None:
     grid = OccupancyGrid.empty((12, 12), 1.0)
@@ -212,8 +221,13 @@ def test_a_map_turned_with_its_sensor_is_the_same_map(scan: Scan, turn: float, s
     turned = OccupancyGrid(GeoBox((12, 12), to_turned @ grid.geobox.transform, None))
     pose = Pose(*(to_turned @ (scan.pose.x, scan.pose.y)), scan.pose.heading_deg + turn)
     turned.merge(Scan(pose, scan.angles, scan.ranges, scan.max_range_m, scan.sigma_m))
-    differ = ~np.isclose(grid.log_odds, turned.log_odds, atol=1e-4)
-    assert differ.mean() <= grazing(scan)
+    np.testing.assert_allclose(turned.log_odds, grid.log_odds, atol=1e-4)
+
+
+@pytest.mark.parametrize("heading", [1e-308, 5e-324, -1e-300])
+def test_a_beam_that_hardly_rises_runs_along_its_row(heading: float) -> None:
+    grid = OccupancyGrid.empty((3, 9), 1.0)
+    assert grid.merge(one_beam(math.inf, heading, (0.0, 1.0), max_range_m=5.0)) == Window(2, 0, 1, 5)
 
 
 def test_a_beam_that_cannot_tell_changes_nothing() -> None:

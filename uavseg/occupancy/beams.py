@@ -21,6 +21,8 @@ MAX_LOG_ODDS = 6.0
 FREE_SIGMAS = -2.5  # nearer than this, the model is p_min: the clip is already reached at -2σ
 LOG_P_MIN = log(P_MIN / (1 - P_MIN))
 
+_NOTHING = 1e-100  # one divided by less than this may be infinite
+
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
@@ -53,7 +55,8 @@ def merge_beams(
     """
     rows, cols = log_odds.shape
     box = np.array([rows, cols, -1, -1], np.int64)
-    _merge(log_odds, probabilities, origin[0], origin[1], np.ascontiguousarray(beams), sigma, box)
+    beams = np.where(np.abs(beams) < _NOTHING, 0.0, beams)
+    _merge(log_odds, probabilities, origin[0], origin[1], beams, sigma, box)
     top, left, bottom, right = (int(edge) for edge in box)
     return Window(top, left, bottom - top + 1, right - left + 1) if bottom >= 0 else Window(0, 0, 0, 0)
 
@@ -63,13 +66,6 @@ def _model(x):  # type: ignore[no-untyped-def]
     """P(d) of the beam model, x = (d - r) / sigma."""
     p = 0.25 * (1.0 + erf(x / sqrt(2.0))) + (P_PEAK - 0.25) * exp(-0.5 * x * x)
     return min(max(p, P_MIN), P_MAX)
-
-
-@inlined
-def _start(place, step):  # type: ignore[no-untyped-def]
-    """The cell that a beam is in just after `place`: on an edge, the one ahead."""
-    cell = floor(place)
-    return np.int64(cell) - 1 if step < 0 and cell == place else np.int64(cell)
 
 
 @inlined
@@ -102,18 +98,18 @@ def _merge(log_odds, probabilities, u0, v0, beams, sigma, box):  # type: ignore[
         t_end = min(reach, out_col, out_row)
         if not t_in < t_end:
             continue
-        col = min(max(_start(u0 + t_in * du, du), 0), cols - 1)
-        row = min(max(_start(v0 + t_in * dv, dv), 0), rows - 1)
+        col = min(max(np.int64(floor(u0 + t_in * du)), 0), cols - 1)
+        row = min(max(np.int64(floor(v0 + t_in * dv)), 0), rows - 1)
         first_col, first_row, last_col, last_row = col, row, np.int64(-1), np.int64(-1)
-        # The next edges as doubles, so that no integer is converted on the way; an axis that the beam does
-        # not move along is never left.
+        # The next edges as doubles, so that no integer is converted on the way. Along an axis on which the
+        # beam does not move, the next edge is infinitely far.
         step_u, step_v = -1.0 if du < 0.0 else 1.0, -1.0 if dv < 0.0 else 1.0
         per_col, per_row = 1.0 / du if du != 0.0 else inf, 1.0 / dv if dv != 0.0 else inf
         edge_u, edge_v = np.float64(col + (du >= 0.0)), np.float64(row + (dv >= 0.0))
         t_col, t_row = (edge_u - u0) * per_col, (edge_v - v0) * per_row
         while True:
             t_out = min(t_col, t_row)
-            if t_out > t_in:
+            if t_out > t_in:  # not a cell that is only touched at a corner or an edge
                 d = 0.5 * (t_in + t_out)
                 if d > reach:
                     break
@@ -125,18 +121,20 @@ def _merge(log_odds, probabilities, u0, v0, beams, sigma, box):  # type: ignore[
                         known, known_p = after, np.float32(1.0 / (1.0 + exp(-np.float64(after))))
                     log_odds[row, col] = after
                     probabilities[row, col] = known_p
+                if last_col < 0:
+                    first_col, first_row = col, row
                 last_col, last_row = col, row
                 t_in = t_out
             if t_out >= t_end:
                 break
-            left_col, left_row = t_col <= t_row, t_row <= t_col  # both, through a corner
-            if left_col:
+            if t_col < t_row:
                 col += np.int64(step_u)
                 edge_u += step_u
-            if left_row:
+                t_col = (edge_u - u0) * per_col
+            else:
                 row += np.int64(step_v)
                 edge_v += step_v
-            t_col, t_row = (edge_u - u0) * per_col, (edge_v - v0) * per_row
+                t_row = (edge_v - v0) * per_row
             if not (0 <= row < rows and 0 <= col < cols):
                 break
         if last_col >= 0:  # a beam is straight: its first and last cells bound it
