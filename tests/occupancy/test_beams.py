@@ -69,12 +69,18 @@ def rotated(quarters: int, scan: Scan, side: float) -> Scan:
     )
 
 
+def six_digits(number: float) -> float:
+    return round(number, 6)
+
+
 @st.composite
 def scans(draw: st.DrawFn, side: float = 12.0) -> Scan:
-    places = st.one_of(st.integers(-16, 16).map(lambda n: side / 2 + n / 2), st.floats(-3, side + 3))
+    places = st.one_of(
+        st.integers(-16, 16).map(lambda n: side / 2 + n / 2), st.floats(-3, side + 3).map(six_digits)
+    )
     count = draw(st.integers(1, 12))
     ranges = draw(st.lists(st.one_of(st.floats(0, side), st.just(math.inf)), min_size=count, max_size=count))
-    angles = draw(st.lists(st.floats(-math.pi, math.pi), min_size=count, max_size=count))
+    angles = draw(st.lists(st.floats(-3.14, 3.14).map(six_digits), min_size=count, max_size=count))
     heading = draw(st.one_of(st.sampled_from([0.0, 45.0, 90.0, 180.0, 270.0]), st.floats(-360, 360)))
     pose = Pose(draw(places), draw(places), heading)
     return Scan(pose, np.array(angles), np.array(ranges), draw(st.floats(0.5, 15)), draw(st.floats(0.05, 2)))
