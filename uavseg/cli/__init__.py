@@ -17,6 +17,7 @@ _COMMANDS = {
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
     "info": "Tell what a raster is and what its intensity looks like.",
+    "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster, regions and a mission as a picture.",
 }
 _INTERRUPTED = 130
