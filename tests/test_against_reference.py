@@ -22,8 +22,9 @@ from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.extract import ExtractParams, extract
 from uavseg.regions.outline import rasterise
 from uavseg.regions.tilewise import Outlined, outline_regions
-from uavseg.segmentation.pipeline import GreySource, SegmentParams, block_map_for
+from uavseg.segmentation.pipeline import SegmentParams, block_map_for
 from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.source import GreySource
 
 CHUNK = 20
 RASTERS = range(0, 240, CHUNK)

@@ -17,7 +17,7 @@ import uavseg
 PACKAGE = Path(uavseg.__file__).resolve().parent
 HEAVY = {
     *("numpy", "rasterio", "numba", "llvmlite", "geopandas", "pandas", "shapely", "pyproj", "pyogrio"),
-    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "affine", "antimeridian"),
+    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "distributed", "affine", "antimeridian"),
 }
 
 
@@ -75,13 +75,19 @@ def room_of(module: str) -> str:
 
 # Rooms, and the rooms that each may import. Data walks through them in one direction.
 
-GROUND = {"errors", "_jit", "parallel", "atomic"}
+GROUND = {"errors", "_jit", "_memory", "parallel", "cluster", "atomic"}
+GROUND |= {"fingerprint", "resultfile", "resuming"}
 TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
 MAY_IMPORT = {
     "errors": set(),
     "_jit": set(),
+    "_memory": set(),
     "parallel": {"errors"},
+    "cluster": {"errors", "parallel"},
     "atomic": {"errors"},
+    "fingerprint": set(),
+    "resultfile": set(),
+    "resuming": {"errors", "parallel", "atomic", "fingerprint", "resultfile", "uavseg"},  # for the version
     "raster": GROUND,
     "segmentation": GROUND | {"raster"},
     "regions": GROUND | {"raster", "segmentation"},
@@ -108,7 +114,7 @@ EVERY_PHASE = set(PHASES)
 PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks
 PHASES["merging"] = {"components"}  # of the original algorithm
 PHASES["original"] = EVERY_PHASE | {"arrays", "merging"}  # a method of its own, made of them
-ON_RASTERS = {"pipeline", "blockfile"}  # these may import raster, and all phases
+ON_RASTERS = {"source", "patches", "pipeline", "blockfile"}  # these may import raster, and all phases
 
 # Packages, and the only places that import them (for more than types).
 
@@ -119,8 +125,8 @@ ONLY_IN = {
     "geopandas": {"regions"},
     "pandas": {"regions"},
     "pymavlink": {"flight.files", "flight.link"},
-    "dask": {"parallel"},
-    "distributed": {"parallel"},
+    "dask": {"cluster"},
+    "distributed": {"cluster"},
     "click": {"cli"},
     "matplotlib": {"look"},
 }

@@ -235,6 +235,20 @@ def test_the_cache_lies_where_the_user_keeps_caches(
     assert len(list((tmp_path / "caches" / "uavseg" / "kernels").glob("doubled-*.o"))) == 1
 
 
+def test_a_full_disk_keeps_no_machine_code_and_stops_no_work(
+    cache: Path, compiled: list[str], tmp_path: Path
+) -> None:
+    resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
+    module, again = module_of(DOUBLED, tmp_path), module_of(DOUBLED, tmp_path)
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, usual[1]))
+    try:
+        assert answer(module) == answer(again)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert len(compiled) == 2 and list(cache.iterdir()) == []
+
+
 def test_a_kernel_keeps_its_name_and_docstring() -> None:
     @_jit.kernel("void(u1[::1])")
     def fill(image: Any) -> None:

@@ -47,7 +47,7 @@ def test_the_plugin_is_declared() -> None:
     text = (Path(__file__).resolve().parents[1] / "pyproject.toml").read_text()
     project = tomllib.loads(text)["project"]
     assert project["entry-points"][PLUGINS] == {"uavseg": "uavseg.cli:main"}
-    assert project["scripts"] == {"uavseg": "uavseg.cli:main"}
+    assert project["scripts"] == {"uavseg": "uavseg.__main__:run"}
 
 
 def test_an_installed_plugin_is_this_group() -> None:

@@ -7,6 +7,7 @@ C-contiguous arrays and scalars, allocates nothing and raises nothing; then its 
 calling it releases the interpreter's lock.
 """
 
+import contextlib
 import ctypes
 import hashlib
 import inspect
@@ -36,7 +37,7 @@ _C_TYPES: dict[str, Any] = {
     "f8": ctypes.c_double,
 }
 _NUMBA_NAMES = {"b1": "boolean"}
-_LIBRARY_CALLS = {"log", "exp", "sqrt", "floor", "ceil", "floorf", "memset", "memcpy", "memmove"}
+_LIBRARY_CALLS = {"log", "exp", "erf", "sqrt", "floor", "ceil", "floorf", "memset", "memcpy", "memmove"}
 _compiling = threading.Lock()
 
 on_compile: Callable[[str], None] | None = None
@@ -106,11 +107,14 @@ class Kernel:
             if self._native is not None:
                 return
             path = _cache_folder() / f"{self.__name__}-{self._fingerprint()}.o"
-            if not path.exists():
+            if path.exists():
+                content = path.read_bytes()
+            else:
                 if on_compile is not None:
                     on_compile(self.__name__)
-                _write_whole(path, _compile(self))
-            name, code = path.read_bytes().split(b"\n", 1)
+                content = _compile(self)
+                _keep(path, content)
+            name, code = content.split(b"\n", 1)
             self._code, address = _link(code, name.decode())
             flat = [c_type for argument in self.arguments for c_type in argument.c_types]
             self._native = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *flat)(address)
@@ -185,11 +189,17 @@ def _cache_folder() -> Path:
 _private_folder: tempfile.TemporaryDirectory[str] | None = None
 
 
-def _write_whole(path: Path, content: bytes) -> None:
-    handle, temporary = tempfile.mkstemp(dir=path.parent)
-    with os.fdopen(handle, "wb") as file:
-        file.write(content)
-    Path(temporary).replace(path)
+def _keep(path: Path, content: bytes) -> None:
+    """Write a file whole; not at all where there is no room for it: its kernel is compiled again then."""
+    with contextlib.suppress(OSError):
+        handle, temporary = tempfile.mkstemp(dir=path.parent)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(content)
+            Path(temporary).replace(path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
 
 
 def _link(code: bytes, name: str) -> tuple[Any, int]:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import os
+import warnings
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from uavseg.parallel import Progress
+from uavseg.parallel import Map, Progress
 from uavseg.parallel import threads as workers
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.skipping import BadBlock, listing
 from uavseg.regions.cleaning import Area, parse_area
 from uavseg.regions.extract import ExtractParams
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
+from uavseg.resuming import kept
 from uavseg.segmentation.pipeline import SegmentParams
 from uavseg.segmentation.segments import IntensityRange
 
@@ -38,6 +43,8 @@ def extract(
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
 ) -> GeoDataFrame:
     """Regions of a raster whose mean intensity lies in a range.
 
@@ -57,6 +64,11 @@ def extract(
         Change no result.
     progress : callable, optional
         Called with (done, total).
+    resume : path, optional
+        A folder in which finished tiles are kept, so that a run that was stopped goes on where it stopped. It
+        stays there in the end, and may be removed.
+    skip_bad_tiles : bool
+        Whether blocks of a file that cannot be read count as nodata. Each is told of in a warning.
 
     Returns
     -------
@@ -74,14 +86,24 @@ def extract(
     >>> import uavseg
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    dataset = source if isinstance(source, Dataset) else Dataset.open(source, band, rgb, nodata)
+    dataset = _dataset(source, band, rgb, nodata, skip_bad_tiles)
     segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
     params = ExtractParams(segment, stretch, _area(fill_holes), _area(min_area), simplify, tile)
-    return _extract(dataset, IntensityRange(*range), params, workers(threads), progress).regions.frame()
+    bad: set[BadBlock] = set()
+    run = listing(_workers(threads, resume), bad)
+    found = _extract(dataset, IntensityRange(*range), params, run, progress)
+    _warn(bad)
+    return found.regions.frame()
 
 
 def divide(
-    source: Any, *, stretch: str = "auto", tile: int | None = None, threads: int | None = None
+    source: Any,
+    *,
+    stretch: str = "auto",
+    tile: int | None = None,
+    threads: int | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
 ) -> BlockMap:
     """The block map of a raster, from which `uavseg.segmentation` answers any range.
 
@@ -90,9 +112,37 @@ def divide(
     source : path, sequence of paths, DataArray or Dataset
     stretch : str
     tile, threads : int, optional
+    resume : path, optional
+    skip_bad_tiles : bool
+        As of `extract`.
     """
-    dataset = source if isinstance(source, Dataset) else Dataset.open(source)
-    return _divide(dataset, stretch, tile, workers(threads))[0]
+    bad: set[BadBlock] = set()
+    run = listing(_workers(threads, resume), bad)
+    blocks, _ = _divide(_dataset(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
+    _warn(bad)
+    return blocks
+
+
+def _dataset(
+    source: Any,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    skip_bad_tiles: bool = False,
+) -> Dataset:
+    if isinstance(source, Dataset):
+        return replace(source, skip_bad_tiles=source.skip_bad_tiles or skip_bad_tiles)
+    return Dataset.open(source, band, rgb, nodata, skip_bad_tiles)
+
+
+def _workers(threads: int | None, resume: str | os.PathLike[str] | None) -> Map:
+    run = workers(threads)
+    return run if resume is None else kept(run, resume)
+
+
+def _warn(bad: set[BadBlock]) -> None:
+    for block in sorted(bad):
+        warnings.warn(str(block), stacklevel=3)
 
 
 def _area(given: float | str | None) -> Area | None:

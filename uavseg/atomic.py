@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from uavseg.errors import OutputError, OutputExistsError
+from uavseg.errors import OutputError, OutputExistsError, UavsegError
 
 
 def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -35,7 +35,13 @@ def whole_file(path: str | os.PathLike[str], overwrite: bool = False) -> Iterato
     """A temporary path beside `path`; what is written there is renamed to `path` if nothing was raised.
 
     The temporary path keeps the name's suffix, and lies in a folder of its own, so that drivers which
-    write several files (a shapefile's parts) may do so: all of them move together.
+    write several files (a shapefile's parts) or a folder may do so: all of them move together. A folder
+    takes the place of one that is there, which must be the caller's own.
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        As `check_target`, and if writing fails, as on a full disk.
     """
     target = check_target(path, overwrite)
     try:
@@ -45,6 +51,24 @@ def whole_file(path: str | os.PathLike[str], overwrite: bool = False) -> Iterato
     try:
         yield folder / target.name
         for part in sorted(folder.iterdir()):
-            part.replace(target.parent / part.name)
+            _put(part, target.parent / part.name)
+    except OSError as error:
+        if isinstance(error, UavsegError):
+            raise
+        raise OutputError(f"{target} cannot be written: {error.strerror or error}") from error
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def _put(part: Path, place: Path) -> None:
+    """Move a file or a folder to its place; what a folder replaces goes with the temporary ones."""
+    if not (part.is_dir() and place.is_dir()):
+        part.replace(place)
+        return
+    former = part.with_name(f".former.{part.name}")
+    place.replace(former)
+    try:
+        part.replace(place)
+    except OSError:
+        former.replace(place)
+        raise

@@ -7,7 +7,7 @@ computed them. Functions and items must survive pickling, so that the same call 
 import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from uavseg.errors import ParameterError
 
@@ -69,27 +69,53 @@ def threads(count: int | None = None) -> Map:
         from concurrent.futures import ThreadPoolExecutor  # 13 ms that one thread does not need
 
         with ThreadPoolExecutor(count) as pool:
-            waiting: deque[Future[Result]] = deque()
-            done = 0
-            try:
-                for item in items:
-                    waiting.append(pool.submit(function, item))
-                    if len(waiting) < 2 * count:
-                        continue
-                    yield waiting.popleft().result()
-                    done += 1
-                    if progress is not None:
-                        progress(done, len(items))
-                while waiting:
-                    yield waiting.popleft().result()
-                    done += 1
-                    if progress is not None:
-                        progress(done, len(items))
-            finally:
-                for future in waiting:
-                    future.cancel()
+
+            def begin(item: Item) -> "Future[Result]":
+                return pool.submit(function, item)
+
+            yield from in_order(begin, lambda future: future.result(), lambda: 2 * count, items, progress)
 
     return run
+
+
+def in_order(
+    begin: Callable[[Item], Any],
+    result: Callable[[Any], Result],
+    room: Callable[[], int],
+    items: Sequence[Item],
+    progress: Progress | None,
+) -> Iterator[Result]:
+    """Results in the order of the items; what waits is cancelled when nobody wants more.
+
+    Parameters
+    ----------
+    begin : callable
+        Begins an item, gives its future.
+    result : callable
+        Waits for a future's result.
+    room : callable
+        How many may be begun and not yet taken.
+    items : sequence
+    progress : callable or None
+    """
+    waiting: deque[Any] = deque()
+    done = 0
+    try:
+        for item in items:
+            waiting.append(begin(item))
+            while len(waiting) >= room():
+                yield result(waiting.popleft())
+                done += 1
+                if progress is not None:
+                    progress(done, len(items))
+        while waiting:
+            yield result(waiting.popleft())
+            done += 1
+            if progress is not None:
+                progress(done, len(items))
+    finally:
+        for future in waiting:
+            future.cancel()
 
 
 def usable_cores() -> int:

@@ -439,11 +439,11 @@ def test_what_ends_the_work_leaves_nothing(
 def test_a_writer_that_fails_leaves_no_half_file(monkeypatch: pytest.MonkeyPatch) -> None:
     import pyogrio.raw
 
-    def half(path: Path, *_: Any, **__: Any) -> None:
+    def half(_: Any, path: Path, **__: Any) -> None:
         path.write_bytes(b"half")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(pyogrio.raw, "write", half)
+    monkeypatch.setattr(pyogrio.raw, "write_arrow", half)
     assert run("tile.tif", *RANGE, "-o", "out.gpkg").exit_code == 130
     assert files() == {"tile.tif"}
 

@@ -16,7 +16,7 @@ from uavseg.errors import OutputError, OutputExistsError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions import export, wgs84
 from uavseg.regions.outline import trace
-from uavseg.regions.table import COLUMNS, make, polygons
+from uavseg.regions.table import COLUMNS, make
 
 FORMATS = [".geojson", ".json", ".gpkg", ".fgb", ".parquet", ".shp", ".kml"]
 KEEPING = [".gpkg", ".fgb", ".parquet", ".shp"]
@@ -32,7 +32,7 @@ def regions_of(labels, transform=UTM, crs=32618):
     rings, counts = trace(labels), np.bincount(labels.reshape(-1), minlength=1)[1:]
     greys = np.arange(1, len(counts) + 1) * 9000 * counts
     squares = (greys // np.maximum(counts, 1) + 100.0) ** 2 * counts
-    return make(rings, polygons(rings, transform), box, counts, greys, squares, (0.25, 1), "Übung 'Nord'.tif")
+    return make(rings, box, counts, greys, squares, (0.25, 1), "Übung 'Nord'.tif")
 
 
 def read(path):

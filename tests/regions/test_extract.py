@@ -27,9 +27,9 @@ from uavseg.regions.extract import (
     divide,
     extract,
     extract_from_blocks,
-    painted,
     windows_of,
 )
+from uavseg.regions.labels import painted
 from uavseg.segmentation.blockfile import Origin, SavedBlocks
 from uavseg.segmentation.pipeline import SegmentParams
 from uavseg.segmentation.segments import IntensityRange

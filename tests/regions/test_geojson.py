@@ -16,7 +16,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions import geojson, wgs84
 from uavseg.regions.decimals import lines_of, words_of, write_degrees
 from uavseg.regions.outline import trace
-from uavseg.regions.table import make, polygons
+from uavseg.regions.table import make
 
 PICTURE = np.array([[1, 1, 1, 0, 3], [1, 0, 1, 0, 0], [1, 1, 1, 2, 2]], np.uint32)
 UTM = Affine(0.5, 0, 400_000, 0, -0.5, 5_000_000)
@@ -25,9 +25,7 @@ UTM = Affine(0.5, 0, 400_000, 0, -0.5, 5_000_000)
 def regions_of(labels=PICTURE, transform=UTM, crs=32618, source="a.tif"):
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_epsg(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1), minlength=1)[1:]
-    return make(
-        rings, polygons(rings, transform), box, counts, counts * 65535, counts * 65535.0**2, (0.5, 1), source
-    )
+    return make(rings, box, counts, counts * 65535, counts * 65535.0**2, (0.5, 1), source)
 
 
 def written(regions):

@@ -1,5 +1,7 @@
 """Outlines: the same as rasterio's, along pixel edges, and painted back to the labels they came from."""
 
+import pickle
+
 import numpy as np
 import pytest
 import rasterio.features
@@ -276,3 +278,16 @@ def test_chosen_rings_are_those_of_an_image_with_the_chosen_labels(labels: Label
     chosen = rings.chosen(kept, new[rings.labels[kept]])
     wanted = np.where(labels > 1, new[labels], 0).astype(np.uint32)
     assert equal(chosen, trace(wanted))
+
+
+@given(st.integers(0, 10**6), st.data())
+@settings(max_examples=15, deadline=None)
+def test_a_sketch_holds_all_that_its_window_needs(seed: int, data: st.DataObject) -> None:
+    rng = np.random.default_rng(seed)
+    labels = np.kron(rng.integers(0, 4, (9, 8)), np.ones((97, 23), np.int64)).astype(np.uint32)  # long edges
+    row, col = data.draw(st.integers(0, 800)), data.draw(st.integers(0, 180))
+    window = Window(row, col, data.draw(st.integers(1, 873 - row)), data.draw(st.integers(1, 184 - col)))
+    sketch = pickle.loads(pickle.dumps(Painter(trace(labels)).sketch(window)))
+    assert np.array_equal(sketch.paint(), labels[window.slices])
+    inside = (sketch.edges[:, 2] > 0) & (sketch.edges[:, 2] < window.cols)
+    assert inside.all() and (sketch.edges[:, 0] < sketch.edges[:, 1]).all()

@@ -12,7 +12,7 @@ from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline import trace
 from uavseg.regions.simplify import simplify
-from uavseg.regions.table import make, polygons
+from uavseg.regions.table import make
 
 PLACES = {
     "utm": (32618, Affine(0.5, 0, 4e5, 0, -0.5, 5e6)),
@@ -36,7 +36,7 @@ def made(labels, place="utm"):
     crs, transform = PLACES[place]
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_epsg(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1), minlength=1)[1:]
-    return make(rings, polygons(rings, transform), box, counts, counts, counts, (0, 1), ""), box
+    return make(rings, box, counts, counts, counts, (0, 1), ""), box
 
 
 @given(pictures(), st.sampled_from(sorted(PLACES)), st.sampled_from([0.3, 1, 3, 10, 1e4]))

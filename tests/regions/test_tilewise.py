@@ -20,8 +20,9 @@ from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline import Rings, rasterise, trace
 from uavseg.regions.tilewise import Outlined, outline_regions, summed
-from uavseg.segmentation.pipeline import GreySource, measure
+from uavseg.segmentation.pipeline import measure
 from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.source import GreySource
 
 Image = NDArray[np.uint8]
 Sourced = Callable[[Image], GreySource]

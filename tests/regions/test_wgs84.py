@@ -15,7 +15,7 @@ from uavseg.errors import OutputError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions import wgs84
 from uavseg.regions.outline import trace
-from uavseg.regions.table import make, polygons
+from uavseg.regions.table import make
 
 PLACES = {
     "the south pole on a corner": (3031, Affine(50_000, 0, -300_000, 0, -50_000, 300_000)),
@@ -50,7 +50,7 @@ def regions_of(labels, transform, crs):
     labels = np.ascontiguousarray(names.reshape(np.shape(labels)), np.uint32)
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_user_input(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1))[1:]
-    return make(rings, polygons(rings, transform), box, counts, counts, counts, (0, 1), "picture.tif")
+    return make(rings, box, counts, counts, counts, (0, 1), "picture.tif")
 
 
 def ground(geometries):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, leaves, undecided
-from uavseg.segmentation.division import block_ratios
+from uavseg.segmentation.division import RATIOS, block_ratios
 from uavseg.segmentation.segments import IntensityRange, in_range
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
 
@@ -152,15 +152,16 @@ def test_a_white_cell_of_64_pixels_does_not_overflow() -> None:
     assert (sums.item(), counts.item()) == (64 * 65535, 64)
 
 
-def known_only_where(blocks: BlockMap, wanted: NDArray[np.bool_], otherwise: float) -> BlockMap:
-    ratios = np.where(wanted[..., None], blocks.ratios, otherwise)
+def known_only_where(blocks: BlockMap, wanted: NDArray[np.uint32], otherwise: float) -> BlockMap:
+    bits = wanted[..., None] >> np.arange(RATIOS, dtype=np.uint32) & 1
+    ratios = np.where(bits, blocks.ratios, otherwise)
     return BlockMap(blocks.shape, blocks.sums, blocks.counts, ratios)
 
 
 def assert_texture_elsewhere_is_of_no_use(
     blocks: BlockMap, interval: IntensityRange, X: float, tau: float
 ) -> None:
-    wanted = undecided(blocks, interval.low, interval.high, tau)
+    wanted = undecided(blocks.sums, blocks.counts, interval.low, interval.high, tau)
     full = cells_in_range(blocks, interval, X, tau)
     for otherwise in (0.0, INF):
         some = known_only_where(blocks, wanted, otherwise)
@@ -217,13 +218,15 @@ def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
     blocks.sums[0, 8] = 0  # one cell of the second block
     blocks.counts[:, 16:] = 0
     blocks.sums[:, 16:] = 0
-    assert undecided(blocks, 0.4, 0.6, INF).tolist() == [[False, True, False]]
-    assert undecided(blocks, 0.6, 0.9, INF).tolist() == [[False, False, False]]
+    # the block itself, its first quarter, and the first quarter of that
+    assert undecided(blocks.sums, blocks.counts, 0.4, 0.6, INF).tolist() == [[0, 0b100011, 0]]
+    assert undecided(blocks.sums, blocks.counts, 0.6, 0.9, INF).tolist() == [[0, 0, 0]]
 
 
 def test_a_block_that_intensity_divides_all_the_way_needs_no_texture() -> None:
     blocks = BlockMap.empty((64, 64))
     blocks.counts[:] = 64
     blocks.sums[0, 0] = 64 * 65535
-    assert not undecided(blocks, 0.5, 1.0, 0.06).any()
-    assert undecided(blocks, 0.5, 1.0, 0.07).all()  # the means of its quarters are 1/16, 0, 0 and 0
+    assert undecided(blocks.sums, blocks.counts, 0.5, 1.0, 0.06).item() == 0
+    # the means of its quarters are 1/16, 0, 0 and 0
+    assert undecided(blocks.sums, blocks.counts, 0.5, 1.0, 0.07).item() == 1

@@ -5,6 +5,7 @@ Importing it brings in click and nothing heavy; a command's own module is import
 
 import importlib
 import sys
+import traceback
 from typing import Any
 
 import click
@@ -18,6 +19,7 @@ _COMMANDS = {
     "path": "Find the shortest path between two places of one region.",
     "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like.",
+    "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster, regions and a mission as a picture.",
 }
 _INTERRUPTED = 130
@@ -41,8 +43,8 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
-        _announce_compilation()
         try:
+            _announce_compilation()
             return super().invoke(ctx)
         except UavsegError as error:
             click.echo(f"uavseg: error: {error}", err=True)
@@ -53,7 +55,8 @@ class _Group(click.Group):
                 err=True,
             )
             ctx.exit(1)
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as error:
+            traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
             click.echo("uavseg: interrupted; nothing was written", err=True)
             ctx.exit(_INTERRUPTED)
 

@@ -9,7 +9,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def reading_options(command: Command) -> Command:
-    """Give a command RASTER..., --band, --rgb, --nodata and --stretch."""
+    """Give a command RASTER..., --band, --rgb, --nodata, --stretch and --skip-bad-tiles."""
     for option in reversed(
         (
             click.argument("rasters", metavar="RASTER...", nargs=-1, required=True),
@@ -22,6 +22,11 @@ def reading_options(command: Command) -> Command:
                 show_default=True,
                 metavar="STRETCH",
                 help="How intensity becomes v: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH.",
+            ),
+            click.option(
+                "--skip-bad-tiles",
+                is_flag=True,
+                help="Count blocks of a file that cannot be read as nodata, and list them at the end.",
             ),
         )
     ):

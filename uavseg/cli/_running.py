@@ -1,17 +1,27 @@
 """Options of every command that works through tiles: how they are cut, who works, what is told."""
 
+from __future__ import annotations
+
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._progress import Amount, bar
+
+if TYPE_CHECKING:
+    from uavseg.parallel import Map
+    from uavseg.raster.dataset import Dataset
+
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+_REDRAW_S = 0.1
 
 
 def running_options(command: Command) -> Command:
-    """Give a command --tile, --threads, --overwrite, -q, -v and --progress."""
+    """Give a command --tile, --threads, --scheduler, --resume, --overwrite, -q, -v and --progress."""
     for option in reversed(
         (
             click.option(
@@ -22,6 +32,18 @@ def running_options(command: Command) -> Command:
             ),
             click.option(
                 "--threads", type=int, metavar="N", help="Threads to work with.  [default: all cores]"
+            ),
+            click.option(
+                "--scheduler",
+                metavar="tcp://HOST:PORT",
+                help="Let the workers of a dask.distributed scheduler do the work.",
+            ),
+            click.option(
+                "--resume",
+                type=click.Path(),
+                metavar="DIR",
+                help="Keep finished tiles in this folder, and take up those that are there, so that a run "
+                "that was stopped goes on where it stopped. Remove the folder when you are done.",
             ),
             click.option("--overwrite", is_flag=True, help="Replace files that are there."),
             click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
@@ -39,6 +61,38 @@ def running_options(command: Command) -> Command:
     return command
 
 
+def resuming(run: Map, folder: str | None, reporter: Reporter) -> Map:
+    """A map that keeps finished tiles in the folder, if one was given."""
+    if folder is None:
+        return run
+    from uavseg.resuming import kept
+
+    return kept(run, folder, reporter.resumed)
+
+
+def workers(threads: int | None, scheduler: str | None) -> Map:
+    """Who runs the work: threads of this process, or a cluster, which is let go when the command ends.
+
+    Raises
+    ------
+    ParameterError
+        If the number of threads is below 1.
+    ClusterError
+        If the scheduler does not answer or its workers do not fit.
+    """
+    if scheduler is None:
+        from uavseg import parallel
+
+        return parallel.threads(threads)
+    if threads is not None:
+        raise click.UsageError("--threads are this machine's, --scheduler has its own; give one of the two")
+    from uavseg.cluster import dask
+
+    cluster = dask(scheduler)
+    click.get_current_context().call_on_close(cluster.close)
+    return cluster
+
+
 class Reporter:
     """What a command says on stderr while it works and when it is done."""
 
@@ -49,27 +103,39 @@ class Reporter:
         self._bar = progress == "auto" and not quiet and sys.stderr.isatty()
         self._percent = -1
         self._start = time.perf_counter()
+        self._begun = self._drawn = self._start
+        self._amount: Amount | None = None
 
     @property
     def seconds(self) -> float:
         """Since the command began."""
         return time.perf_counter() - self._start
 
+    def begin(self, dataset: Dataset, tile: int | None) -> None:
+        """The work on a raster begins, cut into tiles."""
+        if self._bar:
+            from uavseg.regions.extract import windows_of
+
+            rows, cols = dataset.geobox.shape
+            self._amount = Amount(len(windows_of(dataset, tile)), rows * cols)
+            self._begun = time.perf_counter()
+
     def progress(self, done: int, total: int) -> None:
         """Take in that `done` of `total` steps are done."""
+        if self._bar:
+            self._draw(done / max(total, 1))
         percent = 100 * done // max(total, 1)
         if percent <= self._percent:
             return
         self._percent = percent
         if self._plain:
             click.echo(f"progress {percent}", err=True)
-        elif self._bar:
-            filled = percent * 40 // 100
-            click.echo(
-                f"\r[{'#' * filled}{'.' * (40 - filled)}] {percent:3d} % {self.seconds:6.1f} s",
-                err=True,
-                nl=False,
-            )
+
+    def _draw(self, share: float) -> None:
+        now = time.perf_counter()
+        if now - self._drawn >= _REDRAW_S or share == 1:
+            self._drawn = now
+            click.echo(f"\r{bar(share, now - self._begun, self._amount)}\x1b[K", err=True, nl=False)
 
     def finish(self) -> None:
         """The work is done: the bar goes, plain progress ends at 100."""
@@ -77,6 +143,10 @@ class Reporter:
             self.progress(1, 1)
         elif self._bar and self._percent >= 0:
             click.echo("\r\x1b[K", err=True, nl=False)
+
+    def resumed(self, stage: str, done: int, total: int) -> None:
+        """Some tiles of a stage were done by a run before this one."""
+        self.say(f"resumed: {done:,} of {total:,} tiles were done ({stage})")
 
     def warn(self, text: str) -> None:
         """Something that the user should know."""

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._running import Reporter, running_options
+from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import segmenting_options
 
 
@@ -22,6 +22,8 @@ def command(
     output: str,
     tile: int | None,
     threads: int | None,
+    scheduler: str | None,
+    resume: str | None,
     overwrite: bool,
     quiet: bool,
     verbose: bool,
@@ -34,8 +36,8 @@ def command(
     each leaf. `uavseg extract` answers any range from it, without the raster or refined with it.
     """
     from uavseg.atomic import check_target
-    from uavseg.parallel import threads as workers
     from uavseg.raster.dataset import Dataset
+    from uavseg.raster.skipping import BadBlock, listing
     from uavseg.regions.extract import divide
     from uavseg.segmentation.blockfile import Origin, SavedBlocks, save
     from uavseg.segmentation.pipeline import SegmentParams
@@ -43,13 +45,18 @@ def command(
     reporter = Reporter(quiet, verbose, progress)
     check_target(output, overwrite)
     params = SegmentParams(options["method"], options["threshold"], options["intensity_step"])
-    dataset = Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
-    blocks, stretch = divide(dataset, options["stretch"], tile, workers(threads), reporter.progress)
+    dataset = Dataset.open(
+        rasters, options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"]
+    )
+    bad: set[BadBlock] = set()
+    run = listing(resuming(workers(threads, scheduler), resume, reporter), bad)
+    reporter.begin(dataset, tile)
+    blocks, stretch = divide(dataset, options["stretch"], tile, run, reporter.progress)
     origin = Origin(rasters, str(Path.cwd()), options["band"], options["rgb"], options["nodata"])
     saved = SavedBlocks(blocks, dataset.geobox, stretch, dataset.band_names, origin)
     save(output, saved, params.threshold, params.step, overwrite)
     reporter.finish()
-    for warning in dataset.warnings + stretch.warnings:
+    for warning in (*dataset.warnings, *stretch.warnings, *map(str, sorted(bad))):
         reporter.warn(warning)
     rows, cols = blocks.blocks
     reporter.say(f"  blocks      {rows * cols:,} of 64 x 64 -> {output}")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._running import Reporter, running_options
+from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import mission_options
 from uavseg.errors import ParameterError
@@ -32,7 +33,11 @@ if TYPE_CHECKING:
     help="The regions: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.  "
     "[default: STEM.regions.geojson here]",
 )
-@click.option("--labels", metavar="PATH.tif", help="Also write the labels of the regions as a raster.")
+@click.option(
+    "--labels",
+    metavar="PATH",
+    help="Also write the labels of the regions as a raster: one .tif, or a .vrt over a folder of tiles.",
+)
 @segmenting_options
 @click.option(
     "--refine",
@@ -57,6 +62,8 @@ def command(
     mission: str | None,
     tile: int | None,
     threads: int | None,
+    scheduler: str | None,
+    resume: str | None,
     overwrite: bool,
     quiet: bool,
     verbose: bool,
@@ -68,8 +75,6 @@ def command(
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.
     """
-    from uavseg.parallel import threads as workers
-
     reporter = Reporter(quiet, verbose, progress)
     target = output or f"{Path(rasters[0]).stem}.regions.geojson"
     wanted = parsed_range(interval)
@@ -78,8 +83,10 @@ def command(
     _check_targets(target, labels, mission, overwrite)
     saved, dataset = _opened(rasters, options, params, reporter)
     _check_place(target, mission, saved.geobox.wkt if saved is not None else dataset.geobox.wkt)
-    run = workers(threads)
-    found = _extracted(saved, dataset, wanted, params, run, reporter)
+    run = workers(threads, scheduler)
+    if dataset is not None:
+        reporter.begin(dataset, tile)
+    found = _extracted(saved, dataset, wanted, params, resuming(run, resume, reporter), reporter)
     reporter.finish()
     for warning in found.warnings:
         reporter.warn(warning)
@@ -88,7 +95,9 @@ def command(
             f"no region has a mean v in {wanted.low:g}..{wanted.high:g}; uavseg info shows which v there are"
         )
     made = None if flight is None else _planned(found, flight, options["home"])
-    _write(found, target, labels, run, overwrite)
+    _write(found, target, overwrite)
+    if labels is not None:
+        _write_labels(found, labels, run, threads, overwrite)
     if made is not None:
         _write_mission(made, len(found.regions), mission, overwrite, reporter)
     _tell(found, target, reporter)
@@ -133,11 +142,12 @@ def _check_targets(output: str, labels: str | None, mission: str | None, overwri
         from uavseg.regions.export import check
 
         check(output, overwrite)
-    for path in (labels, mission):
-        if path is not None:
-            check_target(path, overwrite)
-    if labels is not None and Path(labels).suffix.lower() not in (".tif", ".tiff"):
-        raise ParameterError(f"labels are written as GeoTIFF; name a .tif, not {labels}")
+    if mission is not None:
+        check_target(mission, overwrite)
+    if labels is not None:
+        from uavseg.regions.labels import check_labels
+
+        check_labels(labels, overwrite)
 
 
 def _check_place(output: str, mission: str | None, wkt: str | None) -> None:
@@ -163,7 +173,8 @@ def _opened(
     from uavseg.segmentation.blockfile import is_block_map, load
 
     if len(rasters) > 1 or not is_block_map(rasters[0]):
-        return None, Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
+        how = (options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"])
+        return None, Dataset.open(rasters, *how)
     if options["band"] or options["rgb"] or options["nodata"] is not None or options["stretch"] != "auto":
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
     saved = load(rasters[0])
@@ -174,7 +185,7 @@ def _opened(
     if paths is None:
         reporter.warn(f"{origin.rasters[0]} is not where it was, so regions end at block edges")
         return saved, None
-    return saved, Dataset.open(paths, origin.band, origin.rgb, origin.nodata)
+    return saved, Dataset.open(paths, origin.band, origin.rgb, origin.nodata, options["skip_bad_tiles"])
 
 
 def _extracted(
@@ -185,22 +196,27 @@ def _extracted(
     run: Map,
     reporter: Reporter,
 ) -> Extraction:
+    from uavseg.raster.skipping import BadBlock, listing
     from uavseg.regions.extract import extract, extract_from_blocks
 
     if saved is None:
-        return extract(dataset, wanted, params, run, reporter.progress)
+        bad: set[BadBlock] = set()
+        found = extract(dataset, wanted, params, listing(run, bad), reporter.progress)
+        return replace(found, warnings=(*found.warnings, *map(str, sorted(bad))))
     return extract_from_blocks(saved, dataset, wanted, params, run, reporter.progress)
 
 
-def _write(found: Extraction, target: str, labels: str | None, run: Map, overwrite: bool) -> None:
+def _write(found: Extraction, target: str, overwrite: bool) -> None:
     from uavseg.regions import export
 
     export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
-    if labels is not None:
-        from uavseg.raster.write import write_labels
-        from uavseg.regions.extract import painted
 
-        write_labels(labels, painted(found, run), found.geobox, overwrite)
+
+def _write_labels(found: Extraction, path: str, run: Map, threads: int | None, overwrite: bool) -> None:
+    from uavseg.regions.labels import is_tiled, write_labels
+
+    here = run if is_tiled(path) else workers(threads, None)  # a single file is painted where it is written
+    write_labels(path, found, here, overwrite)
 
 
 def _planned(found: Extraction, flight: Any, home: str | None) -> Mission:

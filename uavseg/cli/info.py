@@ -1,6 +1,7 @@
 """uavseg info: what a raster is, and what to try with it."""
 
 import sys
+from dataclasses import replace
 
 import click
 
@@ -17,6 +18,7 @@ def command(
     rgb: tuple[int, int, int] | None,
     nodata: float | None,
     stretch: str,
+    skip_bad_tiles: bool,
     as_json: bool,
     threads: int | None,
 ) -> None:
@@ -28,9 +30,13 @@ def command(
     from uavseg.look.summary import summarize
     from uavseg.parallel import threads as workers
     from uavseg.raster.dataset import Dataset
+    from uavseg.raster.skipping import BadBlock, listening, listing
 
-    dataset = Dataset.open(rasters, band=band, rgb=rgb, nodata=nodata)
-    summary = summarize(dataset, stretch, workers(threads))
+    dataset = Dataset.open(rasters, band=band, rgb=rgb, nodata=nodata, skip_bad_tiles=skip_bad_tiles)
+    bad: set[BadBlock] = set()
+    with listening(bad):
+        summary = summarize(dataset, stretch, listing(workers(threads), bad))
+    summary = replace(summary, warnings=(*summary.warnings, *map(str, sorted(bad))))
     if as_json:
         import json
 

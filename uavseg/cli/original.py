@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._running import Reporter, running_options
+from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
     from uavseg.parallel import Map
     from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.pipeline import GreyTile
+    from uavseg.segmentation.source import GreyTile
 
 
 @click.command("original")
@@ -56,6 +56,8 @@ def command(
     output: str,
     tile: int | None,
     threads: int | None,
+    scheduler: str | None,
+    resume: str | None,
     overwrite: bool,
     quiet: bool,
     verbose: bool,
@@ -68,8 +70,8 @@ def command(
     by one. All of the image is held in memory, at most 4096 x 4096 pixels.
     """
     from uavseg.atomic import check_target
-    from uavseg.parallel import threads as workers
     from uavseg.raster.dataset import Dataset
+    from uavseg.raster.skipping import BadBlock, listening, listing
     from uavseg.raster.tiling import Window
     from uavseg.raster.write import write_labels
     from uavseg.segmentation.original import OriginalParams, check_size, original
@@ -85,14 +87,19 @@ def command(
     if Path(output).suffix.lower() not in (".tif", ".tiff"):
         raise ParameterError(f"labels are written as GeoTIFF; name a .tif, not {output}")
     check_target(output, overwrite)
-    dataset = Dataset.open(rasters, options["band"], options["rgb"], options["nodata"])
+    dataset = Dataset.open(
+        rasters, options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"]
+    )
     rows, cols = dataset.geobox.shape
     check_size((rows, cols))
-    image, told, name = _read(dataset, options["stretch"], tile, workers(threads))
+    bad: set[BadBlock] = set()
+    run = listing(resuming(workers(threads, scheduler), resume, reporter), bad)
+    with listening(bad):
+        image, told, name = _read(dataset, options["stretch"], tile, run)
     labels = original(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, params)
     write_labels(output, [(Window(0, 0, rows, cols), labels)], dataset.geobox, overwrite)
     reporter.finish()
-    for warning in told:
+    for warning in (*told, *map(str, sorted(bad))):
         reporter.warn(warning)
     reporter.say(f"  segments    {int(labels.max()):,} -> {output}")
     reporter.say(f"  stretch     {name}")
@@ -107,7 +114,7 @@ def _read(
     from uavseg.raster.stretch import fit
     from uavseg.raster.tiling import Window
     from uavseg.regions.extract import windows_of
-    from uavseg.segmentation.pipeline import GreySource
+    from uavseg.segmentation.source import GreySource
 
     fitted = fit(dataset, stretch, run, windows_of(dataset, tile))
     image = GreySource(dataset, fitted).read(Window(0, 0, *dataset.geobox.shape), 0)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._running import Reporter, running_options
+from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import home_position
 from uavseg.errors import MissionError, OutputError, ParameterError
@@ -17,10 +17,10 @@ from uavseg.errors import MissionError, OutputError, ParameterError
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
     from uavseg.flight.params import PlanParams
-    from uavseg.occupancy.free import FreeCells
     from uavseg.occupancy.ways import Way
-    from uavseg.parallel import Map
-    from uavseg.raster.dataset import Dataset
+    from uavseg.raster.geobox import GeoBox
+    from uavseg.raster.stretch import Stretch
+    from uavseg.regions.extract import ExtractParams
 
 _LINES = (".geojson", ".json")
 
@@ -68,7 +68,10 @@ def command(
     start: str,
     goal: str,
     output: str,
+    tile: int | None,
     threads: int | None,
+    scheduler: str | None,
+    resume: str | None,
     overwrite: bool,
     quiet: bool,
     verbose: bool,
@@ -77,24 +80,28 @@ def command(
 ) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
 
-    The region is that of `uavseg extract` with the same --range. The path never enters a cell whose own
-    value is outside of the range, and cuts no corner.
+    MAP is a raster of probabilities, or the YAML file of a ROS map. The region is that of `uavseg extract`
+    with the same --range. The path never enters a cell whose own value is outside of the range, and cuts no
+    corner.
     """
+    from uavseg.occupancy.free import FreeCells
+    from uavseg.occupancy.maps import open_map
     from uavseg.occupancy.ways import WayParams, find_way
-    from uavseg.parallel import threads as workers
 
     reporter = Reporter(quiet, verbose, progress)
     places = _parsed_place("--start", start), _parsed_place("--goal", goal)
+    passable = parsed_range(interval)
     params = WayParams(options["clearance"], options["smooth"])
     flight = _flight(output, options)
     _check_target(output, overwrite)
-    dataset = _opened(map_, options["nodata"])
-    _check_place(dataset, flight)
-    run = workers(threads)
-    free = _segmented(dataset, interval, options, run, reporter)
+    dataset, stretch = open_map(map_, nodata=options["nodata"])
+    _check_place(dataset.geobox, flight)
+    run = resuming(workers(threads, scheduler), resume, reporter)
+    reporter.begin(dataset, tile)
+    free = FreeCells.of(dataset, passable, _params(stretch, tile, options), run, reporter.progress)
     reporter.finish()
     begun = time.perf_counter()
-    way = find_way(free, *places, params, run)
+    way = find_way(free, *places, params, workers(threads if scheduler is None else None, None))
     for warning in way.warnings:
         reporter.warn(warning)
     mission = None if flight is None else _flown(way, flight, options["home"])
@@ -140,41 +147,25 @@ def _check_target(output: str, overwrite: bool) -> None:
         check_target(output, overwrite)
 
 
-def _opened(path: str, nodata: float | None) -> Dataset:
-    from uavseg.raster.dataset import Dataset
-
-    return Dataset.open(path, nodata=nodata)
-
-
-def _check_place(dataset: Dataset, flight: PlanParams | None) -> None:
+def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
     """Nothing is computed that has no place where it is to be written or flown."""
     from uavseg.occupancy import wayfile
 
-    wayfile.check_crs(dataset.geobox)
-    if flight is not None and dataset.geobox.crs is None:
+    wayfile.check_crs(geobox)
+    if flight is not None and geobox.crs is None:
         raise MissionError(
             "the map has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
         )
 
 
-def _segmented(
-    dataset: Dataset, interval: str, options: dict[str, Any], run: Map, reporter: Reporter
-) -> FreeCells:
-    """The free cells of the map's regions."""
-    from uavseg.occupancy.free import FreeCells
-    from uavseg.occupancy.probabilities import probability_stretch
-    from uavseg.regions.extract import ExtractParams, extract, windows_of
-    from uavseg.segmentation.pipeline import GreySource, SegmentParams
+def _params(fitted: Stretch, tile: int | None, options: dict[str, Any]) -> ExtractParams:
+    from uavseg.raster.stretch import parse_stretch
+    from uavseg.regions.extract import ExtractParams
+    from uavseg.segmentation.pipeline import SegmentParams
 
-    passable = parsed_range(interval)
     segment = SegmentParams(options["method"], options["threshold"], options["intensity_step"])
-    tile = options["tile"]
-    stretch = options["stretch"] or probability_stretch(dataset, windows_of(dataset, tile), run)
-    params = ExtractParams(segment, stretch, tile=tile)
-    found = extract(dataset, passable, params, run, reporter.progress)
-    for warning in found.warnings:
-        reporter.warn(warning)
-    return FreeCells(GreySource(dataset, found.stretch), found.rings, passable)
+    stretch = parse_stretch(options["stretch"]) if options["stretch"] else fitted
+    return ExtractParams(segment, stretch, tile=tile)
 
 
 def _flown(way: Way, flight: PlanParams, home: str | None) -> Mission:

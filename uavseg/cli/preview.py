@@ -22,6 +22,7 @@ def command(
     rgb: tuple[int, int, int] | None,
     nodata: float | None,
     stretch: str,
+    skip_bad_tiles: bool,
     output: str | None,
     quiet: bool,
     **drawn: Any,
@@ -33,13 +34,16 @@ def command(
     """
     from uavseg.look.preview import preview
     from uavseg.raster.dataset import Dataset
+    from uavseg.raster.skipping import BadBlock, listening
 
-    dataset = Dataset.open(rasters, band=band, rgb=rgb, nodata=nodata)
+    dataset = Dataset.open(rasters, band=band, rgb=rgb, nodata=nodata, skip_bad_tiles=skip_bad_tiles)
     out = output or f"{Path(dataset.source).stem}.preview.png"
-    preview(dataset, out, drawn["regions"], drawn["mission"], stretch=stretch, **_layout(drawn))
+    bad: set[BadBlock] = set()
+    with listening(bad):
+        preview(dataset, out, drawn["regions"], drawn["mission"], stretch=stretch, **_layout(drawn))
     if quiet:
         return
-    for warning in dataset.warnings:
+    for warning in (*dataset.warnings, *map(str, sorted(bad))):
         click.echo(f"uavseg: warning: {warning}", err=True)
     click.echo(f"wrote {out}", err=True)
 

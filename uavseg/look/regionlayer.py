@@ -149,7 +149,7 @@ def _found(regions: Any) -> _Found:
         return _of_file(os.fspath(regions))
     if isinstance(regions, Regions):
         columns = regions.columns
-        return regions.polygons, regions.wkt, columns.get("id"), columns.get("area_m2")
+        return np.asarray(regions.polygons), regions.wkt, columns.get("id"), columns.get("area_m2")
     ids, areas = (np.asarray(regions[name]) if name in regions else None for name in ("id", "area_m2"))
     return np.asarray(regions.geometry.values, dtype=object), regions.crs, ids, areas
 

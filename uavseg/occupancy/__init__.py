@@ -1,1 +1,1 @@
-"""What a robot believes of its surroundings, and the ways through them."""
+"""What a robot believes: occupancy maps, the sensor that makes them, paths over them."""

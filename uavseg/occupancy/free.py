@@ -12,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import PathError
-from uavseg.parallel import Map, serial
+from uavseg.parallel import Map, Progress, serial
+from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ground_steps
 from uavseg.raster.tiling import Window
+from uavseg.regions.extract import ExtractParams, extract
 from uavseg.regions.outline import Painter, Rings
-from uavseg.segmentation.pipeline import GreySource
 from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.source import GreySource
 
 _STRIPE = 1 << 22  # cells that are looked at together
 _WHITE = 65535
@@ -78,11 +80,39 @@ class FreeCells:
         Outlines of its regions.
     interval : IntensityRange
         The range of v that is passable.
+    warnings : tuple of str
+        What is to be told of the map.
     """
 
     source: GreySource
     rings: Rings
     interval: IntensityRange
+    warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        dataset: Dataset,
+        interval: IntensityRange,
+        params: ExtractParams,
+        map: Map = serial,
+        progress: Progress | None = None,
+    ) -> "FreeCells":
+        """The free cells of a map: its regions are extracted as in the main job.
+
+        Parameters
+        ----------
+        dataset : Dataset
+        interval : IntensityRange
+            The range of v that is passable.
+        params : ExtractParams
+            How; its stretch is what `occupancy.maps` finds, for probabilities.
+        map : Map
+            Who runs the work.
+        progress : callable, optional
+        """
+        found = extract(dataset, interval, params, map, progress)
+        return cls(GreySource(dataset, found.stretch), found.rings, interval, found.warnings)
 
     @property
     def geobox(self) -> GeoBox:

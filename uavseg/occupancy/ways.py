@@ -132,7 +132,7 @@ def find_way(
         params.clearance_m,
         first.region,
         walls,
-        tuple(_warnings(width, height)),
+        (*free.warnings, *_warnings(width, height)),
     )
 
 

@@ -43,6 +43,11 @@ class BandChoice:
     expanded: bool = False
 
     @property
+    def planes(self) -> int:
+        """How many values a pixel is read as: 1, or 3 for luminance."""
+        return 3 if self.expanded else len(self.bands)
+
+    @property
     def name(self) -> str:
         """For people: "band 1", "luminance of bands 1,2,3"."""
         if self.expanded:

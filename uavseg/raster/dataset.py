@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.raster.arrays import from_array, is_array
+from uavseg.raster.arrays import from_array, from_values, is_array
 from uavseg.raster.bands import BandChoice, choose
 from uavseg.raster.facts import inspect
+from uavseg.raster.files import RasterFile
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.mosaic import Mosaic, Source, lay_out
 from uavseg.raster.opening import Handles
+from uavseg.raster.skipping import Missing, note, read_around, read_or_blame
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import usable_nodata
 
@@ -39,6 +41,7 @@ class Dataset:
     mosaic: Mosaic
     choice: BandChoice
     warnings: tuple[str, ...]
+    skip_bad_tiles: bool = False
     _handles: Handles = field(default_factory=Handles, repr=False)
 
     @classmethod
@@ -48,6 +51,7 @@ class Dataset:
         band: int | None = None,
         rgb: Sequence[int] | None = None,
         nodata: float | None = None,
+        skip_bad_tiles: bool = False,
     ) -> "Dataset":
         """A dataset of what `sources` names; no pixel is read.
 
@@ -62,6 +66,9 @@ class Dataset:
             The bands of red, green and blue, to use their luminance.
         nodata : float, optional
             Takes the place of the nodata value in the files; NaN is allowed.
+        skip_bad_tiles : bool
+            Whether pixels of blocks of a file that cannot be read count as nodata, instead of being an error;
+            see `raster.skipping` for which those are.
 
         Raises
         ------
@@ -84,7 +91,13 @@ class Dataset:
                 *told,
                 "the palette is expanded to luminance; name --band 1 to use its indices themselves",
             )
-        return cls(replace(mosaic, files=known), choice, told)
+        return cls(replace(mosaic, files=known), choice, told, skip_bad_tiles)
+
+    @classmethod
+    def of_values(cls, values: Values, geobox: GeoBox, name: str) -> "Dataset":
+        """A dataset of numbers in memory, (rows, cols); it looks at the array and does not copy it."""
+        source = from_values(values, geobox, name)
+        return cls(lay_out([source]), choose(source.layout), ())
 
     @property
     def geobox(self) -> GeoBox:
@@ -126,6 +139,11 @@ class Dataset:
         """Name of the first raster, without folder."""
         return self.mosaic.files[0].name
 
+    def fingerprint(self) -> tuple[object, ...]:
+        """What everything read from here depends on: the files as they are now, and how they are read."""
+        files = tuple(file.fingerprint() for file in self.mosaic.files)
+        return files, self.mosaic.boxes, self.choice, self.skip_bad_tiles
+
     def is_empty(self, window: Window) -> bool:
         """Whether it is known without decoding that no pixel of `window` is valid."""
         return all(
@@ -144,10 +162,14 @@ class Dataset:
         Raises
         ------
         RasterReadError
-            If a file is damaged there.
+            If a file is damaged there, and `skip_bad_tiles` is false.
         """
         if len(self.mosaic.files) == 1:
-            return self._read_part(self.mosaic.files[0], window, (window.rows, window.cols))
+            [file], shape = self.mosaic.files, (window.rows, window.cols)
+            values, valid, bad = self._read_part(file, window, shape)
+            for block, _ in bad:
+                note(block)
+            return values, valid
         return self._fill((window.rows, window.cols), self.mosaic.parts(window))
 
     def read_coarse(self, max_side: int) -> tuple[Values, Valid | None, GeoBox]:
@@ -193,27 +215,33 @@ class Dataset:
 
     def _fill(self, shape: tuple[int, int], parts: Iterable[Part]) -> tuple[Values, Valid | None]:
         """The parts put together; the first that is valid wins."""
-        values = np.zeros((self._planes, *shape), self.dtype)
+        values = np.zeros((self.choice.planes, *shape), self.dtype)
         filled = np.zeros(shape, bool)
         for file, part, (rows, cols) in parts:
             missing = ~filled[rows, cols]
             if not missing.any():
                 continue
-            pixels, valid = self._read_part(file, part, missing.shape)
+            pixels, valid, bad = self._read_part(file, part, missing.shape)
+            for block, place in bad:
+                if missing[place].any():  # no file before it has these pixels
+                    note(block)
             if valid is not None:
                 missing &= valid
             np.copyto(values[:, rows, cols], pixels, where=missing)
             filled[rows, cols] |= missing
         return values, None if filled.all() else filled
 
-    def _read_part(self, file: Source, part: Window, shape: tuple[int, int]) -> tuple[Values, Valid | None]:
+    def _read_part(
+        self, file: Source, part: Window, shape: tuple[int, int]
+    ) -> tuple[Values, Valid | None, Sequence[Missing]]:
+        """Values and validity of a part of a file, and what of it cannot be read."""
         if file.is_empty(self._handles, self.choice, part):
-            return np.zeros((self._planes, *shape), self.dtype), np.zeros(shape, bool)
-        return file.read(self._handles, self.choice, part, shape)
-
-    @property
-    def _planes(self) -> int:
-        return 3 if self.choice.expanded else len(self.bands)
+            return np.zeros((self.choice.planes, *shape), self.dtype), np.zeros(shape, bool), ()
+        if not isinstance(file, RasterFile):
+            return *file.read(self._handles, self.choice, part, shape), ()
+        if self.skip_bad_tiles:
+            return read_around(file, self._handles, self.choice, part, shape)
+        return *read_or_blame(file, self._handles, self.choice, part, shape), ()
 
 
 def _listed(sources: Any) -> list[Any]:

@@ -15,7 +15,7 @@ from rasterio.io import DatasetReader
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.raster.bands import BandLayout
 from uavseg.raster.files import RasterFile
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open, why_not_opened
 
 Answer = TypeVar("Answer")
 
@@ -37,7 +37,7 @@ def inspect(path: str | os.PathLike[str]) -> RasterFile:
         with gdal(), quiet_open(name) as source:
             return _facts(name, source)
     except GDAL_ERRORS as error:
-        raise RasterReadError(_why_not(name, error)) from error
+        raise RasterReadError(why_not_opened(name, error)) from error
 
 
 def _facts(path: str, source: DatasetReader) -> RasterFile:
@@ -156,13 +156,3 @@ def _subdatasets(source: DatasetReader) -> str:
     if not source.subdatasets:
         return ""
     return f"; name one of its parts, for instance {source.subdatasets[0]}"
-
-
-def _why_not(path: str, error: BaseException) -> str:
-    reason = first_cause(error)
-    if Path(path).is_dir():
-        return f"{path} is a folder; name the rasters in it"
-    remote = "://" in path or path.startswith("/vsi") or ":" in path[2:]
-    if not remote and not Path(path).exists():
-        return f"there is no file {path}"
-    return f"{path} cannot be opened as a raster ({reason})"

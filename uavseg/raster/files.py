@@ -1,7 +1,7 @@
 """One raster file: what it says about itself, and its pixels by window."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,8 @@ from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import BandChoice, BandLayout
-from uavseg.raster.opening import Handles, ranges, telling
+from uavseg.raster.identity import State, states
+from uavseg.raster.opening import Handles, in_full, ranges, telling
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import valid_pixels
 
@@ -63,10 +64,33 @@ class RasterFile:
     overviews: tuple[int, ...]
     warnings: tuple[str, ...]
 
+    def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
+        values = (getattr(self, part.name) for part in fields(self))
+        path, *others = values
+        return RasterFile, (in_full(path), *others)  # who gets it may work in another folder
+
     @property
     def name(self) -> str:
         """The last part of the path."""
         return Path(self.path).name
+
+    @property
+    def fails_by_block(self) -> bool:
+        """Whether any part of a block can be read exactly when the whole block can.
+
+        Not so where a driver reads parts of blocks (VRT), and where masks have blocks of their own.
+        """
+        return self.driver == "GTiff" and not self.masks
+
+    def fingerprint(self) -> tuple[tuple[State, ...], tuple[float | None, ...]]:
+        """What its pixels depend on: the state of each file that it is made of, and what counts as nodata."""
+        return states(self.path), self.nodatas
+
+    def blocks_in(self, window: Window) -> Iterator[Window]:
+        """The blocks of the file that a window touches, row by row, each as far as the raster goes."""
+        tall, wide = self.block
+        for i, j in self._blocks(window):
+            yield Window(i * tall, j * wide, tall, wide).clipped(self.shape)
 
     def read(
         self,

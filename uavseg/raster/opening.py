@@ -1,11 +1,13 @@
 """Files open to be read: few at a time, each thread its own, with GDAL kept quiet and small."""
 
 import os
+import re
 import threading
 import warnings
 from collections import OrderedDict
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import rasterio
@@ -18,7 +20,8 @@ from uavseg.errors import RasterReadError
 from uavseg.raster.tiling import Window
 
 MAX_OPEN = 64  # files that a thread keeps open
-CACHE_BYTES = 64 << 20  # decoded blocks that GDAL keeps; its own default is a twentieth of the memory
+CACHE_BYTES = 32 << 20  # decoded blocks that GDAL keeps; its own default is a twentieth of the memory
+STRICT = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO"}  # the shortcut reads what a truncated file lacks as 0, untold
 GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError)  # they have no parent of their own
 
 
@@ -35,7 +38,10 @@ class Handles:
         """The open file, opened now if it is not; the one unused for longest is closed beyond 64."""
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
-            files[path] = rasterio.open(path) if located else quiet_open(path)
+            try:
+                files[path] = rasterio.open(path) if located else quiet_open(path)
+            except GDAL_ERRORS as error:
+                raise RasterReadError(why_not_opened(path, error)) from error
             if len(files) > MAX_OPEN:
                 files.popitem(last=False)[1].close()
         files.move_to_end(path)
@@ -45,7 +51,7 @@ class Handles:
 @contextmanager
 def gdal() -> Iterator[None]:
     """GDAL with its messages caught, and with a small cache of blocks unless GDAL_CACHEMAX says otherwise."""
-    with nullcontext() if rasterio.env.hasenv() else rasterio.Env(), _small_cache:
+    with rasterio.Env(**STRICT), _small_cache:
         yield
 
 
@@ -93,8 +99,37 @@ def telling(path: str, window: Window) -> Iterator[None]:
         rows, cols = ranges(window)
         raise RasterReadError(
             f"{path} cannot be read in rows {rows[0]} to {rows[1]}, columns {cols[0]} to {cols[1]} "
-            f"({first_cause(error)}); the file is damaged or incomplete"
+            f"({first_cause(error)}); the file is damaged or incomplete: mend it, or give --skip-bad-tiles "
+            "(skip_bad_tiles=True) to count what cannot be read as nodata"
         ) from error
+
+
+def why_not_opened(path: str, error: BaseException) -> str:
+    """Why a raster cannot be opened, in one sentence."""
+    if Path(path).is_dir():
+        return f"{path} is a folder; name the rasters in it"
+    if not (is_remote(path) or ":" in path[2:] or Path(path).exists()):
+        return f"there is no file {path}"
+    return f"{path} cannot be opened as a raster ({first_cause(error)})"
+
+
+def is_remote(path: str) -> bool:
+    """Whether a path is no file of this machine's own: of one of GDAL's virtual file systems, or a URL."""
+    return "://" in path or path.startswith("/vsi")
+
+
+def in_full(path: str) -> str:
+    """A path as it means the same in another process: a relative one of a file that is here becomes absolute.
+
+    Examples
+    --------
+    >>> in_full("/vsicurl/https://example.org/a.tif")
+    '/vsicurl/https://example.org/a.tif'
+    """
+    archive = re.match(r"/vsi(?:zip|tar|gzip|7z|rar)/(?!/|vsi|\{)", path)
+    if archive:
+        return path[: archive.end()] + str(Path(path[archive.end() :]).absolute())
+    return str(Path(path).absolute()) if Path(path).exists() else path
 
 
 def first_cause(error: BaseException) -> str:

@@ -7,6 +7,7 @@ from uavseg.errors import ParameterError
 
 BLOCK = 64  # pixels: the largest block of the division; tiles are multiples of it
 CELL = 8  # pixels: the smallest block
+PANEL = 8192  # columns of tiles that are read together
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +68,21 @@ def _windows(shape: tuple[int, int], tile_rows: int, tile_cols: int) -> Iterator
     for row in range(0, shape[0], tile_rows):
         for col in range(0, shape[1], tile_cols):
             yield Window(row, col, tile_rows, tile_cols).clipped(shape)
+
+
+def in_panels(windows: list[Window]) -> list[Window]:
+    """The same tiles, panel after panel of 8192 columns, each row by row.
+
+    A tile is read with some pixels of its neighbours. In this order a neighbour's blocks are likely to be
+    decoded still, however wide the raster is.
+
+    Examples
+    --------
+    >>> order = in_panels(tiles((128, 8192 + 64), (64, 8192)))
+    >>> [(window.row, window.col) for window in order]
+    [(0, 0), (64, 0), (0, 8192), (64, 8192)]
+    """
+    return sorted(windows, key=lambda window: (window.col // PANEL, window.row, window.col))
 
 
 def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int = 1 << 22) -> tuple[int, int]:

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import textwrap
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,10 +15,14 @@ from numpy.typing import NDArray
 
 from uavseg.atomic import check_target, whole_file
 from uavseg.errors import OutputError
-from uavseg.regions import geojson, kml, wgs84
+from uavseg.regions import geojson, kml, shapes, wgs84
+from uavseg.regions.shapes import any_multi
 from uavseg.regions.table import Regions
+from uavseg.regions.wholeness import is_whole
 
 LAYER = "regions"
+_GEOMETRY = "geometry"
+_KINDS = {"i": "int64", "f": "float64", "O": "string"}  # numpy's kinds as Arrow's types
 _DAY = "2000-01-01T00:00:00Z"  # same regions, same bytes: files do not say when they were written
 _SHORT_NAMES = {
     "perimeter_m": "perim_m",
@@ -50,12 +55,7 @@ def write(regions: Regions, path: str | os.PathLike[str] | IO[Any], overwrite: b
         return
     target = check(path, overwrite)
     with whole_file(target, overwrite) as part:
-        try:
-            _WRITERS[target.suffix.lower()](regions, part)
-        except OSError as error:
-            if isinstance(error, OutputError):
-                raise
-            raise OutputError(f"{target} cannot be written: {error.strerror or error}") from error
+        _WRITERS[target.suffix.lower()](regions, part)
 
 
 def check(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
@@ -93,12 +93,20 @@ def check_crs(path: str | os.PathLike[str], wkt: str | None) -> None:
 
 
 def _stream(regions: Regions, stream: IO[Any]) -> None:
-    if not hasattr(stream, "encoding"):
-        geojson.dump(regions, stream)
-        return
-    text = io.BytesIO()
-    geojson.dump(regions, text)
-    stream.write(text.getvalue().decode())
+    try:
+        if hasattr(stream, "encoding"):
+            text = io.BytesIO()
+            geojson.dump(regions, text)
+            stream.write(text.getvalue().decode())
+        else:
+            geojson.dump(regions, stream)
+        stream.flush()
+    except BrokenPipeError:
+        raise  # whoever reads has enough
+    except OSError as error:
+        raise OutputError(
+            f"the regions cannot be written to the stream: {error.strerror or error}"
+        ) from error
 
 
 def _write_geojson(regions: Regions, path: Path) -> None:
@@ -126,28 +134,55 @@ def _write_kml(regions: Regions, path: Path) -> None:
 
 
 def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> None:
-    """Write with GDAL, which is not to say a word about it."""
+    """Write with GDAL, which is not to say a word about it; batch by batch, so that no file is held whole."""
     import pyogrio.raw
     from pyogrio.errors import DataLayerError, DataSourceError
 
-    several = bool((shapely.get_type_id(regions.polygons) != shapely.GeometryType.POLYGON).any())
+    several = any_multi(regions.polygons)
     with _gdal_on(_DAY), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            pyogrio.raw.write(
+            pyogrio.raw.write_arrow(
+                _batches(regions, promoted=several),
                 path,
-                shapely.to_wkb(regions.polygons),
-                list(regions.columns.values()),
-                list(regions.columns),
                 layer=LAYER,
                 driver=driver,
+                geometry_name=_GEOMETRY,
                 geometry_type="MultiPolygon" if several else "Polygon",
-                promote_to_multi=several,
                 crs=regions.wkt,
                 layer_options=options,
             )
         except (DataSourceError, DataLayerError) as error:
-            raise OutputError(f"GDAL cannot write the regions as {driver}: {error}") from error
+            reason = textwrap.shorten(str(error).rpartition("failed: ")[2], 200)  # GDAL quotes long SQL
+            raise OutputError(f"GDAL cannot write the regions as {driver}: {reason}") from error
+    if not is_whole(path, len(regions)):
+        raise OutputError(f"{path.name} cannot be written whole; is the disk full?")
+
+
+def _batches(regions: Regions, promoted: bool = False) -> Any:
+    """The regions as a stream of Arrow batches; with `promoted`, every geometry is a MultiPolygon."""
+    import pyarrow
+
+    kinds = {name: _KINDS[column.dtype.kind] for name, column in regions.columns.items()}
+    schema = pyarrow.schema([*((name, pyarrow.type_for_alias(kind)) for name, kind in kinds.items())])
+    schema = schema.append(pyarrow.field(_GEOMETRY, pyarrow.binary()))
+
+    def made() -> Iterator[Any]:
+        for part in shapes.batches(regions.polygons):
+            polygons = regions.polygons[part]
+            if promoted:
+                polygons = _multi(polygons)
+            columns = [_null_for_nan(column[part]) for column in regions.columns.values()]
+            yield pyarrow.record_batch([*columns, pyarrow.array(shapely.to_wkb(polygons))], schema=schema)
+
+    return pyarrow.RecordBatchReader.from_batches(schema, made())
+
+
+def _multi(polygons: NDArray[Any]) -> NDArray[Any]:
+    """Every geometry as a MultiPolygon."""
+    parts, owners = shapely.get_parts(polygons, return_index=True)
+    whole: NDArray[Any] = shapely.multipolygons(parts, indices=owners)
+    return whole
 
 
 @contextmanager
@@ -165,13 +200,13 @@ def _gdal_on(day: str) -> Iterator[None]:
 
 def _write_parquet(regions: Regions, path: Path) -> None:
     """GeoParquet 1.0."""
-    import pyarrow
     from pyarrow import parquet
 
-    arrays: dict[str, Any] = {name: _null_for_nan(column) for name, column in regions.columns.items()}
-    arrays["geometry"] = pyarrow.array(shapely.to_wkb(regions.polygons), pyarrow.binary())
-    table = pyarrow.table(arrays).replace_schema_metadata({"geo": json.dumps(_geo(regions))})
-    parquet.write_table(table, path, compression="zstd")
+    batches = _batches(regions)
+    schema = batches.schema.with_metadata({"geo": json.dumps(_geo(regions))})
+    with parquet.ParquetWriter(path, schema, compression="zstd") as file:
+        for batch in batches:
+            file.write_batch(batch.replace_schema_metadata(schema.metadata))
 
 
 def _null_for_nan(column: NDArray[Any]) -> Any:

@@ -1,27 +1,29 @@
 """The main job: regions of a raster whose mean intensity lies in a range."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg._memory import give_back
 from uavseg.errors import ParameterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.tiling import BLOCK, CELL, Window, tile_side, tiles
+from uavseg.raster.tiling import CELL, Window, in_panels, tile_side, tiles
 from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
-from uavseg.regions.outline import Painter, Rings, rasterise, trace
+from uavseg.regions.outline import Rings, rasterise, trace
 from uavseg.regions.simplify import simplify
-from uavseg.regions.table import Regions, make, polygons
+from uavseg.regions.table import Regions, make
 from uavseg.regions.tilewise import Outlined, outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.components import Sums, components
-from uavseg.segmentation.pipeline import GreySource, SegmentParams, block_map, block_map_for, stages
+from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for, stages
 from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.source import GreySource
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +33,7 @@ class ExtractParams:
     Parameters
     ----------
     segment : SegmentParams
-    stretch : StretchSpec or str
+    stretch : Stretch, StretchSpec or str
         How intensity becomes v.
     fill_holes : Area, optional
         Holes of less are filled, and regions within them become part of what surrounds them; this comes
@@ -45,7 +47,7 @@ class ExtractParams:
     """
 
     segment: SegmentParams = field(default_factory=SegmentParams)
-    stretch: StretchSpec | str = "auto"
+    stretch: Stretch | StretchSpec | str = "auto"
     fill_holes: Area | None = None
     min_area: Area | None = None
     simplify_m: float | None = None
@@ -111,6 +113,7 @@ def extract(
     first, second, third = _three(progress)
     source = GreySource(dataset, fit(dataset, params.stretch, map, windows, first))
     blocks = block_map_for(source, interval, params.segment, windows, map, second)
+    give_back()
     outlined = _outlined(source, blocks, interval, params, windows, map, third)
     return _extraction(source, outlined, interval, params, windows, map)
 
@@ -163,18 +166,10 @@ def divide(
     return block_map(source, windows, map, second), source.stretch
 
 
-def painted(found: Extraction, map: Map = serial) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
-    """The labels of regions, window by window from the top, as their outlines enclose them."""
-    rows, cols = found.geobox.shape
-    stripe = max((1 << 24) // cols // BLOCK, 1) * BLOCK
-    windows = tiles((rows, cols), (stripe, -(-cols // BLOCK) * BLOCK))
-    return zip(windows, map(Painter(found.rings), windows), strict=True)
-
-
 def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
-    """The tiles of a dataset: squares of the given side, else what suits its files."""
+    """The tiles of a dataset, in the order of reading: squares of this side, else what suits its files."""
     shape = dataset.geobox.shape
-    return tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile)
+    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))
 
 
 def _outlined(
@@ -189,7 +184,9 @@ def _outlined(
 ) -> Outlined:
     how = params.segment
     inside = in_range(blocks, interval, how.threshold, how.step)
-    return outline_regions(source, inside, interval, how.refine, windows, map, progress, expected)
+    found = outline_regions(source, inside, interval, how.refine, windows, map, progress, expected)
+    give_back()
+    return found
 
 
 def _extraction(
@@ -228,7 +225,6 @@ def _measured(
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make(
         rings,
-        polygons(rings, geobox.transform),
         geobox,
         sums.counts,
         sums.greys,

@@ -47,7 +47,7 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
         return regions
     # The measure is an area, so pixels may serve as units whatever their shape; and whole numbers leave no
     # doubt on which side of an edge a vertex lies.
-    flat = Ragged.of(regions.polygons)
+    flat = Ragged.of(np.asarray(regions.polygons))
     corners, rings = _noded(_corners(flat.vertices, geobox.transform), flat.rings)
     coverage = Ragged(corners.astype(np.float64), rings, flat.polygons, flat.regions).built()
     simpler = shapely.coverage_simplify(coverage, metres / np.sqrt(np.prod(ground_resolution(geobox))))

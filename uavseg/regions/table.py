@@ -5,22 +5,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ring_areas, ring_perimeters
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.outline import Rings
+from uavseg.regions.shapes import Polygons, Shapes, batches
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-    from uavseg.regions.outline import Rings
-
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
-Objects = NDArray[np.object_]
 
 COLUMNS: dict[str, type] = {
     "id": np.int64,
@@ -51,7 +48,7 @@ class Regions:
         `id` (the label, from 1), `area_m2` and `perimeter_m` on the ground (local units where there is no
         CRS), `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point inside
         the region (NaN where there is no CRS), `range_low`, `range_high`, `source`.
-    polygons : (n,) object array of shapely Polygon
+    polygons : (n,) object array of shapely Polygon, or Shapes
         In the raster's CRS; along pixel edges, exteriors counter-clockwise. A MultiPolygon where the pixels
         of a region do not all share edges.
     wkt : str or None
@@ -59,7 +56,7 @@ class Regions:
     """
 
     columns: dict[str, NDArray[Any]]
-    polygons: Objects
+    polygons: Polygons
     wkt: str | None
 
     def __len__(self) -> int:
@@ -78,8 +75,7 @@ class Regions:
 
 
 def make(
-    rings: "Rings",
-    polygons: Objects,
+    rings: Rings,
     geobox: GeoBox,
     counts: NDArray[np.integer[Any]],
     sums: NDArray[np.integer[Any]],
@@ -94,8 +90,6 @@ def make(
     ----------
     rings : Rings
         Outlines of regions 1..n on the grid of `geobox`.
-    polygons : (n,) object array of shapely Polygon
-        The same as polygons (`polygons(rings, geobox.transform)`).
     geobox : GeoBox
     counts : (n,) integer array
         Pixels of each region.
@@ -108,6 +102,7 @@ def make(
     pixels : (n,) integer array, optional
         Pixels that the outlines enclose, where not all of them were summed.
     """
+    polygons = Shapes(rings, geobox.transform)
     n = len(polygons)
     mean, std = _mean_and_std(counts, sums, square_sums)
     lon, lat = _points_inside(polygons, geobox)
@@ -133,51 +128,6 @@ def make(
     return Regions(columns, polygons, geobox.wkt)
 
 
-def polygons(rings: "Rings", transform: Affine) -> Objects:
-    """Build the polygons of all regions at once.
-
-    Parameters
-    ----------
-    rings : Rings
-        Outlines of regions 1..n.
-    transform : affine.Affine
-        From pixel corners (col, row) to map coordinates.
-
-    Returns
-    -------
-    polygons : (n,) object array of shapely Polygon
-        Exteriors are counter-clockwise on the map, holes clockwise. A MultiPolygon where a region has several
-        exteriors.
-    """
-    corners = rings.vertices.take(_closed(rings.starts, transform.determinant < 0), axis=0)
-    coordinates = np.empty((len(corners), 2))
-    coordinates[:, 0] = transform.a * corners[:, 1] + transform.b * corners[:, 0] + transform.c
-    coordinates[:, 1] = transform.d * corners[:, 1] + transform.e * corners[:, 0] + transform.f
-    exteriors = np.flatnonzero(rings.exteriors)
-    n = int(rings.labels[-1]) if len(rings.labels) else 0
-    return Ragged(
-        coordinates,
-        rings.starts + np.arange(len(rings.starts)),
-        np.append(exteriors, len(rings.labels)),
-        np.searchsorted(rings.labels[exteriors], np.arange(1, n + 2)),
-    ).built()
-
-
-def _closed(starts: Integers, backwards: bool) -> Integers:
-    """Indices of vertices that walk each ring from its first vertex back to it, or the other way round."""
-    rings = np.arange(len(starts) - 1)
-    lengths = np.diff(starts) + 1
-    places = np.arange(starts[-1] + len(rings))
-    if backwards:
-        places = np.repeat(starts[1:] + starts[:-1] + rings, lengths) - places
-        returns = starts[:-1] + rings
-    else:
-        places -= np.repeat(rings, lengths)
-        returns = starts[1:] + rings
-    places[returns] = starts[:-1]
-    return places
-
-
 def _per_region(labels: Integers, values: NDArray[Any], n: int) -> NDArray[Any]:
     return np.bincount(labels, weights=values, minlength=n + 1)[1:]
 
@@ -190,9 +140,11 @@ def _mean_and_std(
     return mean / _WHITE, np.sqrt(variance) / _WHITE
 
 
-def _points_inside(polygons: Objects, geobox: GeoBox) -> tuple[Floats, Floats]:
+def _points_inside(polygons: Shapes, geobox: GeoBox) -> tuple[Floats, Floats]:
     """Longitude and latitude of a point inside each polygon; NaN where there is none or no CRS."""
-    points = shapely.point_on_surface(polygons)
+    points = np.concatenate(
+        [np.empty(0, object), *(shapely.point_on_surface(polygons[part]) for part in batches(polygons))]
+    )
     try:
         lon, lat = geobox.lonlat_from_xy(shapely.get_x(points), shapely.get_y(points))
     except RasterError:

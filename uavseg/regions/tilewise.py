@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline import Painter, Rings, link
+from uavseg.regions.outline import Rings, Sketch, Sketches, link
 from uavseg.regions.tracing import Chains, trace_tile
 from uavseg.segmentation.blockmap import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, components, united
-from uavseg.segmentation.pipeline import GreySource, Refinement, cells_around, refined, window_cells
+from uavseg.segmentation.pipeline import Refinement, cells_around, refined, window_cells
 from uavseg.segmentation.refinement import REACH
 from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.source import GreySource
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def outline_regions(
     refine : {"none", "scan", "smooth"}
         With "none", leaves that share an edge are one region also where invalid pixels part their pixels.
     windows : sequence of Window
-        Tiles that cover the raster, row by row.
+        Tiles that cover the raster, each after those above it and to its left.
     map, progress
         Who runs the work, and who is told.
     expected : BlockMap, optional
@@ -81,7 +82,7 @@ def outline_regions(
     """
     jobs = _Jobs(inside, windows, expected)
     tiles = map(partial(_outline_tile, source, interval, refine), jobs, progress)
-    found = _Joined(source.shape[1])
+    found = _Joined(source.shape)
     for window, tile in zip(windows, tiles, strict=True):
         found.add(window, tile)
     sums, parts, pieces = found.result()
@@ -146,30 +147,27 @@ def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> 
 
 
 class _Joined:
-    """Tiles put together in raster order; only the borders that still wait for a neighbour are held."""
+    """Tiles put together, each after those above it and to its left; of these only the borders are held."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, shape: tuple[int, int]) -> None:
         self._sums: list[Sums] = []
         self._pieces: list[Chains] = []
         self._pairs: list[NDArray[np.int64]] = []
         self._count = 0
-        self._above = np.zeros(
-            width, np.int64
-        )  # components along the last row of the tiles above, 0 for none
-        self._left: NDArray[np.int64] | None = None
+        # Components along the lowest row, and along the rightmost column, of what is there; 0 for none.
+        self._above = np.zeros(shape[1], np.int64)
+        self._beside = np.zeros(shape[0], np.int64)
 
     def add(self, window: Window, tile: _Tile | None) -> None:
         """Take in the next tile."""
-        columns = slice(window.col, window.col + window.cols)
+        rows, cols = window.slices
         if tile is None:
-            self._above[columns] = 0
-            self._left = None
+            self._above[cols] = self._beside[rows] = 0
             return
-        self._meet(self._above[columns], self._numbered(tile.top))
-        if window.col > 0 and self._left is not None:
-            self._meet(self._left, self._numbered(tile.left))
-        self._above[columns] = self._numbered(tile.bottom)
-        self._left = self._numbered(tile.right)
+        self._meet(self._above[cols], self._numbered(tile.top))
+        self._meet(self._beside[rows], self._numbered(tile.left))
+        self._above[cols] = self._numbered(tile.bottom)
+        self._beside[rows] = self._numbered(tile.right)
         tile.chains.table[:, 0] += self._count - 1
         self._sums.append(tile.sums)
         self._pieces.append(tile.chains)
@@ -217,7 +215,7 @@ def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], ma
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts = np.zeros_like(sums.counts)
-    for found in map(partial(_sum_tile, source, Painter(outlined.rings)), windows):
+    for found in map(partial(_sum_tile, source), Sketches(outlined.rings, windows)):
         if found is not None:
             names, parts = found
             counts[names - 1] += parts.counts
@@ -226,9 +224,9 @@ def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], ma
     return Sums(counts, greys, squares, sums.firsts)
 
 
-def _sum_tile(source: GreySource, paint: Painter, window: Window) -> tuple[NDArray[np.int64], Sums] | None:
+def _sum_tile(source: GreySource, sketch: Sketch) -> tuple[NDArray[np.int64], Sums] | None:
     """Labels in a tile, and the sums of each over its valid pixels."""
-    labels = paint(window)
+    window, labels = sketch.window, sketch.paint()
     names = np.unique(labels).astype(np.int64)
     names = names[names > 0]
     if len(names) == 0:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.segmentation.components import WORD, words_of
 
 OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table
 
@@ -59,13 +60,14 @@ def trace_tile(
     seen = np.zeros(labels.shape, np.uint8)
     room = 1024 + labels.size // 64
     kernel_of_type = _trace_u1 if image.dtype == np.uint8 else _trace_u4
+    words = words_of(image) if image.dtype == np.uint8 and margin % WORD == 0 else np.empty((0, 0), np.uint64)
     while True:
         vertices = np.empty((room, 2), np.int32)
         pinched = np.empty(room, np.uint8)
         table = np.empty((room, 6), np.int64)
         sizes = np.zeros(2, np.int64)
         kernel_of_type(
-            image, labels, margin, corner[0], corner[1], width, seen, vertices, pinched, table, sizes
+            image, words, labels, margin, corner[0], corner[1], width, seen, vertices, pinched, table, sizes
         )
         if sizes.max() <= room:
             used, chains = sizes
@@ -190,7 +192,7 @@ def walk(image, labels, margin, top, left, width, seen, vertices, pinched, table
             return
 
 
-def _trace(image, labels, margin, top, left, width, seen, vertices, pinched, table, sizes):  # type: ignore[no-untyped-def]
+def _trace(image, words, labels, margin, top, left, width, seen, vertices, pinched, table, sizes):  # type: ignore[no-untyped-def]
     rows, cols = labels.shape
     # Chains that come in from another tile: they begin on the tile's border.
     for r in range(rows + 1):
@@ -219,12 +221,19 @@ def _trace(image, labels, margin, top, left, width, seen, vertices, pinched, tab
                     )
     # Everything else is closed, and has an upper edge.
     for r in range(rows):
-        for c in range(cols):
+        c = 0
+        while c < cols:
+            if words.shape[0] > 0 and c % WORD == 0:
+                word = (c + margin) // WORD
+                if words[r + margin, word] == words[r + margin - 1, word]:
+                    c += WORD
+                    continue
             label = image[r + margin, c + margin]
             if label != 0 and label != image[r + margin - 1, c + margin] and not seen[r, c]:
                 walk(image, labels, margin, top, left, width, seen, vertices, pinched, table, sizes, r, c, 0)
+            c += 1
 
 
-_ARRAYS = "u4[:,::1], i8, i8, i8, i8, u1[:,::1], i4[:,::1], u1[::1], i8[:,::1], i8[::1])"
+_ARRAYS = "u8[:,::1], u4[:,::1], i8, i8, i8, i8, u1[:,::1], i4[:,::1], u1[::1], i8[:,::1], i8[::1])"
 _trace_u1 = kernel("void(u1[:,::1], " + _ARRAYS)(_trace)
 _trace_u4 = kernel("void(u4[:,::1], " + _ARRAYS)(_trace)

@@ -14,6 +14,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
+from uavseg.regions import shapes
 from uavseg.regions.bend import bent
 from uavseg.regions.decimals import UNITS
 from uavseg.regions.fold import fold
@@ -50,7 +51,7 @@ class Batch:
         return drawn
 
 
-def batches(regions: Regions, vertices: int = 1 << 18) -> Iterator[Batch]:
+def batches(regions: Regions, vertices: int = shapes.BATCH) -> Iterator[Batch]:
     """The regions in WGS 84, about so many vertices at a time.
 
     Exteriors run counter-clockwise, holes clockwise.
@@ -64,14 +65,9 @@ def batches(regions: Regions, vertices: int = 1 << 18) -> Iterator[Batch]:
     if not len(regions):
         return
     way = _Way.of(regions.wkt)
-    pixel = shapely.area(regions.polygons).sum() / regions.columns["pixels"].sum()
-    ends = np.cumsum(shapely.get_num_coordinates(regions.polygons))
-    first = 0
-    while first < len(regions):
-        passed = ends[first - 1] if first else 0
-        last = max(first + 1, int(np.searchsorted(ends, passed + vertices)))
-        yield _batch(regions.polygons[first:last], pixel, way)
-        first = last
+    pixel = shapes.total_area(regions.polygons) / regions.columns["pixels"].sum()
+    for part in shapes.batches(regions.polygons, vertices):
+        yield _batch(regions.polygons[part], pixel, way)
 
 
 def geometries(regions: Regions) -> Objects:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox, scaled
-from uavseg.raster.opening import GDAL_ERRORS, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal, is_remote, quiet_open
 from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import CELL
 from uavseg.raster.write import read_geotiff, write_geotiff
@@ -52,8 +52,8 @@ class Origin:
     def found(self, beside: str | os.PathLike[str]) -> list[str] | None:
         """Paths of the rasters where all are still there: as they were, or beside the block map's file."""
         for folder in (Path(self.folder), Path(beside).resolve().parent):
-            paths = [raster if raster.startswith("/vsi") else str(folder / raster) for raster in self.rasters]
-            if all(path.startswith("/vsi") or Path(path).exists() for path in paths):
+            paths = [raster if is_remote(raster) else str(folder / raster) for raster in self.rasters]
+            if all(is_remote(path) or Path(path).exists() for path in paths):
                 return paths
         return None
 

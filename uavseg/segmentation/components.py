@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
+WORD = 8  # pixels of an image of bytes that are looked at together
+
 
 def components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
     """Number the components of an image in raster order of their first pixels.
@@ -32,7 +34,39 @@ def components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.u
     """
     labels = np.zeros((inside.shape[0] - 2 * margin, inside.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size // 2 + 2, np.uint32)
-    return labels, _label(inside, margin, labels, parents)
+    words = words_of(inside) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
+    return labels, _label_u1(inside, words, margin, labels, parents)
+
+
+def equal_components(image: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]:
+    """Number the connected pixels of equal value, 0 left out, in raster order of their first pixels.
+
+    Parameters
+    ----------
+    image : (M, N) uint32 array
+
+    Returns
+    -------
+    labels : (M, N) uint32 array
+        0 where the image is, 1..n.
+    n : int
+
+    Examples
+    --------
+    >>> equal_components(np.array([[5, 0, 5], [5, 7, 7]], np.uint32))[0]
+    array([[1, 0, 2],
+           [1, 3, 3]], dtype=uint32)
+    """
+    labels = np.zeros(image.shape, np.uint32)
+    parents = np.empty(labels.size + 1, np.uint32)
+    return labels, _label_u4(image, np.empty((0, 0), np.uint64), 0, labels, parents)
+
+
+def words_of(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
+    """Eight pixels of a row in one number, so that they are compared at once; empty where they do not fit."""
+    if image.shape[1] % WORD or not image.flags.c_contiguous or image.ctypes.data % WORD:
+        return np.empty((0, 0), np.uint64)
+    return image.view(np.uint64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,32 +142,51 @@ def root_of(parents, item):  # type: ignore[no-untyped-def]
     return item
 
 
-@kernel("i8(u1[:,::1], i8, u4[:,::1], u4[::1])")
-def _label(inside, margin, labels, parents):  # type: ignore[no-untyped-def]
-    # Provisional numbers and which of them meet; the smaller one is the root, so roots are in raster order.
+@inlined
+def end_of_run(image, words, margin, r, c, value):  # type: ignore[no-untyped-def]
+    """Where the pixels of a value that begin at column c of a row end; columns count from the margin."""
+    cols = image.shape[1] - 2 * margin
+    full = np.uint64(value) * np.uint64(0x0101010101010101)
+    while c < cols and image[r + margin, c + margin] == value:
+        c += 1
+        if words.shape[0] > 0 and c % WORD == 0:
+            while c < cols and words[r + margin, (c + margin) // WORD] == full:
+                c += WORD
+    return c
+
+
+def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-def]
+    # Runs of pixels get provisional numbers, and which of them meet is noted; the smaller one is the root, so
+    # roots are in raster order.
     rows, cols = labels.shape
     used = np.uint32(0)
     parents[0] = 0
     for r in range(rows):
-        left = np.uint32(0)
-        for c in range(cols):
-            if not inside[r + margin, c + margin]:
-                left = np.uint32(0)
-                continue
-            above = labels[r - 1, c] if r > 0 else np.uint32(0)
-            if left == 0:
-                if above == 0:
+        c = 0
+        while c < cols:
+            value = image[r + margin, c + margin]
+            end = end_of_run(image, words, margin, r, c, value)
+            if value != 0:
+                label = np.uint32(0)
+                before = np.uint32(0)
+                for k in range(c, end if r > 0 else c):
+                    above = labels[r - 1, k]
+                    if above != before:
+                        before = above
+                        if above != 0 and image[r + margin - 1, k + margin] == value:
+                            root = root_of(parents, above)
+                            if label != 0:
+                                label = root_of(parents, label)
+                                parents[max(label, root)] = min(label, root)
+                                root = min(label, root)
+                            label = root
+                if label == 0:
                     used += np.uint32(1)
                     parents[used] = used
-                    left = used
-                else:
-                    left = above
-            elif above != 0 and above != left:
-                first = root_of(parents, left)
-                second = root_of(parents, above)
-                left = min(first, second)
-                parents[max(first, second)] = left
-            labels[r, c] = left
+                    label = used
+                for k in range(c, end):
+                    labels[r, k] = label
+            c = end
     found = np.uint32(0)
     for k in range(1, used + 1):
         if parents[k] == k:
@@ -142,9 +195,18 @@ def _label(inside, margin, labels, parents):  # type: ignore[no-untyped-def]
         else:
             parents[k] = parents[parents[k]]
     for r in range(rows):
-        for c in range(cols):
+        c = 0
+        while c < cols:
+            if words.shape[0] > 0 and c % WORD == 0 and words[r + margin, (c + margin) // WORD] == 0:
+                c += WORD
+                continue
             labels[r, c] = parents[labels[r, c]]
+            c += 1
     return found
+
+
+_label_u1 = kernel("i8(u1[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
+_label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
 
 
 @kernel("void(u4[:,::1], u2[:,::1], i8, i8[::1], u8[::1], u8[::1], i8[:,::1])")

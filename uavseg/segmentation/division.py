@@ -22,6 +22,7 @@ from uavseg.segmentation.texture import (
 
 BLOCK = 64
 RATIOS = 21  # of one block: side 64, then four of side 32, then sixteen of side 16, each row by row
+EVERY = np.uint32((1 << RATIOS) - 1)  # all of them are wanted
 SMALLEST_G = 1e-9  # per pixel of the pair; below it a G is what rounding left of 0
 
 _N_LN_N = np.concatenate([[0.0], np.arange(1, BLOCK * BLOCK + 1) * np.log(np.arange(1, BLOCK * BLOCK + 1))])

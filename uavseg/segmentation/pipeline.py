@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.parallel import Map, Progress, serial
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import BLOCK, CELL, Window
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
-from uavseg.segmentation.division import block_ratios
+from uavseg.segmentation.division import EVERY, block_ratios, wanted_ratios
+from uavseg.segmentation.patches import SIDE, Patches
 from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.segments import Cut, IntensityRange, matching, pixels_of
+from uavseg.segmentation.source import GreySource, GreyTile, whole_blocks
 from uavseg.segmentation.texture import GREYS, contrast_cuts, contrast_histogram
 
 Method = Literal["paper", "adaptive"]
@@ -72,52 +72,6 @@ class SegmentParams:
         return self.intensity_step if self.method == "adaptive" else inf
 
 
-@dataclass(frozen=True, slots=True)
-class GreyTile:
-    """Grey of a window with a margin; what lies outside the raster is invalid.
-
-    Parameters
-    ----------
-    grey : (M + 2 m, N + 2 m) uint16 array
-        0 where invalid; M and N are the window's sides, rounded up to whole blocks.
-    valid : (M + 2 m, N + 2 m) uint8 array
-    every : bool
-        Whether all of it is valid.
-    """
-
-    grey: NDArray[np.uint16]
-    valid: NDArray[np.uint8]
-    every: bool
-
-
-@dataclass(frozen=True)
-class GreySource:
-    """A dataset seen through a stretch."""
-
-    dataset: Dataset
-    stretch: Stretch
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.dataset.geobox.shape
-
-    def read(self, window: Window, margin: int) -> GreyTile:
-        """The grey of a window with `margin` pixels more on every side."""
-        shape = (_whole(window.rows) + 2 * margin, _whole(window.cols) + 2 * margin)
-        part = window.grown(margin).clipped(self.shape)
-        values, known = self.dataset.read(part)
-        pixels = self.stretch.apply(values, known)
-        if part.rows == shape[0] and part.cols == shape[1]:
-            whole = np.ones(shape, np.uint8) if known is None else known.view(np.uint8)
-            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(whole), known is None)
-        grey, valid = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
-        place = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
-        grey[place.slices] = pixels
-        valid[place.slices] = 1 if known is None else known
-        return GreyTile(grey, valid, False)
-
-
 @dataclass(frozen=True)
 class Measured:
     """What one pass over the raster tells: the block map's cells, and the cuts of contrast."""
@@ -145,25 +99,69 @@ def block_map(
     """
     parts = [None, None] if progress is None else stages(progress, 2)
     measured = measure(source, windows, map, parts[0])
-    everywhere = _any_valid(measured.blocks)
+    everywhere = np.where(_any_valid(measured.blocks), EVERY, np.uint32(0))
     divide(source, measured, everywhere, windows, map, parts[1])
     return measured.blocks
 
 
 def block_map_for(
     source: GreySource,
-    interval: IntensityRange,
+    cut: Cut,
     params: SegmentParams,
     windows: Sequence[Window],
     map: Map = serial,
     progress: Progress | None = None,
 ) -> BlockMap:
-    """A block map that answers one range exactly: R is known where the range does not decide by itself."""
+    """A block map that answers one range, states or levels exactly.
+
+    R is known where the cells of a block do not decide by themselves in which interval its leaves lie.
+
+    Parameters
+    ----------
+    source : GreySource
+    cut : IntensityRange, StateLimits or Levels
+    params : SegmentParams
+    windows, map, progress
+        As of `block_map`.
+    """
     parts = [None, None] if progress is None else stages(progress, 2)
-    measured = measure(source, windows, map, parts[0])
-    wanted = undecided(measured.blocks, interval.low, interval.high, params.step)
-    divide(source, measured, wanted, windows, map, parts[1])
+    question = Question(cut.edges, params.step, params.threshold)
+    measured = measure(source, windows, map, parts[0], question)
+    wanted = question.open_in(measured.blocks.sums, measured.blocks.counts)
+    divide(source, measured, wanted, windows, map, parts[1], question)
     return measured.blocks
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of a raster, as far as it says which blocks are looked at; and what is kept of them."""
+
+    edges: tuple[float, ...]
+    step: float
+    threshold: float
+    patches: Patches = field(default_factory=Patches, repr=False, compare=False)
+
+    def open_in(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
+        """Which R the cells leave open, see `blockmap.undecided`."""
+        return undecided(sums, counts, self.edges, self.step)
+
+
+@dataclass(frozen=True)
+class _InPassing:
+    """A question whose blocks are kept while cells are measured; what is measured does not depend on it."""
+
+    question: Question | None
+
+    def fingerprint(self) -> tuple[()]:
+        """Nothing, so that cells that were measured serve every question, see `resuming`."""
+        return ()
+
+    def keep(
+        self, window: Window, tile: GreyTile, sums: NDArray[np.uint32], counts: NDArray[np.uint8]
+    ) -> None:
+        """Keep the blocks of a tile that the question will look at."""
+        if self.question is not None:
+            self.question.patches.put(window, tile, _corners(self.question.open_in(sums, counts)))
 
 
 def measure(
@@ -171,11 +169,13 @@ def measure(
     windows: Sequence[Window],
     map: Map,
     progress: Progress | None = None,
+    question: Question | None = None,
 ) -> Measured:
     """Sums and counts of all cells, and the cuts of contrast over the whole raster."""
     blocks = BlockMap.empty(source.shape)
     histogram = np.zeros(GREYS, np.int64)
-    for window, found in zip(windows, map(partial(_measure_tile, source), windows, progress), strict=True):
+    measure_tile = partial(_measure_tile, source, _InPassing(question))
+    for window, found in zip(windows, map(measure_tile, windows, progress), strict=True):
         if found is None:
             continue
         sums, counts, contrasts = found
@@ -188,17 +188,18 @@ def measure(
 def divide(
     source: GreySource,
     measured: Measured,
-    wanted: NDArray[np.bool_],
+    wanted: NDArray[np.uint32],
     windows: Sequence[Window],
     map: Map,
     progress: Progress | None = None,
+    question: Question | None = None,
 ) -> None:
-    """Fill in R of the blocks that are wanted, a (B, C) bool array."""
-    jobs = [job for window in windows if (job := _blocks_in(window, wanted)) is not None]
-    tile_ratios = partial(_divide_tile, source, measured.cuts)
-    for (window, corners), ratios in zip(jobs, map(tile_ratios, jobs, progress), strict=True):
-        rows = (corners[:, 0] + window.row) // BLOCK
-        measured.blocks.ratios[rows, (corners[:, 1] + window.col) // BLOCK] = ratios
+    """Fill in the R whose bits are set in `wanted`, (B, C); what a question does not come to need stays 0."""
+    jobs = [(window, here) for window in windows if (here := wanted[window_blocks(window)]).any()]
+    divide_tile = partial(_divide_tile, source, measured.cuts, question)
+    for (window, bits), ratios in zip(jobs, map(divide_tile, jobs, progress), strict=True):
+        rows, cols = np.nonzero(bits)
+        measured.blocks.ratios[rows + window.row // BLOCK, cols + window.col // BLOCK] = ratios
 
 
 def refined(
@@ -225,11 +226,9 @@ def refined(
     if not inside.any():
         return None
     tile = source.read(window, REACH)
-    pixels = inside.repeat(CELL, axis=0).repeat(CELL, axis=1) & tile.valid
+    pixels = pixels_of(inside, tile.valid)
     if refine == "scan" and not inside.all():
-        low, high = interval.greys
-        matching = ((tile.grey >= low) & (tile.grey <= high)).view(np.uint8) & tile.valid
-        scan(pixels, tile.valid, matching)
+        scan(pixels, tile.valid, matching(tile.grey, tile.valid, *interval.greys))
     elif refine == "smooth" and not inside.all():
         pixels = smooth(pixels, tile.valid, tile.grey, interval.low, interval.high)
     return pixels, tile
@@ -238,7 +237,7 @@ def refined(
 def cells_around(inside: NDArray[np.uint8], window: Window) -> NDArray[np.uint8]:
     """Cells of a window grown by REACH; 0 outside the raster."""
     margin = REACH // CELL
-    rows, cols = _whole(window.rows) // CELL, _whole(window.cols) // CELL
+    rows, cols = whole_blocks(window.rows) // CELL, whole_blocks(window.cols) // CELL
     around = np.zeros((rows + 2 * margin, cols + 2 * margin), np.uint8)
     first = Window(window.row // CELL - margin, window.col // CELL - margin, *around.shape)
     part = first.clipped(inside.shape)
@@ -257,53 +256,65 @@ def stages(progress: Progress, count: int) -> list[Progress]:
 
 
 def _measure_tile(
-    source: GreySource, window: Window
+    source: GreySource, in_passing: _InPassing, window: Window
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None:
     if source.dataset.is_empty(window):
         return None
     tile = source.read(window, 1)
     sums, counts = cell_sums(tile.grey, tile.valid, margin=1)
+    in_passing.keep(window, tile, sums, counts)
     return sums, counts, contrast_histogram(tile.grey, None if tile.every else tile.valid)
 
 
 def _divide_tile(
-    source: GreySource, cuts: NDArray[np.int32], job: tuple[Window, NDArray[np.int64]]
+    source: GreySource,
+    cuts: NDArray[np.int32],
+    question: Question | None,
+    job: tuple[Window, NDArray[np.uint32]],
 ) -> NDArray[np.float64]:
-    window, corners = job
-    tile = source.read(window, 1)
-    return block_ratios(tile.grey, None if tile.every else tile.valid, cuts, corners)
+    window, bits = job
+    corners = _corners(bits)
+    patch = None if question is None else question.patches.take(window)
+    if patch is not None:
+        grey, valid = patch.grey, patch.valid
+        corners = np.stack([np.arange(len(corners)) * SIDE, np.zeros(len(corners), np.int64)], axis=1)
+    else:
+        part = _around(window, corners)
+        tile = source.read(part, 1)
+        grey, valid = tile.grey, None if tile.every else tile.valid
+        corners = corners - (part.row - window.row, part.col - window.col)
+    if question is None:
+        return block_ratios(grey, valid, cuts, corners)
+    return wanted_ratios(grey, valid, cuts, corners, bits[bits > 0], question.threshold)
 
 
-def _blocks_in(window: Window, wanted: NDArray[np.bool_]) -> tuple[Window, NDArray[np.int64]] | None:
-    """The smallest part of a window with all its wanted blocks, and where they begin in it."""
-    top, left = window.row // BLOCK, window.col // BLOCK
-    here = wanted[
-        top : -(-(window.row + window.rows) // BLOCK), left : -(-(window.col + window.cols) // BLOCK)
-    ]
-    rows, cols = np.nonzero(here)
-    if len(rows) == 0:
-        return None
-    first_row, first_col = rows.min(), cols.min()
-    part = Window(
-        window.row + int(first_row) * BLOCK,
-        window.col + int(first_col) * BLOCK,
-        int(rows.max() - first_row + 1) * BLOCK,
-        int(cols.max() - first_col + 1) * BLOCK,
-    )
-    return part, np.stack([rows - first_row, cols - first_col], axis=1) * BLOCK
+def _corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """Where the blocks begin of which anything is wanted."""
+    return np.stack(np.nonzero(bits), axis=1) * BLOCK
+
+
+def _around(window: Window, corners: NDArray[np.int64]) -> Window:
+    """The smallest part of a window with all the blocks that begin at `corners`."""
+    row, col = (int(first) for first in corners.min(axis=0))
+    end_row, end_col = (int(last) + BLOCK for last in corners.max(axis=0))
+    return Window(window.row + row, window.col + col, end_row - row, end_col - col)
+
+
+def window_blocks(window: Window) -> tuple[slice, slice]:
+    """A window's blocks in the block map."""
+    return _in_units(window, BLOCK)
 
 
 def window_cells(window: Window) -> tuple[slice, slice]:
     """A window's cells in the block map, to the end of its last blocks."""
-    return Window(
-        window.row // CELL, window.col // CELL, _whole(window.rows) // CELL, _whole(window.cols) // CELL
-    ).slices
+    return _in_units(window, CELL)
+
+
+def _in_units(window: Window, unit: int) -> tuple[slice, slice]:
+    rows, cols = whole_blocks(window.rows), whole_blocks(window.cols)
+    return Window(window.row // unit, window.col // unit, rows // unit, cols // unit).slices
 
 
 def _any_valid(blocks: BlockMap) -> NDArray[np.bool_]:
     rows, cols = blocks.blocks
     return np.asarray(blocks.counts.reshape(rows, 8, cols, 8).any(axis=(1, 3)))
-
-
-def _whole(length: int) -> int:
-    return -(-length // BLOCK) * BLOCK
