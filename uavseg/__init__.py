@@ -12,6 +12,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from uavseg.api import divide as divide
     from uavseg.api import extract as extract
+    from uavseg.api import path as path
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.planner import PlanParams as PlanParams
     from uavseg.flight.planner import plan as plan
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "extract": "uavseg.api",
     "divide": "uavseg.api",
+    "path": "uavseg.api",
     "plan": "uavseg.flight.planner",
     "PlanParams": "uavseg.flight.planner",
     "Dataset": "uavseg.raster.dataset",

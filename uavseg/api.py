@@ -22,6 +22,8 @@ from uavseg.segmentation.segments import IntensityRange
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
+    from uavseg.occupancy.ways import Way
+    from uavseg.raster.stretch import Stretch
     from uavseg.segmentation.blockmap import BlockMap
 
 
@@ -121,6 +123,98 @@ def divide(
     blocks, _ = _divide(_dataset(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
     _warn(bad)
     return blocks
+
+
+def path(
+    source: Any,
+    range: tuple[float, float],
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    *,
+    clearance: float = 0.0,
+    smooth: bool = False,
+    nodata: float | None = None,
+    stretch: str | None = None,
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+) -> Way:
+    """The shortest path between two places of one region of a map.
+
+    It leads from cell to cell in eight directions, cuts no corner, and never enters a cell whose own value is
+    out of the range.
+
+    Parameters
+    ----------
+    source : path, OccupancyGrid, DataArray or Dataset
+        A map of probabilities: a raster, the YAML file of a ROS map, or a map in memory.
+    range : (float, float)
+        Of v in [0, 1], both ends in it: what is passable, such as (0, 0.45).
+    start, goal : (float, float)
+        x and y in the map's coordinates.
+    clearance : float
+        Metres from the centres of the path's cells to everything that is not passable.
+    smooth : bool
+        Whether the path is pulled tight, at any angle.
+    nodata : float, optional
+    stretch : str, optional
+        For a map that holds no probabilities. Integers are divided by the largest of their type, floats are
+        taken as they are, if left out.
+    method, threshold, intensity_step
+        As of `extract`.
+    tile, threads : int, optional
+        Change no result.
+    progress : callable, optional
+        Called with (done, total).
+    resume : path, optional
+        As of `extract`.
+
+    Returns
+    -------
+    way : Way
+        Its corners are `way.xy` on the map; its length is `way.length_m`, in units of the map where that has
+        no CRS; what is to be told is in `way.warnings`.
+
+    Raises
+    ------
+    PathError
+        If a place lies outside of the map or in no region, the two lie in different regions, or no path leads
+        from one to the other.
+    UavsegError
+        If the map cannot be read or answered rightly, or a parameter is wrong.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> from uavseg.occupancy.scenes import lens
+    >>> way = uavseg.path(lens().run(), range=(0, 0.45), start=(1.605, 2.805), goal=(2.305, 0.705))
+    >>> [round(float(number), 3) for number in way.xy[-1]]
+    [2.305, 0.705]
+    """
+    from uavseg.occupancy.free import FreeCells
+    from uavseg.occupancy.ways import WayParams, find_way
+
+    wanted = WayParams(clearance, smooth)
+    dataset, fitted = _map(source, nodata)
+    segment = SegmentParams(method, threshold, intensity_step)  # type: ignore[arg-type]
+    params = ExtractParams(segment, fitted if stretch is None else stretch, tile=tile)
+    free = FreeCells.of(dataset, IntensityRange(*range), params, _workers(threads, resume), progress)
+    return find_way(free, start, goal, wanted, workers(threads))
+
+
+def _map(source: Any, nodata: float | None) -> tuple[Dataset, Stretch]:
+    """A map of probabilities, and how its numbers become grey."""
+    from uavseg.occupancy.grid import OccupancyGrid
+    from uavseg.occupancy.maps import open_map, stretch_of
+
+    if isinstance(source, str | os.PathLike):
+        return open_map(source, nodata=nodata)
+    dataset = source.dataset() if isinstance(source, OccupancyGrid) else _dataset(source, nodata=nodata)
+    return dataset, stretch_of(dataset)
 
 
 def _dataset(

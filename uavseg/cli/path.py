@@ -86,6 +86,7 @@ def command(
     """
     from uavseg.occupancy.free import FreeCells
     from uavseg.occupancy.maps import open_map
+    from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.occupancy.ways import WayParams, find_way
 
     reporter = Reporter(quiet, verbose, progress)
@@ -106,7 +107,8 @@ def command(
         reporter.warn(warning)
     mission = None if flight is None else _flown(way, flight, options["home"])
     _write(way, mission, output, overwrite)
-    _tell(way, output, time.perf_counter() - begun, reporter)
+    in_metres = way.geobox.crs is not None or is_ros_map(map_)
+    _tell(way, output, "m" if in_metres else "units of the map", time.perf_counter() - begun, reporter)
     if mission is not None and not quiet:
         from uavseg.cli.plan import report
 
@@ -190,9 +192,8 @@ def _write(way: Way, mission: Mission | None, output: str, overwrite: bool) -> N
             temporary.write_text(geojson(way), encoding="utf-8", newline="\n")
 
 
-def _tell(way: Way, output: str, seconds: float, reporter: Reporter) -> None:
+def _tell(way: Way, output: str, unit: str, seconds: float, reporter: Reporter) -> None:
     """The short table at the end."""
-    unit = "m" if way.geobox.crs is not None else "units of the map"
     rows = {
         "path": f"{len(way.corners):,} corners -> {'stdout' if output == '-' else output}",
         "length": f"{way.length_m:,.3f} {unit} ({way.cells:,} cells)",

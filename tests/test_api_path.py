@@ -1,0 +1,94 @@
+"""`uavseg.path`: the same way over a map, however the map comes."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import uavseg
+from uavseg.cli import main
+from uavseg.errors import IntensityRangeError, MapError, ParameterError, PathError
+from uavseg.occupancy.grid import OccupancyGrid, upright
+from uavseg.occupancy.rosmap import write_ros_map
+from uavseg.raster.write import write_geotiff
+
+CELL = 0.25
+RANGE = (0, 0.45)
+ENDS = {"start": (2.1, 2.1), "goal": (29.9, 2.1)}
+BOX = upright((128, 128), CELL, (0.0, 0.0))
+
+
+def beliefs() -> np.ndarray:
+    """Free space around a wall that reaches from below to the middle, and nothing known above."""
+    v = np.full((128, 128), 0.1, np.float32)
+    v[:30] = 0.5
+    v[60:, 60:68] = 0.9
+    return v
+
+
+def grid() -> OccupancyGrid:
+    return OccupancyGrid.from_probabilities(beliefs(), BOX)
+
+
+def test_a_way_goes_round_the_wall_within_the_range() -> None:
+    way = uavseg.path(grid(), RANGE, **ENDS)
+    assert np.allclose(way.xy[[0, -1]], [[2.125, 2.125], [29.875, 2.125]])
+    assert way.length_m == pytest.approx(np.hypot(*np.diff(way.xy, axis=0).T).sum())
+    assert way.xy[:, 1].max() > CELL * (128 - 60) and way.xy[:, 1].max() < CELL * (128 - 30)
+    tight = uavseg.path(grid(), RANGE, **ENDS, smooth=True)
+    assert tight.length_m < way.length_m and len(tight.xy) < 9
+    assert uavseg.path(grid(), RANGE, **ENDS, clearance=1.0).length_m > way.length_m
+
+
+def test_a_raster_and_an_array_are_the_same_map(tmp_path: Path) -> None:
+    write_geotiff(tmp_path / "map.tif", [beliefs()], BOX)
+    ways = [uavseg.path(source, RANGE, **ENDS) for source in (grid(), tmp_path / "map.tif")]
+    ways += [uavseg.path(uavseg.Dataset.open(tmp_path / "map.tif"), RANGE, **ENDS, tile=64, threads=1)]
+    assert len({way.xy.tobytes() for way in ways}) == 1
+
+
+def test_a_ros_map_is_in_metres_and_leads_the_same_way(tmp_path: Path) -> None:
+    states = np.where(beliefs() < 0.5, 1, np.where(beliefs() > 0.5, 3, 2))
+    write_ros_map(tmp_path / "map.yaml", states, BOX)
+    way = uavseg.path(tmp_path / "map.yaml", RANGE, **ENDS)
+    assert np.array_equal(way.xy, uavseg.path(grid(), RANGE, **ENDS).xy)
+    run = [
+        "path",
+        str(tmp_path / "map.yaml"),
+        "--range",
+        "0,0.45",
+        "--start",
+        "2.1,2.1",
+        "--goal",
+        "29.9,2.1",
+    ]
+    told = CliRunner().invoke(main, [*run, "-o", str(tmp_path / "path.geojson")])
+    assert told.exit_code == 0 and f"{way.length_m:,.3f} m " in told.stderr
+    line = json.loads((tmp_path / "path.geojson").read_text())["features"][0]["geometry"]["coordinates"]
+    assert line == way.xy.tolist()
+
+
+def test_finished_tiles_are_taken_up(tmp_path: Path) -> None:
+    write_geotiff(tmp_path / "map.tif", [beliefs()], BOX)
+    found = [uavseg.path(tmp_path / "map.tif", RANGE, **ENDS, resume=tmp_path / "kept") for _ in range(2)]
+    assert any((tmp_path / "kept").rglob("*.npz")) and np.array_equal(found[0].xy, found[1].xy)
+    with pytest.raises(ParameterError):  # a map in memory may change
+        uavseg.path(grid(), RANGE, **ENDS, resume=tmp_path / "kept")
+
+
+def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
+    for wrong, error in (
+        ({"range": (0.45, 0)}, IntensityRangeError),
+        ({"goal": (2.1, 31.9)}, PathError),
+        ({"start": (-1, 0)}, PathError),
+        ({"clearance": -1}, ParameterError),
+        ({"method": "best"}, ParameterError),
+    ):
+        with pytest.raises(error):
+            uavseg.path(grid(), **({"range": RANGE} | ENDS | wrong))
+    write_geotiff(tmp_path / "percent.tif", [100 * beliefs()], BOX)
+    with pytest.raises(MapError, match="--stretch"):
+        uavseg.path(tmp_path / "percent.tif", RANGE, **ENDS)
+    assert uavseg.path(tmp_path / "percent.tif", RANGE, **ENDS, stretch="0,100").cells > 100
