@@ -20,7 +20,7 @@ _COMMANDS = {
     "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like.",
     "simulate": "Simulate a laser range finder and write the map that it makes.",
-    "preview": "Draw a raster, regions and a mission as a picture.",
+    "preview": "Draw a raster and what was found in it as a picture.",
 }
 _INTERRUPTED = 130
 

@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def open_map(
     """
     if is_ros_map(path):
         found = read_ros_map(path)
-        dataset = Dataset.of_values(found.probabilities, found.geobox, os.fspath(path))
+        dataset = Dataset.of_values(found.probabilities, found.geobox, Path(path).name)
     else:
         dataset = Dataset.open(path, band=band, nodata=nodata)
     return dataset, stretch_of(dataset)
