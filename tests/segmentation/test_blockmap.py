@@ -219,7 +219,9 @@ def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
     blocks.counts[:, 16:] = 0
     blocks.sums[:, 16:] = 0
     # the block itself, its first quarter, and the first quarter of that
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [[0, 0b100011, 0]]
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [
+        [0, 0b100011, 0]
+    ]
     assert undecided(blocks.sums, blocks.counts, IntensityRange(0.6, 0.9).edges, INF).tolist() == [[0, 0, 0]]
 
 

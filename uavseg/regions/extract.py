@@ -14,10 +14,11 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import CELL, Window, in_panels, tile_side, tiles
 from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
+from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import Rings, rasterise, trace
 from uavseg.regions.simplify import simplify
 from uavseg.regions.table import Regions, make
-from uavseg.regions.tilewise import Outlined, outline_regions, summed
+from uavseg.regions.tilewise import outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.components import Sums, components

@@ -98,7 +98,8 @@ class StateLimits:
 
     def of(self, v: Any) -> NDArray[np.uint8]:
         """The state of each probability: 1 free, 2 unknown, 3 occupied."""
-        return (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
+        states: NDArray[np.uint8] = (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
+        return states
 
     @property
     def table(self) -> NDArray[np.uint8]:
