@@ -18,7 +18,8 @@ from uavseg.errors import ParameterError
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
     from uavseg.parallel import Map
-    from uavseg.regions.extract import Extraction, ExtractParams
+    from uavseg.regions.extract import ExtractParams
+    from uavseg.regions.extraction import Extraction
     from uavseg.segmentation.blockfile import SavedBlocks
     from uavseg.segmentation.segments import IntensityRange
 
