@@ -108,13 +108,21 @@ PHASES = {
     "blockmap": {"division"},
     "segments": {"blockmap"},
     "refinement": set(),
+    "statescans": set(),
     "components": set(),
 }
 EVERY_PHASE = set(PHASES)
 PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks
 PHASES["merging"] = {"components"}  # of the original algorithm
 PHASES["original"] = EVERY_PHASE | {"arrays", "merging"}  # a method of its own, made of them
-ON_RASTERS = {"source", "patches", "pipeline", "blockfile"}  # these may import raster, and all phases
+ON_RASTERS = {
+    "source",
+    "patches",
+    "pipeline",
+    "blockfile",
+    "stateimage",
+    "classification",
+}  # these may import raster, and all phases
 
 # Packages, and the only places that import them (for more than types).
 

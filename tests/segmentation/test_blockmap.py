@@ -161,7 +161,7 @@ def known_only_where(blocks: BlockMap, wanted: NDArray[np.uint32], otherwise: fl
 def assert_texture_elsewhere_is_of_no_use(
     blocks: BlockMap, interval: IntensityRange, X: float, tau: float
 ) -> None:
-    wanted = undecided(blocks.sums, blocks.counts, interval.low, interval.high, tau)
+    wanted = undecided(blocks.sums, blocks.counts, interval.edges, tau)
     full = cells_in_range(blocks, interval, X, tau)
     for otherwise in (0.0, INF):
         some = known_only_where(blocks, wanted, otherwise)
@@ -219,14 +219,16 @@ def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
     blocks.counts[:, 16:] = 0
     blocks.sums[:, 16:] = 0
     # the block itself, its first quarter, and the first quarter of that
-    assert undecided(blocks.sums, blocks.counts, 0.4, 0.6, INF).tolist() == [[0, 0b100011, 0]]
-    assert undecided(blocks.sums, blocks.counts, 0.6, 0.9, INF).tolist() == [[0, 0, 0]]
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [
+        [0, 0b100011, 0]
+    ]
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.6, 0.9).edges, INF).tolist() == [[0, 0, 0]]
 
 
 def test_a_block_that_intensity_divides_all_the_way_needs_no_texture() -> None:
     blocks = BlockMap.empty((64, 64))
     blocks.counts[:] = 64
     blocks.sums[0, 0] = 64 * 65535
-    assert undecided(blocks.sums, blocks.counts, 0.5, 1.0, 0.06).item() == 0
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.06).item() == 0
     # the means of its quarters are 1/16, 0, 0 and 0
-    assert undecided(blocks.sums, blocks.counts, 0.5, 1.0, 0.07).item() == 1
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.07).item() == 1

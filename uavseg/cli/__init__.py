@@ -14,6 +14,8 @@ from uavseg.errors import UavsegError
 
 _COMMANDS = {
     "extract": "Extract regions within a range of intensity.",
+    "levels": "Divide a raster into levels of equal width, and each into segments.",
+    "classify": "Find what is free, unknown and occupied in a map of probabilities.",
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
     "path": "Find the shortest path between two places of one region.",

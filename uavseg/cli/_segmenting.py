@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def segmenting_options(command: Command) -> Command:
-    """Give a command --method, --threshold and --intensity-step."""
+def segmenting_options(command: Command, method: str = "adaptive") -> Command:
+    """Give a command --method, which is this one unless told otherwise, --threshold and --intensity-step."""
     for option in reversed(
         (
             click.option(
                 "--method",
                 type=click.Choice(["adaptive", "paper"]),
-                default="adaptive",
+                default=method,
                 show_default=True,
                 help="Divide blocks by texture and intensity, or by texture alone as the paper does.",
             ),

@@ -73,6 +73,19 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     return RosMap(described.reading.cells(grey, opaque), GeoBox(grey.shape, transform, None))
 
 
+def check_ros_map(path: str | os.PathLike[str], geobox: GeoBox, overwrite: bool = False) -> None:
+    """See that a map may be written there; call it before the work.
+
+    Raises
+    ------
+    MapError, OutputExistsError, OutputError
+        As `write_ros_map`.
+    """
+    for target in (Path(path), Path(path).with_suffix(".pgm")):
+        check_target(target, overwrite)
+    _placed(geobox)
+
+
 def write_ros_map(
     path: str | os.PathLike[str], states: NDArray[np.integer[Any]], geobox: GeoBox, overwrite: bool = False
 ) -> None:

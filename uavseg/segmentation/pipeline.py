@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -234,15 +234,15 @@ def refined(
     return pixels, tile
 
 
-def cells_around(inside: NDArray[np.uint8], window: Window) -> NDArray[np.uint8]:
-    """Cells of a window grown by REACH; 0 outside the raster."""
-    margin = REACH // CELL
+def cells_around(cells: NDArray[Any], window: Window, reach: int = REACH) -> NDArray[Any]:
+    """Cells of a window grown by `reach` pixels, a multiple of 8; 0 outside the raster."""
+    margin = reach // CELL
     rows, cols = whole_blocks(window.rows) // CELL, whole_blocks(window.cols) // CELL
-    around = np.zeros((rows + 2 * margin, cols + 2 * margin), np.uint8)
+    around = np.zeros((rows + 2 * margin, cols + 2 * margin), cells.dtype)
     first = Window(window.row // CELL - margin, window.col // CELL - margin, *around.shape)
-    part = first.clipped(inside.shape)
+    part = first.clipped(cells.shape)
     place = Window(part.row - first.row, part.col - first.col, part.rows, part.cols)
-    around[place.slices] = inside[part.slices]
+    around[place.slices] = cells[part.slices]
     return around
 
 

@@ -98,7 +98,8 @@ class StateLimits:
 
     def of(self, v: Any) -> NDArray[np.uint8]:
         """The state of each probability: 1 free, 2 unknown, 3 occupied."""
-        return (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
+        states: NDArray[np.uint8] = (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
+        return states
 
     @property
     def table(self) -> NDArray[np.uint8]:
@@ -268,16 +269,22 @@ def matching(grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high:
     return fits
 
 
-def _spread(cells, valid, pixels):  # type: ignore[no-untyped-def]
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
+def _spread_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
+    for r in range(pixels.shape[0]):
+        for cell in range(cells.shape[1]):
+            own = cells[r // 8, cell]
+            for c in range(8 * cell, 8 * cell + 8):
+                pixels[r, c] = own & (np.uint8(0) - valid[r, c])  # faster than a product of bytes
+
+
+@kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")
+def _spread_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
             own = cells[r // 8, cell]
             for c in range(8 * cell, 8 * cell + 8):
                 pixels[r, c] = own * valid[r, c]
-
-
-_spread_u1 = kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")(_spread)
-_spread_u4 = kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")(_spread)
 
 
 @kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")
