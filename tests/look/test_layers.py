@@ -195,7 +195,7 @@ def test_levels_are_as_grey_as_their_interval(tmp_path: Path) -> None:
 
 def test_levels_without_intervals_are_spread_evenly() -> None:
     assert levelslayer.LevelsLayer.of(segments(level=[1, 2]), Frame(BOX)).greys.tolist() == [0, 1]
-    assert levelslayer.LevelsLayer.of(segments(level=[1, 1]), Frame(BOX)).greys.tolist() == [0, 0]
+    assert levelslayer.LevelsLayer.of(segments(level=[0, 0]), Frame(BOX)).greys.tolist() == [0, 0]
     with pytest.raises(RegionError, match="no column level"):
         levelslayer.LevelsLayer.of(segments(id=[1, 2]), Frame(BOX))
 

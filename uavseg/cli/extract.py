@@ -13,7 +13,6 @@ from uavseg.cli._regions import area, check_targets, largest, opened, shown, tel
 from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import mission_options
-from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission

@@ -20,7 +20,7 @@ class LevelsLayer:
     ----------
     polygons : (n,) object array of shapely geometries
     levels : (n,) int64 array
-        From 1.
+        The darkest has the least number.
     greys : (n,) float64 array
         0 black to 1 white.
     """
@@ -66,4 +66,5 @@ def _greys(levels: NDArray[np.int64], columns: dict[str, NDArray[Any]]) -> NDArr
     if "range_low" in columns and "range_high" in columns:
         ends = [np.asarray(columns[name], np.float64) for name in ("range_low", "range_high")]
         return np.clip((ends[0] + ends[1]) / 2, 0, 1)
-    return (levels - 1) / max(int(levels.max(initial=1)) - 1, 1)
+    least, most = (int(end) for end in (levels.min(initial=0), levels.max(initial=0)))
+    return (levels - least) / max(most - least, 1)

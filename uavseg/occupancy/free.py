@@ -5,7 +5,7 @@ Where walls are a cell or two thin the mean of a block hides them, so a region a
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from math import isfinite
 
 import numpy as np
@@ -137,7 +137,7 @@ class FreeCells:
         here = Window(int(row), int(col), 1, 1)
         tile = self.source.read(here, 0)
         value = tile.grey[0, 0] / _WHITE if tile.valid[0, 0] else None
-        region = int(Painter(self.rings)(here)[0, 0])
+        region = int(self._painter(here)[0, 0])
         low, high = self.interval.greys
         free = region > 0 and value is not None and bool(low <= tile.grey[0, 0] <= high)
         return Place(name, (here.row, here.col), region, value, free)
@@ -188,6 +188,10 @@ class FreeCells:
             return None
         x, y = self.geobox.xy_from_pixel(best[1] + 0.5, best[2] + 0.5)
         return Near(best[0], best[3], float(x), float(y))
+
+    @cached_property
+    def _painter(self) -> Painter:
+        return Painter(self.rings)
 
     def _look(self, painter: Painter, window: Window) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
         """Labels of a window, and which of its cells are free."""

@@ -55,8 +55,12 @@ class IntensityRange:
     @property
     def greys(self) -> tuple[int, int]:
         """The smallest and the largest grey g whose v = g / 65535 lies in the range."""
-        v = np.arange(FULL + 1) / FULL
-        return int(np.searchsorted(v, self.low, "left")), int(np.searchsorted(v, self.high, "right")) - 1
+        low, high = max(math.ceil(self.low * FULL) - 1, 0), min(math.floor(self.high * FULL) + 1, FULL)
+        while low / FULL < self.low:
+            low += 1
+        while high / FULL > self.high:
+            high -= 1
+        return low, high
 
 
 @dataclass(frozen=True, slots=True)
