@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks import table
+from benchmarks.accuracy import accuracy
 from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, chosen
 from benchmarks.kernels import speeds
 from benchmarks.measure import outcomes
 from benchmarks.paths import searches
 from benchmarks.scenes import KINDS, Scene, ready
+from benchmarks.smallmap import tasks
 from benchmarks.startup import starts
 
 
@@ -52,7 +54,22 @@ def _paths(options: argparse.Namespace) -> str:
     return table.paths(searches())
 
 
-_SECTIONS = {"processes": _processes, "startup": _startup, "kernels": _kernels, "paths": _paths}
+def _accuracy(options: argparse.Namespace) -> str:
+    return table.accuracy(*accuracy())
+
+
+def _smallmap(options: argparse.Namespace) -> str:
+    return table.small_maps(tasks())
+
+
+_SECTIONS = {
+    "processes": _processes,
+    "startup": _startup,
+    "kernels": _kernels,
+    "paths": _paths,
+    "smallmap": _smallmap,
+    "accuracy": _accuracy,
+}
 
 
 def _tell(line: str) -> None:
