@@ -424,15 +424,19 @@ def states(
 ) -> tuple[Ints, Labels]:
     """State of every pixel (0 where invalid), and labels: all free, all unknown, each occupied segment."""
     g = grey(values, valid, low, high)
-    cells = paint(divide(g, valid, X, tau), g.shape, state_of)
-    state = pixels(cells, valid)
-    if refine:
-        state = refine_states(state, g)
-        occupied = connected((state == OCCUPIED).astype(np.int64))
-    else:
-        occupied = pixels(connected((cells == OCCUPIED).astype(np.int64)), valid)
+    state, occupied = states_of_leaves(divide(g, valid, X, tau), g, valid, refine)
     segments = np.where(state == OCCUPIED, occupied + 2, state)  # 1 free, 2 unknown, 3... occupied
     return state, by_size(segments)
+
+
+def states_of_leaves(leaves: list[Leaf], grey: Grey, valid: Bool, refine: bool) -> tuple[Ints, Ints]:
+    """State of every pixel (0 where invalid), and the occupied segments in raster order; 0 is none."""
+    cells = paint(leaves, grey.shape, state_of)
+    state = pixels(cells, valid)
+    if not refine:
+        return state, pixels(connected((cells == OCCUPIED).astype(np.int64)), valid)
+    state = refine_states(state, grey)
+    return state, connected((state == OCCUPIED).astype(np.int64))
 
 
 def level_edges(P: float) -> list[float]:
@@ -458,10 +462,15 @@ def levels(
     tau: float | None = None,
 ) -> tuple[Ints, Labels]:
     """Level of every pixel (-1 where invalid), and labels of segments: adjacent leaves of one level."""
-    # Reading: levels are not refined, and it is leaves that connect.
     g = grey(values, valid, low, high)
+    return levels_of_leaves(divide(g, valid, X, tau), valid, P)
+
+
+def levels_of_leaves(leaves: list[Leaf], valid: Bool, P: float) -> tuple[Ints, Labels]:
+    """Level of every pixel (-1 where invalid), and labels of segments."""
+    # Reading: levels are not refined, and it is leaves that connect.
     edges = level_edges(P)
-    cells = paint(divide(g, valid, X, tau), g.shape, lambda op: level_of(op, edges) + 1)
+    cells = paint(leaves, valid.shape, lambda op: level_of(op, edges) + 1)
     return pixels(cells, valid) - 1, by_size(pixels(connected(cells), valid))
 
 

@@ -47,6 +47,8 @@ def test_a_raster_and_an_array_are_the_same_map(tmp_path: Path) -> None:
     ways = [uavseg.path(source, RANGE, **ENDS) for source in (grid(), tmp_path / "map.tif")]
     ways += [uavseg.path(uavseg.Dataset.open(tmp_path / "map.tif"), RANGE, **ENDS, tile=64, threads=1)]
     assert len({way.xy.tobytes() for way in ways}) == 1
+    bare = uavseg.path(beliefs(), RANGE, start=(8.4, 119.6), goal=(119.6, 119.6))  # columns and rows
+    assert np.array_equal(bare.corners, ways[0].corners)
 
 
 def test_a_ros_map_is_in_metres_and_leads_the_same_way(tmp_path: Path) -> None:

@@ -7,23 +7,35 @@ import warnings
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from affine import Affine
+
+from uavseg.errors import ParameterError
+from uavseg.occupancy.classify import Classification
+from uavseg.occupancy.classify import classify as _classify
+from uavseg.occupancy.free import FreeCells
+from uavseg.occupancy.grid import OccupancyGrid
+from uavseg.occupancy.maps import open_map, stretch_of
+from uavseg.occupancy.ways import Way, WayParams, find_way
 from uavseg.parallel import Map, Progress
 from uavseg.parallel import threads as workers
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
 from uavseg.raster.skipping import BadBlock, listing
+from uavseg.raster.stretch import Stretch
 from uavseg.regions.cleaning import Area, parse_area
 from uavseg.regions.extract import ExtractParams
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
+from uavseg.regions.levels import extract_levels
 from uavseg.resuming import kept
 from uavseg.segmentation.pipeline import SegmentParams
-from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.segments import IntensityRange, Levels, StateLimits
+from uavseg.segmentation.source import GreySource
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-    from uavseg.occupancy.ways import Way
-    from uavseg.raster.stretch import Stretch
     from uavseg.segmentation.blockmap import BlockMap
 
 
@@ -52,7 +64,7 @@ def extract(
 
     Parameters
     ----------
-    source : path, sequence of paths, DataArray or Dataset
+    source : path, sequence of paths, DataArray, (rows, cols) array or Dataset
         Many paths are one mosaic. A DataArray wants rioxarray's `.rio`.
     range : (float, float)
         Of v in [0, 1], both ends in it.
@@ -98,6 +110,124 @@ def extract(
     return found.regions.frame()
 
 
+def levels(
+    source: Any,
+    width: float,
+    *,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    min_area: float | str | None = None,
+    simplify: float | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> GeoDataFrame:
+    """A raster divided into levels of equal width, and each of them into segments of adjacent blocks.
+
+    Parameters
+    ----------
+    source
+        As of `extract`.
+    width : float
+        Of a level, in v: above 0 and at most 1. A value on an edge belongs to the level below it.
+    band, ..., skip_bad_tiles
+        As of `extract`.
+
+    Returns
+    -------
+    segments : geopandas.GeoDataFrame
+        With the columns of `extract` and `level`, from 0; `range_low` and `range_high` are the interval of
+        that level.
+
+    Raises
+    ------
+    UavsegError
+        As of `extract`.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> segments = uavseg.levels("tile.tif", width=0.1)  # doctest: +SKIP
+    """
+    dataset = _dataset(source, band, rgb, nodata, skip_bad_tiles)
+    segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
+    params = ExtractParams(segment, stretch, None, _area(min_area), simplify, tile)
+    bad: set[BadBlock] = set()
+    run = listing(_workers(threads, resume), bad)
+    found = extract_levels(dataset, Levels(width), params, run, progress)
+    _warn(bad)
+    return found.regions.frame()
+
+
+def classify(
+    source: Any,
+    *,
+    free_below: float = 0.498,
+    occupied_above: float = 0.502,
+    band: int | None = None,
+    nodata: float | None = None,
+    method: str = "paper",
+    refine: str = "scan",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    min_area: float | str | None = None,
+    simplify: float | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+) -> Classification:
+    """What is free, unknown and occupied in a map of probabilities.
+
+    Parameters
+    ----------
+    source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
+        The path is of a raster or of the YAML file of a ROS map. Integers are divided by the largest of their
+        type; floats lie in 0..1.
+    free_below, occupied_above : float
+        The limits of the probability of being occupied.
+    min_area, simplify
+        Of the objects: as of `extract`.
+    band, ..., resume
+        As of `extract`; maps are never stretched.
+
+    Returns
+    -------
+    found : Classification
+        `states`, a (rows, cols) uint8 array: 1 free, 2 unknown, 3 occupied, 0 no data. `frame()`, the
+        occupied objects as a GeoDataFrame with the columns of `extract` and x_min, y_min, x_max and y_max.
+        `occupied_in_free`: how many cells are called free though their own v is that of an occupied one.
+
+    Raises
+    ------
+    UavsegError
+        If the map cannot be read, has no valid cell or holds numbers that are no probabilities, or a
+        parameter is wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> walls = np.zeros((64, 64))
+    >>> walls[16:32, 16:48] = 1.0
+    >>> found = classify(walls)
+    >>> found.cells[3], found.frame()["pixels"].tolist()
+    (512, [512])
+    """
+    segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
+    params = ExtractParams(segment, min_area=_area(min_area), simplify_m=simplify, tile=tile)
+    limits = StateLimits(free_below, occupied_above)
+    return _classify(
+        GreySource(*_map(source, band, nodata)), limits, params, True, _workers(threads, resume), progress
+    )
+
+
 def divide(
     source: Any,
     *,
@@ -133,6 +263,7 @@ def path(
     *,
     clearance: float = 0.0,
     smooth: bool = False,
+    band: int | None = None,
     nodata: float | None = None,
     stretch: str | None = None,
     method: str = "adaptive",
@@ -150,8 +281,8 @@ def path(
 
     Parameters
     ----------
-    source : path, OccupancyGrid, DataArray or Dataset
-        A map of probabilities: a raster, the YAML file of a ROS map, or a map in memory.
+    source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
+        A map of probabilities, as of `classify`.
     range : (float, float)
         Of v in [0, 1], both ends in it: what is passable, such as (0, 0.45).
     start, goal : (float, float)
@@ -160,6 +291,7 @@ def path(
         Metres from the centres of the path's cells to everything that is not passable.
     smooth : bool
         Whether the path is pulled tight, at any angle.
+    band : int, optional
     nodata : float, optional
     stretch : str, optional
         For a map that holds no probabilities. Integers are divided by the largest of their type, floats are
@@ -195,26 +327,12 @@ def path(
     >>> [round(float(number), 3) for number in way.xy[-1]]
     [2.305, 0.705]
     """
-    from uavseg.occupancy.free import FreeCells
-    from uavseg.occupancy.ways import WayParams, find_way
-
     wanted = WayParams(clearance, smooth)
-    dataset, fitted = _map(source, nodata)
+    dataset, fitted = _map(source, band, nodata)
     segment = SegmentParams(method, threshold, intensity_step)  # type: ignore[arg-type]
     params = ExtractParams(segment, fitted if stretch is None else stretch, tile=tile)
     free = FreeCells.of(dataset, IntensityRange(*range), params, _workers(threads, resume), progress)
     return find_way(free, start, goal, wanted, workers(threads))
-
-
-def _map(source: Any, nodata: float | None) -> tuple[Dataset, Stretch]:
-    """A map of probabilities, and how its numbers become grey."""
-    from uavseg.occupancy.grid import OccupancyGrid
-    from uavseg.occupancy.maps import open_map, stretch_of
-
-    if isinstance(source, str | os.PathLike):
-        return open_map(source, nodata=nodata)
-    dataset = source.dataset() if isinstance(source, OccupancyGrid) else _dataset(source, nodata=nodata)
-    return dataset, stretch_of(dataset)
 
 
 def _dataset(
@@ -226,7 +344,20 @@ def _dataset(
 ) -> Dataset:
     if isinstance(source, Dataset):
         return replace(source, skip_bad_tiles=source.skip_bad_tiles or skip_bad_tiles)
+    if isinstance(source, np.ndarray):
+        if source.ndim != 2 or source.dtype.kind not in "iuf" or source.size == 0:
+            raise ParameterError(
+                f"an array wants numbers in rows and columns, not {source.dtype} of shape {source.shape}"
+            )
+        return Dataset.of_values(source, GeoBox(source.shape, Affine.identity(), None), "array")
     return Dataset.open(source, band, rgb, nodata, skip_bad_tiles)
+
+
+def _map(source: Any, band: int | None, nodata: float | None) -> tuple[Dataset, Stretch]:
+    if isinstance(source, str | os.PathLike):
+        return open_map(source, band, nodata)
+    dataset = source.dataset() if isinstance(source, OccupancyGrid) else _dataset(source, band, None, nodata)
+    return dataset, stretch_of(dataset)
 
 
 def _workers(threads: int | None, resume: str | os.PathLike[str] | None) -> Map:

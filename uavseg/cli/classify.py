@@ -42,6 +42,13 @@ if TYPE_CHECKING:
     help="Also write the ids of the objects as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
 @click.option(
+    "--mode",
+    type=click.Choice(["trinary", "scale", "raw"]),
+    default="trinary",
+    show_default=True,
+    help="How the picture of a ROS map is to be read; for scale it is a .png.",
+)
+@click.option(
     "--free-below",
     type=float,
     default=0.498,
@@ -97,7 +104,7 @@ def command(
     limits, params = StateLimits(options["free_below"], options["occupied_above"]), _params(tile, options)
     _check(target, objects, labels, overwrite)
     source = _opened(path, options, resume)
-    _check_place(target, objects, source, overwrite)
+    _check_place(target, options["mode"], objects, source, overwrite)
     run = workers(threads, scheduler)
     reporter.begin(source.dataset, tile)
     wanted = objects is not None or labels is not None
@@ -105,7 +112,7 @@ def command(
     reporter.finish()
     for warning in found.about.warnings:
         reporter.warn(warning)
-    _write_states(found, target, overwrite, reporter)
+    _write_states(found, target, options["mode"], overwrite, reporter)
     if found.objects is not None and objects is not None:
         write_regions(found.objects, objects, overwrite)
     if found.objects is not None and labels is not None:
@@ -156,22 +163,22 @@ def _opened(path: str, options: dict[str, Any], resume: str | None) -> GreySourc
     return GreySource(*open_map(path, options["band"], options["nodata"]))
 
 
-def _check_place(target: str, objects: str | None, source: GreySource, overwrite: bool) -> None:
+def _check_place(target: str, mode: str, objects: str | None, source: GreySource, overwrite: bool) -> None:
     """Nothing is computed that has no place where it is to be written."""
     from uavseg.occupancy.rosmap import check_ros_map, is_ros_map
     from uavseg.regions import export
 
     if is_ros_map(target):
-        check_ros_map(target, source.dataset.geobox, overwrite)
+        check_ros_map(target, source.dataset.geobox, overwrite, mode)
     if objects is not None:
         export.check_crs(objects, source.dataset.geobox.wkt)
 
 
-def _write_states(found: Classification, target: str, overwrite: bool, reporter: Reporter) -> None:
+def _write_states(found: Classification, target: str, mode: str, overwrite: bool, reporter: Reporter) -> None:
     from uavseg.occupancy.classify import write_states
     from uavseg.occupancy.rosmap import is_ros_map
 
-    write_states(target, found, overwrite)
+    write_states(target, found, overwrite, mode)
     if is_ros_map(target) and found.cells[0]:
         reporter.warn(
             f"a ROS map knows no nodata: {found.cells[0]:,} cells without data are unknown in {target}"
@@ -194,9 +201,8 @@ def _tell(
         table["objects"] = f"{len(found.objects.regions):,}{where}"
         table["largest"] = largest(found.objects, "m2")
     table["limits"] = f"free up to {limits.free_below:g}, occupied above {limits.occupied_above:g}"
-    table["hazard"] = (
-        f"{found.occupied_in_free:,} cells with v above {limits.occupied_above:g} are called free"
-    )
+    hazard, by_value = found.occupied_in_free, found.occupied_by_value
+    table["hazard"] = f"{hazard:,} of {by_value:,} cells with v above the occupied limit are called free"
     table["stretch"] = found.about.stretch.name
     table["seconds"] = f"{reporter.seconds:.2f}"
     tell(table, reporter)

@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +25,12 @@ from uavseg.segmentation.segments import OCCUPIED, StateLimits, states_of
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.stateimage import StateImage
 
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
 LIMITS = StateLimits()
 PARAMS = ExtractParams(SegmentParams("paper"))
 """How maps are classified unless something else is said: with the paper's limits and its method."""
-
 
 DESCRIPTION = "state: 1 free, 2 unknown, 3 occupied"
 
@@ -39,12 +42,14 @@ class Classification:
     Parameters
     ----------
     image : StateImage
-        `image.read()` is the (rows, cols) uint8 array: 1 free, 2 unknown, 3 occupied, 0 no data.
+        Reads the states window by window.
     cells : dict of int to int
         How many cells have each state.
     occupied_in_free : int
         Cells that are called free and whose own v lies above the occupied limit: thin walls, perhaps. Who
         plans a path over what is free must look at v as well.
+    occupied_by_value : int
+        All cells whose own v lies above the occupied limit.
     objects : Extraction or None
         What is occupied, if it was asked for: connected cells, 1..n with the largest first.
     about : About
@@ -54,8 +59,26 @@ class Classification:
     image: StateImage
     cells: dict[int, int]
     occupied_in_free: int
+    occupied_by_value: int
     objects: Extraction | None
     about: About
+
+    @property
+    def states(self) -> NDArray[np.uint8]:
+        """The state of each cell: 1 free, 2 unknown, 3 occupied, 0 no data; (rows, cols) uint8."""
+        return self.image.read()
+
+    def frame(self) -> "GeoDataFrame":
+        """The objects as a GeoDataFrame.
+
+        Raises
+        ------
+        ParameterError
+            If no objects were asked for.
+        """
+        if self.objects is None:
+            raise ParameterError("no objects were asked for; classify with objects=True")
+        return self.objects.regions.frame()
 
     @property
     def geobox(self) -> GeoBox:
@@ -111,14 +134,27 @@ def classify(
     found = classified(source, cells, limits, refine, strips, map, second)
     leaves = cells if refine == "none" else None
     made = _objects(source, found, leaves, limits, params, windows, map, third) if objects else None
-    return Classification(found.image, found.pixels, found.occupied_in_free, made, About.source(source))
+    hazard = found.occupied_in_free, found.occupied_by_value
+    return Classification(found.image, found.pixels, *hazard, made, About.source(source))
 
 
-def write_states(path: str | os.PathLike[str], found: Classification, overwrite: bool = False) -> None:
+def write_states(
+    path: str | os.PathLike[str], found: Classification, overwrite: bool = False, mode: str = "trinary"
+) -> None:
     """Write the states of a map: a uint8 GeoTIFF with nodata 0, or for a .yaml a ROS map.
 
     A ROS map has no nodata, so such cells become unknown. It is held whole while it is written, a byte a
     cell; a GeoTIFF is written row by row.
+
+    Parameters
+    ----------
+    path : path
+        .tif, or .yaml.
+    found : Classification
+    overwrite : bool
+        Whether files that are there may be replaced.
+    mode : {"trinary", "scale", "raw"}
+        Of the ROS map.
 
     Raises
     ------
@@ -128,7 +164,7 @@ def write_states(path: str | os.PathLike[str], found: Classification, overwrite:
         If a file may not or cannot be written.
     """
     if is_ros_map(path):
-        write_ros_map(path, found.image.read(), found.geobox, overwrite)
+        write_ros_map(path, found.image.read(), found.geobox, overwrite, mode)
     else:
         strips = found.image.strips()
         write_labels(path, strips, found.geobox, overwrite, dtype=np.uint8, description=DESCRIPTION)

@@ -19,14 +19,18 @@ from uavseg.atomic import check_target, whole_file
 from uavseg.errors import MapError, RasterReadError
 from uavseg.occupancy.grid import check_metres
 from uavseg.occupancy.pgm import is_pgm, pgm_bytes, read_pgm
-from uavseg.occupancy.rosyaml import description_text, read_description
+from uavseg.occupancy.rosyaml import MODES, description_text, read_description
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.pictures import read_grey, to_8_bits
+from uavseg.raster.pictures import read_grey, to_8_bits, write_png
 
 Cells = NDArray[np.int8]
 
 WRITTEN = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # as Nav2 writes trinary maps
-GREY_OF_STATE = np.array([205, 254, 205, 0], np.uint8)  # nothing, free, unknown, occupied
+GREY_OF_STATE = {  # nothing, free, unknown, occupied: as Nav2's map saver writes them in each mode
+    "trinary": np.array([205, 254, 205, 0], np.uint8),
+    "scale": np.array([205, 255, 205, 0], np.uint8),  # what is unknown is transparent as well
+    "raw": np.array([255, 0, 255, 100], np.uint8),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,9 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     return RosMap(described.reading.cells(grey, opaque), GeoBox(grey.shape, transform, None))
 
 
-def check_ros_map(path: str | os.PathLike[str], geobox: GeoBox, overwrite: bool = False) -> None:
+def check_ros_map(
+    path: str | os.PathLike[str], geobox: GeoBox, overwrite: bool = False, mode: str = "trinary"
+) -> None:
     """See that a map may be written there; call it before the work.
 
     Raises
@@ -81,15 +87,19 @@ def check_ros_map(path: str | os.PathLike[str], geobox: GeoBox, overwrite: bool 
     MapError, OutputExistsError, OutputError
         As `write_ros_map`.
     """
-    for target in (Path(path), Path(path).with_suffix(".pgm")):
+    for target in (Path(path), _picture(path, mode)):
         check_target(target, overwrite)
     _placed(geobox)
 
 
 def write_ros_map(
-    path: str | os.PathLike[str], states: NDArray[np.integer[Any]], geobox: GeoBox, overwrite: bool = False
+    path: str | os.PathLike[str],
+    states: NDArray[np.integer[Any]],
+    geobox: GeoBox,
+    overwrite: bool = False,
+    mode: str = "trinary",
 ) -> None:
-    """Write states as a trinary map, NAME.yaml and NAME.pgm, which Nav2 reads back to the same states.
+    """Write states as a map, NAME.yaml and its picture, which Nav2 reads back to the same states.
 
     Parameters
     ----------
@@ -99,6 +109,11 @@ def write_ros_map(
         1 free, 2 unknown, 3 occupied; 0, no data, becomes unknown.
     geobox : GeoBox
         Square cells in metres.
+    overwrite : bool
+        Whether files that are there may be replaced.
+    mode : {"trinary", "scale", "raw"}
+        How the picture is to be read. It is NAME.pgm, and for "scale" NAME.png, where what is unknown is
+        transparent.
 
     Raises
     ------
@@ -107,15 +122,25 @@ def write_ros_map(
     OutputExistsError, OutputError
         If a file may not or cannot be written.
     """
-    picture = Path(path).with_suffix(".pgm")
+    picture = _picture(path, mode)
     check_target(picture, overwrite)
     resolution, origin, mirrored = _placed(geobox)
-    grey = GREY_OF_STATE[np.asarray(states)[::-1] if mirrored else np.asarray(states)]
+    shown = np.asarray(states)[::-1] if mirrored else np.asarray(states)
+    grey = GREY_OF_STATE[mode][shown]
     place = {"resolution": resolution, "origin": origin}
-    described = {"image": picture.name, "mode": "trinary", **place, "negate": 0, **WRITTEN}
+    described = {"image": picture.name, "mode": mode, **place, "negate": 0, **WRITTEN}
     with whole_file(path, overwrite) as target:
-        target.with_suffix(".pgm").write_bytes(pgm_bytes(grey))
+        if mode == "scale":
+            write_png(target.with_name(picture.name), grey, opaque=shown % 2 == 1)
+        else:
+            target.with_name(picture.name).write_bytes(pgm_bytes(grey))
         target.write_text(description_text(described), encoding="utf-8")
+
+
+def _picture(path: str | os.PathLike[str], mode: str) -> Path:
+    if mode not in MODES:
+        raise MapError(f"mode is trinary, scale or raw, not {mode!r}")
+    return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")
 
 
 def _read_image(image: Path, name: str) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:

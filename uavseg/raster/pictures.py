@@ -45,8 +45,17 @@ def read_grey(path: Path_) -> tuple[Bytes, Opaque | None]:
         ) from error
 
 
-def write_png(path: Path_, grey: Bytes, overwrite: bool = False) -> None:
+def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque | None = None) -> None:
     """Write (rows, cols) uint8 numbers as a grey PNG, pixel by pixel.
+
+    Parameters
+    ----------
+    path : path
+    grey : (rows, cols) uint8 array
+    overwrite : bool
+        Whether a file that is there may be replaced.
+    opaque : (rows, cols) bool array, optional
+        What is not is transparent.
 
     Raises
     ------
@@ -54,10 +63,11 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False) -> None:
         If the file may not or cannot be written.
     """
     rows, cols = grey.shape
-    how = {"driver": "PNG", "height": rows, "width": cols, "count": 1, "dtype": "uint8"}
+    bands = [grey] if opaque is None else [grey, opaque * np.uint8(255)]
+    how = {"driver": "PNG", "height": rows, "width": cols, "count": len(bands), "dtype": "uint8"}
     try:
         with whole_file(path, overwrite) as target, gdal(), quiet_open(target, "w", **how) as file:
-            file.write(grey, 1)
+            file.write(np.stack(bands))
     except GDAL_ERRORS as error:
         raise OutputError(f"{os.fspath(path)} cannot be written ({first_cause(error)})") from error
 

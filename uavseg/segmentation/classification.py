@@ -67,6 +67,11 @@ class Classified:
         """Pixels that are called free and whose own v is that of an occupied one: thin walls, perhaps."""
         return int(self.codes[FREE | OCCUPIED << 2])
 
+    @property
+    def occupied_by_value(self) -> int:
+        """Pixels whose own v is that of an occupied one, whatever they are called."""
+        return int(self.codes[OCCUPIED << 2 :].sum())
+
 
 def classified(
     source: GreySource,
