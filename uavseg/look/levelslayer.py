@@ -66,5 +66,5 @@ def _greys(levels: NDArray[np.int64], columns: dict[str, NDArray[Any]]) -> NDArr
     if "range_low" in columns and "range_high" in columns:
         ends = [np.asarray(columns[name], np.float64) for name in ("range_low", "range_high")]
         return np.clip((ends[0] + ends[1]) / 2, 0, 1)
-    least, most = (int(end) for end in (levels.min(initial=0), levels.max(initial=0)))
-    return (levels - least) / max(most - least, 1)
+    apart = np.unique(levels)
+    return np.searchsorted(apart, levels) / max(len(apart) - 1, 1)
