@@ -191,15 +191,22 @@ STATES = hnp.arrays(
 )
 
 
-@given(STATES, st.floats(-3.1, 3.1), st.floats(-50, 50), st.floats(0.01, 2), st.booleans())
+@given(
+    STATES,
+    st.floats(-3.1, 3.1),
+    st.floats(-50, 50),
+    st.floats(0.01, 2),
+    st.booleans(),
+    st.sampled_from(["trinary", "scale", "raw"]),
+)
 @settings(max_examples=60, deadline=None)
 def test_states_written_are_states_read(
-    folder: Path, states: np.ndarray, yaw: float, x: float, resolution: float, mirrored: bool
+    folder: Path, states: np.ndarray, yaw: float, x: float, resolution: float, mirrored: bool, mode: str
 ) -> None:
     turned = Affine.translation(x, 3.0) @ Affine.rotation(math.degrees(yaw))
     transform = turned @ Affine.scale(resolution, resolution if mirrored else -resolution)
     geobox = GeoBox(states.shape, transform, None)
-    write_ros_map(folder / "out.yaml", states, geobox, overwrite=True)
+    write_ros_map(folder / "out.yaml", states, geobox, overwrite=True, mode=mode)
     found = read_ros_map(folder / "out.yaml")
     cells = found.cells[::-1] if mirrored else found.cells
     assert (cells == np.array([-1, 0, -1, 100])[states]).all()
@@ -223,6 +230,18 @@ def test_what_is_written_is_what_nav2_writes(tmp_path: Path) -> None:
         "occupied_thresh: 0.65",
         "free_thresh: 0.196",
     ]
+
+
+def test_what_is_unknown_in_scale_is_transparent_and_in_raw_255(tmp_path: Path) -> None:
+    states, geobox = np.array([[0, 1, 2, 3]]), upright((1, 4), 0.05, (0, 0))
+    write_ros_map(tmp_path / "scale.yaml", states, geobox, mode="scale")
+    with Image.open(tmp_path / "scale.png") as picture:
+        assert picture.mode == "LA"
+        assert np.asarray(picture).tolist() == [[[205, 0], [255, 255], [205, 0], [0, 255]]]
+    write_ros_map(tmp_path / "raw.yaml", states, geobox, mode="raw")
+    assert (tmp_path / "raw.pgm").read_bytes() == b"P5\n4 1\n255\n\xff\x00\xff\x64"
+    with pytest.raises(MapError, match="mode is trinary, scale or raw, not 'grey'"):
+        write_ros_map(tmp_path / "grey.yaml", states, geobox, mode="grey")
 
 
 @pytest.mark.parametrize("there", ["out.yaml", "out.pgm"])
