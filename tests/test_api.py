@@ -284,6 +284,7 @@ def test_what_is_asked_of_a_map_is_answered(tmp_path: Path) -> None:
         (lambda: uavseg.levels(scene(), 0), "width of a level"),
         (lambda: uavseg.levels(scene()[None], 0.1), "an array wants numbers in rows and columns"),
         (lambda: uavseg.levels(scene() > 9, 0.1), "not bool of shape"),
+        (lambda: uavseg.levels(scene(), 0.1, nodata=0), "an array has one band and no nodata"),
         (lambda: uavseg.classify(occupancy(), refine="smooth"), "refine is scan or none, not smooth"),
         (lambda: uavseg.classify(occupancy() * 2), "lies in 0..1 and this one holds 1.8"),
         (lambda: uavseg.classify(occupancy() * np.nan), "no valid cell"),
