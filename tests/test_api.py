@@ -239,7 +239,7 @@ def occupancy() -> np.ndarray:
     values = np.full((140, 180), 0.5, np.float32)
     values[5:130, 9:170] = 0.2
     values[30:60, 40:90] = 0.9
-    values[70:100, 40:60] = 0.8
+    values[64:96, 64:128] = 0.8
     return values
 
 
@@ -249,9 +249,9 @@ def test_a_map_becomes_states_and_objects(tmp_path: Path) -> None:
     wanted = np.searchsorted([0.498, 0.502], occupancy()) + 1
     assert found.states[30:60, 40:90].min() == 3 and (found.states == wanted).mean() > 0.9
     objects = found.frame()
-    assert objects["pixels"].tolist() == [1500, 600] and objects["id"].tolist() == [1, 2]
-    assert objects[["x_min", "y_min", "x_max", "y_max"]].iloc[0].tolist() == [40, 30, 90, 60]
-    assert sum(found.cells.values()) == occupancy().size and found.cells[3] == 2100
+    assert objects["pixels"].tolist() == [2048, 1500] and objects["id"].tolist() == [1, 2]
+    assert objects[["x_min", "y_min", "x_max", "y_max"]].iloc[0].tolist() == [64, 64, 128, 96]
+    assert sum(found.cells.values()) == occupancy().size and found.cells[3] == 3548
     assert found.geobox.shape == (140, 180)
 
 
@@ -272,7 +272,7 @@ def test_maps_of_every_kind_are_the_same_map(tmp_path: Path) -> None:
 
 
 def test_what_is_asked_of_a_map_is_answered(tmp_path: Path) -> None:
-    assert uavseg.classify(occupancy(), min_area="1000px").frame()["pixels"].tolist() == [1500]
+    assert uavseg.classify(occupancy(), min_area="2000px").frame()["pixels"].tolist() == [2048]
     assert uavseg.classify(occupancy(), free_below=0.05, occupied_above=0.85).cells[1] == 0
     blocky = uavseg.classify(occupancy(), refine="none").states
     assert np.array_equal(blocky[:136, :176], blocky[:136:8, :176:8].repeat(8, 0).repeat(8, 1))
@@ -284,6 +284,7 @@ def test_what_is_asked_of_a_map_is_answered(tmp_path: Path) -> None:
         (lambda: uavseg.levels(scene(), 0), "width of a level"),
         (lambda: uavseg.levels(scene()[None], 0.1), "an array wants numbers in rows and columns"),
         (lambda: uavseg.levels(scene() > 9, 0.1), "not bool of shape"),
+        (lambda: uavseg.levels(scene(), 0.1, nodata=0), "an array has one band and no nodata"),
         (lambda: uavseg.classify(occupancy(), refine="smooth"), "refine is scan or none, not smooth"),
         (lambda: uavseg.classify(occupancy() * 2), "lies in 0..1 and this one holds 1.8"),
         (lambda: uavseg.classify(occupancy() * np.nan), "no valid cell"),

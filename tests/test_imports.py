@@ -94,7 +94,8 @@ MAY_IMPORT = {
     "occupancy": TO_REGIONS,
     "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
     "look": TO_REGIONS - {"segmentation"} | {"occupancy", "flight"},  # it draws what the others made
-    "api": TO_REGIONS | {"occupancy", "flight"},
+    "given": TO_REGIONS | {"occupancy"},
+    "api": TO_REGIONS | {"occupancy", "flight", "given"},
     "uavseg": TO_REGIONS | {"occupancy", "flight", "api"},  # by name, on first use
     "cli": TO_REGIONS | {"occupancy", "flight", "look", "api", "uavseg"},
     "__main__": {"cli"},

@@ -3,32 +3,21 @@
 from __future__ import annotations
 
 import os
-import warnings
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from affine import Affine
-
-from uavseg.errors import ParameterError
+from uavseg.given import area_of, dataset_of, map_of, warn_of, workers_of
 from uavseg.occupancy.classify import Classification
 from uavseg.occupancy.classify import classify as _classify
 from uavseg.occupancy.free import FreeCells
-from uavseg.occupancy.grid import OccupancyGrid
-from uavseg.occupancy.maps import open_map, stretch_of
+from uavseg.occupancy.maps import open_map
+from uavseg.occupancy.rosmap import is_ros_map
 from uavseg.occupancy.ways import Way, WayParams, find_way
-from uavseg.parallel import Map, Progress
-from uavseg.parallel import threads as workers
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.parallel import Progress
 from uavseg.raster.skipping import BadBlock, listing
-from uavseg.raster.stretch import Stretch
-from uavseg.regions.cleaning import Area, parse_area
 from uavseg.regions.extract import ExtractParams
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
 from uavseg.regions.levels import extract_levels
-from uavseg.resuming import kept
 from uavseg.segmentation.pipeline import SegmentParams
 from uavseg.segmentation.segments import IntensityRange, Levels, StateLimits
 from uavseg.segmentation.source import GreySource
@@ -100,13 +89,13 @@ def extract(
     >>> import uavseg
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    dataset = _dataset(source, band, rgb, nodata, skip_bad_tiles)
+    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
     segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
-    params = ExtractParams(segment, stretch, _area(fill_holes), _area(min_area), simplify, tile)
+    params = ExtractParams(segment, stretch, area_of(fill_holes), area_of(min_area), simplify, tile)
     bad: set[BadBlock] = set()
-    run = listing(_workers(threads, resume), bad)
+    run = listing(workers_of(threads, resume), bad)
     found = _extract(dataset, IntensityRange(*range), params, run, progress)
-    _warn(bad)
+    warn_of(bad)
     return found.regions.frame()
 
 
@@ -134,7 +123,8 @@ def levels(
     Parameters
     ----------
     source
-        As of `extract`.
+        As of `extract`; or the path of a ROS map's YAML file, which is never stretched. For another map of
+        probabilities, give ``stretch="none"``.
     width : float
         Of a level, in v: above 0 and at most 1. A value on an edge belongs to the level below it.
     band, ..., skip_bad_tiles
@@ -156,13 +146,15 @@ def levels(
     >>> import uavseg
     >>> segments = uavseg.levels("tile.tif", width=0.1)  # doctest: +SKIP
     """
-    dataset = _dataset(source, band, rgb, nodata, skip_bad_tiles)
+    if isinstance(source, str | os.PathLike) and is_ros_map(source):
+        source, stretch = open_map(source)[0], "none"
+    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
     segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
-    params = ExtractParams(segment, stretch, None, _area(min_area), simplify, tile)
+    params = ExtractParams(segment, stretch, None, area_of(min_area), simplify, tile)
     bad: set[BadBlock] = set()
-    run = listing(_workers(threads, resume), bad)
+    run = listing(workers_of(threads, resume), bad)
     found = extract_levels(dataset, Levels(width), params, run, progress)
-    _warn(bad)
+    warn_of(bad)
     return found.regions.frame()
 
 
@@ -221,10 +213,10 @@ def classify(
     (512, [512])
     """
     segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
-    params = ExtractParams(segment, min_area=_area(min_area), simplify_m=simplify, tile=tile)
+    params = ExtractParams(segment, min_area=area_of(min_area), simplify_m=simplify, tile=tile)
     limits = StateLimits(free_below, occupied_above)
     return _classify(
-        GreySource(*_map(source, band, nodata)), limits, params, True, _workers(threads, resume), progress
+        GreySource(*map_of(source, band, nodata)), limits, params, True, workers_of(threads, resume), progress
     )
 
 
@@ -249,9 +241,9 @@ def divide(
         As of `extract`.
     """
     bad: set[BadBlock] = set()
-    run = listing(_workers(threads, resume), bad)
-    blocks, _ = _divide(_dataset(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
-    _warn(bad)
+    run = listing(workers_of(threads, resume), bad)
+    blocks, _ = _divide(dataset_of(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
+    warn_of(bad)
     return blocks
 
 
@@ -328,49 +320,8 @@ def path(
     [2.305, 0.705]
     """
     wanted = WayParams(clearance, smooth)
-    dataset, fitted = _map(source, band, nodata)
+    dataset, fitted = map_of(source, band, nodata)
     segment = SegmentParams(method, threshold, intensity_step)  # type: ignore[arg-type]
     params = ExtractParams(segment, fitted if stretch is None else stretch, tile=tile)
-    free = FreeCells.of(dataset, IntensityRange(*range), params, _workers(threads, resume), progress)
-    return find_way(free, start, goal, wanted, workers(threads))
-
-
-def _dataset(
-    source: Any,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
-    nodata: float | None = None,
-    skip_bad_tiles: bool = False,
-) -> Dataset:
-    if isinstance(source, Dataset):
-        return replace(source, skip_bad_tiles=source.skip_bad_tiles or skip_bad_tiles)
-    if isinstance(source, np.ndarray):
-        if source.ndim != 2 or source.dtype.kind not in "iuf" or source.size == 0:
-            raise ParameterError(
-                f"an array wants numbers in rows and columns, not {source.dtype} of shape {source.shape}"
-            )
-        return Dataset.of_values(source, GeoBox(source.shape, Affine.identity(), None), "array")
-    return Dataset.open(source, band, rgb, nodata, skip_bad_tiles)
-
-
-def _map(source: Any, band: int | None, nodata: float | None) -> tuple[Dataset, Stretch]:
-    if isinstance(source, str | os.PathLike):
-        return open_map(source, band, nodata)
-    dataset = source.dataset() if isinstance(source, OccupancyGrid) else _dataset(source, band, None, nodata)
-    return dataset, stretch_of(dataset)
-
-
-def _workers(threads: int | None, resume: str | os.PathLike[str] | None) -> Map:
-    run = workers(threads)
-    return run if resume is None else kept(run, resume)
-
-
-def _warn(bad: set[BadBlock]) -> None:
-    for block in sorted(bad):
-        warnings.warn(str(block), stacklevel=3)
-
-
-def _area(given: float | str | None) -> Area | None:
-    if given is None:
-        return None
-    return parse_area(given) if isinstance(given, str) else Area(float(given))
+    free = FreeCells.of(dataset, IntensityRange(*range), params, workers_of(threads, resume), progress)
+    return find_way(free, start, goal, wanted, workers_of(threads, None))

@@ -256,7 +256,7 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
         (["overlap.yaml"], "free_thresh (0.7) lies below occupied_thresh (0.6)"),
         (["negative.yaml"], "resolution is metres per cell, a number above 0, not -0.05"),
         (["nan.yaml"], "resolution is metres per cell, a number above 0, not nan"),
-        (["good.yaml", "--nodata", "0"], "leave --band and --nodata out"),
+        (["good.yaml", "--nodata", "0"], "leave --band, --rgb and --nodata out"),
         (["good.yaml", "--resume", "kept"], "leave --resume out"),
         (["blocks.tif"], "is a block map; states are refined with the map, so give the map itself"),
     ],

@@ -10,7 +10,10 @@ from affine import Affine
 from click.testing import CliRunner, Result
 from geopandas.testing import assert_geodataframe_equal
 
+import uavseg
 from uavseg.cli import main
+from uavseg.occupancy.grid import upright
+from uavseg.occupancy.rosmap import write_ros_map
 
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"
@@ -174,6 +177,39 @@ def test_bad_input_is_one_line_and_nothing_written(words: list[str], said: str) 
     lines = result.stderr.splitlines()
     assert result.exit_code == 1 and len(lines) == 1 and said in lines[0], result.output
     assert contents() == {"there.fgb": b"mine"}
+
+
+def ros_map() -> str:
+    states = np.ones((100, 90), int)
+    states[20:60, 30:80] = 3
+    states[70:, :] = 2
+    write_ros_map("map.yaml", states, upright(states.shape, 0.05, (0, 0)))
+    return "map.yaml"
+
+
+def test_a_ros_map_has_levels_too() -> None:
+    done(ros_map(), "--width", 0.1, "-o", "a.gpkg", "-q", "--labels", "l.tif")
+    segments = geopandas.read_file("a.gpkg")
+    assert {0, 5, 9} <= set(segments["level"]) and segments["pixels"].sum() == 9000
+    assert segments["level"][read("l.tif")[95, 45] - 1] == 5  # unknown: the grey of one half is 32768
+    assert uavseg.levels("map.yaml", 0.1)["pixels"].tolist() == segments["pixels"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--nodata", "0"], "neither bands nor nodata"),
+        (["--rgb", "1,2,3"], "neither bands nor nodata"),
+        (["--stretch", "minmax"], "which are not stretched"),
+        (["--resume", "kept"], "nothing to resume"),
+        (["map.yaml"], "no part of a mosaic"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_options_that_mean_nothing_to_a_ros_map_are_refused(words: list[str], said: str) -> None:
+    result = run(ros_map(), *words, "--width", 0.1)
+    assert result.exit_code == 1 and said in result.stderr and len(result.stderr.splitlines()) == 1
+    assert set(contents()) == {"map.yaml", "map.pgm"}
 
 
 def test_a_width_must_be_given() -> None:

@@ -57,6 +57,21 @@ def opened(
     return saved, Dataset.open(paths, origin.band, origin.rgb, origin.nodata, options["skip_bad_tiles"])
 
 
+def opened_ros_map(paths: tuple[str, ...], options: dict[str, Any], resume: str | None) -> Any:
+    """The dataset of a ROS map, to which options of rasters mean nothing."""
+    from uavseg.occupancy.maps import open_map
+
+    if len(paths) > 1:
+        raise ParameterError("a ROS map is no part of a mosaic; name it alone")
+    if any(options.get(name) for name in ("band", "rgb")) or options["nodata"] is not None:
+        raise ParameterError("a ROS map has neither bands nor nodata; leave --band, --rgb and --nodata out")
+    if options.get("stretch", "auto") not in ("auto", "none"):
+        raise ParameterError("a ROS map holds probabilities, which are not stretched; leave --stretch out")
+    if resume is not None:
+        raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave --resume out")
+    return open_map(paths[0])[0]
+
+
 def write_regions(found: Extraction, target: str, overwrite: bool) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.regions import export

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._regions import area, check_targets, largest, shown, tell, write_labels, write_regions
+from uavseg.cli._regions import (
+    area,
+    check_targets,
+    largest,
+    opened_ros_map,
+    shown,
+    tell,
+    write_labels,
+    write_regions,
+)
 from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import segmenting_options
 from uavseg.errors import OutputError, ParameterError
@@ -146,17 +155,15 @@ def _check(target: str, objects: str | None, labels: str | None, overwrite: bool
 
 
 def _opened(path: str, options: dict[str, Any], resume: str | None) -> GreySource:
-    from uavseg.occupancy.maps import open_map
+    from uavseg.occupancy.maps import open_map, stretch_of
     from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.segmentation.blockfile import is_block_map
     from uavseg.segmentation.source import GreySource
 
     if is_ros_map(path):
-        if options["band"] or options["nodata"] is not None:
-            raise ParameterError("a ROS map has neither bands nor nodata; leave --band and --nodata out")
-        if resume is not None:
-            raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave --resume out")
-    elif is_block_map(path):
+        dataset = opened_ros_map((path,), options, resume)
+        return GreySource(dataset, stretch_of(dataset))
+    if is_block_map(path):
         raise ParameterError(
             f"{path} is a block map; states are refined with the map, so give the map itself"
         )

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._regions import area, check_targets, largest, opened, shown, tell, write_labels, write_regions
+from uavseg.cli._regions import (
+    area,
+    check_targets,
+    largest,
+    opened,
+    opened_ros_map,
+    shown,
+    tell,
+    write_labels,
+    write_regions,
+)
 from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import segmenting_options
 
@@ -61,16 +71,23 @@ def command(
 
     A segment is what adjacent blocks of one level make together; a value on an edge belongs to the level
     below it. Each segment has its level, counted from 0, and the interval of that level; its borders are
-    those of blocks. RASTER may also be a block map from `uavseg divide`, which answers by itself.
+    those of blocks. RASTER may also be a block map from `uavseg divide`, which answers by itself, or the YAML
+    file of a ROS map, which is never stretched. For another map of probabilities, say --stretch none.
     """
+    from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.regions import export
     from uavseg.segmentation.segments import Levels
 
     reporter = Reporter(quiet, verbose, progress)
     target = output or f"{Path(rasters[0]).stem}.levels.geojson"
-    wanted, params = Levels(width), _params(tile, options)
+    wanted = Levels(width)
+    ros = [raster for raster in rasters if is_ros_map(raster)]
+    params = _params(tile, options | ({"stretch": "none"} if ros else {}))
     check_targets(target, labels, overwrite)
-    saved, dataset = opened(rasters, options, "none", reporter)
+    if ros:
+        saved, dataset = None, opened_ros_map(rasters, options, resume)
+    else:
+        saved, dataset = opened(rasters, options, "none", reporter)
     export.check_crs(target, saved.geobox.wkt if saved is not None else dataset.geobox.wkt)
     run = workers(threads, scheduler)
     if dataset is not None:

@@ -158,12 +158,14 @@ def _compact_rows(codes):  # type: ignore[no-untyped-def]
         before = np.uint8(0)
         for k in range(cols):
             c = cols - 1 - k
-            codes[r, c] = compacted(codes[r, c], before)
-            before = codes[r, c] & np.uint8(3)
+            if codes[r, c] & np.uint8(3) != before:  # mostly not
+                codes[r, c] = compacted(codes[r, c], before)
+                before = codes[r, c] & np.uint8(3)
         before = np.uint8(0)
         for c in range(cols):
-            codes[r, c] = compacted(codes[r, c], before)
-            before = codes[r, c] & np.uint8(3)
+            if codes[r, c] & np.uint8(3) != before:
+                codes[r, c] = compacted(codes[r, c], before)
+                before = codes[r, c] & np.uint8(3)
 
 
 @kernel("void(u1[:,::1])")
@@ -173,16 +175,18 @@ def _settle_rows(codes):  # type: ignore[no-untyped-def]
         before = np.uint8(0)
         for k in range(cols):
             c = cols - 1 - k
-            after = codes[r, c - 1] if c > 0 else np.uint8(0)
-            second = codes[r, c - 2] if c > 1 else np.uint8(0)
-            codes[r, c] = settled(codes[r, c], after, second, before)
-            before = codes[r, c] & np.uint8(3)
+            if codes[r, c] & np.uint8(3) != before:
+                after = codes[r, c - 1] if c > 0 else np.uint8(0)
+                second = codes[r, c - 2] if c > 1 else np.uint8(0)
+                codes[r, c] = settled(codes[r, c], after, second, before)
+                before = codes[r, c] & np.uint8(3)
         before = np.uint8(0)
         for c in range(cols):
-            after = codes[r, c + 1] if c + 1 < cols else np.uint8(0)
-            second = codes[r, c + 2] if c + 2 < cols else np.uint8(0)
-            codes[r, c] = settled(codes[r, c], after, second, before)
-            before = codes[r, c] & np.uint8(3)
+            if codes[r, c] & np.uint8(3) != before:
+                after = codes[r, c + 1] if c + 1 < cols else np.uint8(0)
+                second = codes[r, c + 2] if c + 2 < cols else np.uint8(0)
+                codes[r, c] = settled(codes[r, c], after, second, before)
+                before = codes[r, c] & np.uint8(3)
 
 
 @kernel("void(u1[:,::1], u1[::1], b1)")
