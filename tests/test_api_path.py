@@ -1,6 +1,7 @@
 """`uavseg.path`: the same way over a map, however the map comes."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,15 @@ from click.testing import CliRunner
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import IntensityRangeError, MapError, ParameterError, PathError
+from uavseg.occupancy.free import FreeCells
 from uavseg.occupancy.grid import OccupancyGrid, upright
+from uavseg.occupancy.maps import open_map
 from uavseg.occupancy.rosmap import write_ros_map
+from uavseg.occupancy.tighten import is_visible
+from uavseg.raster.tiling import Window
 from uavseg.raster.write import write_geotiff
+from uavseg.regions.extract import ExtractParams
+from uavseg.segmentation.segments import IntensityRange
 
 CELL = 0.25
 RANGE = (0, 0.45)
@@ -94,3 +101,27 @@ def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="--stretch"):
         uavseg.path(tmp_path / "percent.tif", RANGE, **ENDS)
     assert uavseg.path(tmp_path / "percent.tif", RANGE, **ENDS, stretch="0,100").cells > 100
+
+
+@pytest.mark.parametrize("name", ["depot.yaml", "tb3_sandbox.yaml"])
+def test_on_real_maps_no_way_enters_a_cell_out_of_the_range(name: str, shared_data: Path) -> None:
+    dataset, stretch = open_map(shared_data / "maps" / name)
+    values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
+    safe = values[0] <= 0.45
+    params = ExtractParams(stretch=stretch)
+    _, mask, walls = FreeCells.of(dataset, IntensityRange(*RANGE), params).of_region(1)
+    assert walls > 100 and mask.sum() <= safe.sum()
+    source, found = shared_data / "maps" / name, 0
+    for first, last in np.random.default_rng(7).choice(np.argwhere(safe), (12, 2)):
+        ends = [tuple(map(float, dataset.geobox.xy_from_pixel(*(cell + 0.5)))) for cell in (first, last)]
+        try:
+            ways = [
+                uavseg.path(shared_data / "maps" / name, RANGE, *ends, smooth=smooth) for smooth in (0, 1)
+            ]
+        except PathError as error:  # one of them lies inside of something
+            assert "region" in str(error)
+            continue
+        found += 1
+        assert all(is_visible(safe, *leg) for way in ways for leg in pairwise(way.corners))
+        assert ways[1].length_m <= ways[0].length_m + 1e-9
+    assert found >= 6
