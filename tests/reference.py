@@ -373,7 +373,8 @@ def refine_states(states: Ints, grey: Grey) -> Ints:
     """States of pixels (0 where invalid) after compaction, and then the scans of free against occupied."""
     # Reading: the stop after 8 pixels is said of ranges only, so a run of compaction has no end.
     state = states.tolist()
-    own = [[state_of(g / 65535) for g in line] for line in grey.tolist()]
+    states_of_greys = {g: state_of(g / 65535) for g in np.unique(grey).tolist()}
+    own = [[states_of_greys[g] for g in line] for line in grey.tolist()]
     for lines in scans(states.shape):
         for line in lines:
             compact(line, state, own)
@@ -386,8 +387,7 @@ def refine_states(states: Ints, grey: Grey) -> Ints:
 def compact(line: list[tuple[int, int]], state: list[list[int]], own: list[list[int]]) -> None:
     """Half pixels after an unknown one become unknown."""
     for (r, c), (row, col) in pairwise(line):
-        half = own[row][col] == UNKNOWN
-        if state[r][c] == UNKNOWN and state[row][col] in (FREE, OCCUPIED) and half:
+        if state[r][c] == UNKNOWN and state[row][col] in (FREE, OCCUPIED) and own[row][col] == UNKNOWN:
             state[row][col] = UNKNOWN
 
 
@@ -398,7 +398,7 @@ def settle(line: list[tuple[int, int]], state: list[list[int]], own: list[list[i
         A = state[line[k - 1][0]][line[k - 1][1]]
         B = state[line[k][0]][line[k][1]]
         end = k + 1
-        if {A, B} == {FREE, OCCUPIED}:
+        if A != B and {A, B} == {FREE, OCCUPIED}:
             votes = []
             for row, col in line[k : k + 3]:
                 if state[row][col] != B:

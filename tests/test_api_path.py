@@ -115,9 +115,7 @@ def test_on_real_maps_no_way_enters_a_cell_out_of_the_range(name: str, shared_da
     for first, last in np.random.default_rng(7).choice(np.argwhere(safe), (12, 2)):
         ends = [tuple(map(float, dataset.geobox.xy_from_pixel(*(cell + 0.5)))) for cell in (first, last)]
         try:
-            ways = [
-                uavseg.path(shared_data / "maps" / name, RANGE, *ends, smooth=smooth) for smooth in (0, 1)
-            ]
+            ways = [uavseg.path(source, RANGE, *ends, smooth=smooth) for smooth in (False, True)]
         except PathError as error:  # one of them lies inside of something
             assert "region" in str(error)
             continue

@@ -25,7 +25,7 @@ from uavseg.segmentation.pipeline import SegmentParams
 from uavseg.segmentation.segments import Levels, StateLimits
 from uavseg.segmentation.source import GreySource
 
-MAPS = 240
+MAPS = 220
 CHUNK = 20
 CHUNKS = range(0, MAPS, CHUNK)
 RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
@@ -35,8 +35,8 @@ REAL = ["depot", "tb3_sandbox", "turtlebot3_map", "willow-full"]
 def random_map(seed: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """A map as a robot has it: patches, walls and specks around one half, and nodata."""
     rng = np.random.default_rng(seed)
-    sizes = [(3, 64), (64, 101), (101, 201)]
-    rows, cols = (int(rng.integers(*sizes[rng.choice(3, p=[0.35, 0.61, 0.04])])) for _ in range(2))
+    sizes = [(3, 64), (64, 98), (98, 201)]
+    rows, cols = (int(rng.integers(*sizes[rng.choice(3, p=[0.4, 0.57, 0.03])])) for _ in range(2))
     field = np.full((rows, cols), 0.5)
     for _ in range(rng.integers(1, 16)):
         row, col = rng.integers(rows), rng.integers(cols)
@@ -116,7 +116,7 @@ def params_of(case: Case, refine: str, tile: int) -> ExtractParams:
 def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> list[tuple[object, ...]]:
     """What differs of states and objects, refined or not."""
     different = []
-    own = np.vectorize(reference.state_of)(case.grey / 65535)
+    by_value = case.grey / 65535 > reference.UNKNOWN_TO
     tile, run = runner
     for refine in ("scan", "none"):
         states, segments = reference.states_of_leaves(case.leaves, case.grey, case.valid, refine == "scan")
@@ -124,8 +124,8 @@ def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> 
         same = np.array_equal(found.states, states)
         same &= np.array_equal(painted(found.objects), reference.by_size(segments))
         same &= found.cells == {k: int((states == k).sum()) for k in range(4)}
-        same &= found.occupied_in_free == ((states == 1) & (own == 3)).sum()
-        same &= found.occupied_by_value == (case.valid & (own == 3)).sum()
+        same &= found.occupied_in_free == ((states == 1) & by_value).sum()
+        same &= found.occupied_by_value == (case.valid & by_value).sum()
         if not same:
             different.append((refine, tile, case.X, case.tau))
     return different
@@ -166,7 +166,7 @@ def test_the_maps_are_of_every_kind(reference: ModuleType) -> None:
     maps = [random_map(seed) for seed in range(MAPS)]
     assert {values.dtype.name for values, _ in maps} == {"uint8", "float32", "float64"}
     assert min(min(valid.shape) for _, valid in maps) < 10
-    assert sum(any(side % 64 for side in valid.shape) for _, valid in maps) > 200
+    assert sum(any(side % 64 for side in valid.shape) for _, valid in maps) > 180
     assert sum(not valid.all() for _, valid in maps) > 60
     changed = 0
     for seed in range(0, MAPS, 10):

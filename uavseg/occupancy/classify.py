@@ -124,7 +124,8 @@ def classify(
     refine = _refinement(how)
     strips = strips_of(source.shape, source.dataset.file_block, params.tile)
     windows = [tile for strip in strips for tile in strip]
-    first, second, third = [None] * 3 if progress is None else stages(progress, 3)
+    parts = 2 + objects
+    first, second, *third = [None] * parts if progress is None else stages(progress, parts)
     blocks = block_map_for(source, limits, how, windows, map, first)
     cells = states_of(blocks, limits, how.threshold, how.step)
     del blocks
@@ -133,7 +134,7 @@ def classify(
         raise MapError(f"{source.dataset.source} has no valid cell: all of it is nodata or NaN")
     found = classified(source, cells, limits, refine, strips, map, second)
     leaves = cells if refine == "none" else None
-    made = _objects(source, found, leaves, limits, params, windows, map, third) if objects else None
+    made = _objects(source, found, leaves, limits, params, windows, map, third[0]) if objects else None
     hazard = found.occupied_in_free, found.occupied_by_value
     return Classification(found.image, found.pixels, *hazard, made, About.source(source))
 
