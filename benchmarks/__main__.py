@@ -6,14 +6,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks import table
+from benchmarks.accuracy import accuracy
 from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, chosen
 from benchmarks.decode import decoding_s
 from benchmarks.kernels import speeds
 from benchmarks.measure import outcomes
+from benchmarks.paths import searches
 from benchmarks.phases import phases
 from benchmarks.scale import again, growing, kinds, threading
 from benchmarks.scenes import KINDS, Scene, ready
+from benchmarks.smallmap import tasks
 from benchmarks.startup import starts
 from benchmarks.vectors import vectorised
 
@@ -80,6 +83,18 @@ def _vectors(options: argparse.Namespace) -> str:
     return table.vectors(vectorised(min(8192, max(options.sizes)), options.rounds), options.rounds)
 
 
+def _paths(options: argparse.Namespace) -> str:
+    return table.paths(searches())
+
+
+def _accuracy(options: argparse.Namespace) -> str:
+    return table.accuracy(*accuracy())
+
+
+def _smallmap(options: argparse.Namespace) -> str:
+    return table.small_maps(tasks())
+
+
 _GROWING = (2048, 8192, 16384, 32768, 65536)
 _SECTIONS = {
     "processes": _processes,
@@ -91,6 +106,9 @@ _SECTIONS = {
     "vectors": _vectors,
     "startup": _startup,
     "kernels": _kernels,
+    "paths": _paths,
+    "smallmap": _smallmap,
+    "accuracy": _accuracy,
 }
 
 

@@ -14,6 +14,8 @@ PACKAGES = (
     "geopandas",
     "pyogrio",
     "scikit-image",
+    "networkx",
+    "pathfinding",
 )
 
 

@@ -4,12 +4,15 @@ import datetime
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.accuracy import Hazard, Score
 from benchmarks.kernels import Speed
 from benchmarks.machine import machine, software
 from benchmarks.measure import Cost, Outcome
+from benchmarks.paths import Search
 from benchmarks.phases import Phase
 from benchmarks.scale import Again, Run
 from benchmarks.scenes import Scene
+from benchmarks.smallmap import Task
 from benchmarks.startup import Start
 from benchmarks.vectors import Vectorised
 
@@ -179,6 +182,42 @@ def vectors(found: Vectorised, rounds: int) -> str:
 
 def _cost(taken: Cost) -> list[str]:
     return [f"{taken.wall_s:.2f}", f"{taken.cpu_s:.2f}", f"{taken.peak_bytes / 1e6:.0f}"]
+
+
+def paths(searches: Sequence[Search]) -> str:
+    """Seconds of shortest paths, and how many times ours."""
+    heads = ["", "who", "seconds", "cost", "seconds / uavseg"]
+    cells = [
+        [s.field, s.who, f"{s.seconds:.4f}", f"{s.cost:,.1f}", f"{s.seconds / s.ours_s:,.1f}"]
+        for s in searches
+    ]
+    return _signed(f"{rows(heads, cells)}\n\nscikit-image cuts corners, so its paths may be shorter.")
+
+
+def accuracy(scores: Sequence[Score], hazards: Sequence[Hazard]) -> str:
+    """Intersection over union of states, and the share of obstacles that is called free."""
+    parts = []
+    for scene in dict.fromkeys(score.scene for score in scores):
+        cells = [
+            [s.who, *(f"{value:.3f}" for value in (s.free, s.unknown, s.occupied))]
+            for s in scores
+            if s.scene == scene
+        ]
+        parts += [f"### {scene}", rows(["intersection over union", "free", "unknown", "occupied"], cells)]
+    found = [
+        [hazard.map, f"{hazard.cells:,}", f"{hazard.unrefined:.0%}", f"{hazard.refined:.0%}"]
+        for hazard in hazards
+    ]
+    if found:
+        heads = ["real map", "cells with v > 0.502", "called free", "after refinement"]
+        parts += ["### thin walls", rows(heads, found)]
+    return "\n\n".join(parts)
+
+
+def small_maps(tasks: Sequence[Task]) -> str:
+    """Milliseconds on maps of 320 x 320 cells."""
+    cells = [[task.who, f"{task.lens_ms:.1f}", f"{task.circles_ms:.1f}"] for task in tasks]
+    return _signed(rows(["320 x 320 cells", "lens, ms", "circles, ms"], cells))
 
 
 def _signed(text: str) -> str:

@@ -373,7 +373,8 @@ def refine_states(states: Ints, grey: Grey) -> Ints:
     """States of pixels (0 where invalid) after compaction, and then the scans of free against occupied."""
     # Reading: the stop after 8 pixels is said of ranges only, so a run of compaction has no end.
     state = states.tolist()
-    own = [[state_of(g / 65535) for g in line] for line in grey.tolist()]
+    states_of_greys = {g: state_of(g / 65535) for g in np.unique(grey).tolist()}
+    own = [[states_of_greys[g] for g in line] for line in grey.tolist()]
     for lines in scans(states.shape):
         for line in lines:
             compact(line, state, own)
@@ -386,8 +387,7 @@ def refine_states(states: Ints, grey: Grey) -> Ints:
 def compact(line: list[tuple[int, int]], state: list[list[int]], own: list[list[int]]) -> None:
     """Half pixels after an unknown one become unknown."""
     for (r, c), (row, col) in pairwise(line):
-        half = own[row][col] == UNKNOWN
-        if state[r][c] == UNKNOWN and state[row][col] in (FREE, OCCUPIED) and half:
+        if state[r][c] == UNKNOWN and state[row][col] in (FREE, OCCUPIED) and own[row][col] == UNKNOWN:
             state[row][col] = UNKNOWN
 
 
@@ -398,7 +398,7 @@ def settle(line: list[tuple[int, int]], state: list[list[int]], own: list[list[i
         A = state[line[k - 1][0]][line[k - 1][1]]
         B = state[line[k][0]][line[k][1]]
         end = k + 1
-        if {A, B} == {FREE, OCCUPIED}:
+        if A != B and {A, B} == {FREE, OCCUPIED}:
             votes = []
             for row, col in line[k : k + 3]:
                 if state[row][col] != B:
@@ -424,15 +424,19 @@ def states(
 ) -> tuple[Ints, Labels]:
     """State of every pixel (0 where invalid), and labels: all free, all unknown, each occupied segment."""
     g = grey(values, valid, low, high)
-    cells = paint(divide(g, valid, X, tau), g.shape, state_of)
-    state = pixels(cells, valid)
-    if refine:
-        state = refine_states(state, g)
-        occupied = connected((state == OCCUPIED).astype(np.int64))
-    else:
-        occupied = pixels(connected((cells == OCCUPIED).astype(np.int64)), valid)
+    state, occupied = states_of_leaves(divide(g, valid, X, tau), g, valid, refine)
     segments = np.where(state == OCCUPIED, occupied + 2, state)  # 1 free, 2 unknown, 3... occupied
     return state, by_size(segments)
+
+
+def states_of_leaves(leaves: list[Leaf], grey: Grey, valid: Bool, refine: bool) -> tuple[Ints, Ints]:
+    """State of every pixel (0 where invalid), and the occupied segments in raster order; 0 is none."""
+    cells = paint(leaves, grey.shape, state_of)
+    state = pixels(cells, valid)
+    if not refine:
+        return state, pixels(connected((cells == OCCUPIED).astype(np.int64)), valid)
+    state = refine_states(state, grey)
+    return state, connected((state == OCCUPIED).astype(np.int64))
 
 
 def level_edges(P: float) -> list[float]:
@@ -458,10 +462,15 @@ def levels(
     tau: float | None = None,
 ) -> tuple[Ints, Labels]:
     """Level of every pixel (-1 where invalid), and labels of segments: adjacent leaves of one level."""
-    # Reading: levels are not refined, and it is leaves that connect.
     g = grey(values, valid, low, high)
+    return levels_of_leaves(divide(g, valid, X, tau), valid, P)
+
+
+def levels_of_leaves(leaves: list[Leaf], valid: Bool, P: float) -> tuple[Ints, Labels]:
+    """Level of every pixel (-1 where invalid), and labels of segments."""
+    # Reading: levels are not refined, and it is leaves that connect.
     edges = level_edges(P)
-    cells = paint(divide(g, valid, X, tau), g.shape, lambda op: level_of(op, edges) + 1)
+    cells = paint(leaves, valid.shape, lambda op: level_of(op, edges) + 1)
     return pixels(cells, valid) - 1, by_size(pixels(connected(cells), valid))
 
 

@@ -20,8 +20,9 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.extract import ExtractParams, extract
+from uavseg.regions.joining import Outlined
 from uavseg.regions.painting import rasterise
-from uavseg.regions.tilewise import Outlined, outline_regions
+from uavseg.regions.tilewise import outline_regions
 from uavseg.segmentation.pipeline import SegmentParams, block_map_for
 from uavseg.segmentation.segments import IntensityRange, in_range
 from uavseg.segmentation.source import GreySource

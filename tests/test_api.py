@@ -219,3 +219,91 @@ def test_the_examples_run_where_their_raster_is(
         for example in test.examples:
             example.options.pop(doctest.SKIP, None)
         assert doctest.DocTestRunner().run(test).failed == 0
+
+
+# Levels and states
+
+
+def test_a_raster_becomes_levels(raster: Path) -> None:
+    segments = uavseg.levels(raster, 0.25)
+    assert list(segments.columns) == ["id", "level", *COLUMNS[1:]] and segments.crs.to_epsg() == 32618
+    assert segments["pixels"].sum() == scene().size
+    assert {0, 3} <= set(segments["level"])
+    assert (segments["range_high"] - segments["range_low"] == 0.25).all()
+    assert (segments["range_low"] == 0.25 * segments["level"]).all()
+    same(uavseg.levels(scene(), 0.25, tile=64), uavseg.levels(scene(), 0.25, threads=1))
+    assert uavseg.levels(scene(), 0.25)["pixels"].tolist() == segments["pixels"].tolist()
+
+
+def occupancy() -> np.ndarray:
+    values = np.full((140, 180), 0.5, np.float32)
+    values[5:130, 9:170] = 0.2
+    values[30:60, 40:90] = 0.9
+    values[64:96, 64:128] = 0.8
+    return values
+
+
+def test_a_map_becomes_states_and_objects(tmp_path: Path) -> None:
+    found = uavseg.classify(occupancy())
+    assert found.states.shape == (140, 180) and found.states.dtype == np.uint8
+    wanted = np.searchsorted([0.498, 0.502], occupancy()) + 1
+    assert found.states[30:60, 40:90].min() == 3 and (found.states == wanted).mean() > 0.9
+    objects = found.frame()
+    assert objects["pixels"].tolist() == [2048, 1500] and objects["id"].tolist() == [1, 2]
+    assert objects[["x_min", "y_min", "x_max", "y_max"]].iloc[0].tolist() == [64, 64, 128, 96]
+    assert sum(found.cells.values()) == occupancy().size and found.cells[3] == 3548
+    assert found.geobox.shape == (140, 180)
+
+
+def test_maps_of_every_kind_are_the_same_map(tmp_path: Path) -> None:
+    from uavseg.occupancy.classify import write_states
+    from uavseg.occupancy.grid import OccupancyGrid, upright
+
+    grid = OccupancyGrid.from_probabilities(occupancy(), upright((140, 180), 1.0, (0, 0)))
+    wanted = uavseg.classify(grid)
+    path = write(tmp_path / "map.tif", grid.probabilities)
+    for source in (grid.probabilities, path, uavseg.Dataset.open(path), grid.dataset()):
+        found = uavseg.classify(source, tile=64)
+        assert np.array_equal(found.states, wanted.states)
+        assert found.frame()["pixels"].tolist() == wanted.frame()["pixels"].tolist()
+    write_states(tmp_path / "out.yaml", wanted)
+    again = uavseg.classify(tmp_path / "out.yaml", refine="none")
+    assert again.cells.keys() == wanted.cells.keys()
+
+
+def test_what_is_asked_of_a_map_is_answered(tmp_path: Path) -> None:
+    assert uavseg.classify(occupancy(), min_area="2000px").frame()["pixels"].tolist() == [2048]
+    assert uavseg.classify(occupancy(), free_below=0.05, occupied_above=0.85).cells[1] == 0
+    blocky = uavseg.classify(occupancy(), refine="none").states
+    assert np.array_equal(blocky[:136, :176], blocky[:136:8, :176:8].repeat(8, 0).repeat(8, 1))
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: uavseg.levels(scene(), 0), "width of a level"),
+        (lambda: uavseg.levels(scene()[None], 0.1), "an array wants numbers in rows and columns"),
+        (lambda: uavseg.levels(scene() > 9, 0.1), "not bool of shape"),
+        (lambda: uavseg.levels(scene(), 0.1, nodata=0), "an array has one band and no nodata"),
+        (lambda: uavseg.classify(occupancy(), refine="smooth"), "refine is scan or none, not smooth"),
+        (lambda: uavseg.classify(occupancy() * 2), "lies in 0..1 and this one holds 1.8"),
+        (lambda: uavseg.classify(occupancy() * np.nan), "no valid cell"),
+        (lambda: uavseg.classify(occupancy(), free_below=0.9), "limits of the states"),
+        (lambda: uavseg.classify(occupancy(), tile=10), "multiple of 64"),
+    ],
+)
+def test_maps_and_levels_that_cannot_be_are_refused(call: Any, told: str) -> None:
+    with pytest.raises(uavseg.UavsegError, match=told):
+        call()
+
+
+def test_objects_that_nobody_asked_for_are_not_there() -> None:
+    from uavseg.occupancy.classify import classify
+    from uavseg.occupancy.maps import stretch_of
+    from uavseg.raster.geobox import GeoBox
+    from uavseg.segmentation.source import GreySource
+
+    dataset = uavseg.Dataset.of_values(occupancy(), GeoBox((140, 180), Affine.identity(), None), "map")
+    found = classify(GreySource(dataset, stretch_of(dataset)), objects=False)
+    with pytest.raises(ParameterError, match="no objects were asked for"):
+        found.frame()

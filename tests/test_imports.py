@@ -94,7 +94,8 @@ MAY_IMPORT = {
     "occupancy": TO_REGIONS,
     "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
     "look": TO_REGIONS - {"segmentation"} | {"occupancy", "flight"},  # it draws what the others made
-    "api": TO_REGIONS | {"occupancy", "flight"},
+    "given": TO_REGIONS | {"occupancy"},
+    "api": TO_REGIONS | {"occupancy", "flight", "given"},
     "uavseg": TO_REGIONS | {"occupancy", "flight", "api"},  # by name, on first use
     "cli": TO_REGIONS | {"occupancy", "flight", "look", "api", "uavseg"},
     "__main__": {"cli"},
@@ -108,12 +109,21 @@ PHASES = {
     "blockmap": {"division"},
     "segments": {"blockmap"},
     "refinement": set(),
+    "statescans": set(),
     "components": set(),
 }
 EVERY_PHASE = set(PHASES)
 PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks
-PHASES["original"] = EVERY_PHASE  # a method of its own, made of them
-ON_RASTERS = {"source", "patches", "pipeline", "blockfile"}  # these may import raster, and all phases
+PHASES["merging"] = {"components"}  # of the original algorithm
+PHASES["original"] = EVERY_PHASE | {"arrays", "merging"}  # a method of its own, made of them
+ON_RASTERS = {
+    "source",
+    "patches",
+    "pipeline",
+    "blockfile",
+    "stateimage",
+    "classification",
+}  # these may import raster, and all phases
 
 # Packages, and the only places that import them (for more than types).
 

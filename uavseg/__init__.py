@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from uavseg.api import classify as classify
     from uavseg.api import divide as divide
     from uavseg.api import extract as extract
+    from uavseg.api import levels as levels
+    from uavseg.api import path as path
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.planner import PlanParams as PlanParams
     from uavseg.flight.planner import plan as plan
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
 _HOMES = {
     "extract": "uavseg.api",
     "divide": "uavseg.api",
+    "classify": "uavseg.api",
+    "levels": "uavseg.api",
+    "path": "uavseg.api",
     "plan": "uavseg.flight.planner",
     "PlanParams": "uavseg.flight.planner",
     "Dataset": "uavseg.raster.dataset",

@@ -36,7 +36,7 @@ _C_TYPES: dict[str, Any] = {
     "f8": ctypes.c_double,
 }
 _NUMBA_NAMES = {"b1": "boolean"}
-_LIBRARY_CALLS = {"log", "exp", "sqrt", "floor", "ceil", "floorf", "memset", "memcpy", "memmove"}
+_LIBRARY_CALLS = {"log", "exp", "erf", "sqrt", "floor", "ceil", "floorf", "memset", "memcpy", "memmove"}
 _compiling = threading.Lock()
 
 on_compile: Callable[[str], None] | None = None

@@ -1,6 +1,8 @@
 """Freed memory, given back to the system."""
 
 import sys
+from collections.abc import Callable
+from functools import cache
 
 
 def give_back() -> None:
@@ -9,10 +11,15 @@ def give_back() -> None:
     Called between phases: the arrays of one are of other sizes than those of the next, and what the first
     has freed would stay with the process.
     """
-    if sys.platform != "linux":
-        return
-    import ctypes
-
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    trim = _trim()
     if trim is not None:
         trim(0)
+
+
+@cache
+def _trim() -> Callable[[int], int] | None:
+    if sys.platform != "linux":
+        return None
+    import ctypes
+
+    return getattr(ctypes.CDLL(None), "malloc_trim", None)

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import os
-import warnings
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from uavseg.parallel import Map, Progress
-from uavseg.parallel import threads as workers
-from uavseg.raster.dataset import Dataset
+from uavseg.given import area_of, dataset_of, map_of, warn_of, workers_of
+from uavseg.occupancy.classify import Classification
+from uavseg.occupancy.classify import classify as _classify
+from uavseg.occupancy.free import FreeCells
+from uavseg.occupancy.maps import open_map
+from uavseg.occupancy.rosmap import is_ros_map
+from uavseg.occupancy.ways import Way, WayParams, find_way
+from uavseg.parallel import Progress
 from uavseg.raster.skipping import BadBlock, listing
-from uavseg.regions.cleaning import Area, parse_area
 from uavseg.regions.extract import ExtractParams
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
-from uavseg.resuming import kept
+from uavseg.regions.levels import extract_levels
 from uavseg.segmentation.pipeline import SegmentParams
-from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.segments import IntensityRange, Levels, StateLimits
+from uavseg.segmentation.source import GreySource
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -50,7 +53,7 @@ def extract(
 
     Parameters
     ----------
-    source : path, sequence of paths, DataArray or Dataset
+    source : path, sequence of paths, DataArray, (rows, cols) array or Dataset
         Many paths are one mosaic. A DataArray wants rioxarray's `.rio`.
     range : (float, float)
         Of v in [0, 1], both ends in it.
@@ -86,14 +89,135 @@ def extract(
     >>> import uavseg
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    dataset = _dataset(source, band, rgb, nodata, skip_bad_tiles)
+    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
     segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
-    params = ExtractParams(segment, stretch, _area(fill_holes), _area(min_area), simplify, tile)
+    params = ExtractParams(segment, stretch, area_of(fill_holes), area_of(min_area), simplify, tile)
     bad: set[BadBlock] = set()
-    run = listing(_workers(threads, resume), bad)
+    run = listing(workers_of(threads, resume), bad)
     found = _extract(dataset, IntensityRange(*range), params, run, progress)
-    _warn(bad)
+    warn_of(bad)
     return found.regions.frame()
+
+
+def levels(
+    source: Any,
+    width: float,
+    *,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    min_area: float | str | None = None,
+    simplify: float | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> GeoDataFrame:
+    """A raster divided into levels of equal width, and each of them into segments of adjacent blocks.
+
+    Parameters
+    ----------
+    source
+        As of `extract`; or the path of a ROS map's YAML file, which is never stretched. For another map of
+        probabilities, give ``stretch="none"``.
+    width : float
+        Of a level, in v: above 0 and at most 1. A value on an edge belongs to the level below it.
+    band, ..., skip_bad_tiles
+        As of `extract`.
+
+    Returns
+    -------
+    segments : geopandas.GeoDataFrame
+        With the columns of `extract` and `level`, from 0; `range_low` and `range_high` are the interval of
+        that level.
+
+    Raises
+    ------
+    UavsegError
+        As of `extract`.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> segments = uavseg.levels("tile.tif", width=0.1)  # doctest: +SKIP
+    """
+    if isinstance(source, str | os.PathLike) and is_ros_map(source):
+        source, stretch = open_map(source)[0], "none"
+    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
+    segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
+    params = ExtractParams(segment, stretch, None, area_of(min_area), simplify, tile)
+    bad: set[BadBlock] = set()
+    run = listing(workers_of(threads, resume), bad)
+    found = extract_levels(dataset, Levels(width), params, run, progress)
+    warn_of(bad)
+    return found.regions.frame()
+
+
+def classify(
+    source: Any,
+    *,
+    free_below: float = 0.498,
+    occupied_above: float = 0.502,
+    band: int | None = None,
+    nodata: float | None = None,
+    method: str = "paper",
+    refine: str = "scan",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    min_area: float | str | None = None,
+    simplify: float | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+) -> Classification:
+    """What is free, unknown and occupied in a map of probabilities.
+
+    Parameters
+    ----------
+    source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
+        The path is of a raster or of the YAML file of a ROS map. Integers are divided by the largest of their
+        type; floats lie in 0..1.
+    free_below, occupied_above : float
+        The limits of the probability of being occupied.
+    min_area, simplify
+        Of the objects: as of `extract`.
+    band, ..., resume
+        As of `extract`; maps are never stretched.
+
+    Returns
+    -------
+    found : Classification
+        `states`, a (rows, cols) uint8 array: 1 free, 2 unknown, 3 occupied, 0 no data. `frame()`, the
+        occupied objects as a GeoDataFrame with the columns of `extract` and x_min, y_min, x_max and y_max.
+        `occupied_in_free`: how many cells are called free though their own v is that of an occupied one.
+
+    Raises
+    ------
+    UavsegError
+        If the map cannot be read, has no valid cell or holds numbers that are no probabilities, or a
+        parameter is wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> walls = np.zeros((64, 64))
+    >>> walls[16:32, 16:48] = 1.0
+    >>> found = classify(walls)
+    >>> found.cells[3], found.frame()["pixels"].tolist()
+    (512, [512])
+    """
+    segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
+    params = ExtractParams(segment, min_area=area_of(min_area), simplify_m=simplify, tile=tile)
+    limits = StateLimits(free_below, occupied_above)
+    return _classify(
+        GreySource(*map_of(source, band, nodata)), limits, params, True, workers_of(threads, resume), progress
+    )
 
 
 def divide(
@@ -117,35 +241,87 @@ def divide(
         As of `extract`.
     """
     bad: set[BadBlock] = set()
-    run = listing(_workers(threads, resume), bad)
-    blocks, _ = _divide(_dataset(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
-    _warn(bad)
+    run = listing(workers_of(threads, resume), bad)
+    blocks, _ = _divide(dataset_of(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
+    warn_of(bad)
     return blocks
 
 
-def _dataset(
+def path(
     source: Any,
+    range: tuple[float, float],
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    *,
+    clearance: float = 0.0,
+    smooth: bool = False,
     band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
     nodata: float | None = None,
-    skip_bad_tiles: bool = False,
-) -> Dataset:
-    if isinstance(source, Dataset):
-        return replace(source, skip_bad_tiles=source.skip_bad_tiles or skip_bad_tiles)
-    return Dataset.open(source, band, rgb, nodata, skip_bad_tiles)
+    stretch: str | None = None,
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+) -> Way:
+    """The shortest path between two places of one region of a map.
 
+    It leads from cell to cell in eight directions, cuts no corner, and never enters a cell whose own value is
+    out of the range.
 
-def _workers(threads: int | None, resume: str | os.PathLike[str] | None) -> Map:
-    run = workers(threads)
-    return run if resume is None else kept(run, resume)
+    Parameters
+    ----------
+    source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
+        A map of probabilities, as of `classify`.
+    range : (float, float)
+        Of v in [0, 1], both ends in it: what is passable, such as (0, 0.45).
+    start, goal : (float, float)
+        x and y in the map's coordinates.
+    clearance : float
+        Metres from the centres of the path's cells to everything that is not passable.
+    smooth : bool
+        Whether the path is pulled tight, at any angle.
+    band : int, optional
+    nodata : float, optional
+    stretch : str, optional
+        For a map that holds no probabilities. Integers are divided by the largest of their type, floats are
+        taken as they are, if left out.
+    method, threshold, intensity_step
+        As of `extract`.
+    tile, threads : int, optional
+        Change no result.
+    progress : callable, optional
+        Called with (done, total).
+    resume : path, optional
+        As of `extract`.
 
+    Returns
+    -------
+    way : Way
+        Its corners are `way.xy` on the map; its length is `way.length_m`, in units of the map where that has
+        no CRS; what is to be told is in `way.warnings`.
 
-def _warn(bad: set[BadBlock]) -> None:
-    for block in sorted(bad):
-        warnings.warn(str(block), stacklevel=3)
+    Raises
+    ------
+    PathError
+        If a place lies outside of the map or in no region, the two lie in different regions, or no path leads
+        from one to the other.
+    UavsegError
+        If the map cannot be read or answered rightly, or a parameter is wrong.
 
-
-def _area(given: float | str | None) -> Area | None:
-    if given is None:
-        return None
-    return parse_area(given) if isinstance(given, str) else Area(float(given))
+    Examples
+    --------
+    >>> import uavseg
+    >>> from uavseg.occupancy.scenes import lens
+    >>> way = uavseg.path(lens().run(), range=(0, 0.45), start=(1.605, 2.805), goal=(2.305, 0.705))
+    >>> [round(float(number), 3) for number in way.xy[-1]]
+    [2.305, 0.705]
+    """
+    wanted = WayParams(clearance, smooth)
+    dataset, fitted = map_of(source, band, nodata)
+    segment = SegmentParams(method, threshold, intensity_step)  # type: ignore[arg-type]
+    params = ExtractParams(segment, fitted if stretch is None else stretch, tile=tile)
+    free = FreeCells.of(dataset, IntensityRange(*range), params, workers_of(threads, resume), progress)
+    return find_way(free, start, goal, wanted, workers_of(threads, None))

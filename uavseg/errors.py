@@ -28,8 +28,20 @@ class MosaicError(RasterError):
     """Rasters that were given together do not fit together."""
 
 
+class MapError(RasterError):
+    """A map of probabilities, or what says how to read it, is not what it should be."""
+
+
+class SceneError(UavsegError, ValueError):
+    """A scene to be simulated cannot be: its shapes, its sensor or where the sensor stands."""
+
+
 class RegionError(UavsegError, ValueError):
     """Regions are missing, empty or not what was asked for."""
+
+
+class PathError(UavsegError, ValueError):
+    """No path leads where it is wanted."""
 
 
 class ClusterError(UavsegError, OSError):

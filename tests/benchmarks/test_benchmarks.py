@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis.strategies import integers
 
 from benchmarks import __main__ as command
-from benchmarks import data, scale, startup, table
+from benchmarks import data, paths, scale, startup, table
 from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, Job, chosen
 from benchmarks.decode import decoding_s
@@ -298,3 +298,19 @@ def test_gdal_chain_is_given_each_band_of_a_colour_scene(tmp_path: Path) -> None
         "--C_band=3",
     ]
     assert "--calc=0.2126*A.astype(float) + 0.7152*B + 0.0722*C >= 140.25" in calc
+
+
+def test_everybody_finds_the_same_path_over_a_grid_but_for_cut_corners() -> None:
+    for field in paths.fields(48):
+        found = {row.who: row.cost for row in paths.measured(field, tuple(paths.EVERYBODY), 1)}
+        assert found["networkx"] == pytest.approx(found["uavseg"])
+        assert found["pathfinding"] == pytest.approx(found["uavseg"])
+        assert found["scikit-image"] <= found["uavseg"] + 1e-9
+
+
+def test_a_maze_is_a_tree() -> None:
+    mask = paths.maze(61)
+    cells = int(mask.sum())
+    edges = int((mask[1:] & mask[:-1]).sum() + (mask[:, 1:] & mask[:, :-1]).sum())
+    assert cells == edges + 1 == 2 * 30 * 30 - 1
+    assert not np.array_equal(mask, paths.maze(61, seed=1)) and np.array_equal(mask, paths.maze(61))

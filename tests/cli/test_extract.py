@@ -429,7 +429,7 @@ def raises(error: BaseException) -> Callable[..., Any]:
 def test_what_ends_the_work_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int, said: str
 ) -> None:
-    for place in ("outline_regions", "make"):
+    for place in ("outline_regions", "measured"):
         monkeypatch.setattr(uavseg.regions.extract, place, raises(error))
         result = run("tile.tif", *RANGE, "--labels", "labels.tif")
         assert (result.exit_code, result.stderr) == (code, said)

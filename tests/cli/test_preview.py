@@ -9,6 +9,7 @@ from affine import Affine
 from click.testing import CliRunner, Result
 from PIL import Image
 
+from uavseg.cli import main
 from uavseg.cli.preview import command
 from uavseg.errors import OutputExistsError, ParameterError, RegionError
 
@@ -62,3 +63,38 @@ def test_what_is_wrong_is_raised_for_the_group_to_say(raster: Path) -> None:
     assert isinstance(run(raster, "--stretch", "9,1").exception, ParameterError)
     assert run(raster, "--rgb", "1,2").exit_code == 2
     assert not Path("a.preview.png").exists()
+
+
+def test_a_simulated_map_with_everything_that_is_made_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for line in (
+        "simulate lens -o lens.tif --truth truth.tif",
+        "divide lens.tif --stretch none --method paper -o blocks.tif",
+        "path lens.tif --range 0,0.45 --start 1.6,2.8 --goal 2.1,0.6 -o path.geojson",
+        "preview lens.tif --leaves blocks.tif --path path.geojson --states truth.tif -o all.png --width 500",
+        "preview lens.tif --stretch none -o bare.png --width 500",
+    ):
+        done = CliRunner().invoke(main, line.split())
+        assert done.exit_code == 0, done.stderr
+    bare, drawn = (
+        np.asarray(Image.open(name).convert("RGB")).astype(int) for name in ("bare.png", "all.png")
+    )
+    assert bare.shape == drawn.shape
+    assert np.ptp(bare, axis=2).max() < 10 and (np.ptp(drawn, axis=2) > 40).mean() > 0.2
+
+
+def test_layers_that_are_not_what_they_should_be_are_told_in_one_line(raster: Path) -> None:
+    Path("no.geojson").write_text("{}")
+    for option, told in (
+        (("--states", "a.tif"), "uavseg classify"),
+        (("--states", "missing.tif"), "missing.tif"),
+        (("--leaves", "a.tif"), "uavseg divide"),
+        (("--levels", "missing.gpkg"), "missing.gpkg"),
+        (("--path", "no.geojson"), "uavseg path"),
+        (("--path", "missing.waypoints"), "missing.waypoints"),
+    ):
+        done = CliRunner().invoke(main, ["preview", str(raster), *option])
+        assert done.exit_code == 1 and told in done.stderr and done.stderr.count("\n") == 1
+        assert not Path("a.preview.png").exists()

@@ -95,6 +95,24 @@ def test_extract_and_divide_give_the_same_bytes(processes: Any, tmp_path: Path, 
     assert [name for name in found[0] if found[0][name] != found[1][name]] == []
 
 
+def test_levels_and_states_are_the_same_bytes(processes: Any, tmp_path: Path) -> None:
+    raster = write(tmp_path / "tile.tif", scene())
+    found = []
+    for name, how in (("here", ("--threads", 2)), ("there", ("--scheduler", processes.address))):
+        (tmp_path / name).mkdir()
+        out = tmp_path / name
+        with chdir(tmp_path):
+            work = ("--tile", 128, "-q", *how)
+            done(
+                "levels", raster.name, "--width", 0.1, "-o", out / "a.gpkg", "--labels", out / "a.vrt", *work
+            )
+            objects = ("--objects", out / "b.fgb", "--labels", out / "b.tif")
+            done("classify", raster.name, "-o", out / "s.tif", *objects, *work)
+        found.append(contents(out))
+    assert found[0].keys() == found[1].keys() and len(found[0]) >= 5
+    assert [name for name in found[0] if found[0][name] != found[1][name]] == []
+
+
 def test_a_mosaic_of_relative_paths_is_read_by_workers_elsewhere(processes: Any, tmp_path: Path) -> None:
     image = scene()
     grid = Affine(2, 0, 4e5, 0, -2, 5e6)

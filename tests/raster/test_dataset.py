@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from uavseg.errors import ParameterError, RasterError, RasterReadError, UavsegError
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.opening import MAX_OPEN, in_full
+from uavseg.raster.pictures import write_png
 from uavseg.raster.tiling import Window, tiles
 
 RAMP = np.arange(150 * 170, dtype=np.uint16).reshape(150, 170)
@@ -373,3 +374,12 @@ def test_archives_are_named_in_full(tmp_path, monkeypatch):
     assert in_full("/vsizip/a.zip/b.tif") == f"/vsizip/{tmp_path}/a.zip/b.tif"
     assert in_full("/vsizip//a.zip/b.tif") == "/vsizip//a.zip/b.tif"
     assert in_full("/vsizip/vsicurl/http://a.org/a.zip/b.tif").startswith("/vsizip/vsicurl/")
+
+
+def test_a_truncated_png_is_refused_rather_than_read_as_black(tmp_path):
+    path = tmp_path / "noise.png"
+    write_png(path, np.random.default_rng(0).integers(1, 255, (90, 90), np.uint8))
+    path.write_bytes(path.read_bytes()[:3000])
+    dataset = Dataset.open(path)
+    with pytest.raises(RasterReadError, match="the file is damaged or incomplete"):
+        dataset.read(whole(dataset))

@@ -14,7 +14,13 @@ from rasterio.crs import CRS
 
 from uavseg.raster import ground
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.ground import ground_resolution, ring_areas, ring_perimeters
+from uavseg.raster.ground import (
+    ground_resolution,
+    ground_steps,
+    line_length,
+    ring_areas,
+    ring_perimeters,
+)
 
 ANGLE = np.array([[0, 0], [0, 10], [4, 10], [4, 5], [10, 5], [10, 0]])  # an L, clockwise on the picture
 turned = Affine.translation(4e5, 5e6) * Affine.rotation(30) * Affine.scale(100, -100)
@@ -189,3 +195,27 @@ def test_south_up_covers_the_same_ground():
     down = replace(up, transform=Affine(20, 0, 4e5, 0, 20, 5e6 - 20_000))
     flipped = (ANGLE * [-1, 1] + [1000, 0])[::-1]
     assert measured(down, flipped)[0] == pytest.approx(measured(up, ANGLE)[0], rel=1e-11)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_line_is_as_long_as_the_geodesics_between_its_pixels(place: str) -> None:
+    code, transform = PLACES[place]
+    box = GeoBox((100, 100), transform, CRS.from_epsg(code))
+    rows, cols = np.array([3.5, 60.5, 60.5, 11.0]), np.array([2.5, 90.5, 4.5, 4.5])
+    dense = np.linspace(0, 3, 301)
+    lon, lat = box.lonlat_from_xy(
+        *box.xy_from_pixel(np.interp(dense, range(4), rows), np.interp(dense, range(4), cols))
+    )
+    expected = pyproj.Geod(ellps="WGS84").line_length(lon, lat)
+    assert line_length(box, rows, cols) == pytest.approx(
+        expected, rel=1e-4
+    )  # older ellipsoids differ so much
+
+
+def test_steps_at_the_centre_are_the_resolution_and_a_line_of_one_place_has_no_length() -> None:
+    box = GeoBox((100, 60), PLACES["utm"][1], CRS.from_epsg(32618))
+    assert ground_steps(box, 50, 30) == ground_resolution(box)
+    assert line_length(box, np.array([4.5]), np.array([7.5])) == 0
+    assert line_length(box, np.array([4.5, 4.5]), np.array([7.5, 8.5])) == pytest.approx(
+        ground_steps(box, 4.5, 8)[0], rel=1e-6
+    )

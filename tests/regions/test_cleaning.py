@@ -13,9 +13,9 @@ from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.cleaning import Area, parse_area, without_small_holes, without_small_regions
+from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import trace
 from uavseg.regions.painting import rasterise
-from uavseg.regions.tilewise import Outlined
 from uavseg.segmentation.components import Sums
 
 Labels = NDArray[np.uint32]

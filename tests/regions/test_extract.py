@@ -22,13 +22,13 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.tiling import tiles
 from uavseg.regions.cleaning import Area
 from uavseg.regions.extract import (
-    Extraction,
     ExtractParams,
     divide,
     extract,
     extract_from_blocks,
     windows_of,
 )
+from uavseg.regions.extraction import Extraction
 from uavseg.regions.labels import painted
 from uavseg.segmentation.blockfile import Origin, SavedBlocks
 from uavseg.segmentation.pipeline import SegmentParams

@@ -18,9 +18,10 @@ from uavseg.parallel import Map, serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import Window, tiles
+from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import Rings, trace
 from uavseg.regions.painting import rasterise
-from uavseg.regions.tilewise import Outlined, outline_regions, summed
+from uavseg.regions.tilewise import outline_regions, summed
 from uavseg.segmentation.pipeline import measure
 from uavseg.segmentation.segments import IntensityRange
 from uavseg.segmentation.source import GreySource

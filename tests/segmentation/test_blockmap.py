@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, leaves, undecided
 from uavseg.segmentation.division import RATIOS, block_ratios
-from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.segments import IntensityRange, Levels, StateLimits, in_range, levels_of, states_of
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
 
 INF = np.inf
@@ -161,7 +161,7 @@ def known_only_where(blocks: BlockMap, wanted: NDArray[np.uint32], otherwise: fl
 def assert_texture_elsewhere_is_of_no_use(
     blocks: BlockMap, interval: IntensityRange, X: float, tau: float
 ) -> None:
-    wanted = undecided(blocks.sums, blocks.counts, interval.low, interval.high, tau)
+    wanted = undecided(blocks.sums, blocks.counts, interval.edges, tau)
     full = cells_in_range(blocks, interval, X, tau)
     for otherwise in (0.0, INF):
         some = known_only_where(blocks, wanted, otherwise)
@@ -184,6 +184,19 @@ def test_a_range_is_answered_by_the_texture_of_undecided_blocks_alone(
     seed: int, pair: tuple[float, float], X: float, tau: float
 ) -> None:
     assert_texture_elsewhere_is_of_no_use(random_map(seed), IntensityRange(*pair), X, tau)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seeds, st.sampled_from([0.1, 0.3, 0.001, 1.0]), thresholds, steps)
+def test_levels_and_states_are_answered_by_it_too(seed: int, width: float, X: float, tau: float) -> None:
+    blocks, levels, limits = random_map(seed), Levels(width), StateLimits()
+    there = blocks.counts > 0
+    for cut, answer in ((levels, levels_of), (limits, states_of)):
+        wanted = undecided(blocks.sums, blocks.counts, cut.edges, tau)
+        full = answer(blocks, cut, X, tau)[there]
+        for otherwise in (0.0, INF):
+            some = known_only_where(blocks, wanted, otherwise)
+            assert np.array_equal(answer(some, cut, X, tau)[there], full)
 
 
 def block_map_of(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> BlockMap:
@@ -219,14 +232,16 @@ def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
     blocks.counts[:, 16:] = 0
     blocks.sums[:, 16:] = 0
     # the block itself, its first quarter, and the first quarter of that
-    assert undecided(blocks.sums, blocks.counts, 0.4, 0.6, INF).tolist() == [[0, 0b100011, 0]]
-    assert undecided(blocks.sums, blocks.counts, 0.6, 0.9, INF).tolist() == [[0, 0, 0]]
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [
+        [0, 0b100011, 0]
+    ]
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.6, 0.9).edges, INF).tolist() == [[0, 0, 0]]
 
 
 def test_a_block_that_intensity_divides_all_the_way_needs_no_texture() -> None:
     blocks = BlockMap.empty((64, 64))
     blocks.counts[:] = 64
     blocks.sums[0, 0] = 64 * 65535
-    assert undecided(blocks.sums, blocks.counts, 0.5, 1.0, 0.06).item() == 0
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.06).item() == 0
     # the means of its quarters are 1/16, 0, 0 and 0
-    assert undecided(blocks.sums, blocks.counts, 0.5, 1.0, 0.07).item() == 1
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.07).item() == 1

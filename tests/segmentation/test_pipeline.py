@@ -170,7 +170,7 @@ def test_texture_is_looked_at_only_where_a_range_does_not_decide() -> None:
     source = source_of(dataset)
     windows = tiles(source.shape, 64)
     blocks = block_map_for(source, INTERVAL, SegmentParams("paper"), windows)
-    wanted = undecided(blocks.sums, blocks.counts, INTERVAL.low, INTERVAL.high, np.inf) > 0
+    wanted = undecided(blocks.sums, blocks.counts, INTERVAL.edges, np.inf) > 0
     assert 0 < wanted.sum() < 16
     assert len(dataset.reads) == 16  # mixed blocks are kept from the first pass
     assert not blocks.ratios[~wanted].any()

@@ -14,10 +14,15 @@ from uavseg.errors import UavsegError
 
 _COMMANDS = {
     "extract": "Extract regions within a range of intensity.",
+    "levels": "Divide a raster into levels of equal width, and each into segments.",
+    "classify": "Find what is free, unknown and occupied in a map of probabilities.",
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
+    "path": "Find the shortest path between two places of one region.",
+    "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like.",
-    "preview": "Draw a raster, regions and a mission as a picture.",
+    "simulate": "Simulate a laser range finder and write the map that it makes.",
+    "preview": "Draw a raster and what was found in it as a picture.",
 }
 _INTERRUPTED = 130
 

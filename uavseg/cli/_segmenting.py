@@ -1,21 +1,28 @@
 """Options of every command that divides a raster."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+
+from uavseg.errors import ParameterError
+
+if TYPE_CHECKING:
+    from uavseg.segmentation.segments import IntensityRange
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 
-def segmenting_options(command: Command) -> Command:
-    """Give a command --method, --threshold and --intensity-step."""
+def segmenting_options(command: Command, method: str = "adaptive") -> Command:
+    """Give a command --method, which is this one unless told otherwise, --threshold and --intensity-step."""
     for option in reversed(
         (
             click.option(
                 "--method",
                 type=click.Choice(["adaptive", "paper"]),
-                default="adaptive",
+                default=method,
                 show_default=True,
                 help="Divide blocks by texture and intensity, or by texture alone as the paper does.",
             ),
@@ -39,3 +46,14 @@ def segmenting_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+def parsed_range(text: str) -> IntensityRange:
+    """LO,HI of --range as a range of v."""
+    from uavseg.segmentation.segments import IntensityRange
+
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ParameterError(f"--range is two numbers between commas, such as 0.55,1, not {text!r}") from None
+    return IntensityRange(low, high)

@@ -9,20 +9,8 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight import patterns, route
-from uavseg.flight.items import (
-    CHANGE_SPEED,
-    FARTHEST_M,
-    NO_PLACE,
-    RELATIVE,
-    RETURN,
-    TAKEOFF,
-    WAYPOINT,
-    Home,
-    Item,
-    check_near,
-    check_position,
-    distance_m,
-)
+from uavseg.flight.along import items_along, notes_of_home
+from uavseg.flight.items import FARTHEST_M, Home, Item, check_near, check_position, distance_m
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns import Part
@@ -33,7 +21,6 @@ __all__ = ["PlanParams", "plan"]
 Floats = NDArray[np.float64]
 
 PATTERNS = {"visit": patterns.visits, "perimeter": patterns.perimeters, "survey": patterns.surveys}
-DECIMALS = 8  # of degrees: a millimetre
 
 
 def plan(
@@ -67,7 +54,7 @@ def plan(
     parts = _parts(plane.flattened(polygons), plane, points)
     ways, notes = PATTERNS[params.pattern](parts, params)
     paths = _ordered(ways, plane, start)
-    notes = [*_home_notes(home), *notes]
+    notes = [*notes_of_home(home), *notes]
     return Mission(start, _items(paths, plane, start, params), params.firmware, params.name, tuple(notes))
 
 
@@ -126,18 +113,4 @@ def _ordered(ways: Sequence[Sequence[Floats]], plane: Plane, home: Home) -> list
 def _items(paths: Sequence[Floats], plane: Plane, home: Home, params: PlanParams) -> tuple[Item, ...]:
     xy = np.concatenate(paths)
     moved = np.r_[True, np.hypot(*np.diff(xy, axis=0).T) > 1e-3]
-    lon, lat = (np.round(degrees, DECIMALS).tolist() for degrees in plane.lonlat_from_xy(*xy[moved].T))
-    any_heading = (0.0, 0.0, 0.0, None)
-    high = float(params.altitude_m)
-    return (
-        Item(TAKEOFF, RELATIVE, any_heading, home.lat, home.lon, high),
-        Item(CHANGE_SPEED, NO_PLACE, (1.0, float(params.speed_m_s), -1.0, 0.0)),
-        *(Item(WAYPOINT, RELATIVE, any_heading, *place, high) for place in zip(lat, lon, strict=True)),
-        Item(RETURN, NO_PLACE),
-    )
-
-
-def _home_notes(home: tuple[float, ...]) -> list[str]:
-    if len(home) > 2:
-        return []
-    return ["the altitude of home above the sea is not given and written as 0; all heights are above home"]
+    return items_along(*plane.lonlat_from_xy(*xy[moved].T), home, params)

@@ -38,6 +38,19 @@ def length_text(length: float, unit: str) -> str:
     return f"{length:g} {unit}"
 
 
+def area_text(area_m2: float) -> str:
+    """An area for people.
+
+    Examples
+    --------
+    >>> area_text(512.3), area_text(29000.0), area_text(31e6)
+    ('512 m²', '2.9 ha', '31 km²')
+    """
+    if area_m2 < 10_000:
+        return f"{area_m2:.0f} m²"
+    return f"{area_m2 / 1e4:.3g} ha" if area_m2 < 1e7 else f"{area_m2 / 1e6:.3g} km²"
+
+
 def draw_scale_bar(ax: Any, frame: Frame, unit: float) -> None:
     """A bar of black and white in the lower left corner; ground metres, or the units of a map without CRS.
 

@@ -63,6 +63,11 @@ class MissionLayer:
             len(flight.items),
         )
 
+    def told(self, on_globe: bool) -> list[str]:
+        """What there is to fly."""
+        minutes = max(round(self.duration_s / 60), 1)
+        return [f"mission of {self.items} items, {self.distance_m / 1000:.2g} km, about {minutes} min"]
+
     def draw(self, ax: Any, unit: float) -> None:
         """Draw on axes, where `unit` is the length on the sheet of one point (1/72 inch)."""
         outward = self.path[:-1] if self.returns else self.path

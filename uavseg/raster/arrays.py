@@ -1,4 +1,4 @@
-"""A DataArray as a raster: anything with rioxarray's `.rio`, read by slices so that lazy arrays stay lazy."""
+"""Arrays as rasters: numbers in memory, or a DataArray with `.rio`, read by slices so that it stays lazy."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +10,7 @@ from rasterio.crs import CRS
 
 from uavseg.errors import ParameterError, RasterError
 from uavseg.raster.bands import BandChoice, BandLayout
+from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import valid_pixels
 
@@ -68,7 +69,7 @@ class ArraySource:
 
     def _plane(self, band: int, rows: Any, cols: Any) -> Values:
         place = (rows, cols) if self.array.ndim == 2 else (band - 1, rows, cols)
-        return np.asarray(self.array[place].values)
+        return np.asarray(self.array[place])
 
 
 def is_array(source: object) -> bool:
@@ -106,6 +107,24 @@ def from_array(array: Any) -> ArraySource:
         nodatas=(array.rio.nodata,) * count,
         block=_chunk(array),
         warnings=() if crs else (f"{name}: it has no coordinate reference system: coordinates are local",),
+    )
+
+
+def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
+    """A source of the (rows, cols) numbers of an array, which is neither copied nor changed."""
+    assert values.shape == geobox.shape, f"values of shape {values.shape} for a grid of {geobox.shape}"
+    return ArraySource(
+        array=values,
+        path=name,
+        shape=geobox.shape,
+        transform=geobox.transform,
+        crs=geobox.crs,
+        located=True,
+        layout=BandLayout((values.dtype.name,), ("undefined",), (values.dtype.itemsize * 8,)),
+        nodatas=(None,),
+        block=(512, 512),
+        warnings=(),
+        driver="array",
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.raster.arrays import from_array, is_array
+from uavseg.raster.arrays import from_array, from_values, is_array
 from uavseg.raster.bands import BandChoice, choose
 from uavseg.raster.facts import inspect
 from uavseg.raster.files import RasterFile
@@ -92,6 +92,12 @@ class Dataset:
                 "the palette is expanded to luminance; name --band 1 to use its indices themselves",
             )
         return cls(replace(mosaic, files=known), choice, told, skip_bad_tiles)
+
+    @classmethod
+    def of_values(cls, values: Values, geobox: GeoBox, name: str) -> "Dataset":
+        """A dataset of numbers in memory, (rows, cols); it looks at the array and does not copy it."""
+        source = from_values(values, geobox, name)
+        return cls(lay_out([source]), choose(source.layout), ())
 
     @property
     def geobox(self) -> GeoBox:

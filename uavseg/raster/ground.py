@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from uavseg.raster.ellipsoid import Globe, globe_under, pixel_on_ground, pixel_on_map
+from uavseg.raster.ellipsoid import Globe, globe_under, pixel_on_ground, pixel_on_map, unit_of_length
 from uavseg.raster.geobox import GeoBox
 
 Floats = NDArray[np.float64]
@@ -66,11 +66,49 @@ def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
 
     Units of the transform where there is no CRS.
     """
-    centre = (np.array([length / 2]) for length in geobox.shape)
-    per_col, per_row, _ = pixel_on_ground(geobox, *centre)
+    return ground_steps(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
+
+
+def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
+    """Metres of ground per pixel at a place: along a row, and along a column.
+
+    Units of the transform where there is no CRS.
+    """
+    per_col, per_row, _ = pixel_on_ground(geobox, np.array([row]), np.array([col]))
     if np.isfinite(per_col[0]) and np.isfinite(per_row[0]):
         return float(per_col[0]), float(per_row[0])
     return pixel_on_map(geobox)[:2]
+
+
+def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
+    """Ground length of a line from one place on the raster to the next, straight on the map.
+
+    Parameters
+    ----------
+    geobox : GeoBox
+    row, col : (n,) float64 arrays
+        Pixel corners are whole numbers.
+
+    Returns
+    -------
+    length : float
+        Metres on the ellipsoid; in units of the transform where there is no CRS.
+
+    Examples
+    --------
+    >>> from affine import Affine
+    >>> box = GeoBox((10, 10), Affine(2, 0, 0, 0, -2, 0), None)
+    >>> line_length(box, np.array([0.5, 4.5]), np.array([1.5, 4.5]))
+    10.0
+    """
+    globe = globe_under(geobox.wkt)
+    pieces = np.maximum(np.maximum(np.abs(np.diff(row)), np.abs(np.diff(col))), 1).astype(np.int64)
+    ends = np.concatenate([[0], np.cumsum(pieces)])
+    rows, cols = (np.interp(np.arange(ends[-1] + 1), ends, at) for at in (row, col))
+    x, y = geobox.xy_from_pixel(rows, cols)
+    places = np.stack([x, y], axis=-1) if globe is None else globe.place(x, y)
+    steps = np.sqrt((np.diff(places, axis=0) ** 2).sum(axis=1))
+    return float(steps.sum()) * (unit_of_length(geobox.wkt) if globe is None else 1.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import threading
 import warnings
 from collections import OrderedDict
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from uavseg.raster.tiling import Window
 
 MAX_OPEN = 64  # files that a thread keeps open
 CACHE_BYTES = 32 << 20  # decoded blocks that GDAL keeps; its own default is a twentieth of the memory
+STRICT = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO"}  # the shortcut reads what a truncated file lacks as 0, untold
 GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError)  # they have no parent of their own
 
 
@@ -50,7 +51,7 @@ class Handles:
 @contextmanager
 def gdal() -> Iterator[None]:
     """GDAL with its messages caught, and with a small cache of blocks unless GDAL_CACHEMAX says otherwise."""
-    with nullcontext() if rasterio.env.hasenv() else rasterio.Env(), _small_cache:
+    with rasterio.Env(**STRICT), _small_cache:
         yield
 
 

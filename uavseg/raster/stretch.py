@@ -124,7 +124,7 @@ def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
 
 def fit(
     dataset: Dataset,
-    spec: StretchSpec | str,
+    spec: Stretch | StretchSpec | str,
     map: Map,
     windows: Sequence[Window],
     progress: Progress | None = None,
@@ -138,7 +138,8 @@ def fit(
     Parameters
     ----------
     dataset : Dataset
-    spec : StretchSpec or str
+    spec : Stretch, StretchSpec or str
+        A stretch that is fitted already stays as it is.
     map : Map
         Who runs the work.
     windows : sequence of Window
@@ -150,6 +151,8 @@ def fit(
     ParameterError
         If `dtype` is asked of floating point bands, which have no maximum.
     """
+    if isinstance(spec, Stretch):
+        return spec
     spec = parse_stretch(spec) if isinstance(spec, str) else spec
     if spec.form == "auto":
         spec = StretchSpec("dtype") if _is_8_bit(dataset) else StretchSpec("percentile", AUTO_PERCENTILES)

@@ -26,13 +26,15 @@ Path_ = str | os.PathLike[str]
 
 def write_labels(
     path: Path_,
-    tiles: Iterable[tuple[Window, Labels]],
+    tiles: Iterable[tuple[Window, NDArray[Any]]],
     geobox: GeoBox,
     overwrite: bool = False,
     tags: Mapping[str, str] | None = None,
     threads: int = 1,
+    dtype: Any = np.uint32,
+    description: str | None = None,
 ) -> None:
-    """Write labels as a tiled, compressed uint32 GeoTIFF in which 0 is nodata.
+    """Write labels, or states, as a tiled, compressed GeoTIFF in which 0 is nodata.
 
     The bytes of the file do not depend on how the labels are cut into tiles. What is held in memory is one
     row of tiles.
@@ -40,7 +42,7 @@ def write_labels(
     Parameters
     ----------
     path : path
-    tiles : iterable of (Window, (rows, cols) uint32 array)
+    tiles : iterable of (Window, (rows, cols) array)
         Cover the raster once, row of tiles after row of tiles, from the top.
     geobox : GeoBox
         Of the raster whose pixels were labelled.
@@ -50,6 +52,10 @@ def write_labels(
         Metadata items.
     threads : int
         How many compress; the bytes of the file do not depend on that either.
+    dtype : dtype
+        Of the file.
+    description : str, optional
+        Name of the band, as QGIS shows it.
 
     Raises
     ------
@@ -57,31 +63,35 @@ def write_labels(
         If the file may not or cannot be written.
     """
     with whole_file(path, overwrite) as target, _writing(path):
-        how = _profile(geobox, 1, np.dtype(np.uint32)) | {"nodata": 0, "num_threads": str(threads)}
+        how = _profile(geobox, 1, np.dtype(dtype)) | {"nodata": 0, "num_threads": str(threads)}
         with quiet_open(target, "w", **how) as file:
             file.update_tags(**(tags or {}))
-            for row, stripe in _stripes(tiles, geobox.shape):
+            if description is not None:
+                file.set_band_description(1, description)
+            for row, stripe in _stripes(tiles, geobox.shape, dtype):
                 file.write(stripe, 1, window=FileWindow(0, row, stripe.shape[1], stripe.shape[0]))
         _check_whole(target)
 
 
-def _stripes(tiles: Iterable[tuple[Window, Labels]], shape: tuple[int, int]) -> Iterator[tuple[int, Labels]]:
+def _stripes(
+    tiles: Iterable[tuple[Window, NDArray[Any]]], shape: tuple[int, int], dtype: Any
+) -> Iterator[tuple[int, NDArray[Any]]]:
     """Stripes of 256 rows from the top, each with its first row, however the tiles are cut."""
-    held, top = np.zeros((0, shape[1]), np.uint32), 0  # rows from `top` on, not all of them complete
+    held, top = np.zeros((0, shape[1]), dtype), 0  # rows from `top` on, not all of them complete
     for window, labels in tiles:
         ready = (window.row - top) // STRIPE * STRIPE  # what lies above a row of tiles is complete
         yield from _cut(held[:ready], top)
         held, top = held[ready:], top + ready
         end = window.row + window.rows - top
         if end > len(held):
-            held, kept = np.zeros((end, shape[1]), np.uint32), held
+            held, kept = np.zeros((end, shape[1]), dtype), held
             held[: len(kept)] = kept
         held[window.row - top : end, window.slices[1]] = labels
     yield from _cut(held, top)
     assert top + len(held) == shape[0], f"tiles end at row {top + len(held)} of {shape[0]}"
 
 
-def _cut(rows: Labels, top: int) -> Iterator[tuple[int, Labels]]:
+def _cut(rows: NDArray[Any], top: int) -> Iterator[tuple[int, NDArray[Any]]]:
     for start in range(0, len(rows), STRIPE):
         yield top + start, rows[start : start + STRIPE]
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ring_areas
+from uavseg.regions.joining import Outlined, taken
 from uavseg.regions.outline import Rings
-from uavseg.regions.tilewise import Outlined, taken
 from uavseg.segmentation.components import Sums
 
 

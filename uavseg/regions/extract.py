@@ -3,25 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.tiling import CELL, Window, in_panels, tile_side, tiles
-from uavseg.regions.cleaning import Area, numbered_by_size, without_small_holes, without_small_regions
-from uavseg.regions.outline import Rings, trace
-from uavseg.regions.painting import rasterise
-from uavseg.regions.simplify import simplify
-from uavseg.regions.table import Regions, make
-from uavseg.regions.tilewise import Outlined, outline_regions, summed
+from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
+from uavseg.regions.cellwise import outline_cells, summed_cells
+from uavseg.regions.cleaning import Area, without_small_holes, without_small_regions
+from uavseg.regions.extraction import About, Extraction, measured
+from uavseg.regions.joining import Outlined
+from uavseg.regions.tilewise import outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
-from uavseg.segmentation.components import Sums, cell_totals, components
 from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for, stages
 from uavseg.segmentation.segments import IntensityRange, in_range
 from uavseg.segmentation.source import GreySource
@@ -34,7 +28,7 @@ class ExtractParams:
     Parameters
     ----------
     segment : SegmentParams
-    stretch : StretchSpec or str
+    stretch : Stretch, StretchSpec or str
         How intensity becomes v.
     fill_holes : Area, optional
         Holes of less are filled, and regions within them become part of what surrounds them; this comes
@@ -48,7 +42,7 @@ class ExtractParams:
     """
 
     segment: SegmentParams = field(default_factory=SegmentParams)
-    stretch: StretchSpec | str = "auto"
+    stretch: Stretch | StretchSpec | str = "auto"
     fill_holes: Area | None = None
     min_area: Area | None = None
     simplify_m: float | None = None
@@ -59,31 +53,6 @@ class ExtractParams:
             raise ParameterError(
                 f"outlines are simplified by metres that are not negative, not {self.simplify_m:g}"
             )
-
-
-@dataclass(frozen=True)
-class Extraction:
-    """Regions, and what is needed to tell of them and to paint them.
-
-    Parameters
-    ----------
-    regions : Regions
-    rings : Rings
-        Their outlines on pixel edges, not simplified.
-    geobox : GeoBox
-        Of the raster.
-    stretch : Stretch
-        The one that was used.
-    band_names : str
-    warnings : tuple of str
-    """
-
-    regions: Regions
-    rings: Rings
-    geobox: GeoBox
-    stretch: Stretch
-    band_names: str
-    warnings: tuple[str, ...]
 
 
 def extract(
@@ -198,80 +167,29 @@ def _extraction(
     windows: Sequence[Window],
     map: Map,
 ) -> Extraction:
-    dataset = source.dataset
     if params.fill_holes is not None:
-        filled = without_small_holes(outlined, dataset.geobox, params.fill_holes)
+        filled = without_small_holes(outlined, source.dataset.geobox, params.fill_holes)
         if filled is not outlined:  # what was in the holes counts now
             outlined = replace(filled, sums=summed(source, filled, windows, map))
-    told = dataset.warnings + source.stretch.warnings
-    return _measured(
-        outlined, dataset.geobox, source.stretch, dataset.band_names, dataset.source, interval, params, told
-    )
-
-
-def _measured(
-    outlined: Outlined,
-    geobox: GeoBox,
-    stretch: Stretch,
-    band_names: str,
-    name: str,
-    interval: IntensityRange,
-    params: ExtractParams,
-    told: tuple[str, ...],
-) -> Extraction:
-    """Regions with their attributes, the small ones dropped."""
-    if params.min_area is not None:
-        outlined = without_small_regions(outlined, geobox, params.min_area)
-    rings, sums = outlined.rings, outlined.sums
-    pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
-    regions = make(
-        rings,
-        geobox,
-        sums.counts,
-        sums.greys,
-        sums.squares,
-        (interval.low, interval.high),
-        name,
-        pixels,
-    )
-    if params.simplify_m:
-        regions = simplify(regions, params.simplify_m, geobox)
-    return Extraction(regions, rings, geobox, stretch, band_names, told)
+    return _measured(outlined, About.source(source), interval, params)
 
 
 def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: ExtractParams) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone."""
     blocks, how = saved.blocks, params.segment
-    rows, cols = saved.geobox.coarsen(CELL).shape
-    inside = in_range(blocks, interval, how.threshold, how.step)
-    leaves, count = components(np.ascontiguousarray(inside[:rows, :cols]))
-    leaves[blocks.counts[:rows, :cols] == 0] = 0
-    rings = trace(leaves)
-    limit = np.array(saved.geobox.shape, np.int32)
-    on_pixels = replace(rings, vertices=np.minimum(rings.vertices * np.int32(CELL), limit))
-    outlined = numbered_by_size(on_pixels, _sums_of_cells(blocks, leaves, count))
+    outlined = outline_cells(blocks, in_range(blocks, interval, how.threshold, how.step))
     if params.fill_holes is not None:
-        filled = without_small_holes(outlined, saved.geobox, params.fill_holes)
-        on_cells = replace(filled.rings, vertices=-(-filled.rings.vertices // np.int32(CELL)))
-        labels = rasterise(on_cells, Window(0, 0, rows, cols))
-        outlined = replace(filled, sums=_sums_of_cells(blocks, labels, len(filled.sums.counts)))
-    name = saved.origin.rasters[0].rsplit("/", 1)[-1]
-    return _measured(
-        outlined,
-        saved.geobox,
-        saved.stretch,
-        saved.band_names,
-        name,
-        interval,
-        params,
-        saved.stretch.warnings,
-    )
+        outlined = summed_cells(blocks, without_small_holes(outlined, saved.geobox, params.fill_holes))
+    return _measured(outlined, About.saved(saved), interval, params)
 
 
-def _sums_of_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> Sums:
-    rows, cols = labels.shape
-    counts, greys, firsts = cell_totals(blocks.sums[:rows, :cols], blocks.counts[:rows, :cols], labels, count)
-    return Sums(counts, greys, np.full(count, np.nan), firsts)
+def _measured(
+    outlined: Outlined, about: About, interval: IntensityRange, params: ExtractParams
+) -> Extraction:
+    """Regions with their attributes, the small ones dropped."""
+    if params.min_area is not None:
+        outlined = without_small_regions(outlined, about.geobox, params.min_area)
+    return measured(outlined, about, interval.low, interval.high, params.simplify_m)
 
 
 def _three(progress: Progress | None) -> list[Progress] | list[None]:

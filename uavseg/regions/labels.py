@@ -13,7 +13,7 @@ from uavseg.parallel import Map, serial
 from uavseg.raster import write
 from uavseg.raster.labeltiles import check_label_tiles, label_windows, write_label_tiles
 from uavseg.raster.tiling import BLOCK, Window, tiles
-from uavseg.regions.extract import Extraction
+from uavseg.regions.extraction import Extraction
 from uavseg.regions.painting import Sketch, Sketches
 
 Path_ = str | os.PathLike[str]

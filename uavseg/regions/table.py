@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
@@ -80,7 +80,7 @@ def make(
     counts: NDArray[np.integer[Any]],
     sums: NDArray[np.integer[Any]],
     square_sums: NDArray[Any],
-    interval: tuple[float, float],
+    interval: tuple[ArrayLike, ArrayLike],
     source: str,
     pixels: NDArray[np.integer[Any]] | None = None,
 ) -> Regions:
@@ -95,8 +95,8 @@ def make(
         Pixels of each region.
     sums, square_sums : (n,) arrays
         Over the pixels of each region, the sum of grey levels 0..65535 and of their squares.
-    interval : (float, float)
-        The range of intensity that was asked for.
+    interval : (float, float) or two (n,) arrays
+        The range of intensity that was asked for, of all regions or of each.
     source : str
         The raster's name.
     pixels : (n,) integer array, optional
@@ -117,8 +117,8 @@ def make(
         _per_region(rings.labels, ~rings.exteriors, n),
         lon,
         lat,
-        np.full(n, low),
-        np.full(n, high),
+        np.broadcast_to(low, n).copy(),
+        np.broadcast_to(high, n).copy(),
         np.full(n, source, object),
     ]
     columns: dict[str, NDArray[Any]] = {

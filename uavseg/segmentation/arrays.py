@@ -30,12 +30,12 @@ def divided(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) ->
     >>> float(divided(halves).ratios[0, 0, 0])  # texture differs along the middle only
     inf
     """
-    padded, known = _padded(grey, valid)
-    sums, counts = cell_sums(padded, known, margin=1)
+    image, known = padded(grey, valid)
+    sums, counts = cell_sums(image, known, margin=1)
     blocks = BlockMap(grey.shape, sums, counts, BlockMap.empty(grey.shape).ratios)
-    cuts = contrast_cuts(contrast_histogram(padded, known))
+    cuts = contrast_cuts(contrast_histogram(image, known))
     rows, cols = np.indices(blocks.blocks).reshape(2, -1) * BLOCK
-    ratios = block_ratios(padded, known, cuts, np.stack([rows, cols], axis=1))
+    ratios = block_ratios(image, known, cuts, np.stack([rows, cols], axis=1))
     blocks.ratios[:] = ratios.reshape(blocks.ratios.shape)
     return blocks
 
@@ -81,13 +81,13 @@ def regions(
     return np.asarray(number[labels])
 
 
-def _padded(
+def padded(
     grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-    """An image filled up to whole blocks, with a border of one pixel; what is added is not valid."""
+    """An image filled up to whole blocks, with a border of one pixel; and 1 where its pixels are valid."""
     rows, cols = (-(-length // BLOCK) * BLOCK + 2 for length in grey.shape)
-    padded, known = np.zeros((rows, cols), np.uint16), np.zeros((rows, cols), np.uint8)
+    image, known = np.zeros((rows, cols), np.uint16), np.zeros((rows, cols), np.uint8)
     place = (slice(1, grey.shape[0] + 1), slice(1, grey.shape[1] + 1))
     known[place] = 1 if valid is None else valid
-    padded[place] = grey * known[place]
-    return padded, known
+    image[place] = grey * known[place]
+    return image, known

@@ -5,6 +5,7 @@ ratio R of its texture. None of it depends on a threshold or a range, so leaves 
 here.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -189,19 +190,19 @@ def _leaves(sums, counts, ratios, threshold, step, side, mean):  # type: ignore[
 
 
 def undecided(
-    sums: NDArray[np.uint32], counts: NDArray[np.uint8], low: float, high: float, intensity_step: float
+    sums: NDArray[np.uint32], counts: NDArray[np.uint8], edges: Sequence[float], intensity_step: float
 ) -> NDArray[np.uint32]:
-    """Which R must be known before a range [low, high] can be extracted.
+    """Which R must be known before it is known in which of some intervals the mean of every leaf lies.
 
-    Where the means of all cells of a block lie in the range, or all below it, or all above it, so does the
-    mean of any leaf made of them, and how the block is divided changes nothing. Nor does R where intensity
-    divides anyway.
+    Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
+    and how the block is divided changes nothing. Nor does R where intensity divides anyway.
 
     Parameters
     ----------
     sums, counts : (8 B, 8 C) arrays
         Of the cells, as in `BlockMap`.
-    low, high : float
+    edges : sequence of float
+        Between the intervals, increasing; a mean on an edge lies in the interval below it.
     intensity_step : float
         Tau; infinite for none.
 
@@ -211,24 +212,34 @@ def undecided(
         Bit k is set where ratio k of a block must be known, unless a larger block around it stays whole.
     """
     found = np.zeros((sums.shape[0] // CELLS, sums.shape[1] // CELLS), np.uint32)
-    _undecided(sums, counts, low, high, intensity_step, found)
+    _undecided(sums, counts, np.array(edges, np.float64), intensity_step, found)
     return found
 
 
 @inlined
-def is_mixed(sums, counts, row, col, many, low, high):  # type: ignore[no-untyped-def]
-    """Whether some of the cells lie in the range and some do not, or lie on both sides of it."""
-    sides = 0
+def is_mixed(sums, counts, row, col, many, edges):  # type: ignore[no-untyped-def]
+    """Whether the means of the cells lie in more than one interval: an edge lies between them."""
+    low = 2.0
+    high = -1.0
     for r in range(row, row + many):
         for c in range(col, col + many):
             mean = mean_of(sums, counts, r, c, 1)
             if mean >= 0.0:
-                sides |= 1 if mean < low else (4 if mean > high else 2)
-    return sides & (sides - 1) != 0
+                low = min(low, mean)
+                high = max(high, mean)
+    first = 0  # the first edge that is not below the lowest mean
+    end = edges.shape[0]
+    while first < end:
+        middle = (first + end) // 2
+        if edges[middle] < low:
+            first = middle + 1
+        else:
+            end = middle
+    return first < edges.shape[0] and edges[first] < high
 
 
-@kernel("void(u4[:,::1], u1[:,::1], f8, f8, f8, u4[:,::1])")
-def _undecided(sums, counts, low, high, step, found):  # type: ignore[no-untyped-def]
+@kernel("void(u4[:,::1], u1[:,::1], f8[::1], f8, u4[:,::1])")
+def _undecided(sums, counts, edges, step, found):  # type: ignore[no-untyped-def]
     for row in range(found.shape[0]):
         for col in range(found.shape[1]):
             bits = np.uint32(0)
@@ -238,7 +249,7 @@ def _undecided(sums, counts, low, high, step, found):  # type: ignore[no-untyped
                 mixed = 0
                 for r in range(8 * row, 8 * row + 8, many):
                     for c in range(8 * col, 8 * col + 8, many):
-                        if is_mixed(sums, counts, r, c, many, low, high):
+                        if is_mixed(sums, counts, r, c, many, edges):
                             mixed += 1
                             if spread_of_children(sums, counts, r, c, many) <= step:
                                 bits |= np.uint32(1) << np.uint32(place)

@@ -1,6 +1,7 @@
 """Connected components: pixels of a region that share edges (4-connectivity; a corner does not connect)."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,12 +39,14 @@ def components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.u
     return labels, _label_u1(inside, words, margin, labels, parents)
 
 
-def equal_components(image: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int]:
+def equal_components(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
     """Number the connected pixels of equal value, 0 left out, in raster order of their first pixels.
 
     Parameters
     ----------
-    image : (M, N) uint32 array
+    image : (M + 2 m, N + 2 m) uint8 or uint32 array
+    margin : int
+        m, pixels on every side that are left out.
 
     Returns
     -------
@@ -57,9 +60,12 @@ def equal_components(image: NDArray[np.uint32]) -> tuple[NDArray[np.uint32], int
     array([[1, 0, 2],
            [1, 3, 3]], dtype=uint32)
     """
-    labels = np.zeros(image.shape, np.uint32)
+    labels = np.zeros((image.shape[0] - 2 * margin, image.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size + 1, np.uint32)
-    return labels, _label_u4(image, np.empty((0, 0), np.uint64), 0, labels, parents)
+    if image.dtype != np.uint8:
+        return labels, _label_u4(image, np.empty((0, 0), np.uint64), margin, labels, parents)
+    words = words_of(image) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
+    return labels, _label_u1(image, words, margin, labels, parents)
 
 
 def values_of(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import inf
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
 from uavseg.segmentation.division import EVERY, block_ratios, wanted_ratios
 from uavseg.segmentation.patches import SIDE, Patches
 from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import IntensityRange, matching, pixels_of
+from uavseg.segmentation.segments import Cut, IntensityRange, matching, pixels_of
 from uavseg.segmentation.source import GreySource, GreyTile, whole_blocks
 from uavseg.segmentation.texture import GREYS, contrast_cuts, contrast_histogram
 
@@ -106,15 +106,26 @@ def block_map(
 
 def block_map_for(
     source: GreySource,
-    interval: IntensityRange,
+    cut: Cut,
     params: SegmentParams,
     windows: Sequence[Window],
     map: Map = serial,
     progress: Progress | None = None,
 ) -> BlockMap:
-    """A block map that answers one range exactly: R is known where the range does not decide by itself."""
+    """A block map that answers one range, states or levels exactly.
+
+    R is known where the cells of a block do not decide by themselves in which interval its leaves lie.
+
+    Parameters
+    ----------
+    source : GreySource
+    cut : IntensityRange, StateLimits or Levels
+    params : SegmentParams
+    windows, map, progress
+        As of `block_map`.
+    """
     parts = [None, None] if progress is None else stages(progress, 2)
-    question = Question(interval.low, interval.high, params.step, params.threshold)
+    question = Question(cut.edges, params.step, params.threshold)
     measured = measure(source, windows, map, parts[0], question)
     wanted = question.open_in(measured.blocks.sums, measured.blocks.counts)
     divide(source, measured, wanted, windows, map, parts[1], question)
@@ -125,15 +136,14 @@ def block_map_for(
 class Question:
     """What is asked of a raster, as far as it says which blocks are looked at; and what is kept of them."""
 
-    low: float
-    high: float
+    edges: tuple[float, ...]
     step: float
     threshold: float
     patches: Patches = field(default_factory=Patches, repr=False, compare=False)
 
     def open_in(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
         """Which R the cells leave open, see `blockmap.undecided`."""
-        return undecided(sums, counts, self.low, self.high, self.step)
+        return undecided(sums, counts, self.edges, self.step)
 
 
 @dataclass(frozen=True)
@@ -224,15 +234,15 @@ def refined(
     return pixels, tile
 
 
-def cells_around(inside: NDArray[np.uint8], window: Window) -> NDArray[np.uint8]:
-    """Cells of a window grown by REACH; 0 outside the raster."""
-    margin = REACH // CELL
+def cells_around(cells: NDArray[Any], window: Window, reach: int = REACH) -> NDArray[Any]:
+    """Cells of a window grown by `reach` pixels, a multiple of 8; 0 outside the raster."""
+    margin = reach // CELL
     rows, cols = whole_blocks(window.rows) // CELL, whole_blocks(window.cols) // CELL
-    around = np.zeros((rows + 2 * margin, cols + 2 * margin), np.uint8)
+    around = np.zeros((rows + 2 * margin, cols + 2 * margin), cells.dtype)
     first = Window(window.row // CELL - margin, window.col // CELL - margin, *around.shape)
-    part = first.clipped(inside.shape)
+    part = first.clipped(cells.shape)
     place = Window(part.row - first.row, part.col - first.col, part.rows, part.cols)
-    around[place.slices] = inside[part.slices]
+    around[place.slices] = cells[part.slices]
     return around
 
 

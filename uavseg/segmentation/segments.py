@@ -1,15 +1,31 @@
-"""Which leaves, and which pixels, belong together: by a range of intensity."""
+"""Which leaves, and which pixels, belong together: by a range of intensity, by state, by level.
 
+Each of them cuts 0..1 at some edges. A value on an edge belongs to the interval below it.
+"""
+
+import math
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.errors import IntensityRangeError
+from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.segmentation.blockmap import FULL, BlockMap, leaves
 
+FREE, UNKNOWN, OCCUPIED = 1, 2, 3
+
 _STRIP = 64  # rows of blocks looked at together
+_MOST_LEVELS = 65535  # v has 65536 values
+
+
+class Cut(Protocol):
+    """What cuts 0..1 into intervals."""
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Where it is cut, increasing; an edge belongs to the interval below it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +48,167 @@ class IntensityRange:
             )
 
     @property
+    def edges(self) -> tuple[float, float]:
+        """Edges of what lies below the range, in it and above it."""
+        return math.nextafter(self.low, -1.0), self.high
+
+    @property
     def greys(self) -> tuple[int, int]:
         """The smallest and the largest grey g whose v = g / 65535 lies in the range."""
-        v = np.arange(FULL + 1) / FULL
-        return int(np.searchsorted(v, self.low, "left")), int(np.searchsorted(v, self.high, "right")) - 1
+        low, high = max(math.ceil(self.low * FULL) - 1, 0), min(math.floor(self.high * FULL) + 1, FULL)
+        while low / FULL < self.low:
+            low += 1
+        while high / FULL > self.high:
+            high -= 1
+        return low, high
+
+
+@dataclass(frozen=True, slots=True)
+class StateLimits:
+    """What probability of being occupied makes a cell free, unknown or occupied: the paper's limits.
+
+    Parameters
+    ----------
+    free_below : float
+        Up to here, and here too, a cell is free.
+    occupied_above : float
+        Above here it is occupied; here, and down to the other limit, unknown.
+
+    Raises
+    ------
+    ParameterError
+        If not 0 <= free_below < occupied_above <= 1.
+
+    Examples
+    --------
+    >>> StateLimits().of([0.2, 0.498, 0.5, 0.502, 0.503])
+    array([1, 1, 2, 2, 3], dtype=uint8)
+    """
+
+    free_below: float = 0.498
+    occupied_above: float = 0.502
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.free_below < self.occupied_above <= 1:
+            raise ParameterError(
+                "the limits of the states want 0 <= free below < occupied above <= 1, "
+                f"not {self.free_below:g} and {self.occupied_above:g}"
+            )
+
+    @property
+    def edges(self) -> tuple[float, float]:
+        """The two limits."""
+        return self.free_below, self.occupied_above
+
+    def of(self, v: Any) -> NDArray[np.uint8]:
+        """The state of each probability: 1 free, 2 unknown, 3 occupied."""
+        states: NDArray[np.uint8] = (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
+        return states
+
+    @property
+    def table(self) -> NDArray[np.uint8]:
+        """The state of every grey g, whose v = g / 65535: a (65536,) uint8 array."""
+        return self.of(np.arange(FULL + 1) / FULL)
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """0..1 cut into levels of equal width, the last of which may be narrower.
+
+    Parameters
+    ----------
+    width : float
+        P. Level k, from 0, is what lies above k P and not above (k + 1) P; level 0 has 0 too.
+
+    Raises
+    ------
+    ParameterError
+        If the width is not above 0 and at most 1, or so small that there would be more levels than greys.
+
+    Examples
+    --------
+    >>> Levels(0.3).bounds
+    (0.0, 0.3, 0.6, 0.9, 1.0)
+    """
+
+    width: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.width <= 1:
+            raise ParameterError(f"the width of a level is above 0 and at most 1, not {self.width:g}")
+        if 1 / self.width > _MOST_LEVELS:
+            raise ParameterError(
+                f"levels of {self.width:g} are finer than grey is, which has {_MOST_LEVELS + 1} values; "
+                "give a larger width"
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of levels."""
+        return math.ceil(1 / self.width - 1e-9)
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """The edges between levels."""
+        return tuple(round(k * self.width, 12) for k in range(1, self.count))
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """The edges with 0 and 1: level k lies between bounds k and k + 1."""
+        return (0.0, *self.edges, 1.0)
+
+
+def states_of(
+    blocks: BlockMap, limits: StateLimits, threshold: float, intensity_step: float
+) -> NDArray[np.uint8]:
+    """The state of each cell: that of the mean of the leaf which it lies in.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    limits : StateLimits
+    threshold, intensity_step : float
+        X and tau of the division, see `blockmap.leaves`; an infinite tau is the paper's method.
+
+    Returns
+    -------
+    states : (8 B, 8 C) uint8 array
+        1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
+    """
+    return _intervals_of(blocks, limits, threshold, intensity_step, np.uint8)
+
+
+def levels_of(
+    blocks: BlockMap, levels: Levels, threshold: float, intensity_step: float
+) -> NDArray[np.uint8] | NDArray[np.uint32]:
+    """The level of each cell, counted from 1: that of the mean of the leaf which it lies in.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    levels : Levels
+    threshold, intensity_step : float
+        As of `states_of`.
+
+    Returns
+    -------
+    levels : (8 B, 8 C) array
+        0 where the leaf has no valid pixel; uint8 where 255 levels are enough, else uint32.
+    """
+    dtype = np.uint8 if levels.count < 256 else np.uint32
+    return _intervals_of(blocks, levels, threshold, intensity_step, dtype)
+
+
+def _intervals_of(
+    blocks: BlockMap, cut: Cut, threshold: float, intensity_step: float, dtype: Any
+) -> NDArray[Any]:
+    """The interval of each leaf's mean, counted from 1; 0 where it has no valid pixel (a mean of -1)."""
+    edges = np.array([-0.5, *cut.edges])
+    found = np.empty(blocks.counts.shape, dtype)
+    for top in range(0, blocks.blocks[0], _STRIP):
+        _, mean = leaves(blocks, threshold, intensity_step, slice(top, top + _STRIP))
+        found[8 * top : 8 * (top + _STRIP)] = np.searchsorted(edges, mean)
+    return found
 
 
 def in_range(
@@ -61,20 +234,23 @@ def in_range(
     return inside
 
 
-def pixels_of(cells: NDArray[np.uint8], valid: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The valid pixels of cells.
+def pixels_of(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+    """What cells hold, at their valid pixels.
 
     Parameters
     ----------
-    cells : (m, n) uint8 array, 1 in range
+    cells : (m, n) uint8 or uint32 array
+        Such as 1 where a cell is in range.
     valid : (8 m, 8 n) uint8 array
 
     Returns
     -------
-    pixels : (8 m, 8 n) uint8 array
+    pixels : (8 m, 8 n) array of the type of the cells
+        0 where a pixel is not valid.
     """
-    pixels = np.empty_like(valid)
-    _spread(cells, valid, pixels)
+    pixels = np.empty(valid.shape, cells.dtype)
+    spread = _spread_u1 if cells.dtype == np.uint8 else _spread_u4
+    spread(cells, valid, pixels)
     return pixels
 
 
@@ -98,12 +274,21 @@ def matching(grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high:
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
-def _spread(cells, valid, pixels):  # type: ignore[no-untyped-def]
+def _spread_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
             own = cells[r // 8, cell]
             for c in range(8 * cell, 8 * cell + 8):
-                pixels[r, c] = own & valid[r, c]
+                pixels[r, c] = own & (np.uint8(0) - valid[r, c])  # faster than a product of bytes
+
+
+@kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")
+def _spread_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
+    for r in range(pixels.shape[0]):
+        for cell in range(cells.shape[1]):
+            own = cells[r // 8, cell]
+            for c in range(8 * cell, 8 * cell + 8):
+                pixels[r, c] = own * valid[r, c]
 
 
 @kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")

@@ -1,0 +1,294 @@
+"""`uavseg classify`, from the command line to the files."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from click.testing import CliRunner, Result
+
+from uavseg.cli import main
+from uavseg.occupancy.maps import open_map
+from uavseg.occupancy.rosmap import write_ros_map
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.tiling import Window
+from uavseg.regions import export
+from uavseg.segmentation.segments import StateLimits
+
+BOX = GeoBox((100, 150), Affine(0.05, 0, -2, 0, -0.05, 6), None)
+MODES = ["trinary", "scale", "raw"]
+
+
+def room() -> np.ndarray:
+    """A free room with two thick things in it, a thin wall, and nothing known around it."""
+    p = np.full(BOX.shape, 0.5, np.float32)
+    p[8:90, 11:140] = 0.05
+    p[20:45, 30:62] = 0.9
+    p[60:81, 90:97] = 0.95
+    p[8:90, 70] = 0.97
+    return p
+
+
+def write(name: str, values: np.ndarray, nodata: float | None = None, **how: Any) -> str:
+    place = {"transform": BOX.transform, "nodata": nodata} | how
+    with rasterio.open(name, "w", "GTiff", *values.shape[::-1], 1, dtype=values.dtype.name, **place) as file:
+        file.write(values, 1)
+    return name
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    write("map.tif", room())
+    return tmp_path
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(main, ["classify", *map(str, words)])
+
+
+def done(*words: object) -> Result:
+    result = run(*words)
+    assert result.exit_code == 0, result.output
+    return result
+
+
+def refused(*words: object) -> str:
+    """The one line of a refusal, which leaves nothing behind."""
+    before = contents()
+    result = run(*words)
+    lines = result.stderr.splitlines()
+    assert result.exit_code == 1 and len(lines) == 1 and result.stdout == "", result.output
+    assert contents() == before
+    return lines[0].removeprefix("uavseg: error: ")
+
+
+def contents(folder: Path = Path()) -> dict[str, bytes]:
+    return {str(path): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def read(name: str) -> np.ndarray:
+    with rasterio.open(name) as file:
+        return np.asarray(file.read(1))
+
+
+def ros_map(mode: str) -> str:
+    """A ROS map of that mode."""
+    states = StateLimits().of(room())
+    write_ros_map(f"{mode}.yaml", states, BOX, mode=mode)
+    return f"{mode}.yaml"
+
+
+def told(result: Result) -> dict[str, str]:
+    lines = [line for line in result.stderr.splitlines() if line.startswith("  ")]
+    return {line[2:14].strip(): line[14:] for line in lines}
+
+
+def test_states_objects_and_labels_and_what_is_told() -> None:
+    table = told(done("map.tif", "-o", "s.tif", "--objects", "o.geojson", "--labels", "l.tif"))
+    states, labels = read("s.tif"), read("l.tif")
+    with rasterio.open("s.tif") as file:
+        assert (file.dtypes, file.nodata, file.transform) == (("uint8",), 0, BOX.transform)
+        assert file.descriptions == ("state: 1 free, 2 unknown, 3 occupied",)
+    objects = geopandas.read_file("o.geojson")
+    assert objects["id"].tolist() == list(range(1, len(objects) + 1))
+    assert (np.diff(objects["pixels"]) <= 0).all()
+    assert np.array_equal(labels > 0, states == 3)
+    assert np.bincount(labels.ravel())[1:].tolist() == objects["pixels"].tolist()
+    biggest = objects.iloc[0]
+    assert biggest["pixels"] >= 25 * 32 and biggest["mean"] == pytest.approx(0.9, abs=0.01)
+    bounds = [biggest[name] for name in ("x_min", "y_min", "x_max", "y_max")]
+    assert bounds == pytest.approx(biggest.geometry.bounds)
+    assert bounds == pytest.approx([-2 + 30 * 0.05, 6 - 45 * 0.05, -2 + 62 * 0.05, 6 - 20 * 0.05])
+    assert biggest["area_m2"] == pytest.approx(25 * 32 * 0.0025)
+    hidden, above = ((states == 1) & (room() > 0.502)).sum(), (room() > 0.502).sum()
+    assert table["hazard"].startswith(f"{hidden} of {above:,} cells") and hidden > 40
+    assert table["objects"] == f"{len(objects)} -> o.geojson"
+    for state, name in ((1, "free"), (2, "unknown"), (3, "occupied")):
+        assert table[name].startswith(f"{(states == state).sum():,} (")
+    assert "no data" not in table
+
+
+def test_the_default_name_and_quiet() -> None:
+    assert done("map.tif", "-q").stderr == ""
+    assert read("map.states.tif").shape == BOX.shape
+
+
+def test_objects_may_go_to_stdout() -> None:
+    found = json.loads(done("map.tif", "-o", "s.tif", "--objects", "-", "-q").stdout)
+    assert {"x_min", "y_max", "area_m2", "mean"} <= found["features"][0]["properties"].keys()
+
+
+@pytest.mark.parametrize("suffix", sorted(set(export._WRITERS) - {".kml"}))
+def test_objects_in_every_format(suffix: str) -> None:
+    done("map.tif", "-o", "s.tif", "--objects", f"o{suffix}", "-q")
+    if suffix == ".parquet":
+        objects = geopandas.read_parquet(f"o{suffix}")
+    else:
+        objects = geopandas.read_file(f"o{suffix}")
+    objects = objects.sort_values("id")  # a FlatGeobuf is ordered by place
+    assert objects["x_min"].min() == pytest.approx(min(objects.bounds["minx"]))
+    assert len(objects) > 1 and objects["pixels"].is_monotonic_decreasing
+
+
+def test_objects_of_a_map_on_the_earth_have_metres() -> None:
+    write("utm.tif", room(), crs="EPSG:32618", transform=Affine(2, 0, 4e5, 0, -2, 5e6))
+    done("utm.tif", "-o", "s.tif", "--objects", "o.gpkg", "--min-area", "900", "-q")
+    objects = geopandas.read_file("o.gpkg")
+    assert (objects["area_m2"] >= 900).all() and objects.crs.to_epsg() == 32618
+    assert objects["area_m2"].to_numpy() == pytest.approx(4 * objects["pixels"].to_numpy(), rel=2e-3)
+    assert objects.iloc[0]["x_min"] == 4e5 + 60
+
+
+def test_small_objects_are_dropped_and_states_stay() -> None:
+    done("map.tif", "-o", "a.tif", "--objects", "a.fgb", "-q")
+    done("map.tif", "-o", "b.tif", "--objects", "b.fgb", "--labels", "b.l.tif", "--min-area", "200px", "-q")
+    assert Path("a.tif").read_bytes() == Path("b.tif").read_bytes()
+    pixels = geopandas.read_file("a.fgb")["pixels"]
+    assert geopandas.read_file("b.fgb")["pixels"].tolist() == pixels[pixels >= 200].tolist()
+    assert read("b.l.tif").max() == (pixels >= 200).sum()
+
+
+def test_without_refinement_states_end_at_blocks() -> None:
+    done("map.tif", "-o", "s.tif", "--refine", "none", "-q")
+    states = read("s.tif")
+    cells = states[:96, :144].reshape(12, 8, 18, 8)
+    assert (cells == cells[:, :1, :, :1]).all()
+
+
+def test_limits_move_states() -> None:
+    done("map.tif", "-o", "s.tif", "--free-below", "0.01", "--occupied-above", "0.6", "-q")
+    assert set(np.unique(read("s.tif"))) == {2, 3}
+
+
+@pytest.mark.parametrize("tile", [64, 128, 4096])
+@pytest.mark.parametrize("refine", ["scan", "none"])
+def test_tiles_and_threads_change_no_byte(tile: int, refine: str) -> None:
+    values = np.tile(room(), (3, 2))
+    values[100:130, 20:50] = np.nan
+    write("big.tif", values)
+    how = ("--objects", "o.fgb", "--labels", "l.tif", "-q", "--refine", refine, "--overwrite")
+    done("big.tif", "-o", "s.tif", *how, "--tile", 192, "--threads", 1)
+    wanted = contents()
+    done("big.tif", "-o", "s.tif", *how, "--tile", tile, "--threads", 2)
+    assert contents() == wanted
+
+
+def test_a_run_goes_on_where_it_stopped() -> None:
+    how = ("--tile", 64, "--resume", "kept", "--objects", "o.fgb")
+    done("map.tif", "-o", "s.tif", *how)
+    wanted = {name: Path(name).read_bytes() for name in ("s.tif", "o.fgb")}
+    again = done("map.tif", "-o", "s.tif", *how, "--overwrite")
+    assert "resumed: 6 of 6 tiles were done (codes)" in again.stderr
+    assert {name: Path(name).read_bytes() for name in wanted} == wanted
+
+
+# ROS maps
+
+
+@pytest.mark.parametrize("given", MODES)
+@pytest.mark.parametrize("written", MODES)
+def test_a_ros_map_is_read_back_to_the_same_states(given: str, written: str) -> None:
+    done(ros_map(given), "-o", "s.tif", "-q")
+    done(f"{given}.yaml", "-o", "out.yaml", "--mode", written, "-q")
+    dataset, _ = open_map("out.yaml")
+    values, _ = dataset.read(Window(0, 0, *BOX.shape))
+    assert np.array_equal(StateLimits().of(values[0]), read("s.tif"))
+    assert dataset.geobox.transform.almost_equals(BOX.transform)
+    assert set(np.unique(read("s.tif"))) == {1, 2, 3}
+
+
+def test_a_ros_map_is_classified_as_the_raster_of_its_probabilities() -> None:
+    done(ros_map("trinary"), "-o", "a.tif", "-q")
+    write("p.tif", open_map("trinary.yaml")[0].read(Window(0, 0, *BOX.shape))[0][0])
+    done("p.tif", "-o", "b.tif", "-q")
+    assert np.array_equal(read("a.tif"), read("b.tif"))
+
+
+def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
+    values = room()
+    values[30:60, 100:130] = np.nan
+    write("holes.tif", values)
+    done("holes.tif", "-o", "s.tif", "-q")
+    result = done("holes.tif", "-o", "out.yml")
+    assert (
+        f"warning: a ROS map knows no nodata: {900:,} cells without data are unknown in out.yml"
+        in result.stderr
+    )
+    assert told(result)["no data"].startswith("900 (6.0 %)")
+    values, _ = open_map("out.yml")[0].read(Window(0, 0, *BOX.shape))
+    states = read("s.tif")
+    assert (states[30:60, 100:130] == 0).all()
+    assert np.array_equal(StateLimits().of(values[0]), np.where(states == 0, 2, states))
+
+
+# What is refused
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            ["map.tif", "--free-below", "0.6"],
+            "states want 0 <= free below < occupied above <= 1",
+        ),
+        (["map.tif", "--occupied-above", "nan"], "limits of the states want"),
+        (["map.tif", "-o", "s.png"], "states are written to .tif, or to .yaml for a ROS map"),
+        (["map.tif", "-o", "there.tif"], "there.tif exists; give --overwrite"),
+        (["map.tif", "-o", "there.yaml"], "there.pgm exists; give --overwrite"),
+        (["map.tif", "--objects", "there.tif"], "regions are written to .geojson"),
+        (["map.tif", "--labels", "there.tif"], "there.tif exists"),
+        (["map.tif", "-o", "s.tif", "--labels", "./s.tif"], "two outputs have the same name"),
+        (["map.tif", "-o", "no/s.tif"], "the folder no does not exist"),
+        (["map.tif", "--objects", "o.kml"], "no place on the globe"),
+        (["map.tif", "--tile", "100"], "a positive multiple of 64"),
+        (["map.tif", "--min-area", "5", "--objects", "o.fgb"], "give the area in pixels, such as 5px"),
+        (["none.tif"], "none.tif"),
+        (["none.yaml"], "there is no file none.yaml"),
+        (["nothing.tif"], "nothing.tif has no valid cell: all of it is nodata or NaN"),
+        (["high.tif"], "a map of probabilities lies in 0..1 and this one holds 7"),
+        (["stretched.tif", "-o", "s.yaml"], "square cells"),
+        (["lone.yaml"], "lone.yaml names the picture lone.pgm, and there is no such file"),
+        (["overlap.yaml"], "free_thresh (0.7) lies below occupied_thresh (0.6)"),
+        (["negative.yaml"], "resolution is metres per cell, a number above 0, not -0.05"),
+        (["nan.yaml"], "resolution is metres per cell, a number above 0, not nan"),
+        (["good.yaml", "--nodata", "0"], "leave --band, --rgb and --nodata out"),
+        (["good.yaml", "--resume", "kept"], "leave --resume out"),
+        (["blocks.tif"], "is a block map; states are refined with the map, so give the map itself"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input_is_one_line_and_nothing_written(words: list[str], said: str) -> None:
+    write("there.tif", room())
+    Path("there.pgm").write_text("mine")
+    write("nothing.tif", np.full((70, 80), np.nan, np.float32))
+    write("high.tif", np.full((70, 80), 7, np.float32))
+    write("stretched.tif", room(), transform=Affine(2, 0, 0, 0, -1, 0))
+    good = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2\n"
+    ros_map("raw")
+    Path("good.yaml").write_text(f"image: raw.pgm\n{good}")
+    Path("lone.yaml").write_text(f"image: lone.pgm\n{good}")
+    Path("overlap.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.2", "0.7"))
+    Path("negative.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.05", "-0.05"))
+    Path("nan.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.05", ".nan"))
+    CliRunner().invoke(main, ["divide", "map.tif", "-o", "blocks.tif", "-q"])
+    assert said in refused(*words)
+
+
+def test_overwriting_is_allowed_when_asked() -> None:
+    done("map.tif", "-o", "s.tif", "-q")
+    done("map.tif", "-o", "s.tif", "-q", "--overwrite", "--refine", "none")
+
+
+def test_a_disk_that_fills_up_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    import uavseg.segmentation.stateimage as stateimage
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(stateimage, "packed", full)
+    assert "No space left on device" in refused("map.tif", "-o", "s.tif")

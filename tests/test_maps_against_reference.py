@@ -1,0 +1,215 @@
+"""States, levels and objects of maps, against the implementation written from the description alone."""
+
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from affine import Affine
+from numpy.typing import NDArray
+
+import uavseg.segmentation.classification as classification
+from uavseg.occupancy.classify import classify
+from uavseg.occupancy.maps import open_map, stretch_of
+from uavseg.parallel import Map, serial, threads
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.tiling import Window
+from uavseg.raster.write import write_geotiff
+from uavseg.regions.extract import ExtractParams
+from uavseg.regions.extraction import Extraction
+from uavseg.regions.levels import extract_levels
+from uavseg.regions.painting import rasterise
+from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.segments import Levels, StateLimits
+from uavseg.segmentation.source import GreySource
+
+MAPS = 220
+CHUNK = 20
+CHUNKS = range(0, MAPS, CHUNK)
+RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
+REAL = ["depot", "tb3_sandbox", "turtlebot3_map", "willow-full"]
+
+
+def random_map(seed: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """A map as a robot has it: patches, walls and specks around one half, and nodata."""
+    rng = np.random.default_rng(seed)
+    sizes = [(3, 64), (64, 98), (98, 201)]
+    rows, cols = (int(rng.integers(*sizes[rng.choice(3, p=[0.4, 0.57, 0.03])])) for _ in range(2))
+    field = np.full((rows, cols), 0.5)
+    for _ in range(rng.integers(1, 16)):
+        row, col = rng.integers(rows), rng.integers(cols)
+        height, width = rng.integers(1, (80, 4)[rng.integers(2)], 2) * rng.choice([1, 30], 2).clip(1, 3)
+        field[row : row + height, col : col + width] = rng.choice([0.0, 0.1, 0.497, 0.5, 0.503, 0.9, 1.0])
+    speck = rng.random((rows, cols)) < rng.choice([0, 0.02, 0.3])
+    field[speck] = rng.choice([0.05, 0.498, 0.5, 0.502, 0.95], int(speck.sum()))
+    if rng.random() < 0.3:
+        field = np.clip(field + rng.normal(0, rng.choice([0.002, 0.05]), field.shape), 0, 1)
+    valid = np.ones((rows, cols), bool)
+    if rng.random() < 0.5:
+        row, col = rng.integers(rows), rng.integers(cols)
+        valid[row : row + 40, col : col + 30] = False
+        valid &= rng.random((rows, cols)) > rng.choice([0, 0.01, 0.2])
+    if not valid.any():
+        valid[0, 0] = True
+    if rng.random() < 0.4:
+        return np.floor(field * 255 + rng.choice([0, 0.5])).clip(0, 255).astype(np.uint8), valid
+    return field.astype((np.float32, np.float64)[rng.integers(2)]), valid
+
+
+def choices(seed: int) -> tuple[float, float | None, float]:
+    """X, tau and the width of levels."""
+    rng = np.random.default_rng([seed, 1])
+    tau = [None, None, 0.0173, 0.05, 0.21][int(rng.integers(5))]
+    return (
+        float(rng.choice([1.03, 1.2, 1.2, 3.0])),
+        tau,
+        float(rng.choice([0.1, 0.15, 0.3, 0.07, 1.0, 0.003])),
+    )
+
+
+def dataset_of(folder: Path, seed: int, values: NDArray[Any], valid: NDArray[np.bool_]) -> Dataset:
+    """A map in memory with NaN, or one of bytes with a nodata value in a file."""
+    box = GeoBox(values.shape, Affine(0.05, 0, -3, 0, -0.05, 7), None)
+    if values.dtype.kind == "f":
+        return Dataset.of_values(np.where(valid, values, values.dtype.type(np.nan)), box, "map")
+    free = np.setdiff1d(np.arange(256, dtype=np.uint8), values[valid])
+    if valid.all() or not len(free):
+        valid[:] = True
+        return Dataset.of_values(values, box, "map")
+    path = folder / f"{seed}.tif"
+    write_geotiff(path, [np.where(valid, values, free[0])], box, nodata=int(free[0]))
+    return Dataset.open(path)
+
+
+class Case(NamedTuple):
+    """A map, how it is divided, and the slow implementation's leaves."""
+
+    source: GreySource
+    grey: NDArray[np.uint16]
+    valid: NDArray[np.bool_]
+    X: float
+    tau: float | None
+    leaves: Any
+
+
+def case_of(
+    reference: ModuleType, dataset: Dataset, values: Any, valid: Any, X: float, tau: float | None
+) -> Case:
+    grey = reference.grey(values, valid, 0, 255.0 if values.dtype == np.uint8 else 1.0)
+    source = GreySource(dataset, stretch_of(dataset))
+    return Case(source, grey, valid, X, tau, reference.divide(grey, valid, X, tau))
+
+
+def painted(found: Extraction) -> NDArray[np.uint32]:
+    return rasterise(found.rings, Window(0, 0, *found.geobox.shape))
+
+
+def params_of(case: Case, refine: str, tile: int) -> ExtractParams:
+    method = "paper" if case.tau is None else "adaptive"
+    segment = SegmentParams(method, case.X, case.tau or 0.0, refine)  # type: ignore[arg-type]
+    form = "dtype" if case.source.dataset.dtype.kind == "u" else "none"
+    return ExtractParams(segment, form, tile=tile)
+
+
+def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> list[tuple[object, ...]]:
+    """What differs of states and objects, refined or not."""
+    different = []
+    by_value = case.grey / 65535 > reference.UNKNOWN_TO
+    tile, run = runner
+    for refine in ("scan", "none"):
+        states, segments = reference.states_of_leaves(case.leaves, case.grey, case.valid, refine == "scan")
+        found = classify(case.source, StateLimits(), params_of(case, refine, tile), map=run)
+        same = np.array_equal(found.states, states)
+        same &= np.array_equal(painted(found.objects), reference.by_size(segments))
+        same &= found.cells == {k: int((states == k).sum()) for k in range(4)}
+        same &= found.occupied_in_free == ((states == 1) & by_value).sum()
+        same &= found.occupied_by_value == (case.valid & by_value).sum()
+        if not same:
+            different.append((refine, tile, case.X, case.tau))
+    return different
+
+
+def wrong_levels(
+    reference: ModuleType, case: Case, width: float, runner: tuple[int, Map]
+) -> list[tuple[object, ...]]:
+    """What differs of levels, their segments and the bounds that are told."""
+    level, labels = reference.levels_of_leaves(case.leaves, case.valid, width)
+    edges = reference.level_edges(width)
+    tile, run = runner
+    found = extract_levels(case.source.dataset, Levels(width), params_of(case, "none", tile), run)
+    columns = found.regions.columns
+    image = painted(found)
+    same = np.array_equal(image, labels)
+    same &= np.array_equal(np.concatenate([[-1], columns["level"]])[image], level)
+    same &= columns["range_low"].tolist() == [edges[k] for k in columns["level"]]
+    high = [min(edges[k + 1], 1.0) for k in columns["level"]]
+    same &= np.allclose(columns["range_high"], high, rtol=0, atol=1e-9)  # the last edge may be a hair less
+    return [] if same else [("levels", width, tile, case.X, case.tau)]
+
+
+@pytest.mark.parametrize("first", CHUNKS, ids=lambda first: f"maps {first} to {first + CHUNK - 1}")
+def test_maps_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, first: int) -> None:
+    different = []
+    for seed in range(first, first + CHUNK):
+        values, valid = random_map(seed)
+        X, tau, width = choices(seed)
+        case = case_of(reference, dataset_of(tmp_path, seed, values, valid), values, valid, X, tau)
+        wrong = wrong_states(reference, case, RUNNERS[seed % 2])
+        wrong += wrong_levels(reference, case, width, RUNNERS[seed // 2 % 2])
+        different += [(seed, *told) for told in wrong]
+    assert not different
+
+
+def test_the_maps_are_of_every_kind(reference: ModuleType) -> None:
+    maps = [random_map(seed) for seed in range(MAPS)]
+    assert {values.dtype.name for values, _ in maps} == {"uint8", "float32", "float64"}
+    assert min(min(valid.shape) for _, valid in maps) < 10
+    assert sum(any(side % 64 for side in valid.shape) for _, valid in maps) > 180
+    assert sum(not valid.all() for _, valid in maps) > 60
+    changed = 0
+    for seed in range(0, MAPS, 10):
+        values, valid = maps[seed]
+        full = 255.0 if values.dtype == np.uint8 else 1.0
+        one, other = (reference.states(values, valid, 0, full, refine=refine)[0] for refine in (True, False))
+        changed += not np.array_equal(one, other)
+    assert changed > 10
+
+
+def real_map(folder: Path, name: str, tmp_path: Path) -> Path:
+    """The YAML of a real map; where there is none, or it names another picture, one is written for it."""
+    picture, described = folder / f"{name}.pgm", folder / f"{name}.yaml"
+    if not picture.is_file():
+        pytest.skip(f"{picture.name} is not among the shared data")
+    if described.is_file() and f"image: {picture.name}" in described.read_text():
+        return described
+    path = tmp_path / f"{name}.yaml"
+    place = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    path.write_text(f"image: {picture}\n{place}")
+    return path
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_maps_are_those_of_the_reference(
+    reference: ModuleType, shared_data: Path, tmp_path: Path, name: str
+) -> None:
+    dataset, _ = open_map(real_map(shared_data / "maps", name, tmp_path))
+    values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
+    everywhere = np.ones(dataset.geobox.shape, bool)
+    case = case_of(reference, dataset, values[0], everywhere, 1.2, None)
+    assert not wrong_states(reference, case, (192, serial))
+    adaptive = case_of(reference, dataset, values[0], everywhere, 1.2, 0.05)
+    assert not wrong_levels(reference, adaptive, 0.1, (192, serial))
+
+
+def test_very_wide_maps_are_cut_into_low_strips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(classification, "_MOST", 64 * 256)
+    values, _ = random_map(7)
+    values = np.tile(values, (-(-200 // len(values)), 4))
+    dataset = Dataset.of_values(values, GeoBox(values.shape, Affine.identity(), None), "map")
+    strips = classification.strips_of(values.shape, (512, 512))
+    assert {window.rows for strip in strips[:-1] for window in strip} == {64}
+    low = classify(GreySource(dataset, stretch_of(dataset)))
+    monkeypatch.undo()
+    assert np.array_equal(low.states, classify(GreySource(dataset, stretch_of(dataset))).states)

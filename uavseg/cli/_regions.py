@@ -1,0 +1,106 @@
+"""What commands that make regions have in common: a raster or its block map, regions written, a table."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from uavseg.cli._running import Reporter, workers
+from uavseg.errors import ParameterError
+
+if TYPE_CHECKING:
+    from uavseg.parallel import Map
+    from uavseg.regions.cleaning import Area
+    from uavseg.regions.extraction import Extraction
+    from uavseg.segmentation.blockfile import SavedBlocks
+
+
+def area(text: str | None) -> Area | None:
+    """The area that an option names, if it was given."""
+    from uavseg.regions.cleaning import parse_area
+
+    return None if text is None else parse_area(text)
+
+
+def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
+    """Nothing that is there is touched, and nothing is computed that could not be written."""
+    if output is not None and output != "-":
+        from uavseg.regions.export import check
+
+        check(output, overwrite)
+    if labels is not None:
+        from uavseg.regions.labels import check_labels
+
+        check_labels(labels, overwrite)
+
+
+def opened(
+    rasters: tuple[str, ...], options: dict[str, Any], refine: str, reporter: Reporter
+) -> tuple[SavedBlocks | None, Any]:
+    """A block map and its raster if that is at hand, or a raster alone; no pixel is read."""
+    from uavseg.raster.dataset import Dataset
+    from uavseg.segmentation.blockfile import is_block_map, load
+
+    if len(rasters) > 1 or not is_block_map(rasters[0]):
+        how = (options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"])
+        return None, Dataset.open(rasters, *how)
+    if options["band"] or options["rgb"] or options["nodata"] is not None or options["stretch"] != "auto":
+        raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
+    saved = load(rasters[0])
+    if refine == "none":
+        return saved, None
+    origin = saved.origin
+    paths = origin.found(rasters[0])
+    if paths is None:
+        reporter.warn(f"{origin.rasters[0]} is not where it was, so regions end at block edges")
+        return saved, None
+    return saved, Dataset.open(paths, origin.band, origin.rgb, origin.nodata, options["skip_bad_tiles"])
+
+
+def opened_ros_map(paths: tuple[str, ...], options: dict[str, Any], resume: str | None) -> Any:
+    """The dataset of a ROS map, to which options of rasters mean nothing."""
+    from uavseg.occupancy.maps import open_map
+
+    if len(paths) > 1:
+        raise ParameterError("a ROS map is no part of a mosaic; name it alone")
+    if any(options.get(name) for name in ("band", "rgb")) or options["nodata"] is not None:
+        raise ParameterError("a ROS map has neither bands nor nodata; leave --band, --rgb and --nodata out")
+    if options.get("stretch", "auto") not in ("auto", "none"):
+        raise ParameterError("a ROS map holds probabilities, which are not stretched; leave --stretch out")
+    if resume is not None:
+        raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave --resume out")
+    return open_map(paths[0])[0]
+
+
+def write_regions(found: Extraction, target: str, overwrite: bool) -> None:
+    """Write regions to a file, or to stdout where it is called -."""
+    from uavseg.regions import export
+
+    export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
+
+
+def write_labels(found: Extraction, path: str, run: Map, threads: int | None, overwrite: bool) -> None:
+    """Write the labels of regions; whoever runs the work writes where they are many tiles."""
+    from uavseg.regions import labels
+
+    here = run if labels.is_tiled(path) else workers(threads, None)  # a single file is painted where it is
+    labels.write_labels(path, found, here, overwrite)
+
+
+def shown(target: str) -> str:
+    """A target by its name for people."""
+    return "stdout" if target == "-" else target
+
+
+def largest(found: Extraction, unit: str) -> str:
+    """The region with most pixels, for people."""
+    columns = found.regions.columns
+    if not len(found.regions):
+        return "-"
+    return f"{columns['area_m2'][0]:,.1f} {unit} ({columns['pixels'][0]:,} pixels)"
+
+
+def tell(rows: dict[str, str], reporter: Reporter) -> None:
+    """The short table at the end."""
+    for name, value in rows.items():
+        reporter.say(f"  {name:<12}{value}")

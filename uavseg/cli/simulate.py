@@ -1,0 +1,119 @@
+"""`uavseg simulate`: a scene becomes the map that a laser range finder makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from uavseg.occupancy.grid import OccupancyGrid
+    from uavseg.occupancy.simulate import Simulation
+
+_SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
+
+
+@click.command("simulate", short_help="Simulate a laser range finder and write the map that it makes.")
+@click.argument("scene", metavar="lens|circles|SCENE.json")
+@click.option("-o", "--output", required=True, metavar="MAP.tif", help="The map: probabilities, float32.")
+@click.option(
+    "--png", metavar="PATH.png", help="The map as a picture: free black, unknown grey, occupied white."
+)
+@click.option("--truth", metavar="PATH.tif", help="What the scene really is: states, solid, visible.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of the noise; same seed, same map.",
+)
+@click.option(
+    "--sigma", type=float, metavar="M", help="Standard deviation of ranges.  [default: the scene's]"
+)
+@click.option("--max-range", type=float, metavar="M", help="How far the sensor sees.  [default: the scene's]")
+@click.option("--fov", type=float, metavar="DEG", help="Its field of view.  [default: the scene's]")
+@click.option("--step", type=float, metavar="DEG", help="Between beams.  [default: the scene's]")
+@click.option("--poses", type=click.IntRange(min=1), metavar="N", help="Scan from the first N poses only.")
+@click.option("--overwrite", is_flag=True, help="Replace files that are there.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+def command(scene: str, output: str, seed: int, quiet: bool, **options: Any) -> None:
+    """Scan a scene with a laser range finder, merge the scans in log-odds and write the map.
+
+    lens and circles are the two maps of the paper, 320 x 320 cells: five views with σ = 5 cm of an object
+    like a divergent lens, and eight with σ = 3 cm of two circles. SCENE.json holds polygons and circles, a
+    sensor, its poses and the cells of the map.
+
+    The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
+    and visible (the sensor could see it, into what is solid as deep as 3 σ).
+    """
+    from uavseg.occupancy.grid import grey_picture
+    from uavseg.raster.pictures import write_png
+    from uavseg.raster.write import write_geotiff
+
+    _check_targets([output, options["png"], options["truth"]], options["overwrite"])
+    simulation = _simulation(scene, options)
+    grid = simulation.run(seed)
+    tags = {"scene": scene, "seed": str(seed)}
+    write_geotiff(
+        output, [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite=options["overwrite"]
+    )
+    if options["png"]:
+        write_png(options["png"], grey_picture(grid.probabilities), options["overwrite"])
+    if options["truth"]:
+        _write_truth(options["truth"], simulation, options["overwrite"])
+    if not quiet:
+        _tell(simulation, grid, [output, options["png"], options["truth"]])
+
+
+def _simulation(scene: str, options: dict[str, Any]) -> Simulation:
+    from uavseg.errors import SceneError
+    from uavseg.occupancy.scenefile import load_scene
+    from uavseg.occupancy.scenes import BUILT_IN
+
+    found = BUILT_IN[scene]() if scene in BUILT_IN else load_scene(scene)
+    changed = {name: options[key] for key, name in _SENSOR.items() if options[key] is not None}
+    wanted = options["poses"] or len(found.poses)
+    if wanted > len(found.poses):
+        raise SceneError(f"{scene} has {len(found.poses)} poses; --poses {wanted} asks for more")
+    return replace(found, sensor=replace(found.sensor, **changed), poses=found.poses[:wanted])
+
+
+def _check_targets(paths: list[str | None], overwrite: bool) -> None:
+    from pathlib import Path
+
+    from uavseg.atomic import check_target
+    from uavseg.errors import OutputError
+
+    named = [path for path in paths if path]
+    for path in named:
+        check_target(path, overwrite)
+    if len({Path(path).resolve() for path in named}) < len(named):
+        raise OutputError("two outputs have the same name; give each its own")
+
+
+def _write_truth(path: str, simulation: Simulation, overwrite: bool) -> None:
+    from uavseg.raster.write import write_geotiff
+
+    truth = simulation.truth()
+    bands = [truth.states, truth.solid.view("uint8"), truth.visible.view("uint8")]
+    names = ["state: 1 free, 2 unseen, 3 occupied", "solid", "visible"]
+    write_geotiff(path, bands, simulation.geobox, names, overwrite=overwrite)
+
+
+def _tell(simulation: Simulation, grid: OccupancyGrid, outputs: list[str | None]) -> None:
+    sensor, (rows, cols) = simulation.sensor, grid.geobox.shape
+    values = grid.probabilities
+    shares = [(values < 0.5).mean(), (values == 0.5).mean(), (values > 0.5).mean()]
+    click.echo(f"  map         {rows} x {cols} cells of {grid.geobox.transform.a:g} m", err=True)
+    click.echo(
+        f"  scans       {len(simulation.poses)} of {len(sensor.angles)} beams, "
+        f"{sensor.step_deg:g} degrees apart, sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m",
+        err=True,
+    )
+    text = ", ".join(
+        f"{name} {100 * share:.1f} %"
+        for name, share in zip(("below 0.5", "never seen", "above 0.5"), shares, strict=True)
+    )
+    click.echo(f"  cells       {text}", err=True)
+    click.echo(f"  written     {', '.join(path for path in outputs if path)}", err=True)

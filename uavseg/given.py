@@ -1,0 +1,79 @@
+"""What Python callers give, made into values: paths and arrays into datasets, words into areas and maps."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from affine import Affine
+
+from uavseg.errors import ParameterError
+from uavseg.occupancy.grid import OccupancyGrid
+from uavseg.occupancy.maps import open_map, stretch_of
+from uavseg.parallel import Map
+from uavseg.parallel import threads as workers
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.skipping import BadBlock
+from uavseg.raster.stretch import Stretch
+from uavseg.regions.cleaning import Area, parse_area
+from uavseg.resuming import kept
+
+
+def dataset_of(
+    source: Any,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    skip_bad_tiles: bool = False,
+) -> Dataset:
+    """A dataset of paths, of an array or of what is one already.
+
+    Raises
+    ------
+    UavsegError
+        If a file cannot be opened, an array is not of numbers in rows and columns, or an option means nothing
+        to it.
+    """
+    if isinstance(source, Dataset):
+        return replace(source, skip_bad_tiles=source.skip_bad_tiles or skip_bad_tiles)
+    if isinstance(source, np.ndarray):
+        if source.ndim != 2 or source.dtype.kind not in "iuf" or source.size == 0:
+            raise ParameterError(
+                f"an array wants numbers in rows and columns, not {source.dtype} of shape {source.shape}"
+            )
+        if (band, rgb, nodata) != (None, None, None):
+            raise ParameterError("an array has one band and no nodata; what is missing in it is NaN")
+        return Dataset.of_values(source, GeoBox(source.shape, Affine.identity(), None), "array")
+    return Dataset.open(source, band, rgb, nodata, skip_bad_tiles)
+
+
+def map_of(source: Any, band: int | None, nodata: float | None) -> tuple[Dataset, Stretch]:
+    if isinstance(source, str | os.PathLike):
+        return open_map(source, band, nodata)
+    dataset = (
+        source.dataset() if isinstance(source, OccupancyGrid) else dataset_of(source, band, None, nodata)
+    )
+    return dataset, stretch_of(dataset)
+
+
+def workers_of(threads: int | None, resume: str | os.PathLike[str] | None) -> Map:
+    """Threads, which keep finished tiles in a folder if one is given."""
+    run = workers(threads)
+    return run if resume is None else kept(run, resume)
+
+
+def warn_of(bad: set[BadBlock]) -> None:
+    """Warn whoever called the public function of blocks that could not be read."""
+    for block in sorted(bad):
+        warnings.warn(str(block), stacklevel=3)
+
+
+def area_of(given: float | str | None) -> Area | None:
+    """Square metres, or an area as text."""
+    if given is None:
+        return None
+    return parse_area(given) if isinstance(given, str) else Area(float(given))

@@ -1,0 +1,84 @@
+"""PGM pictures, plain (P2) and raw (P5), 8 and 16 bits: the pictures of most robot maps.
+
+Format: http://netpbm.sourceforge.net/doc/pgm.html. GDAL reads only raw ones, and takes no notice of the
+maximum.
+"""
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import RasterReadError
+
+MAGIC = (b"P2", b"P5")
+_HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\r\n]*[\r\n])+(\d{1,20})" + rb"(?=\s|$)")
+
+
+def is_pgm(path: str | os.PathLike[str]) -> bool:
+    """Whether a file begins like a PGM; an unreadable one does not."""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(2) in MAGIC
+    except OSError:
+        return False
+
+
+def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.uint16], int]:
+    """Samples of a PGM, and the sample that stands for white.
+
+    Returns
+    -------
+    samples : (rows, cols) uint16 array
+        Those beyond the maximum are cut down to it.
+    maximum : int
+
+    Raises
+    ------
+    RasterReadError
+        If the header is none, or there are fewer samples than it says.
+    """
+    content = Path(path).read_bytes()
+    header = _HEADER.match(content)
+    if header is None:
+        raise RasterReadError(
+            f"{os.fspath(path)} is no PGM: after P2 or P5 it wants its width, its height and its maximum"
+        )
+    cols, rows, maximum = (int(number) for number in header.groups())
+    if not (cols and rows and 0 < maximum < 65536):
+        raise RasterReadError(
+            f"{os.fspath(path)} says that it is {cols} x {rows} pixels of up to {maximum}; "
+            "a PGM has pixels, and a maximum of 1 to 65535"
+        )
+    plain = content[:2] == b"P2"
+    body = content[header.end() :]
+    found = _plain(body, rows * cols, os.fspath(path)) if plain else _raw(body, rows * cols, maximum)
+    if len(found) < rows * cols:
+        raise RasterReadError(
+            f"{os.fspath(path)} says {cols} x {rows} pixels and holds {len(found)}; it is truncated"
+        )
+    samples = np.minimum(found[: rows * cols], maximum).astype(np.uint16)
+    return samples.reshape(rows, cols), maximum
+
+
+def _raw(body: bytes, count: int, maximum: int) -> NDArray[np.uint16]:
+    """At most `count` samples, most significant byte first; one byte of white space comes before them."""
+    dtype = np.dtype(">u2" if maximum > 255 else "u1")
+    held = max(len(body) - 1, 0) // dtype.itemsize
+    return np.frombuffer(body, dtype, min(held, count), offset=1 if body else 0).astype(np.uint16)
+
+
+def _plain(body: bytes, count: int, path: str) -> NDArray[np.int64]:
+    """At most `count` samples written as text."""
+    words = re.sub(rb"#[^\r\n]*", b"", body).split()[:count]
+    if not all(word.isdigit() and len(word) < 10 for word in words):
+        raise RasterReadError(f"{path} is a plain PGM (P2) and holds something else than numbers")
+    return np.array([int(word) for word in words], np.int64)
+
+
+def pgm_bytes(grey: NDArray[np.uint8]) -> bytes:
+    """A raw 8-bit PGM of (rows, cols) numbers."""
+    rows, cols = grey.shape
+    return b"P5\n%d %d\n255\n" % (cols, rows) + np.ascontiguousarray(grey).tobytes()
