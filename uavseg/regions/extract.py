@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
 from uavseg.parallel import Map, Progress, serial
@@ -82,9 +85,12 @@ def extract(
     windows = windows_of(dataset, params.tile)
     first, second, third = _three(progress)
     source = GreySource(dataset, fit(dataset, params.stretch, map, windows, first))
-    blocks = block_map_for(source, interval, params.segment, windows, map, second)
+    how = params.segment
+    blocks = block_map_for(source, interval, how, windows, map, second)
+    inside = in_range(blocks, interval, how.threshold, how.step)
+    del blocks  # all that is left to do is done with its cells in range
     give_back()
-    outlined = _outlined(source, blocks, interval, params, windows, map, third)
+    outlined = _outlined(source, inside, interval, params, windows, map, third)
     return _extraction(source, outlined, interval, params, windows, map)
 
 
@@ -118,7 +124,9 @@ def extract_from_blocks(
         )
     windows = windows_of(dataset, params.tile)
     source = GreySource(dataset, saved.stretch)
-    outlined = _outlined(source, saved.blocks, interval, params, windows, map, progress, saved.blocks)
+    how = params.segment
+    inside = in_range(saved.blocks, interval, how.threshold, how.step)
+    outlined = _outlined(source, inside, interval, params, windows, map, progress, saved.blocks)
     return _extraction(source, outlined, interval, params, windows, map)
 
 
@@ -144,7 +152,7 @@ def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
 
 def _outlined(
     source: GreySource,
-    blocks: BlockMap,
+    inside: NDArray[np.uint8],
     interval: IntensityRange,
     params: ExtractParams,
     windows: Sequence[Window],
@@ -152,9 +160,8 @@ def _outlined(
     progress: Progress | None,
     expected: BlockMap | None = None,
 ) -> Outlined:
-    how = params.segment
-    inside = in_range(blocks, interval, how.threshold, how.step)
-    found = outline_regions(source, inside, interval, how.refine, windows, map, progress, expected)
+    refine = params.segment.refine
+    found = outline_regions(source, inside, interval, refine, windows, map, progress, expected)
     give_back()
     return found
 

@@ -134,13 +134,14 @@ def _meetings(strips: Sequence[_Strip], before: NDArray[np.int64]) -> NDArray[np
     return np.concatenate(pairs)
 
 
-def link(pieces: Sequence[Chains], labels: NDArray[np.int64], parts: NDArray[np.int64]) -> Rings:
+def link(pieces: list[Chains], labels: NDArray[np.int64], parts: NDArray[np.int64]) -> Rings:
     """Rings from the chains of all tiles.
 
     Parameters
     ----------
-    pieces : sequence of Chains
-        Their owners are numbers of components, over all tiles.
+    pieces : list of Chains
+        Their owners are numbers of components, over all tiles. The list is emptied: what was in it is no
+        longer needed when the most memory is.
     labels : (n,) int64 array
         Label of each component.
     parts : (n,) int64 array
@@ -151,6 +152,7 @@ def link(pieces: Sequence[Chains], labels: NDArray[np.int64], parts: NDArray[np.
     pinched = _stacked([chains.pinched for chains in pieces], (0,), np.uint8)
     table = _stacked([chains.table for chains in pieces], (0, 6), np.int64)
     table[:, START] += np.repeat(offsets[:-1], [len(chains.table) for chains in pieces])
+    pieces.clear()
     vertices, pinched, starts, owners = joined_chains(vertices, pinched, table)
     vertices, starts, owners, hole = simple_rings(vertices, pinched, starts, owners)
     first = vertices[starts[:-1]]
