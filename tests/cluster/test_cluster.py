@@ -20,6 +20,8 @@ pytest.importorskip("distributed", reason="dask.distributed is not installed")
 from uavseg import cluster
 from uavseg.cli import main
 from uavseg.errors import ClusterError, ParameterError, RasterReadError
+from uavseg.occupancy.grid import upright
+from uavseg.occupancy.rosmap import write_ros_map
 from uavseg.raster.dataset import Dataset
 from uavseg.regions.extract import ExtractParams, extract
 from uavseg.segmentation.segments import IntensityRange
@@ -97,6 +99,8 @@ def test_extract_and_divide_give_the_same_bytes(processes: Any, tmp_path: Path, 
 
 def test_levels_and_states_are_the_same_bytes(processes: Any, tmp_path: Path) -> None:
     raster = write(tmp_path / "tile.tif", scene())
+    states = np.searchsorted([20000, 30000], scene((300, 280))) + 1
+    write_ros_map(tmp_path / "ros.yaml", states, upright(states.shape, 0.05, (0, 0)))
     found = []
     for name, how in (("here", ("--threads", 2)), ("there", ("--scheduler", processes.address))):
         (tmp_path / name).mkdir()
@@ -108,8 +112,9 @@ def test_levels_and_states_are_the_same_bytes(processes: Any, tmp_path: Path) ->
             )
             objects = ("--objects", out / "b.fgb", "--labels", out / "b.tif")
             done("classify", raster.name, "-o", out / "s.tif", *objects, *work)
+            done("classify", "ros.yaml", "-o", out / "ros.yaml", "--objects", out / "ros.fgb", *work)
         found.append(contents(out))
-    assert found[0].keys() == found[1].keys() and len(found[0]) >= 5
+    assert found[0].keys() == found[1].keys() and len(found[0]) >= 8
     assert [name for name in found[0] if found[0][name] != found[1][name]] == []
 
 
