@@ -170,12 +170,25 @@ def _segment(raster: str, count: str) -> float:
 
     from uavseg.parallel import threads
     from uavseg.raster.dataset import Dataset
-    from uavseg.regions.extract import extract
-    from uavseg.segmentation.segments import IntensityRange
+    from uavseg.raster.stretch import fit
+    from uavseg.regions.extract import windows_of
+    from uavseg.regions.tilewise import outline_regions
+    from uavseg.segmentation.pipeline import SegmentParams, block_map_for
+    from uavseg.segmentation.segments import IntensityRange, in_range
+    from uavseg.segmentation.source import GreySource
 
-    dataset, interval = Dataset.open(raster), IntensityRange(LOW, 1)
+    dataset, interval, how, work = (
+        Dataset.open(raster),
+        IntensityRange(LOW, 1),
+        SegmentParams(),
+        threads(int(count)),
+    )
+    windows = windows_of(dataset, None)
+    source = GreySource(dataset, fit(dataset, "auto", work, windows))
     start = time.perf_counter()
-    extract(dataset, interval, map=threads(int(count)))
+    blocks = block_map_for(source, interval, how, windows, work)
+    inside = in_range(blocks, interval, how.threshold, how.step)
+    outline_regions(source, inside, interval, how.refine, windows, work)
     return time.perf_counter() - start
 
 

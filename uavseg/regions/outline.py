@@ -14,7 +14,7 @@ from uavseg.regions.linking import joined_chains, simple_rings
 from uavseg.regions.tracing import OWNER, START, Chains, trace_tile
 from uavseg.segmentation.components import equal_components, united, values_of
 
-STRIP = 1024  # rows of a label image that are traced at a time
+STRIP = 256  # rows of a label image that are traced at a time: what that takes is used again and again
 
 
 @dataclass(frozen=True, slots=True)

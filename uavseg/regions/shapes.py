@@ -8,6 +8,7 @@ import shapely
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg._jit import kernel
 from uavseg.regions.outline import Rings
 from uavseg.regions.ragged import Ragged
 
@@ -74,22 +75,19 @@ class Shapes:
         of_region = self._first_rings(first, last)
         begin, end = int(of_region[0]), int(of_region[-1])
         starts = self._rings.starts[begin : end + 1]
-        corners = self._rings.vertices[starts[0] : starts[-1]]
-        starts = starts - starts[0]
-        corners = corners.take(_closed(starts, self._transform.determinant < 0), axis=0)
         exteriors = np.flatnonzero(self._rings.exteriors_of(begin, end))
         return Ragged(
-            self._on_map(corners),
-            starts + np.arange(len(starts)),
+            self._on_map(starts),
+            starts - starts[0] + np.arange(len(starts)),
             np.append(exteriors, end - begin),
             np.searchsorted(exteriors, of_region - begin),
         ).built()
 
-    def _on_map(self, corners: NDArray[np.int32]) -> NDArray[np.float64]:
-        way = self._transform
-        coordinates = np.empty((len(corners), 2))
-        coordinates[:, 0] = way.a * corners[:, 1] + way.b * corners[:, 0] + way.c
-        coordinates[:, 1] = way.d * corners[:, 1] + way.e * corners[:, 0] + way.f
+    def _on_map(self, starts: Integers) -> NDArray[np.float64]:
+        """Rings in map coordinates, each from its first vertex back to it."""
+        coordinates = np.empty((int(starts[-1] - starts[0]) + len(starts) - 1, 2))
+        way = np.array(self._transform[:6])
+        _close(self._rings.vertices, starts, self._transform.determinant < 0, way, coordinates)
         return coordinates
 
 
@@ -122,16 +120,18 @@ def any_multi(polygons: Polygons) -> bool:
     return bool((shapely.get_type_id(polygons) != shapely.GeometryType.POLYGON).any())
 
 
-def _closed(starts: Integers, backwards: bool) -> Integers:
-    """Indices of vertices that walk each ring from its first vertex back to it, or the other way round."""
-    rings = np.arange(len(starts) - 1)
-    lengths = np.diff(starts) + 1
-    places = np.arange(starts[-1] + len(rings))
-    if backwards:
-        places = np.repeat(starts[1:] + starts[:-1] + rings, lengths) - places
-        returns = starts[:-1] + rings
-    else:
-        places -= np.repeat(rings, lengths)
-        returns = starts[1:] + rings
-    places[returns] = starts[:-1]
-    return places
+@kernel("void(i4[:,::1], i8[::1], b1, f8[::1], f8[:,::1])")
+def _close(vertices, starts, backwards, way, coordinates):  # type: ignore[no-untyped-def]
+    used = 0
+    for ring in range(starts.shape[0] - 1):
+        begin = starts[ring]
+        count = starts[ring + 1] - begin
+        for k in range(count + 1):
+            v = begin
+            if k > 0 and k < count:
+                v = begin + (count - k if backwards else k)
+            row = np.float64(vertices[v, 0])
+            col = np.float64(vertices[v, 1])
+            coordinates[used, 0] = way[0] * col + way[1] * row + way[2]
+            coordinates[used, 1] = way[3] * col + way[4] * row + way[5]
+            used += 1

@@ -58,21 +58,22 @@ def trace_tile(
         Columns of the whole raster, which makes the keys of edges unique.
     """
     seen = np.zeros(labels.shape, np.uint8)
-    room = 1024 + labels.size // 16  # what is not written to takes no memory
+    room, most = 1024 + labels.size // 4, 1024 + labels.size // 16  # what is not written to takes no memory
     kernel_of_type = _trace_u1 if image.dtype == np.uint8 else _trace_u4
+    stride = image.shape[1]
+    ahead, steps = np.array([0, -1, -stride - 1, -stride]), np.array([1, stride, -1, -stride])
     words = words_of(image) if image.dtype == np.uint8 and margin % WORD == 0 else np.empty((0, 0), np.uint64)
     while True:
         vertices = np.empty((room, 2), np.int32)
         pinched = np.empty(room, np.uint8)
-        table = np.empty((room, 6), np.int64)
+        table = np.empty((most, 6), np.int64)
         sizes = np.zeros(2, np.int64)
-        kernel_of_type(
-            image, words, labels, margin, corner[0], corner[1], width, seen, vertices, pinched, table, sizes
-        )
-        if sizes.max() <= room:
-            used, chains = sizes
+        known = (image, image.ravel(), ahead, steps, words, labels, margin, *corner, width)
+        kernel_of_type(*known, seen, vertices, pinched, table, sizes)
+        used, chains = sizes
+        if used <= room and chains <= most:
             return Chains(vertices[:used].copy(), pinched[:used].copy(), table[:chains].copy())
-        room = int(sizes.max())
+        room, most = int(used), int(chains)
         seen[:] = 0
 
 
@@ -133,54 +134,75 @@ def begins_chain(image, shape, margin, row, col, direction):  # type: ignore[no-
 
 
 @inlined
-def walk(image, labels, margin, top, left, width, seen, vertices, pinched, table, sizes, row, col, direction):  # type: ignore[no-untyped-def]
-    """Write the chain that begins with an edge; past the end of the arrays only count."""
+def steps_within(row, col, direction, shape):  # type: ignore[no-untyped-def]
+    """After how many steps from a corner the pixel ahead on the right-hand side is another tile's."""
+    if direction == 0:
+        return shape[1] - col
+    if direction == 1:
+        return shape[0] - row
+    return col if direction == 2 else row
+
+
+@inlined
+def walk(tile, found, row, col, direction):  # type: ignore[no-untyped-def]
+    """Write the chain that begins with an edge; past the end of the arrays only count.
+
+    Of the tile, `flat` is the image, `ahead` holds for each direction where, seen from the pixel at the lower
+    right of a corner, the pixel ahead on the right-hand side lies (on the left-hand side it is that of the
+    direction before), and `steps` how far one step goes.
+    """
+    flat, ahead, steps, labels, margin, top, left, width = tile
+    seen, vertices, pinched, table, sizes = found
     shape = labels.shape
-    own_row = pixel_row(row, direction, True)
-    own_col = pixel_col(col, direction, True)
-    label = image[own_row + margin, own_col + margin]
-    chain = sizes[1]
-    first_row = row
-    first_col = col
+    place = (row + margin) * steps[1] + col + margin
     first = direction
+    first_place = place
+    label = flat[place + ahead[direction]]
+    chain = sizes[1]
+    used = sizes[0]
     if chain < table.shape[0]:
-        table[chain, 0] = labels[own_row, own_col]
-        table[chain, 1] = sizes[0]
+        table[chain, 0] = labels[pixel_row(row, direction, True), pixel_col(col, direction, True)]
+        table[chain, 1] = used
         table[chain, 2] = direction
         table[chain, 4] = ((top + row) * (width + 1) + left + col) * 4 + direction
     sizes[1] += 1
     pinch = False
-    turned = True
     while True:
-        if turned:
-            if sizes[0] < vertices.shape[0]:
-                vertices[sizes[0], 0] = top + row
-                vertices[sizes[0], 1] = left + col
-                pinched[sizes[0]] = pinch
-            sizes[0] += 1
+        if used < vertices.shape[0]:
+            vertices[used, 0] = top + row
+            vertices[used, 1] = left + col
+            pinched[used] = pinch
+        used += 1
         if direction == 0:
             seen[row, col] = 1
-        row += step_row(direction)
-        col += step_col(direction)
+        right = ahead[direction]
+        left_hand = ahead[(direction + 3) & 3]
+        step = steps[direction]
+        room = steps_within(row, col, direction, shape)
+        count = 0
+        same = False
+        while True:
+            place += step
+            count += 1
+            same = flat[place + left_hand] == label
+            if same or flat[place + right] != label or count == room:
+                break
+        row += count * step_row(direction)
+        col += count * step_col(direction)
         before = direction
-        ahead_row = pixel_row(row, direction, True)
-        ahead_col = pixel_col(col, direction, True)
-        beside_row = pixel_row(row, direction, False)
-        beside_col = pixel_col(col, direction, False)
-        beside = image[beside_row + margin, beside_col + margin] == label
         pinch = False
         leaves = False
-        if image[ahead_row + margin, ahead_col + margin] != label:
-            direction = (direction + 1) % 4
-            pinch = beside
-        elif not beside:
-            leaves = not lies_within(ahead_row, ahead_col, shape)
+        if flat[place + right] != label:
+            direction = (direction + 1) & 3
+            pinch = same
+        elif same:
+            direction = (direction + 3) & 3
+            leaves = not lies_within(pixel_row(row, direction, True), pixel_col(col, direction, True), shape)
         else:
-            direction = (direction + 3) % 4
-            leaves = not lies_within(beside_row, beside_col, shape)
-        turned = direction != before
-        closed = row == first_row and col == first_col and direction == first
+            leaves = True
+        closed = place == first_place and direction == first
         if closed or leaves:
+            sizes[0] = used
             if chain < table.shape[0]:
                 table[chain, 3] = before
                 table[chain, 5] = ((top + row) * (width + 1) + left + col) * 4 + direction
@@ -192,8 +214,13 @@ def walk(image, labels, margin, top, left, width, seen, vertices, pinched, table
             return
 
 
-def _trace(image, words, labels, margin, top, left, width, seen, vertices, pinched, table, sizes):  # type: ignore[no-untyped-def]
+def _trace(  # type: ignore[no-untyped-def]
+    image, flat, ahead, steps, words, labels, margin, top, left, width, seen, vertices, pinched, table, sizes
+):
     rows, cols = labels.shape
+    stride = steps[1]
+    tile = (flat, ahead, steps, labels, margin, top, left, width)
+    found = (seen, vertices, pinched, table, sizes)
     # Chains that come in from another tile: they begin on the tile's border.
     for r in range(rows + 1):
         for c in range(0, cols + 1, 1 if r == 0 or r == rows else cols):
@@ -203,23 +230,8 @@ def _trace(image, words, labels, margin, top, left, width, seen, vertices, pinch
                 if lies_within(own_row, own_col, labels.shape) and begins_chain(
                     image, labels.shape, margin, r, c, direction
                 ):
-                    walk(
-                        image,
-                        labels,
-                        margin,
-                        top,
-                        left,
-                        width,
-                        seen,
-                        vertices,
-                        pinched,
-                        table,
-                        sizes,
-                        r,
-                        c,
-                        direction,
-                    )
-    # Everything else is closed, and has an upper edge.
+                    walk(tile, found, r, c, direction)
+    # Everything else is closed, and has an upper edge that begins with a corner.
     for r in range(rows):
         c = 0
         while c < cols:
@@ -228,12 +240,15 @@ def _trace(image, words, labels, margin, top, left, width, seen, vertices, pinch
                 if words[r + margin, word] == words[r + margin - 1, word]:
                     c += WORD
                     continue
-            label = image[r + margin, c + margin]
-            if label != 0 and label != image[r + margin - 1, c + margin] and not seen[r, c]:
-                walk(image, labels, margin, top, left, width, seen, vertices, pinched, table, sizes, r, c, 0)
+            place = (r + margin) * stride + c + margin
+            label = flat[place]
+            edge = label != 0 and label != flat[place - stride] and not seen[r, c]
+            if edge and (flat[place - 1] != label or flat[place - 1 - stride] == label):
+                walk(tile, found, r, c, 0)
             c += 1
 
 
-_ARRAYS = "u8[:,::1], u4[:,::1], i8, i8, i8, i8, u1[:,::1], i4[:,::1], u1[::1], i8[:,::1], i8[::1])"
-_trace_u1 = kernel("void(u1[:,::1], " + _ARRAYS)(_trace)
-_trace_u4 = kernel("void(u4[:,::1], " + _ARRAYS)(_trace)
+_READ = "i8[::1], i8[::1], u8[:,::1], u4[:,::1], i8, i8, i8, i8"
+_WRITTEN = "u1[:,::1], i4[:,::1], u1[::1], i8[:,::1], i8[::1]"
+_trace_u1 = kernel(f"void(u1[:,::1], u1[::1], {_READ}, {_WRITTEN})")(_trace)
+_trace_u4 = kernel(f"void(u4[:,::1], u4[::1], {_READ}, {_WRITTEN})")(_trace)
