@@ -1,17 +1,39 @@
 """OccupancyGrid: the probability that each cell of a map is occupied, and evidence merged into it."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from affine import Affine
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import MapError
-from uavseg.occupancy.beams import MAX_LOG_ODDS, REACH_SIGMAS, merge_beams
+from uavseg.occupancy.beams import REACH_SIGMAS, merge_beams
+from uavseg.occupancy.evidence import MAX_LOG_ODDS, marks_of, probabilities_of, take
+from uavseg.occupancy.live import Ground, LiveSegmentation
 from uavseg.occupancy.rangefinder import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
+from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.segments import Cut
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Update:
+    """What a scan changed.
+
+    Parameters
+    ----------
+    window : Window
+        The smallest one with every cell that the scan touched, empty if it touched none.
+    blocks : (B, C) bool array
+        The blocks of 64 x 64 cells that were measured or divided again: those with a cell whose grey has
+        changed, and neighbours that look at such a cell.
+    """
+
+    window: Window
+    blocks: NDArray[np.bool_]
 
 
 class OccupancyGrid:
@@ -51,7 +73,11 @@ class OccupancyGrid:
         check_metres(geobox)
         self.geobox = geobox
         self.log_odds = np.zeros(geobox.shape, np.float32)
-        self.probabilities = np.full(geobox.shape, 0.5, np.float32)
+        self.probabilities = np.empty(geobox.shape, np.float32)
+        self._marks = marks_of(geobox.shape)
+        self._ground = Ground.of(geobox.shape)
+        self._live: LiveSegmentation | None = None
+        self._show_all()
 
     @classmethod
     def empty(
@@ -92,7 +118,7 @@ class OccupancyGrid:
         with np.errstate(divide="ignore"):
             odds = np.log(given) - np.log1p(-given)
         grid.log_odds[...] = np.clip(odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)
-        grid.probabilities[...] = 1 / (1 + np.exp(-grid.log_odds.astype(np.float64)))
+        grid._show_all()
         return grid
 
     def merge(self, scan: Scan) -> Window:
@@ -113,7 +139,69 @@ class OccupancyGrid:
         beams = np.column_stack([a * along_x + b * along_y, d * along_x + e * along_y, ranges, reach])
         x, y = scan.pose.x, scan.pose.y
         origin = (a * x + b * y + c, d * x + e * y + f)
-        return merge_beams(self.log_odds, self.probabilities, origin, beams, scan.sigma_m)
+        window = merge_beams(self.log_odds, self._marks, origin, beams, scan.sigma_m)
+        take(self._marks, self.log_odds, self.probabilities, self._ground.grey, self._ground.changed, window)
+        return window
+
+    def segment(self, cut: Cut | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
+        """Segment the map, and from now on keep its segments in step with what is merged.
+
+        Parameters
+        ----------
+        cut : StateLimits, IntensityRange or Levels
+            What is asked of the segments; the paper's states if left out.
+        params : SegmentParams
+            The paper's method if left out.
+
+        Returns
+        -------
+        LiveSegmentation
+            Also `grid.segmentation`; it takes the place of an earlier one.
+        """
+        self._live = LiveSegmentation(self._ground, cut, params)
+        return self._live
+
+    @property
+    def segmentation(self) -> LiveSegmentation:
+        """The segments of the map as it is now: those of the paper's states, unless `segment` was called."""
+        return self.segment() if self._live is None else self._live
+
+    def update(self, scan: Scan) -> Update:
+        """Merge a scan and divide again those blocks of the segmentation that see a change, and no others.
+
+        Returns
+        -------
+        Update
+            The cells that the scan touched, and the blocks that were divided again.
+
+        Examples
+        --------
+        >>> grid = OccupancyGrid.empty((64, 128), cell_m=0.1)
+        >>> from uavseg.occupancy.rangefinder import Pose
+        >>> scan = Scan(Pose(0, 3.2), np.zeros(1), np.array([1.05]), max_range_m=5.0, sigma_m=0.05)
+        >>> grid.update(scan).blocks
+        array([[ True, False]])
+        >>> grid.segmentation.intervals[4, :2]  # free where the beam passed, and around its end occupied
+        array([1, 3], dtype=uint8)
+        """
+        segmentation = self.segmentation
+        window = self.merge(scan)
+        return Update(window, segmentation.settle())
+
+    def refit(self) -> None:
+        """Fit the segmentation's contrast cuts to the map as it is, and divide every block again."""
+        self.segmentation.refit()
+
+    def reset(self) -> None:
+        """Forget everything: all cells are at 0.5 again. The segmentation follows and keeps its cuts."""
+        self.log_odds[...] = 0
+        self._show_all()
+
+    def _show_all(self) -> None:
+        """Probabilities and grey of all cells, from their log-odds."""
+        p, grey = probabilities_of(self.log_odds.reshape(-1))
+        self.probabilities[...] = p.reshape(self.geobox.shape)
+        self._ground.show(grey.reshape(self.geobox.shape))
 
     def dataset(self, name: str = "occupancy grid") -> Dataset:
         """The probabilities as a dataset that is read by window; later scans show in it."""

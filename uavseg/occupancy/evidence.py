@@ -1,0 +1,270 @@
+"""Evidence taken into a map: log-odds, probability and grey of each cell, in step.
+
+Beams mark the cells that they touch, see `beams`: with how often a cell was said to be free, or with the word
+that its log-odds are up to date already. Here the marks are cleared and everything follows them, and it is
+noted which blocks of the segmentation see a change.
+"""
+
+from functools import cache
+from math import log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+from uavseg.raster.tiling import BLOCK, Window
+
+P_MIN = 0.1
+LOG_P_MIN = log(P_MIN / (1 - P_MIN))
+MAX_LOG_ODDS = 6.0
+OFTEN = 6  # times free lead from anywhere to -6, so that nobody counts further
+TOLD = 128  # the mark of a cell whose log-odds are up to date
+
+NEIGHBOURS = 9  # bits of `changed`: 3 x 3 blocks in raster order
+SELF = 4  # the one in the middle
+
+_LINE = 64  # bytes
+
+Singles = NDArray[np.float32]
+Marks = NDArray[np.uint8]
+
+
+def marks_of(shape: tuple[int, int]) -> Marks:
+    """Marks of a map on which nothing was said yet.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the map.
+
+    Returns
+    -------
+    marks : (B, C, 8, 8, 8, 8) uint8 array
+        Block, 8 x 8 pixels within it, pixel within these: what lies side by side shares a line of the
+        processor's cache, so that a beam in any direction stays in few of them.
+    """
+    rows, cols = (-(-length // BLOCK) for length in shape)
+    room = np.zeros(rows * cols * BLOCK * BLOCK + _LINE, np.uint8)
+    first = -room.ctypes.data % _LINE
+    return room[first : len(room) - _LINE + first].reshape(rows, cols, 8, 8, 8, 8)
+
+
+def take(
+    marks: Marks,
+    log_odds: Singles,
+    probabilities: Singles | None,
+    grey: NDArray[np.uint16],
+    changed: NDArray[np.uint16],
+    window: Window,
+) -> None:
+    """Bring all cells up to date that are marked, and clear their marks.
+
+    Parameters
+    ----------
+    marks : (B, C, 8, 8, 8, 8) uint8 array
+        See `marks_of`; from `beams.merge_beams`.
+    log_odds : (rows, cols) float32 array
+    probabilities : (rows, cols) float32 array or None
+        None where nobody wants to know them.
+    grey : (M + 2, N + 2) uint16 array
+        With a border of one pixel, see `segmentation.texture`.
+    changed : (B, C) uint16 array
+        Of blocks of 64 x 64. A bit is set for each block among the 3 x 3 around, in raster order, which a
+        cell whose grey has changed lies in or next to; bits that are set stay set.
+    window : Window
+        All marked cells lie in it.
+    """
+    if window.rows:
+        first = (window.row, window.col // BLOCK)
+        end = (window.row + window.rows, -(-(window.col + window.cols) // BLOCK))
+        line = np.empty(BLOCK, np.uint8)
+        kept = probabilities is not None
+        p = probabilities if probabilities is not None else np.empty((0, 0), np.float32)
+        state = (marks.reshape(-1).view(np.uint64), log_odds, p, kept, grey, changed)
+        _take(*state, *first, *end, *_usual(), line, line.view(np.uint64))
+
+
+def probabilities_of(log_odds: Singles) -> tuple[Singles, NDArray[np.uint16]]:
+    """1 / (1 + exp(-log-odds)), and its grey floor(65535 p + 0.5).
+
+    Parameters
+    ----------
+    log_odds : (n,) float32 array
+        In -6..6.
+
+    Returns
+    -------
+    probabilities : (n,) float32 array
+    grey : (n,) uint16 array
+
+    Examples
+    --------
+    >>> p, grey = probabilities_of(np.array([-6, 0, 6], np.float32))
+    >>> p.round(4).tolist(), grey.tolist()
+    ([0.0024999999441206455, 0.5, 0.9975000023841858], [162, 32768, 65373])
+    """
+    probabilities, grey = np.empty(log_odds.shape, np.float32), np.empty(log_odds.shape, np.uint16)
+    _probabilities(log_odds, probabilities, grey)
+    return probabilities, grey
+
+
+@cache
+def _usual() -> tuple[Singles, Singles, NDArray[np.uint16]]:
+    """Log-odds of cells that nobody called anything but free: never, once, twice, more often; what follows."""
+    odds = np.zeros(4, np.float32)
+    for k in range(3):
+        odds[k + 1 :] = free_once(odds[k])
+    return odds, *probabilities_of(odds)
+
+
+@inlined
+def free_once(odds):  # type: ignore[no-untyped-def]
+    """Log-odds of a cell that is said to be free once more."""
+    return np.float32(max(np.float64(odds) + LOG_P_MIN, -MAX_LOG_ODDS))
+
+
+@inlined
+def probability(odds):  # type: ignore[no-untyped-def]
+    """1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine.
+
+    exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times: no call,
+    so that a loop of it is vectorised.
+    """
+    x = odds * -0.0625
+    e = 1.0 + x / 13.0
+    for k in (12.0, 11.0, 10.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0):
+        e = 1.0 + e * x * (1.0 / k)
+    e *= e
+    e *= e
+    e *= e
+    e *= e
+    return np.float32(1.0 / (1.0 + e))
+
+
+@inlined
+def grey_of(p):  # type: ignore[no-untyped-def]
+    """Grey of a probability, as of `raster.grey`."""
+    return np.uint16(np.int32(65535.0 * np.float64(p) + 0.5))
+
+
+@kernel("void(f4[::1], f4[::1], u2[::1])")
+def _probabilities(log_odds, probabilities, grey):  # type: ignore[no-untyped-def]
+    for i in range(log_odds.size):
+        p = probability(np.float64(log_odds[i]))
+        probabilities[i] = p
+        grey[i] = grey_of(p)
+
+
+@inlined
+def pick_up(words, block, row, line):  # type: ignore[no-untyped-def]
+    """Take up the marks of a row of a block, 8 bytes at a time; gives whether there are any."""
+    together = np.uint64(0)
+    start = np.uint64(block) * np.uint64(512) + np.uint64(row // 8 * 64 + row % 8)
+    for k in range(np.uint64(8)):
+        word = words[start + k * np.uint64(8)]
+        line[k] = word
+        together |= word
+    if together:
+        for k in range(np.uint64(8)):
+            words[start + k * np.uint64(8)] = np.uint64(0)
+    return together != 0
+
+
+@inlined
+def add_free(marks, odds):  # type: ignore[no-untyped-def]
+    """Add to the log-odds of a line of pixels how often they were said to be free."""
+    most = np.uint8(0)
+    for c in range(odds.size):
+        most = max(most, marks[c] & np.uint8(TOLD - 1))
+    for k in range(most):
+        for c in range(odds.size):
+            told = odds[c]
+            odds[c] = free_once(told) if (marks[c] & np.uint8(TOLD - 1)) > np.uint8(k) else told
+
+
+@inlined
+def are_usual(odds, usual):  # type: ignore[no-untyped-def]
+    """Whether nothing but free was ever said of any pixel of a line."""
+    strange = np.uint8(0)
+    for c in range(odds.size):
+        one = (odds[c] == usual[0]) | (odds[c] == usual[1]) | (odds[c] == usual[2]) | (odds[c] == usual[3])
+        strange |= np.uint8(not one)
+    return strange == 0
+
+
+@inlined
+def chosen(odds, usual, values):  # type: ignore[no-untyped-def]
+    """What goes with usual log-odds."""
+    value = values[3]
+    value = values[2] if odds == usual[2] else value
+    value = values[1] if odds == usual[1] else value
+    return values[0] if odds == usual[0] else value
+
+
+@inlined
+def show(odds, grey, usual, values, plain):  # type: ignore[no-untyped-def]
+    """Grey of a line of pixels from their log-odds; gives whether it has changed."""
+    change = np.uint16(0)
+    if plain:
+        for c in range(odds.size):
+            after = chosen(odds[c], usual, values)
+            change |= grey[c] ^ after
+            grey[c] = after
+    else:
+        for c in range(odds.size):
+            after = grey_of(probability(np.float64(odds[c])))
+            change |= grey[c] ^ after
+            grey[c] = after
+    return change != 0
+
+
+@inlined
+def tell(odds, probabilities, usual, values, plain):  # type: ignore[no-untyped-def]
+    """Probabilities of a line of pixels from their log-odds."""
+    if plain:
+        for c in range(odds.size):
+            probabilities[c] = chosen(odds[c], usual, values)
+    else:
+        for c in range(odds.size):
+            probabilities[c] = probability(np.float64(odds[c]))
+
+
+@inlined
+def who_sees(row, first, last):  # type: ignore[no-untyped-def]
+    """Bits of the blocks that see a change in a row of a block, in its first column or in its last."""
+    across = np.int64(2) | np.int64(first) | np.int64(last) << 2
+    seen = across << 3
+    if row == 0:
+        seen |= across
+    if row == BLOCK - 1:
+        seen |= across << 6
+    return np.uint16(seen)
+
+
+_TAKE = (
+    "void(u8[::1], f4[:,::1], f4[:,::1], b1, u2[:,::1], u2[:,::1], i8, i8, i8, i8, f4[::1], f4[::1], u2[::1], "
+    "u1[::1], u8[::1])"
+)
+
+
+@kernel(_TAKE)
+def _take(  # type: ignore[no-untyped-def]
+    words, log_odds, probabilities, kept, grey, changed, top, left, bottom, right, odds, p, greys, marks, line
+):
+    usual = (odds[0], odds[1], odds[2], odds[3])
+    usual_p = (p[0], p[1], p[2], p[3])
+    usual_grey = (greys[0], greys[1], greys[2], greys[3])
+    for row in range(top, bottom):
+        for block in range(left, right):
+            if not pick_up(words, row // BLOCK * changed.shape[1] + block, row % BLOCK, line):
+                continue
+            start = BLOCK * block
+            stop = min(start + BLOCK, log_odds.shape[1])
+            here, shown = log_odds[row, start:stop], grey[row + 1, start + 1 : stop + 1]
+            add_free(marks, here)
+            plain = are_usual(here, usual)
+            first, last = shown[0], shown[-1]
+            if show(here, shown, usual, usual_grey, plain):
+                changed[row // BLOCK, block] |= who_sees(row % BLOCK, shown[0] != first, shown[-1] != last)
+            if kept:
+                tell(here, probabilities[row, start:stop], usual, usual_p, plain)

@@ -1,0 +1,257 @@
+"""LiveSegmentation: the segments of a map that changes, blocks divided again where it does and nowhere else.
+
+What a block gives depends on its own cells, on the pixels one beyond its edge (texture looks that far), and on
+the cuts of contrast; these are fitted once and stay until they are asked for again. So after any changes the
+segments are those of the whole map segmented afresh with the same cuts.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError
+from uavseg.occupancy.blockwise import Places, decide, sum_cells, undecided_at
+from uavseg.occupancy.evidence import NEIGHBOURS, SELF
+from uavseg.raster.tiling import BLOCK, CELL
+from uavseg.segmentation.blockmap import BlockMap, cell_sums
+from uavseg.segmentation.division import block_ratios, wanted_ratios
+from uavseg.segmentation.pipeline import Question, SegmentParams
+from uavseg.segmentation.segments import Cut, IntensityRange, StateLimits
+from uavseg.segmentation.source import whole_blocks
+from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
+
+Mask = NDArray[np.bool_]
+
+MOST_INTERVALS = 255
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ground:
+    """The grey of a map that changes, and what has changed since somebody looked.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the map in pixels.
+    grey : (M + 2, N + 2) uint16 array
+        Up to whole blocks of 64, with a border of one pixel; 0 outside the map.
+    valid : (M + 2, N + 2) uint8 array
+        1 in the map.
+    changed : (B, C) uint16 array
+        See `evidence.take`.
+    """
+
+    shape: tuple[int, int]
+    grey: NDArray[np.uint16]
+    valid: NDArray[np.uint8]
+    changed: NDArray[np.uint16]
+
+    @classmethod
+    def of(cls, shape: tuple[int, int]) -> "Ground":
+        """The ground of a map whose grey was not shown yet."""
+        rows, cols = (whole_blocks(length) for length in shape)
+        valid = np.zeros((rows + 2, cols + 2), np.uint8)
+        valid[1 : shape[0] + 1, 1 : shape[1] + 1] = 1
+        changed = np.zeros((rows // BLOCK, cols // BLOCK), np.uint16)
+        return cls(shape, np.zeros(valid.shape, np.uint16), valid, changed)
+
+    def show(self, grey: NDArray[np.uint16]) -> None:
+        """Take the grey of the whole map."""
+        self.grey[1 : self.shape[0] + 1, 1 : self.shape[1] + 1] = grey
+        self.changed[:] = (1 << NEIGHBOURS) - 1
+
+    def taken(self) -> tuple[Mask, Mask]:
+        """The blocks whose grey has changed, and those whose texture may have; they count as seen now."""
+        rows, cols = self.changed.shape
+        around = np.zeros((rows + 2, cols + 2), bool)
+        for k in range(NEIGHBOURS):
+            around[k // 3 : k // 3 + rows, k % 3 : k % 3 + cols] |= (self.changed >> k & 1) > 0
+        own = (self.changed >> SELF & 1) > 0
+        self.changed[:] = 0
+        return own, around[1:-1, 1:-1]
+
+
+class LiveSegmentation:
+    """The segments of a map as it is now, at the edges of blocks.
+
+    Parameters
+    ----------
+    ground : Ground
+        Of the map.
+    cut : StateLimits, IntensityRange or Levels
+        What is asked of the segments; the paper's states if left out.
+    params : SegmentParams
+        The paper's method if left out. Pixels are not refined.
+
+    Attributes
+    ----------
+    cuts : (7,) int32 array
+        Of the contrast; fitted when the segmentation began and by `refit`.
+
+    Raises
+    ------
+    ParameterError
+        If there are more than 255 intervals.
+    """
+
+    def __init__(self, ground: Ground, cut: Cut | None = None, params: SegmentParams | None = None) -> None:
+        self.cut = StateLimits() if cut is None else cut
+        self.params = SegmentParams(method="paper") if params is None else params
+        self._question = Question(self.cut.edges, self.params.step, self.params.threshold)
+        if len(self.cut.edges) >= MOST_INTERVALS:
+            raise ParameterError(
+                f"a live segmentation has at most {MOST_INTERVALS} intervals, not {len(self.cut.edges) + 1}; "
+                "give a larger width"
+            )
+        self._ground = ground
+        self._blocks = BlockMap(
+            ground.shape,
+            *cell_sums(ground.grey, ground.valid, 1),
+            BlockMap.empty(ground.shape).ratios,
+        )
+        self._open = np.zeros(self._blocks.blocks, np.uint32)
+        self._intervals = np.zeros(self._blocks.counts.shape, np.uint8)
+        self._every = self._blocks.ratios.copy()
+        self._stale = np.ones(self._blocks.blocks, bool)
+        self._inner = _inner_blocks(ground.shape)
+        self.refit()
+
+    @property
+    def intervals(self) -> NDArray[np.uint8]:
+        """In which interval of the cut the leaf of each 8 x 8 pixels lies, counted from 1.
+
+        Of states that is 1 free, 2 unknown, 3 occupied; of a range 1 below, 2 inside, 3 above it. Beyond the
+        map it is 0.
+
+        Returns
+        -------
+        intervals : (8 B, 8 C) uint8 array
+            Not to be written to; later updates show in it.
+        """
+        self.settle()
+        shown = self._intervals.view()
+        shown.flags.writeable = False
+        return shown
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Cells of the leaves whose mean lies in the range that was asked for.
+
+        Raises
+        ------
+        ParameterError
+            If something other than a range was asked for.
+        """
+        if not isinstance(self.cut, IntensityRange):
+            raise ParameterError(f"only a range has an inside; this segmentation was asked for {self.cut}")
+        return np.asarray(self.intervals == 2)
+
+    def agreeing(self, interval: int) -> Mask:
+        """Pixels whose leaf lies in an interval, and their own v as well: what a path may pass, say.
+
+        Walls thinner than a block lie in leaves whose mean is free; no pixel of such a wall is among these.
+
+        Parameters
+        ----------
+        interval : int
+            As of `intervals`: 1 for free.
+
+        Returns
+        -------
+        agreeing : (rows, cols) bool array
+
+        Raises
+        ------
+        ParameterError
+            If there is no such interval.
+        """
+        if not 1 <= interval <= len(self.cut.edges) + 1:
+            raise ParameterError(f"intervals are 1 to {len(self.cut.edges) + 1} here, not {interval}")
+        v = np.arange(1 << 16) / 65535
+        within = np.flatnonzero(np.searchsorted(self.cut.edges, v) == interval - 1)
+        low, high = (int(within[0]), int(within[-1])) if len(within) else (1, 0)
+        rows, cols = self._ground.shape
+        leaves = (self.intervals == interval).view(np.uint8)
+        grey = self._ground.grey[1 : rows + 1, 1 : cols + 1]
+        shown = leaves.repeat(CELL, 0).repeat(CELL, 1)[:rows, :cols].view(bool)
+        return np.asarray(shown & (grey >= low) & (grey <= high))
+
+    def block_map(self) -> BlockMap:
+        """The block map with every R, from which any other question is answered as well.
+
+        R are measured of those blocks that have changed since the last time.
+        """
+        self.settle()
+        places = _places(self._stale)
+        for some, valid in self._by_validity(places):
+            ratios = block_ratios(self._ground.grey, valid, self.cuts, some * BLOCK)
+            self._every[some[:, 0], some[:, 1]] = ratios
+        self._stale[:] = False
+        found = self._blocks
+        return BlockMap(found.shape, found.sums.copy(), found.counts.copy(), self._every.copy())
+
+    def refit(self) -> None:
+        """Fit the cuts of contrast to the whole map as it is now, and divide every block again."""
+        self.cuts = contrast_cuts(contrast_histogram(self._ground.grey, self._ground.valid))
+        self._ground.changed[:] = 1 << SELF
+        self.settle()
+
+    def settle(self) -> Mask:
+        """Divide again what has changed since the last time.
+
+        Returns
+        -------
+        blocks : (B, C) bool array
+            The blocks that were measured or divided again.
+        """
+        own, near = self._ground.taken()
+        self._stale |= near
+        if not near.any():
+            return near
+        self._measure(own)
+        divided = near & (self._open > 0)
+        self._divide(divided)
+        question = self._question
+        places = _places(own | divided)
+        where = (question.edges, question.threshold, question.step, places)
+        decide(self._blocks, *where, self._intervals)
+        return near
+
+    def _measure(self, changed: Mask) -> None:
+        """Sums of the cells of blocks, and which of their R these leave open."""
+        places = _places(changed)
+        rows, cols = places.T
+        sum_cells(self._ground.grey, places, self._blocks.sums)
+        question = self._question
+        self._open[rows, cols] = undecided_at(self._blocks, question.edges, question.step, places)
+        self._blocks.ratios[rows, cols] = 0
+
+    def _divide(self, divided: Mask) -> None:
+        """R of blocks, where they are open."""
+        for some, valid in self._by_validity(_places(divided)):
+            rows, cols = some.T
+            self._blocks.ratios[rows, cols] = wanted_ratios(
+                self._ground.grey, valid, self.cuts, some * BLOCK, self._open[rows, cols], self.params.threshold
+            )
+
+    def _by_validity(self, places: Places) -> Iterator[tuple[Places, NDArray[np.uint8] | None]]:
+        """Blocks whose pixels all count, and blocks at the edge of the map, of which `valid` tells."""
+        inner = self._inner[places[:, 0], places[:, 1]]
+        for some, valid in ((places[inner], None), (places[~inner], self._ground.valid)):
+            if len(some):
+                yield some, valid
+
+
+def _places(blocks: Mask) -> Places:
+    """Row and column of the blocks that are set."""
+    return np.argwhere(blocks)
+
+
+def _inner_blocks(shape: tuple[int, int]) -> Mask:
+    """Blocks all whose pixels have eight neighbours in the map."""
+    rows, cols = (np.arange(0, length, BLOCK) for length in shape)
+    inner_rows = (rows > 0) & (rows + BLOCK < shape[0])
+    inner_cols = (cols > 0) & (cols + BLOCK < shape[1])
+    return np.asarray(inner_rows[:, np.newaxis] & inner_cols)
