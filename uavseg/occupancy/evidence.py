@@ -157,7 +157,7 @@ def _probabilities(log_odds, probabilities, grey):  # type: ignore[no-untyped-de
 
 @inlined
 def pick_up(words, block, row, line):  # type: ignore[no-untyped-def]
-    """Take up the marks of a row of a block, 8 bytes at a time; gives whether there are any."""
+    """Take up the marks of a row of a block, 8 bytes at a time; gives all of them together, bit by bit."""
     together = np.uint64(0)
     start = np.uint64(block) * np.uint64(512) + np.uint64(row // 8 * 64 + row % 8)
     for k in range(np.uint64(8)):
@@ -167,15 +167,15 @@ def pick_up(words, block, row, line):  # type: ignore[no-untyped-def]
     if together:
         for k in range(np.uint64(8)):
             words[start + k * np.uint64(8)] = np.uint64(0)
-    return together != 0
+    together |= together >> np.uint64(32)
+    together |= together >> np.uint64(16)
+    together |= together >> np.uint64(8)
+    return np.uint8(together)
 
 
 @inlined
-def add_free(marks, odds):  # type: ignore[no-untyped-def]
-    """Add to the log-odds of a line of pixels how often they were said to be free."""
-    most = np.uint8(0)
-    for c in range(odds.size):
-        most = max(most, marks[c] & np.uint8(TOLD - 1))
+def add_free(marks, odds, most):  # type: ignore[no-untyped-def]
+    """Add to the log-odds of a line of pixels how often, `most` times, they were said to be free."""
     for k in range(most):
         for c in range(odds.size):
             told = odds[c]
@@ -185,10 +185,10 @@ def add_free(marks, odds):  # type: ignore[no-untyped-def]
 @inlined
 def are_usual(odds, usual):  # type: ignore[no-untyped-def]
     """Whether nothing but free was ever said of any pixel of a line."""
-    strange = np.uint8(0)
+    strange = np.int32(0)
     for c in range(odds.size):
         one = (odds[c] == usual[0]) | (odds[c] == usual[1]) | (odds[c] == usual[2]) | (odds[c] == usual[3])
-        strange |= np.uint8(not one)
+        strange |= np.int32(not one)
     return strange == 0
 
 
@@ -256,12 +256,13 @@ def _take(  # type: ignore[no-untyped-def]
     usual_grey = (greys[0], greys[1], greys[2], greys[3])
     for row in range(top, bottom):
         for block in range(left, right):
-            if not pick_up(words, row // BLOCK * changed.shape[1] + block, row % BLOCK, line):
+            together = pick_up(words, row // BLOCK * changed.shape[1] + block, row % BLOCK, line)
+            if together == 0:
                 continue
             start = BLOCK * block
             stop = min(start + BLOCK, log_odds.shape[1])
             here, shown = log_odds[row, start:stop], grey[row + 1, start + 1 : stop + 1]
-            add_free(marks, here)
+            add_free(marks, here, together & np.uint8(TOLD - 1))
             plain = are_usual(here, usual)
             first, last = shown[0], shown[-1]
             if show(here, shown, usual, usual_grey, plain):

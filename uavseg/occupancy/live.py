@@ -246,7 +246,7 @@ class LiveSegmentation:
 
 def _places(blocks: Mask) -> Places:
     """Row and column of the blocks that are set."""
-    return np.argwhere(blocks)
+    return np.ascontiguousarray(np.argwhere(blocks))
 
 
 def _inner_blocks(shape: tuple[int, int]) -> Mask:
