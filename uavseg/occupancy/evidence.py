@@ -89,13 +89,13 @@ def probabilities_of(log_odds: Singles) -> tuple[Singles, NDArray[np.uint16]]:
 
     Parameters
     ----------
-    log_odds : (n,) float32 array
+    log_odds : float32 array
         In -6..6.
 
     Returns
     -------
-    probabilities : (n,) float32 array
-    grey : (n,) uint16 array
+    probabilities : float32 array
+    grey : uint16 array
 
     Examples
     --------
@@ -104,7 +104,7 @@ def probabilities_of(log_odds: Singles) -> tuple[Singles, NDArray[np.uint16]]:
     ([0.0024999999441206455, 0.5, 0.9975000023841858], [162, 32768, 65373])
     """
     probabilities, grey = np.empty(log_odds.shape, np.float32), np.empty(log_odds.shape, np.uint16)
-    _probabilities(log_odds, probabilities, grey)
+    _probabilities(log_odds.reshape(-1), probabilities.reshape(-1), grey.reshape(-1))
     return probabilities, grey
 
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import MapError
 from uavseg.occupancy.beams import REACH_SIGMAS, merge_beams
-from uavseg.occupancy.evidence import MAX_LOG_ODDS, marks_of, probabilities_of, take
+from uavseg.occupancy.evidence import MAX_LOG_ODDS, Singles, marks_of, probabilities_of, take
 from uavseg.occupancy.live import Ground, LiveSegmentation
 from uavseg.occupancy.rangefinder import Scan
 from uavseg.raster.dataset import Dataset
@@ -53,8 +53,6 @@ class OccupancyGrid:
     ----------
     geobox : GeoBox
     log_odds : (rows, cols) float32 array
-    probabilities : (rows, cols) float32 array
-        1 / (1 + exp(-log_odds)), kept in step.
 
     Raises
     ------
@@ -73,7 +71,7 @@ class OccupancyGrid:
         check_metres(geobox)
         self.geobox = geobox
         self.log_odds = np.zeros(geobox.shape, np.float32)
-        self.probabilities = np.empty(geobox.shape, np.float32)
+        self._probabilities: Singles | None = None
         self._marks = marks_of(geobox.shape)
         self._ground = Ground.of(geobox.shape)
         self._live: LiveSegmentation | None = None
@@ -121,6 +119,16 @@ class OccupancyGrid:
         grid._show_all()
         return grid
 
+    @property
+    def probabilities(self) -> Singles:
+        """1 / (1 + exp(-log_odds)) of each cell: a (rows, cols) float32 array, not to be written to.
+
+        Once somebody has looked at it, it is kept in step with what is merged.
+        """
+        if self._probabilities is None:
+            self._probabilities, _ = probabilities_of(self.log_odds)
+        return self._probabilities
+
     def merge(self, scan: Scan) -> Window:
         """Take in what a scan says about the cells that its beams cross.
 
@@ -140,7 +148,8 @@ class OccupancyGrid:
         x, y = scan.pose.x, scan.pose.y
         origin = (a * x + b * y + c, d * x + e * y + f)
         window = merge_beams(self.log_odds, self._marks, origin, beams, scan.sigma_m)
-        take(self._marks, self.log_odds, self.probabilities, self._ground.grey, self._ground.changed, window)
+        ground = self._ground
+        take(self._marks, self.log_odds, self._probabilities, ground.grey, ground.changed, window)
         return window
 
     def segment(self, cut: Cut | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
@@ -199,9 +208,10 @@ class OccupancyGrid:
 
     def _show_all(self) -> None:
         """Probabilities and grey of all cells, from their log-odds."""
-        p, grey = probabilities_of(self.log_odds.reshape(-1))
-        self.probabilities[...] = p.reshape(self.geobox.shape)
-        self._ground.show(grey.reshape(self.geobox.shape))
+        p, grey = probabilities_of(self.log_odds)
+        if self._probabilities is not None:
+            self._probabilities[...] = p
+        self._ground.show(grey)
 
     def dataset(self, name: str = "occupancy grid") -> Dataset:
         """The probabilities as a dataset that is read by window; later scans show in it."""

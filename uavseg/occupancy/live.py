@@ -112,7 +112,9 @@ class LiveSegmentation:
             BlockMap.empty(ground.shape).ratios,
         )
         self._open = np.zeros(self._blocks.blocks, np.uint32)
-        self._intervals = np.zeros(self._blocks.counts.shape, np.uint8)
+        cells = self._blocks.counts.shape
+        self._leaves = (np.zeros(cells, np.uint8), np.zeros(cells))
+        self._intervals = np.zeros(cells, np.uint8)
         self._every = self._blocks.ratios.copy()
         self._stale = np.ones(self._blocks.blocks, bool)
         self._inner = _inner_blocks(ground.shape)
@@ -216,7 +218,7 @@ class LiveSegmentation:
         question = self._question
         places = _places(own | divided)
         where = (question.edges, question.threshold, question.step, places)
-        decide(self._blocks, *where, self._intervals)
+        decide(self._blocks, *where, self._leaves, self._intervals)
         return near
 
     def _measure(self, changed: Mask) -> None:
