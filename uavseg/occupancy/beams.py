@@ -64,7 +64,9 @@ def merge_beams(
     box = np.array([rows, cols, -1, -1], np.int64)
     beams = np.where(np.abs(beams) < _NOTHING, 0.0, beams)
     lines = np.empty((3, 2 * max(rows, cols) + 2), np.uint64)
-    _merge(log_odds.reshape(-1), marks.reshape(-1), rows, cols, origin[0], origin[1], beams, sigma, lines, box)
+    _merge(
+        log_odds.reshape(-1), marks.reshape(-1), rows, cols, origin[0], origin[1], beams, sigma, lines, box
+    )
     top, left, bottom, right = (int(edge) for edge in box)
     return Window(top, left, bottom - top + 1, right - left + 1) if bottom >= 0 else Window(0, 0, 0, 0)
 
@@ -276,7 +278,11 @@ def _merge(odds, marks, rows, cols, u0, v0, beams, sigma, lines, box):  # type: 
         steep = abs(dv) > abs(du)
         state, ends, goes_on = (col, row, t_in), (np.int64(-1), np.int64(-1)), True
         if _straight(u0, v0, du, dv):
-            stop = (_NOWHERE, row + (2 if dv > 0.0 else -2)) if steep else (col + (2 if du > 0.0 else -2), _NOWHERE)
+            stop = (
+                (_NOWHERE, row + (2 if dv > 0.0 else -2))
+                if steep
+                else (col + (2 if du > 0.0 else -2), _NOWHERE)
+            )
             state, ends, goes_on = _walk(
                 odds, marks, rows, cols, u0, v0, beam, sigma, t_end, stop, state, ends
             )

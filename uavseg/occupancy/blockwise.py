@@ -95,7 +95,9 @@ def _undecided_at(sums, counts, edges, step, places, found):  # type: ignore[no-
         found[k] = undecided_in_block(sums, counts, row, col, edges, step)
 
 
-@kernel("void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, f8[::1], i8[:,::1], u1[:,::1], f8[:,::1], u1[:,::1])")
+@kernel(
+    "void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, f8[::1], i8[:,::1], u1[:,::1], f8[:,::1], u1[:,::1])"
+)
 def _decide(sums, counts, ratios, threshold, step, edges, places, side, mean, intervals):  # type: ignore[no-untyped-def]
     for k in range(places.shape[0]):
         row, col = max(places[k, 0], 0), max(places[k, 1], 0)

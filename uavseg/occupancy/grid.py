@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from weakref import WeakSet
 
 import numpy as np
 from affine import Affine
@@ -10,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.errors import MapError
 from uavseg.occupancy.beams import REACH_SIGMAS, merge_beams
 from uavseg.occupancy.evidence import MAX_LOG_ODDS, Singles, marks_of, probabilities_of, take
-from uavseg.occupancy.live import Ground, LiveSegmentation
+from uavseg.occupancy.ground import Ground
+from uavseg.occupancy.live import LiveSegmentation
 from uavseg.occupancy.rangefinder import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
@@ -74,7 +76,8 @@ class OccupancyGrid:
         self._probabilities: Singles | None = None
         self._marks = marks_of(geobox.shape)
         self._ground = Ground.of(geobox.shape)
-        self._live: LiveSegmentation | None = None
+        self._lives: WeakSet[LiveSegmentation] = WeakSet()
+        self._states: LiveSegmentation | None = None
         self._show_all()
 
     @classmethod
@@ -153,7 +156,7 @@ class OccupancyGrid:
         return window
 
     def segment(self, cut: Cut | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
-        """Segment the map, and from now on keep its segments in step with what is merged.
+        """Segment the map, and keep its segments in step with what is merged for as long as they are held.
 
         Parameters
         ----------
@@ -165,18 +168,23 @@ class OccupancyGrid:
         Returns
         -------
         LiveSegmentation
-            Also `grid.segmentation`; it takes the place of an earlier one.
+            There may be several of one map, for the states and for a range, say.
         """
-        self._live = LiveSegmentation(self._ground, cut, params)
-        return self._live
+        live = LiveSegmentation(self._ground, cut, params)
+        self._lives.add(live)
+        return live
 
     @property
     def segmentation(self) -> LiveSegmentation:
-        """The segments of the map as it is now: those of the paper's states, unless `segment` was called."""
-        return self.segment() if self._live is None else self._live
+        """The segmentation by the paper's states and method, made when it is first asked for."""
+        if self._states is None:
+            self._states = self.segment()
+        return self._states
 
     def update(self, scan: Scan) -> Update:
-        """Merge a scan and divide again those blocks of the segmentation that see a change, and no others.
+        """Merge a scan and divide again those blocks of all segmentations that see a change, and no others.
+
+        Without any, there is from now on that by states, `segmentation`.
 
         Returns
         -------
@@ -190,19 +198,21 @@ class OccupancyGrid:
         >>> scan = Scan(Pose(0, 3.2), np.zeros(1), np.array([1.05]), max_range_m=5.0, sigma_m=0.05)
         >>> grid.update(scan).blocks
         array([[ True, False]])
-        >>> grid.segmentation.intervals[4, :2]  # free where the beam passed, and around its end occupied
-        array([1, 3], dtype=uint8)
         """
-        segmentation = self.segmentation
+        lives = list(self._lives) or [self.segmentation]
         window = self.merge(scan)
-        return Update(window, segmentation.settle())
+        blocks = np.zeros(self._ground.changed.shape, bool)
+        for live in lives:
+            blocks |= live.settle()
+        return Update(window, blocks)
 
     def refit(self) -> None:
-        """Fit the segmentation's contrast cuts to the map as it is, and divide every block again."""
-        self.segmentation.refit()
+        """Fit all contrast cuts to the map as it is now, and divide every block again."""
+        for live in list(self._lives) or [self.segmentation]:
+            live.refit()
 
     def reset(self) -> None:
-        """Forget everything: all cells are at 0.5 again. The segmentation follows and keeps its cuts."""
+        """Forget everything: all cells are at 0.5 again. Segmentations follow and keep their cuts."""
         self.log_odds[...] = 0
         self._show_all()
 

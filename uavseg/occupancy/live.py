@@ -6,71 +6,21 @@ segments are those of the whole map segmented afresh with the same cuts.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.occupancy.blockwise import Places, decide, sum_cells, undecided_at
-from uavseg.occupancy.evidence import NEIGHBOURS, SELF
+from uavseg.occupancy.ground import Ground, Mask
 from uavseg.raster.tiling import BLOCK, CELL
 from uavseg.segmentation.blockmap import BlockMap, cell_sums
 from uavseg.segmentation.division import block_ratios, wanted_ratios
 from uavseg.segmentation.pipeline import Question, SegmentParams
 from uavseg.segmentation.segments import Cut, IntensityRange, StateLimits
-from uavseg.segmentation.source import whole_blocks
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
 
-Mask = NDArray[np.bool_]
-
 MOST_INTERVALS = 255
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Ground:
-    """The grey of a map that changes, and what has changed since somebody looked.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the map in pixels.
-    grey : (M + 2, N + 2) uint16 array
-        Up to whole blocks of 64, with a border of one pixel; 0 outside the map.
-    valid : (M + 2, N + 2) uint8 array
-        1 in the map.
-    changed : (B, C) uint16 array
-        See `evidence.take`.
-    """
-
-    shape: tuple[int, int]
-    grey: NDArray[np.uint16]
-    valid: NDArray[np.uint8]
-    changed: NDArray[np.uint16]
-
-    @classmethod
-    def of(cls, shape: tuple[int, int]) -> "Ground":
-        """The ground of a map whose grey was not shown yet."""
-        rows, cols = (whole_blocks(length) for length in shape)
-        valid = np.zeros((rows + 2, cols + 2), np.uint8)
-        valid[1 : shape[0] + 1, 1 : shape[1] + 1] = 1
-        changed = np.zeros((rows // BLOCK, cols // BLOCK), np.uint16)
-        return cls(shape, np.zeros(valid.shape, np.uint16), valid, changed)
-
-    def show(self, grey: NDArray[np.uint16]) -> None:
-        """Take the grey of the whole map."""
-        self.grey[1 : self.shape[0] + 1, 1 : self.shape[1] + 1] = grey
-        self.changed[:] = (1 << NEIGHBOURS) - 1
-
-    def taken(self) -> tuple[Mask, Mask]:
-        """The blocks whose grey has changed, and those whose texture may have; they count as seen now."""
-        rows, cols = self.changed.shape
-        around = np.zeros((rows + 2, cols + 2), bool)
-        for k in range(NEIGHBOURS):
-            around[k // 3 : k // 3 + rows, k % 3 : k % 3 + cols] |= (self.changed >> k & 1) > 0
-        own = (self.changed >> SELF & 1) > 0
-        self.changed[:] = 0
-        return own, around[1:-1, 1:-1]
 
 
 class LiveSegmentation:
@@ -106,6 +56,7 @@ class LiveSegmentation:
                 "give a larger width"
             )
         self._ground = ground
+        self._watch = ground.watch()
         self._blocks = BlockMap(
             ground.shape,
             *cell_sums(ground.grey, ground.valid, 1),
@@ -197,8 +148,9 @@ class LiveSegmentation:
     def refit(self) -> None:
         """Fit the cuts of contrast to the whole map as it is now, and divide every block again."""
         self.cuts = contrast_cuts(contrast_histogram(self._ground.grey, self._ground.valid))
-        self._ground.changed[:] = 1 << SELF
-        self.settle()
+        self._ground.hand_out()
+        self._watch.taken()
+        self._settle(*np.ones((2, *self._stale.shape), bool))
 
     def settle(self) -> Mask:
         """Divide again what has changed since the last time.
@@ -208,10 +160,15 @@ class LiveSegmentation:
         blocks : (B, C) bool array
             The blocks that were measured or divided again.
         """
-        own, near = self._ground.taken()
+        self._ground.hand_out()
+        own, near = self._watch.taken()
+        if near.any():
+            self._settle(own, near)
+        return near
+
+    def _settle(self, own: Mask, near: Mask) -> None:
+        """Divide blocks again whose grey has changed, or the texture at their edges."""
         self._stale |= near
-        if not near.any():
-            return near
         self._measure(own)
         divided = near & (self._open > 0)
         self._divide(divided)
@@ -219,7 +176,6 @@ class LiveSegmentation:
         places = _places(own | divided)
         where = (question.edges, question.threshold, question.step, places)
         decide(self._blocks, *where, self._leaves, self._intervals)
-        return near
 
     def _measure(self, changed: Mask) -> None:
         """Sums of the cells of blocks, and which of their R these leave open."""
@@ -235,7 +191,12 @@ class LiveSegmentation:
         for some, valid in self._by_validity(_places(divided)):
             rows, cols = some.T
             self._blocks.ratios[rows, cols] = wanted_ratios(
-                self._ground.grey, valid, self.cuts, some * BLOCK, self._open[rows, cols], self.params.threshold
+                self._ground.grey,
+                valid,
+                self.cuts,
+                some * BLOCK,
+                self._open[rows, cols],
+                self.params.threshold,
             )
 
     def _by_validity(self, places: Places) -> Iterator[tuple[Places, NDArray[np.uint8] | None]]:
