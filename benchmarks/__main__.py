@@ -10,6 +10,7 @@ from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, chosen
 from benchmarks.kernels import speeds
 from benchmarks.measure import outcomes
+from benchmarks.robot import steps
 from benchmarks.scenes import KINDS, Scene, ready
 from benchmarks.startup import starts
 
@@ -17,7 +18,7 @@ from benchmarks.startup import starts
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run what the options ask for."""
     options = _parser().parse_args(arguments)
-    sections = options.sections or ["processes", "startup", "kernels"]
+    sections = options.sections or ["processes", "startup", "kernels", "robot"]
     if options.only is not None:
         sections = ["processes"]
     for section in sections:
@@ -47,7 +48,11 @@ def _kernels(options: argparse.Namespace) -> str:
     return table.kernels(speeds())
 
 
-_SECTIONS = {"processes": _processes, "startup": _startup, "kernels": _kernels}
+def _robot(options: argparse.Namespace) -> str:
+    return table.robot(steps())
+
+
+_SECTIONS = {"processes": _processes, "startup": _startup, "kernels": _kernels, "robot": _robot}
 
 
 def _tell(line: str) -> None:

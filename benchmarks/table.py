@@ -7,6 +7,7 @@ from pathlib import Path
 from benchmarks.kernels import Speed
 from benchmarks.machine import machine, software
 from benchmarks.measure import Outcome
+from benchmarks.robot import Step
 from benchmarks.startup import Start
 
 README = Path(__file__).resolve().with_name("README.md")
@@ -76,6 +77,23 @@ def kernels(speeds: Sequence[Speed]) -> str:
     heads = ["", "ns / pixel", "copying its arrays", "ratio", "makes"]
     cells = [
         [s.title, f"{s.ns:.2f}", f"{s.floor_ns:.2f}", f"{s.ns / s.floor_ns:.0f}", s.remark] for s in speeds
+    ]
+    return _signed(rows(heads, cells))
+
+
+def robot(steps: Sequence[Step]) -> str:
+    """What a robot does at sensor rate."""
+    heads = ["", "ms", "merging", "segmenting", "blocks", "of"]
+    cells = [
+        [
+            s.title,
+            f"{s.ms:.2f}",
+            f"{s.merging_ms:.2f}" if s.merging_ms else "",
+            f"{s.ms - s.merging_ms:.2f}",
+            f"{s.blocks:.0f}",
+            s.remark,
+        ]
+        for s in steps
     ]
     return _signed(rows(heads, cells))
 

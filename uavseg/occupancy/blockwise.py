@@ -1,30 +1,15 @@
-"""Parts of a block map measured and decided again: what `blockmap` does for all blocks, for some of them."""
+"""Parts of a block map decided again: what `blockmap` does for all blocks, for some of them."""
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._jit import kernel
-from uavseg.raster.tiling import BLOCK
-from uavseg.segmentation.blockmap import BlockMap, leaves_of_block, undecided_in_block
+from uavseg._jit import inlined, kernel
+from uavseg.segmentation.blockmap import BlockMap, leaves_of_block, mean_of, undecided_in_block
 
 Places = NDArray[np.int64]
-
-
-def sum_cells(grey: NDArray[np.uint16], places: Places, sums: NDArray[np.uint32]) -> None:
-    """Sum the grey of each cell of some blocks again.
-
-    Parameters
-    ----------
-    grey : (M + 2, N + 2) uint16 array
-        With a border of one pixel; 0 where a pixel is not valid.
-    places : (n, 2) int64 array
-        Row and column of blocks of 64.
-    sums : (8 B, 8 C) uint32 array
-        Of the block map; filled in at these blocks.
-    """
-    _sum_cells(grey, places, sums, np.empty(BLOCK, np.uint32))
 
 
 def undecided_at(
@@ -47,6 +32,7 @@ def decide(
     threshold: float,
     intensity_step: float,
     places: Places,
+    bits: NDArray[np.uint32],
     leaves: tuple[NDArray[np.uint8], NDArray[np.float64]],
     intervals: NDArray[np.uint8],
 ) -> None:
@@ -61,31 +47,15 @@ def decide(
     threshold, intensity_step : float
         X and tau.
     places : (n, 2) int64 array
+    bits : (n,) uint32 array
+        Of these blocks, from `undecided_at`.
     leaves : (8 B, 8 C) uint8 and float64 arrays
-        Side and mean of each cell's leaf, filled in as well; see `blockmap.leaves`.
+        Scratch.
     intervals : (8 B, 8 C) uint8 array
         Filled in at the cells of these blocks: from 1; 0 where a leaf has no valid pixel.
     """
     where = (blocks.sums, blocks.counts, blocks.ratios, threshold, intensity_step)
-    _decide(*where, np.array(edges, np.float64), places, *leaves, intervals)
-
-
-@kernel("void(u2[:,::1], i8[:,::1], u4[:,::1], u4[::1])")
-def _sum_cells(grey, places, sums, column):  # type: ignore[no-untyped-def]
-    for k in range(places.shape[0]):
-        top, left = max(places[k, 0], 0), max(places[k, 1], 0)  # they are; the compiler does not know
-        for row in range(8):
-            for c in range(BLOCK):
-                column[c] = 0
-            for r in range(8):
-                line = grey[BLOCK * top + 8 * row + r + 1, BLOCK * left + 1 :]
-                for c in range(BLOCK):
-                    column[c] += np.uint32(line[c])
-            for col in range(8):
-                total = np.uint32(0)
-                for c in range(8):
-                    total += column[8 * col + c]
-                sums[8 * top + row, 8 * left + col] = total
+    _decide(*where, np.array(edges, np.float64), places, bits, *leaves, intervals)
 
 
 @kernel("void(u4[:,::1], u1[:,::1], f8[::1], f8, i8[:,::1], u4[::1])")
@@ -95,17 +65,31 @@ def _undecided_at(sums, counts, edges, step, places, found):  # type: ignore[no-
         found[k] = undecided_in_block(sums, counts, row, col, edges, step)
 
 
-@kernel(
-    "void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, f8[::1], i8[:,::1], u1[:,::1], f8[:,::1], u1[:,::1])"
-)
-def _decide(sums, counts, ratios, threshold, step, edges, places, side, mean, intervals):  # type: ignore[no-untyped-def]
+_DECIDE = "void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, f8[::1], i8[:,::1], u4[::1], u1[:,::1], f8[:,::1], u1[:,::1])"
+
+
+@inlined
+def interval_of(value, edges):  # type: ignore[no-untyped-def]
+    """In which interval a mean lies, from 1; 0 for the -1 of a leaf without a valid pixel."""
+    interval = np.uint8(value >= 0.0)
+    for edge in edges:
+        interval += np.uint8(edge < value)
+    return interval
+
+
+@kernel(_DECIDE)
+def _decide(  # type: ignore[no-untyped-def]
+    sums, counts, ratios, threshold, step, edges, places, bits, side, mean, intervals
+):
     for k in range(places.shape[0]):
-        row, col = max(places[k, 0], 0), max(places[k, 1], 0)
+        row, col = max(places[k, 0], 0), max(places[k, 1], 0)  # they are; the compiler does not know
+        if bits[k] == 0 and step == inf:  # all cells lie in one interval, however the block is divided
+            one = interval_of(mean_of(sums, counts, 8 * row, 8 * col, 8), edges)
+            for r in range(8):
+                for c in range(8):
+                    intervals[8 * row + r, 8 * col + c] = one
+            continue
         leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
-        for r in range(8):
-            for c in range(8):
-                value = mean[8 * row + r, 8 * col + c]
-                interval = np.uint8(value >= 0.0)
-                for edge in edges:
-                    interval += np.uint8(edge < value)
-                intervals[8 * row + r, 8 * col + c] = interval
+        for r in range(8 * row, 8 * row + 8):
+            for c in range(8 * col, 8 * col + 8):
+                intervals[r, c] = interval_of(mean[r, c], edges)

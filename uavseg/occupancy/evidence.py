@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.occupancy.ground import SELF, Ground
 from uavseg.raster.tiling import BLOCK, Window
 
 P_MIN = 0.1
@@ -19,9 +20,6 @@ LOG_P_MIN = log(P_MIN / (1 - P_MIN))
 MAX_LOG_ODDS = 6.0
 OFTEN = 6  # times free lead from anywhere to -6, so that nobody counts further
 TOLD = 128  # the mark of a cell whose log-odds are up to date
-
-NEIGHBOURS = 9  # bits of `changed`: 3 x 3 blocks in raster order
-SELF = 4  # the one in the middle
 
 _LINE = 64  # bytes
 
@@ -53,8 +51,7 @@ def take(
     marks: Marks,
     log_odds: Singles,
     probabilities: Singles | None,
-    grey: NDArray[np.uint16],
-    changed: NDArray[np.uint16],
+    ground: Ground,
     window: Window,
 ) -> None:
     """Bring all cells up to date that are marked, and clear their marks.
@@ -66,22 +63,27 @@ def take(
     log_odds : (rows, cols) float32 array
     probabilities : (rows, cols) float32 array or None
         None where nobody wants to know them.
-    grey : (M + 2, N + 2) uint16 array
-        With a border of one pixel, see `segmentation.texture`.
-    changed : (B, C) uint16 array
-        Of blocks of 64 x 64. A bit is set for each block among the 3 x 3 around, in raster order, which a
-        cell whose grey has changed lies in or next to; bits that are set stay set.
+    ground : Ground
+        Its grey, sums and what has changed follow.
     window : Window
         All marked cells lie in it.
     """
     if window.rows:
         first = (window.row, window.col // BLOCK)
         end = (window.row + window.rows, -(-(window.col + window.cols) // BLOCK))
-        line = np.empty(BLOCK, np.uint8)
+        line, column = np.empty(BLOCK, np.uint8), np.empty(BLOCK, np.uint32)
         kept = probabilities is not None
         p = probabilities if probabilities is not None else np.empty((0, 0), np.float32)
-        state = (marks.reshape(-1).view(np.uint64), log_odds, p, kept, grey, changed)
-        _take(*state, *first, *end, *_usual(), line, line.view(np.uint64))
+        state = (
+            marks.reshape(-1).view(np.uint64),
+            log_odds,
+            p,
+            kept,
+            ground.grey,
+            ground.sums,
+            ground.changed,
+        )
+        _take(*state, *first, *end, *_usual(), line, line.view(np.uint64), column)
 
 
 def probabilities_of(log_odds: Singles) -> tuple[Singles, NDArray[np.uint16]]:
@@ -241,31 +243,68 @@ def who_sees(row, first, last):  # type: ignore[no-untyped-def]
     return np.uint16(seen)
 
 
+@inlined
+def sum_cells(grey, row, col, column, sums):  # type: ignore[no-untyped-def]
+    """Sums of the cells of 8 x 8 of one block; `column` is scratch."""
+    for cell in range(8):
+        for c in range(BLOCK):
+            column[c] = 0
+        for r in range(8):
+            line = grey[BLOCK * row + 8 * cell + r + 1, BLOCK * col + 1 :]
+            for c in range(BLOCK):
+                column[c] += np.uint32(line[c])
+        for k in range(8):
+            total = np.uint32(0)
+            for c in range(8):
+                total += column[8 * k + c]
+            sums[8 * row + cell, 8 * col + k] = total
+
+
 _TAKE = (
-    "void(u8[::1], f4[:,::1], f4[:,::1], b1, u2[:,::1], u2[:,::1], i8, i8, i8, i8, f4[::1], f4[::1], u2[::1], "
-    "u1[::1], u8[::1])"
+    "void(u8[::1], f4[:,::1], f4[:,::1], b1, u2[:,::1], u4[:,::1], u2[:,::1], i8, i8, i8, i8, "
+    "f4[::1], f4[::1], u2[::1], u1[::1], u8[::1], u4[::1])"
 )
 
 
 @kernel(_TAKE)
 def _take(  # type: ignore[no-untyped-def]
-    words, log_odds, probabilities, kept, grey, changed, top, left, bottom, right, odds, p, greys, marks, line
+    words,
+    log_odds,
+    probabilities,
+    kept,
+    grey,
+    sums,
+    changed,
+    top,
+    left,
+    bottom,
+    right,
+    odds,
+    p,
+    greys,
+    marks,
+    line,
+    column,
 ):
     usual = (odds[0], odds[1], odds[2], odds[3])
     usual_p = (p[0], p[1], p[2], p[3])
     usual_grey = (greys[0], greys[1], greys[2], greys[3])
-    for row in range(top, bottom):
+    for band in range(top // BLOCK, (bottom - 1) // BLOCK + 1):  # while it is in the processor's cache
+        for row in range(max(top, BLOCK * band), min(bottom, BLOCK * band + BLOCK)):
+            for block in range(left, right):
+                together = pick_up(words, band * changed.shape[1] + block, row % BLOCK, line)
+                if together == 0:
+                    continue
+                start = BLOCK * block
+                stop = min(start + BLOCK, log_odds.shape[1])
+                here, shown = log_odds[row, start:stop], grey[row + 1, start + 1 : stop + 1]
+                add_free(marks, here, together & np.uint8(TOLD - 1))
+                plain = are_usual(here, usual)
+                first, last = shown[0], shown[-1]
+                if show(here, shown, usual, usual_grey, plain):
+                    changed[band, block] |= who_sees(row % BLOCK, shown[0] != first, shown[-1] != last)
+                if kept:
+                    tell(here, probabilities[row, start:stop], usual, usual_p, plain)
         for block in range(left, right):
-            together = pick_up(words, row // BLOCK * changed.shape[1] + block, row % BLOCK, line)
-            if together == 0:
-                continue
-            start = BLOCK * block
-            stop = min(start + BLOCK, log_odds.shape[1])
-            here, shown = log_odds[row, start:stop], grey[row + 1, start + 1 : stop + 1]
-            add_free(marks, here, together & np.uint8(TOLD - 1))
-            plain = are_usual(here, usual)
-            first, last = shown[0], shown[-1]
-            if show(here, shown, usual, usual_grey, plain):
-                changed[row // BLOCK, block] |= who_sees(row % BLOCK, shown[0] != first, shown[-1] != last)
-            if kept:
-                tell(here, probabilities[row, start:stop], usual, usual_p, plain)
+            if changed[band, block] >> SELF & 1:
+                sum_cells(grey, max(band, 0), max(block, 0), column, sums)

@@ -151,8 +151,7 @@ class OccupancyGrid:
         x, y = scan.pose.x, scan.pose.y
         origin = (a * x + b * y + c, d * x + e * y + f)
         window = merge_beams(self.log_odds, self._marks, origin, beams, scan.sigma_m)
-        ground = self._ground
-        take(self._marks, self.log_odds, self._probabilities, ground.grey, ground.changed, window)
+        take(self._marks, self.log_odds, self._probabilities, self._ground, window)
         return window
 
     def segment(self, cut: Cut | None = None, params: SegmentParams | None = None) -> LiveSegmentation:

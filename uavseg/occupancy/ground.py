@@ -6,19 +6,21 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.occupancy.evidence import NEIGHBOURS, SELF
 from uavseg.raster.tiling import BLOCK
+from uavseg.segmentation.blockmap import cell_sums
 from uavseg.segmentation.source import whole_blocks
 
 Mask = NDArray[np.bool_]
 Bits = NDArray[np.uint16]
 
+NEIGHBOURS = 9  # bits of what has changed in a block: who of the 3 x 3 blocks around sees it, in raster order
+SELF = 4  # the one in the middle
 _ALL = (1 << NEIGHBOURS) - 1
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Watch:
-    """What has changed since somebody looked: for each block, the bits of `evidence.take`."""
+    """What has changed since somebody looked, as in `Ground`."""
 
     changed: Bits
 
@@ -46,13 +48,18 @@ class Ground:
         Up to whole blocks of 64, with a border of one pixel; 0 outside the map.
     valid : (M + 2, N + 2) uint8 array
         1 in the map.
+    sums, counts : (8 B, 8 C) uint32 and uint8 arrays
+        Of the valid grey of cells of 8 x 8, as in a `BlockMap`.
     changed : (B, C) uint16 array
-        What has changed since it was handed to those who watch; see `evidence.take`.
+        What has changed in each block since it was handed to those who watch. A bit is set for each block
+        among the 3 x 3 around, in raster order, which a pixel whose grey has changed lies in or next to.
     """
 
     shape: tuple[int, int]
     grey: NDArray[np.uint16]
     valid: NDArray[np.uint8]
+    sums: NDArray[np.uint32]
+    counts: NDArray[np.uint8]
     changed: Bits
     _watches: "WeakSet[Watch]" = field(default_factory=WeakSet, repr=False)
 
@@ -63,11 +70,13 @@ class Ground:
         valid = np.zeros((rows + 2, cols + 2), np.uint8)
         valid[1 : shape[0] + 1, 1 : shape[1] + 1] = 1
         changed = np.zeros((rows // BLOCK, cols // BLOCK), np.uint16)
-        return cls(shape, np.zeros(valid.shape, np.uint16), valid, changed)
+        grey = np.zeros(valid.shape, np.uint16)
+        return cls(shape, grey, valid, *cell_sums(grey, valid, 1), changed)
 
     def show(self, grey: NDArray[np.uint16]) -> None:
         """Take the grey of the whole map."""
         self.grey[1 : self.shape[0] + 1, 1 : self.shape[1] + 1] = grey
+        self.sums[:] = cell_sums(self.grey, self.valid, 1)[0]
         self.changed[:] = _ALL
 
     def watch(self) -> Watch:

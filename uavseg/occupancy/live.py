@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.occupancy.blockwise import Places, decide, sum_cells, undecided_at
+from uavseg.occupancy.blockwise import Places, decide, undecided_at
 from uavseg.occupancy.ground import Ground, Mask
 from uavseg.raster.tiling import BLOCK, CELL
-from uavseg.segmentation.blockmap import BlockMap, cell_sums
+from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.division import block_ratios, wanted_ratios
 from uavseg.segmentation.pipeline import Question, SegmentParams
 from uavseg.segmentation.segments import Cut, IntensityRange, StateLimits
@@ -57,11 +57,8 @@ class LiveSegmentation:
             )
         self._ground = ground
         self._watch = ground.watch()
-        self._blocks = BlockMap(
-            ground.shape,
-            *cell_sums(ground.grey, ground.valid, 1),
-            BlockMap.empty(ground.shape).ratios,
-        )
+        ratios = BlockMap.empty(ground.shape).ratios
+        self._blocks = BlockMap(ground.shape, ground.sums, ground.counts, ratios)
         self._open = np.zeros(self._blocks.blocks, np.uint32)
         cells = self._blocks.counts.shape
         self._leaves = (np.zeros(cells, np.uint8), np.zeros(cells))
@@ -174,14 +171,13 @@ class LiveSegmentation:
         self._divide(divided)
         question = self._question
         places = _places(own | divided)
-        where = (question.edges, question.threshold, question.step, places)
+        where = (question.edges, question.threshold, question.step, places, self._open[tuple(places.T)])
         decide(self._blocks, *where, self._leaves, self._intervals)
 
     def _measure(self, changed: Mask) -> None:
-        """Sums of the cells of blocks, and which of their R these leave open."""
+        """Which R the cells of blocks leave open, now that these have changed."""
         places = _places(changed)
         rows, cols = places.T
-        sum_cells(self._ground.grey, places, self._blocks.sums)
         question = self._question
         self._open[rows, cols] = undecided_at(self._blocks, question.edges, question.step, places)
         self._blocks.ratios[rows, cols] = 0
