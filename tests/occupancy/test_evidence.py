@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.occupancy import plain_beams
-from uavseg.occupancy.evidence import probabilities_of
 from uavseg.occupancy.grid import OccupancyGrid, upright
+from uavseg.occupancy.logodds import probabilities_of
 from uavseg.occupancy.rangefinder import Pose, Scan
 from uavseg.raster.grey import to_grey
 from uavseg.raster.tiling import Window

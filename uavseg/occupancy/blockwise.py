@@ -65,7 +65,10 @@ def _undecided_at(sums, counts, edges, step, places, found):  # type: ignore[no-
         found[k] = undecided_in_block(sums, counts, row, col, edges, step)
 
 
-_DECIDE = "void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, f8[::1], i8[:,::1], u4[::1], u1[:,::1], f8[:,::1], u1[:,::1])"
+_DECIDE = (
+    "void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, f8[::1], i8[:,::1], u4[::1], "
+    "u1[:,::1], f8[:,::1], u1[:,::1])"
+)
 
 
 @inlined

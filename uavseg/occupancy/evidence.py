@@ -5,46 +5,13 @@ that its log-odds are up to date already. Here the marks are cleared and everyth
 noted which blocks of the segmentation see a change.
 """
 
-from functools import cache
-from math import log
-
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.occupancy.ground import SELF, Ground
+from uavseg.occupancy.logodds import Singles, grey_of, probability, usual
+from uavseg.occupancy.marks import TOLD, Marks, free_once, pick_up
 from uavseg.raster.tiling import BLOCK, Window
-
-P_MIN = 0.1
-LOG_P_MIN = log(P_MIN / (1 - P_MIN))
-MAX_LOG_ODDS = 6.0
-OFTEN = 6  # times free lead from anywhere to -6, so that nobody counts further
-TOLD = 128  # the mark of a cell whose log-odds are up to date
-
-_LINE = 64  # bytes
-
-Singles = NDArray[np.float32]
-Marks = NDArray[np.uint8]
-
-
-def marks_of(shape: tuple[int, int]) -> Marks:
-    """Marks of a map on which nothing was said yet.
-
-    Parameters
-    ----------
-    shape : (int, int)
-        Rows and columns of the map.
-
-    Returns
-    -------
-    marks : (B, C, 8, 8, 8, 8) uint8 array
-        Block, 8 x 8 pixels within it, pixel within these: what lies side by side shares a line of the
-        processor's cache, so that a beam in any direction stays in few of them.
-    """
-    rows, cols = (-(-length // BLOCK) for length in shape)
-    room = np.zeros(rows * cols * BLOCK * BLOCK + _LINE, np.uint8)
-    first = -room.ctypes.data % _LINE
-    return room[first : len(room) - _LINE + first].reshape(rows, cols, 8, 8, 8, 8)
 
 
 def take(
@@ -59,7 +26,7 @@ def take(
     Parameters
     ----------
     marks : (B, C, 8, 8, 8, 8) uint8 array
-        See `marks_of`; from `beams.merge_beams`.
+        See `marks.marks_of`; from `beams.merge_beams`.
     log_odds : (rows, cols) float32 array
     probabilities : (rows, cols) float32 array or None
         None where nobody wants to know them.
@@ -83,96 +50,7 @@ def take(
             ground.sums,
             ground.changed,
         )
-        _take(*state, *first, *end, *_usual(), line, line.view(np.uint64), column)
-
-
-def probabilities_of(log_odds: Singles) -> tuple[Singles, NDArray[np.uint16]]:
-    """1 / (1 + exp(-log-odds)), and its grey floor(65535 p + 0.5).
-
-    Parameters
-    ----------
-    log_odds : float32 array
-        In -6..6.
-
-    Returns
-    -------
-    probabilities : float32 array
-    grey : uint16 array
-
-    Examples
-    --------
-    >>> p, grey = probabilities_of(np.array([-6, 0, 6], np.float32))
-    >>> p.round(4).tolist(), grey.tolist()
-    ([0.0024999999441206455, 0.5, 0.9975000023841858], [162, 32768, 65373])
-    """
-    probabilities, grey = np.empty(log_odds.shape, np.float32), np.empty(log_odds.shape, np.uint16)
-    _probabilities(log_odds.reshape(-1), probabilities.reshape(-1), grey.reshape(-1))
-    return probabilities, grey
-
-
-@cache
-def _usual() -> tuple[Singles, Singles, NDArray[np.uint16]]:
-    """Log-odds of cells that nobody called anything but free: never, once, twice, more often; what follows."""
-    odds = np.zeros(4, np.float32)
-    for k in range(3):
-        odds[k + 1 :] = free_once(odds[k])
-    return odds, *probabilities_of(odds)
-
-
-@inlined
-def free_once(odds):  # type: ignore[no-untyped-def]
-    """Log-odds of a cell that is said to be free once more."""
-    return np.float32(max(np.float64(odds) + LOG_P_MIN, -MAX_LOG_ODDS))
-
-
-@inlined
-def probability(odds):  # type: ignore[no-untyped-def]
-    """1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine.
-
-    exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times: no call,
-    so that a loop of it is vectorised.
-    """
-    x = odds * -0.0625
-    e = 1.0 + x / 13.0
-    for k in (12.0, 11.0, 10.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0):
-        e = 1.0 + e * x * (1.0 / k)
-    e *= e
-    e *= e
-    e *= e
-    e *= e
-    return np.float32(1.0 / (1.0 + e))
-
-
-@inlined
-def grey_of(p):  # type: ignore[no-untyped-def]
-    """Grey of a probability, as of `raster.grey`."""
-    return np.uint16(np.int32(65535.0 * np.float64(p) + 0.5))
-
-
-@kernel("void(f4[::1], f4[::1], u2[::1])")
-def _probabilities(log_odds, probabilities, grey):  # type: ignore[no-untyped-def]
-    for i in range(log_odds.size):
-        p = probability(np.float64(log_odds[i]))
-        probabilities[i] = p
-        grey[i] = grey_of(p)
-
-
-@inlined
-def pick_up(words, block, row, line):  # type: ignore[no-untyped-def]
-    """Take up the marks of a row of a block, 8 bytes at a time; gives all of them together, bit by bit."""
-    together = np.uint64(0)
-    start = np.uint64(block) * np.uint64(512) + np.uint64(row // 8 * 64 + row % 8)
-    for k in range(np.uint64(8)):
-        word = words[start + k * np.uint64(8)]
-        line[k] = word
-        together |= word
-    if together:
-        for k in range(np.uint64(8)):
-            words[start + k * np.uint64(8)] = np.uint64(0)
-    together |= together >> np.uint64(32)
-    together |= together >> np.uint64(16)
-    together |= together >> np.uint64(8)
-    return np.uint8(together)
+        _take(*state, *first, *end, *usual(), line, line.view(np.uint64), column)
 
 
 @inlined

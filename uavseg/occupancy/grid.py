@@ -10,9 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import MapError
 from uavseg.occupancy.beams import REACH_SIGMAS, merge_beams
-from uavseg.occupancy.evidence import MAX_LOG_ODDS, Singles, marks_of, probabilities_of, take
+from uavseg.occupancy.evidence import take
 from uavseg.occupancy.ground import Ground
 from uavseg.occupancy.live import LiveSegmentation
+from uavseg.occupancy.logodds import Singles, probabilities_of
+from uavseg.occupancy.marks import MAX_LOG_ODDS, marks_of
 from uavseg.occupancy.rangefinder import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox

@@ -1,6 +1,6 @@
-"""LiveSegmentation: the segments of a map that changes, blocks divided again where it does and nowhere else.
+"""LiveSegmentation: the segments of a map that changes, blocks divided again where it does.
 
-What a block gives depends on its own cells, on the pixels one beyond its edge (texture looks that far), and on
+What a block gives depends on its own cells, on the pixels one beyond its edge, where texture looks, and on
 the cuts of contrast; these are fitted once and stay until they are asked for again. So after any changes the
 segments are those of the whole map segmented afresh with the same cuts.
 """
