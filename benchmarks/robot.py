@@ -2,8 +2,8 @@
 
     python -m benchmarks.robot
 
-A map of 2000 x 2000 cells of 5 cm, scans of 720 beams that see 30 m; medians of 200 scans. All of it runs in one
-thread, and its processor time is what is told: others on the machine do not count.
+A map of 2000 x 2000 cells of 5 cm, scans of 720 beams that see 30 m; medians of 200 scans. All of it runs in
+one thread, and its processor time is what is told: others on the machine do not count.
 """
 
 import json

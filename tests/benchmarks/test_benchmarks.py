@@ -13,10 +13,11 @@ from hypothesis import given, settings
 from hypothesis.strategies import integers
 
 from benchmarks import __main__ as command
-from benchmarks import data, startup, table
+from benchmarks import data, robot, startup, table
 from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, Job, chosen
 from benchmarks.measure import CommandError, Cost, Outcome, cost, outcomes
+from benchmarks.robot import Step
 from benchmarks.scenes import KINDS, Scene
 from benchmarks.startup import imports_s
 
@@ -194,6 +195,18 @@ def test_a_section_is_written_again_and_the_rest_stays() -> None:
 def test_the_readme_has_a_place_for_each_section() -> None:
     for section in ("processes", "startup", "kernels"):
         table.replaced(table.README.read_text(), section, "")
+
+
+def test_a_robot_is_told_what_merging_takes_and_what_segmenting() -> None:
+    told = table.robot([Step("update", 2.5, 1.0, 35.0, "a room"), Step("refit", 9.0, 0.0, 1024.0)])
+    assert "| update | 2.50 |    1.00 |       1.50 |     35 | a room |" in told
+    assert "| refit  | 9.00 |         |       9.00 |   1024 |        |" in told
+
+
+def test_a_robot_drives_where_walls_are_at_3_to_20_m() -> None:
+    ranges = np.concatenate([scan.ranges for scan in robot.scans(robot.room(), 220)[::20]])
+    assert len(ranges) == 11 * 720 and np.isfinite(ranges).all()
+    assert 1.5 < ranges.min() and 12 < ranges.max() < 22 and 5 < np.median(ranges) < 12
 
 
 def test_only_the_time_of_modules_counts_as_importing() -> None:

@@ -75,7 +75,8 @@ def assert_as_afresh(live: LiveSegmentation, grid: OccupancyGrid) -> None:
     lazy, full = afresh(live, grid, every=False), afresh(live, grid, every=True)
     shown = live.intervals if not isinstance(live.cut, IntensityRange) else live.inside
     for blocks in (lazy, full):
-        assert (shown == intervals_of(blocks, live.cut, live.params)).all()
+        expected = intervals_of(blocks, live.cut, live.params)
+        assert (shown == np.where(blocks.counts > 0, expected, 0)).all()
     assert np.array_equal(live._blocks.ratios, lazy.ratios)
     found = live.block_map()
     assert found.shape == full.shape and (found.counts == full.counts).all()
@@ -100,7 +101,7 @@ steps = st.lists(
 )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=120)
 @given(
     st.integers(0, 2**32),
     st.integers(1, 200),
@@ -204,6 +205,7 @@ def test_states_are_those_of_the_reference(
         grey = to_grey(grid.probabilities[np.newaxis], 0.0, 1.0)
         leaves = reference.divide(grey, np.ones(grey.shape, bool))
         states = reference.paint(leaves, grey.shape, lambda op: int(StateLimits().of(op)))
+        states[-(-grey.shape[0] // 8) :] = states[:, -(-grey.shape[1] // 8) :] = 0
         assert (grid.segmentation.intervals == states).all()
         assert {1, 2, 3} <= set(np.unique(states).tolist())
 

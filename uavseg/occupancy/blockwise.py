@@ -52,7 +52,7 @@ def decide(
     leaves : (8 B, 8 C) uint8 and float64 arrays
         Scratch.
     intervals : (8 B, 8 C) uint8 array
-        Filled in at the cells of these blocks: from 1; 0 where a leaf has no valid pixel.
+        Filled in at the cells of these blocks: from 1; 0 where a cell has no valid pixel.
     """
     where = (blocks.sums, blocks.counts, blocks.ratios, threshold, intensity_step)
     _decide(*where, np.array(edges, np.float64), places, bits, *leaves, intervals)
@@ -90,9 +90,10 @@ def _decide(  # type: ignore[no-untyped-def]
             one = interval_of(mean_of(sums, counts, 8 * row, 8 * col, 8), edges)
             for r in range(8):
                 for c in range(8):
-                    intervals[8 * row + r, 8 * col + c] = one
+                    there = np.uint8(counts[8 * row + r, 8 * col + c] > 0)
+                    intervals[8 * row + r, 8 * col + c] = one * there
             continue
         leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
         for r in range(8 * row, 8 * row + 8):
             for c in range(8 * col, 8 * col + 8):
-                intervals[r, c] = interval_of(mean[r, c], edges)
+                intervals[r, c] = interval_of(mean[r, c], edges) * np.uint8(counts[r, c] > 0)

@@ -72,8 +72,8 @@ class LiveSegmentation:
     def intervals(self) -> NDArray[np.uint8]:
         """In which interval of the cut the leaf of each 8 x 8 pixels lies, counted from 1.
 
-        Of states that is 1 free, 2 unknown, 3 occupied; of a range 1 below, 2 inside, 3 above it. Beyond the
-        map it is 0.
+        Of states that is 1 free, 2 unknown, 3 occupied; of a range 1 below, 2 inside, 3 above it. Where a
+        cell lies beyond the map it is 0.
 
         Returns
         -------
