@@ -14,6 +14,7 @@ from benchmarks.kernels import speeds
 from benchmarks.measure import outcomes
 from benchmarks.paths import searches
 from benchmarks.phases import phases
+from benchmarks.robot import steps
 from benchmarks.scale import again, growing, kinds, threading
 from benchmarks.scenes import KINDS, Scene, ready
 from benchmarks.smallmap import tasks
@@ -95,6 +96,10 @@ def _smallmap(options: argparse.Namespace) -> str:
     return table.small_maps(tasks())
 
 
+def _robot(options: argparse.Namespace) -> str:
+    return table.robot(steps())
+
+
 _GROWING = (2048, 8192, 16384, 32768, 65536)
 _SECTIONS = {
     "processes": _processes,
@@ -109,6 +114,7 @@ _SECTIONS = {
     "paths": _paths,
     "smallmap": _smallmap,
     "accuracy": _accuracy,
+    "robot": _robot,
 }
 
 

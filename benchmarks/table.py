@@ -10,6 +10,7 @@ from benchmarks.machine import machine, software
 from benchmarks.measure import Cost, Outcome
 from benchmarks.paths import Search
 from benchmarks.phases import Phase
+from benchmarks.robot import Step
 from benchmarks.scale import Again, Run
 from benchmarks.scenes import Scene
 from benchmarks.smallmap import Task
@@ -218,6 +219,23 @@ def small_maps(tasks: Sequence[Task]) -> str:
     """Milliseconds on maps of 320 x 320 cells."""
     cells = [[task.who, f"{task.lens_ms:.1f}", f"{task.circles_ms:.1f}"] for task in tasks]
     return _signed(rows(["320 x 320 cells", "lens, ms", "circles, ms"], cells))
+
+
+def robot(steps: Sequence[Step]) -> str:
+    """What a robot does at sensor rate."""
+    heads = ["", "ms", "merging", "segmenting", "blocks", "of"]
+    cells = [
+        [
+            s.title,
+            f"{s.ms:.2f}",
+            f"{s.merging_ms:.2f}" if s.merging_ms else "",
+            f"{s.ms - s.merging_ms:.2f}",
+            f"{s.blocks:.0f}",
+            s.remark,
+        ]
+        for s in steps
+    ]
+    return _signed(rows(heads, cells))
 
 
 def _signed(text: str) -> str:

@@ -14,12 +14,13 @@ from hypothesis import given, settings
 from hypothesis.strategies import integers
 
 from benchmarks import __main__ as command
-from benchmarks import data, paths, scale, startup, table
+from benchmarks import data, paths, robot, scale, startup, table
 from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, Job, chosen
 from benchmarks.decode import decoding_s
 from benchmarks.measure import CommandError, Cost, Outcome, cost, outcomes
 from benchmarks.phases import phases
+from benchmarks.robot import Step
 from benchmarks.scenes import KINDS, Scene
 from benchmarks.startup import imports_s
 from benchmarks.vectors import vectorised
@@ -242,6 +243,18 @@ def test_another_question_is_measured_where_the_answer_is(tmp_path: Path) -> Non
     blocks = tmp_path / "blocks.tif"
     cost([sys.executable, "-m", "uavseg", "divide", str(raster), "-q", "-o", str(blocks)], dict(os.environ))
     assert scale._again(str(blocks)) > 0
+
+
+def test_a_robot_is_told_what_merging_takes_and_what_segmenting() -> None:
+    told = table.robot([Step("update", 2.5, 1.0, 35.0, "a room"), Step("refit", 9.0, 0.0, 1024.0)])
+    assert "| update | 2.50 |    1.00 |       1.50 |     35 | a room |" in told
+    assert "| refit  | 9.00 |         |       9.00 |   1024 |        |" in told
+
+
+def test_a_robot_drives_where_walls_are_at_3_to_20_m() -> None:
+    ranges = np.concatenate([scan.ranges for scan in robot.scans(robot.room(), 220)[::20]])
+    assert len(ranges) == 11 * 720 and np.isfinite(ranges).all()
+    assert ranges.min() > 1.5 and 12 < ranges.max() < 22 and 5 < np.median(ranges) < 12
 
 
 def test_only_the_time_of_modules_counts_as_importing() -> None:

@@ -81,7 +81,8 @@ def scans(draw: st.DrawFn, side: float = 12.0) -> Scan:
     count = draw(st.integers(1, 12))
     ranges = draw(st.lists(st.one_of(st.floats(0, side), st.just(math.inf)), min_size=count, max_size=count))
     angles = draw(st.lists(st.floats(-3.14, 3.14).map(six_digits), min_size=count, max_size=count))
-    heading = draw(st.one_of(st.sampled_from([0.0, 45.0, 90.0, 180.0, 270.0]), st.floats(-360, 360)))
+    turns = st.floats(-360, 360).map(six_digits)
+    heading = draw(st.one_of(st.sampled_from([0.0, 45.0, 90.0, 180.0, 270.0]), turns))
     pose = Pose(draw(places), draw(places), heading)
     return Scan(pose, np.array(angles), np.array(ranges), draw(st.floats(0.5, 15)), draw(st.floats(0.05, 2)))
 

@@ -1,17 +1,43 @@
 """OccupancyGrid: the probability that each cell of a map is occupied, and evidence merged into it."""
 
 import math
+from dataclasses import dataclass
+from weakref import WeakSet
 
 import numpy as np
 from affine import Affine
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import MapError
-from uavseg.occupancy.beams import MAX_LOG_ODDS, REACH_SIGMAS, merge_beams
+from uavseg.occupancy.beams import REACH_SIGMAS, merge_beams
+from uavseg.occupancy.evidence import take
+from uavseg.occupancy.ground import Ground
+from uavseg.occupancy.live import LiveSegmentation
+from uavseg.occupancy.logodds import Singles, probabilities_of
+from uavseg.occupancy.marks import MAX_LOG_ODDS, marks_of
 from uavseg.occupancy.rangefinder import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
+from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.segments import Cut
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Update:
+    """What a scan changed.
+
+    Parameters
+    ----------
+    window : Window
+        The smallest one with every cell that the scan touched, empty if it touched none.
+    blocks : (B, C) bool array
+        The blocks of 64 x 64 cells that were measured or divided again: those with a cell whose grey has
+        changed, and neighbours that look at such a cell.
+    """
+
+    window: Window
+    blocks: NDArray[np.bool_]
 
 
 class OccupancyGrid:
@@ -31,8 +57,6 @@ class OccupancyGrid:
     ----------
     geobox : GeoBox
     log_odds : (rows, cols) float32 array
-    probabilities : (rows, cols) float32 array
-        1 / (1 + exp(-log_odds)), kept in step.
 
     Raises
     ------
@@ -51,7 +75,12 @@ class OccupancyGrid:
         check_metres(geobox)
         self.geobox = geobox
         self.log_odds = np.zeros(geobox.shape, np.float32)
-        self.probabilities = np.full(geobox.shape, 0.5, np.float32)
+        self._probabilities: Singles | None = None
+        self._marks = marks_of(geobox.shape)
+        self._ground = Ground.of(geobox.shape)
+        self._lives: WeakSet[LiveSegmentation] = WeakSet()
+        self._states: LiveSegmentation | None = None
+        self._show_all()
 
     @classmethod
     def empty(
@@ -92,8 +121,18 @@ class OccupancyGrid:
         with np.errstate(divide="ignore"):
             odds = np.log(given) - np.log1p(-given)
         grid.log_odds[...] = np.clip(odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)
-        grid.probabilities[...] = 1 / (1 + np.exp(-grid.log_odds.astype(np.float64)))
+        grid._show_all()
         return grid
+
+    @property
+    def probabilities(self) -> Singles:
+        """1 / (1 + exp(-log_odds)) of each cell: a (rows, cols) float32 array, not to be written to.
+
+        Once somebody has looked at it, it is kept in step with what is merged.
+        """
+        if self._probabilities is None:
+            self._probabilities, _ = probabilities_of(self.log_odds)
+        return self._probabilities
 
     def merge(self, scan: Scan) -> Window:
         """Take in what a scan says about the cells that its beams cross.
@@ -113,7 +152,77 @@ class OccupancyGrid:
         beams = np.column_stack([a * along_x + b * along_y, d * along_x + e * along_y, ranges, reach])
         x, y = scan.pose.x, scan.pose.y
         origin = (a * x + b * y + c, d * x + e * y + f)
-        return merge_beams(self.log_odds, self.probabilities, origin, beams, scan.sigma_m)
+        window = merge_beams(self.log_odds, self._marks, origin, beams, scan.sigma_m)
+        take(self._marks, self.log_odds, self._probabilities, self._ground, window)
+        return window
+
+    def segment(self, cut: Cut | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
+        """Segment the map, and keep its segments in step with what is merged for as long as they are held.
+
+        Parameters
+        ----------
+        cut : StateLimits, IntensityRange or Levels
+            What is asked of the segments; the paper's states if left out.
+        params : SegmentParams
+            The paper's method if left out.
+
+        Returns
+        -------
+        LiveSegmentation
+            There may be several of one map, for the states and for a range, say.
+        """
+        live = LiveSegmentation(self._ground, cut, params)
+        self._lives.add(live)
+        return live
+
+    @property
+    def segmentation(self) -> LiveSegmentation:
+        """The segmentation by the paper's states and method, made when it is first asked for."""
+        if self._states is None:
+            self._states = self.segment()
+        return self._states
+
+    def update(self, scan: Scan) -> Update:
+        """Merge a scan and divide again those blocks of all segmentations that see a change, and no others.
+
+        Without any, there is from now on that by states, `segmentation`.
+
+        Returns
+        -------
+        Update
+            The cells that the scan touched, and the blocks that were divided again.
+
+        Examples
+        --------
+        >>> grid = OccupancyGrid.empty((64, 128), cell_m=0.1)
+        >>> from uavseg.occupancy.rangefinder import Pose
+        >>> scan = Scan(Pose(0, 3.2), np.zeros(1), np.array([1.05]), max_range_m=5.0, sigma_m=0.05)
+        >>> grid.update(scan).blocks
+        array([[ True, False]])
+        """
+        lives = list(self._lives) or [self.segmentation]
+        window = self.merge(scan)
+        blocks = np.zeros(self._ground.changed.shape, bool)
+        for live in lives:
+            blocks |= live.settle()
+        return Update(window, blocks)
+
+    def refit(self) -> None:
+        """Fit all contrast cuts to the map as it is now, and divide every block again."""
+        for live in list(self._lives) or [self.segmentation]:
+            live.refit()
+
+    def reset(self) -> None:
+        """Forget everything: all cells are at 0.5 again. Segmentations follow and keep their cuts."""
+        self.log_odds[...] = 0
+        self._show_all()
+
+    def _show_all(self) -> None:
+        """Probabilities and grey of all cells, from their log-odds."""
+        p, grey = probabilities_of(self.log_odds)
+        if self._probabilities is not None:
+            self._probabilities[...] = p
+        self._ground.show(grey)
 
     def dataset(self, name: str = "occupancy grid") -> Dataset:
         """The probabilities as a dataset that is read by window; later scans show in it."""

@@ -160,33 +160,39 @@ def mark(side, mean, row, col, many, value):  # type: ignore[no-untyped-def]
             mean[r, c] = value
 
 
+@inlined
+def leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean):  # type: ignore[no-untyped-def]
+    """Write the leaves of one block of 64 into its cells."""
+    r64 = 8 * row
+    c64 = 8 * col
+    if not (ratios[row, col, 0] > threshold or spread_of_children(sums, counts, r64, c64, 8) > step):
+        mark(side, mean, r64, c64, 8, mean_of(sums, counts, r64, c64, 8))
+        return
+    for half in range(4):
+        r32 = r64 + half // 2 * 4
+        c32 = c64 + half % 2 * 4
+        texture = ratios[row, col, 1 + half]
+        if not (texture > threshold or spread_of_children(sums, counts, r32, c32, 4) > step):
+            mark(side, mean, r32, c32, 4, mean_of(sums, counts, r32, c32, 4))
+            continue
+        for quarter in range(4):
+            r16 = r32 + quarter // 2 * 2
+            c16 = c32 + quarter % 2 * 2
+            texture = ratios[row, col, 5 + (r16 - r64) // 2 * 4 + (c16 - c64) // 2]
+            if not (texture > threshold or spread_of_children(sums, counts, r16, c16, 2) > step):
+                mark(side, mean, r16, c16, 2, mean_of(sums, counts, r16, c16, 2))
+                continue
+            for cell in range(4):
+                r8 = r16 + cell // 2
+                c8 = c16 + cell % 2
+                mark(side, mean, r8, c8, 1, mean_of(sums, counts, r8, c8, 1))
+
+
 @kernel("void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, u1[:,::1], f8[:,::1])")
 def _leaves(sums, counts, ratios, threshold, step, side, mean):  # type: ignore[no-untyped-def]
     for row in range(ratios.shape[0]):
         for col in range(ratios.shape[1]):
-            r64 = 8 * row
-            c64 = 8 * col
-            if not (ratios[row, col, 0] > threshold or spread_of_children(sums, counts, r64, c64, 8) > step):
-                mark(side, mean, r64, c64, 8, mean_of(sums, counts, r64, c64, 8))
-                continue
-            for half in range(4):
-                r32 = r64 + half // 2 * 4
-                c32 = c64 + half % 2 * 4
-                texture = ratios[row, col, 1 + half]
-                if not (texture > threshold or spread_of_children(sums, counts, r32, c32, 4) > step):
-                    mark(side, mean, r32, c32, 4, mean_of(sums, counts, r32, c32, 4))
-                    continue
-                for quarter in range(4):
-                    r16 = r32 + quarter // 2 * 2
-                    c16 = c32 + quarter % 2 * 2
-                    texture = ratios[row, col, 5 + (r16 - r64) // 2 * 4 + (c16 - c64) // 2]
-                    if not (texture > threshold or spread_of_children(sums, counts, r16, c16, 2) > step):
-                        mark(side, mean, r16, c16, 2, mean_of(sums, counts, r16, c16, 2))
-                        continue
-                    for cell in range(4):
-                        r8 = r16 + cell // 2
-                        c8 = c16 + cell % 2
-                        mark(side, mean, r8, c8, 1, mean_of(sums, counts, r8, c8, 1))
+            leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
 
 
 def undecided(
@@ -238,23 +244,29 @@ def is_mixed(sums, counts, row, col, many, edges):  # type: ignore[no-untyped-de
     return first < edges.shape[0] and edges[first] < high
 
 
+@inlined
+def undecided_in_block(sums, counts, row, col, edges, step):  # type: ignore[no-untyped-def]
+    """The bits of `undecided` of one block of 64."""
+    bits = np.uint32(0)
+    place = 0  # of a block's ratio: side 64, then four of 32, then sixteen of 16
+    many = 8
+    while many >= 2:
+        mixed = 0
+        for r in range(8 * row, 8 * row + 8, many):
+            for c in range(8 * col, 8 * col + 8, many):
+                if is_mixed(sums, counts, r, c, many, edges):
+                    mixed += 1
+                    if spread_of_children(sums, counts, r, c, many) <= step:
+                        bits |= np.uint32(1) << np.uint32(place)
+                place += 1
+        if mixed == 0:
+            break
+        many //= 2
+    return bits
+
+
 @kernel("void(u4[:,::1], u1[:,::1], f8[::1], f8, u4[:,::1])")
 def _undecided(sums, counts, edges, step, found):  # type: ignore[no-untyped-def]
     for row in range(found.shape[0]):
         for col in range(found.shape[1]):
-            bits = np.uint32(0)
-            place = 0  # of a block's ratio: side 64, then four of 32, then sixteen of 16
-            many = 8
-            while many >= 2:
-                mixed = 0
-                for r in range(8 * row, 8 * row + 8, many):
-                    for c in range(8 * col, 8 * col + 8, many):
-                        if is_mixed(sums, counts, r, c, many, edges):
-                            mixed += 1
-                            if spread_of_children(sums, counts, r, c, many) <= step:
-                                bits |= np.uint32(1) << np.uint32(place)
-                        place += 1
-                if mixed == 0:
-                    break
-                many //= 2
-            found[row, col] = bits
+            found[row, col] = undecided_in_block(sums, counts, row, col, edges, step)

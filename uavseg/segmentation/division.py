@@ -270,6 +270,7 @@ def ratio_of_block(texture, row, col, side, n_ln_n, table, listed):  # type: ign
 @inlined
 def fill_texture(grey, valid, every, cuts, top, left, texture):  # type: ignore[no-untyped-def]
     """The symbols of a block of 64 whose first pixel is grey[top, left]."""
+    top, left = max(top, 1), max(left, 1)  # they are; the compiler does not know, and counts from the end
     for r in range(BLOCK):
         row = top + r
         for c in range(BLOCK):

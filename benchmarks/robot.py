@@ -1,0 +1,159 @@
+"""What a robot does at sensor rate: a scan is merged into a large map, and its segments follow.
+
+    python -m benchmarks.robot
+
+A map of 2000 x 2000 cells of 5 cm, scans of 720 beams that see 30 m; medians of 200 scans. All of it runs in
+one thread, and its processor time is what is told: others on the machine do not count.
+"""
+
+import json
+import math
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.competitors import with_project
+
+SIDE = 2000
+CELL_M = 0.05
+RUNS = 200
+WARM = 20  # scans that come before, so that kernels are loaded and the map is known
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One row of the table.
+
+    Parameters
+    ----------
+    title : str
+    ms : float
+        Median.
+    merging_ms : float
+        What of it is merging; 0 where nothing is merged.
+    blocks : float
+        Median number of blocks that were measured or divided again, of 1024.
+    remark : str
+    """
+
+    title: str
+    ms: float
+    merging_ms: float
+    blocks: float
+    remark: str = ""
+
+
+def steps() -> list[Step]:
+    """All rows, measured in a process of its own, on one core."""
+    command = [sys.executable, "-m", "benchmarks.robot"]
+    told = subprocess.run(
+        command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
+    ).stdout
+    return [Step(*row) for row in json.loads(told)]
+
+
+def room() -> Any:
+    """A room of 26 x 18 m with things in it: a sensor near its middle sees walls at 3 to 20 m."""
+    from uavseg.occupancy.scene import Scene
+
+    walls = [(36, 41, 37, 61), (63, 41, 64, 61), (37, 41, 63, 42), (37, 60, 63, 61)]
+    boxes = [(42, 45, 44, 47), (55, 55, 58, 57)]
+    polygons = [[(x0, y0), (x1, y0), (x1, y1), (x0, y1)] for x0, y0, x1, y1 in walls + boxes]
+    return Scene(polygons, [(47.0, 55.0, 1.0), (58.0, 46.0, 0.5)])
+
+
+def scans(scene: Any, count: int) -> list[Any]:
+    """Scans of a robot that drives 4 cm and turns a little from one to the next."""
+    import numpy as np
+
+    from uavseg.occupancy.rangefinder import Pose, RangeFinder
+
+    sensor = RangeFinder(sigma_m=0.03, max_range_m=30.0, fov_deg=360.0, step_deg=0.5)
+    poses = [Pose(46.013 + 0.04 * k, 50.987 + math.sin(0.05 * k), 0.7 * k) for k in range(count)]
+    return [sensor.scan(scene, pose, np.random.default_rng([7, k])) for k, pose in enumerate(poses)]
+
+
+def _grid() -> Any:
+    from uavseg.occupancy.grid import OccupancyGrid
+
+    return OccupancyGrid.empty((SIDE, SIDE), CELL_M)
+
+
+def _median_ms(call: Callable[[], Any], before: Callable[[], Any] | None = None) -> float:
+    taken = []
+    for _ in range(RUNS):
+        if before is not None:
+            before()
+        start = time.thread_time()
+        call()
+        taken.append(time.thread_time() - start)
+    return 1e3 * statistics.median(taken)
+
+
+def _update(title: str, scene: Any, forget: bool, remark: str) -> Step:
+    """Update after update of one drive; merging alone is measured on a map of its own."""
+    drive = scans(scene, WARM + RUNS)
+    updated, merged = _grid(), _grid()
+    for scan in drive[:WARM]:
+        updated.update(scan)
+        merged.merge(scan)
+    updated.refit()
+    told = iter(drive[WARM:])
+    blocks: list[int] = []
+
+    def reset() -> None:
+        if forget:
+            updated.reset()
+            _ = updated.segmentation.intervals
+
+    ms = _median_ms(lambda: blocks.append(int(updated.update(next(told)).blocks.sum())), reset)
+    again = iter(drive[WARM:])
+    merging_ms = _median_ms(lambda: merged.merge(next(again)), merged.reset if forget else None)
+    return Step(title, ms, merging_ms, statistics.median(blocks), remark)
+
+
+def _whole_map(scene: Any) -> Iterator[Step]:
+    """The same map segmented as a whole, with what the states need and with all R."""
+    from uavseg.occupancy.maps import stretch_of
+    from uavseg.raster.tiling import tiles
+    from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for
+    from uavseg.segmentation.segments import StateLimits
+    from uavseg.segmentation.source import GreySource
+
+    grid = _grid()
+    for scan in scans(scene, WARM):
+        grid.merge(scan)
+    dataset = grid.dataset()
+    source, windows = GreySource(dataset, stretch_of(dataset)), tiles((SIDE, SIDE), 512)
+    paper = SegmentParams(method="paper")
+    ms = _median_ms(lambda: block_map_for(source, StateLimits(), paper, windows))
+    yield Step("the whole map segmented", ms, 0.0, 1024, "states")
+    ms = _median_ms(lambda: block_map(source, windows))
+    yield Step("the whole map segmented", ms, 0.0, 1024, "all R, for any question")
+    live = grid.segmentation
+    yield Step("`refit`", _median_ms(live.refit), 0.0, 1024, "cuts fitted, all blocks divided again")
+
+
+def _measured() -> Iterator[Step]:
+    from uavseg.occupancy.scene import Scene
+
+    yield _update("update in a room", room(), False, "walls at 3 to 20 m, the map known already")
+    yield _update("update in a room, all new", room(), True, "the map forgotten before each scan")
+    yield _update("update where nothing is", Scene(), False, "no beam returns; most cells are free already")
+    yield _update(
+        "update where nothing is, all new",
+        Scene(),
+        True,
+        "the worst case: all beams 30 m long, all cells change",
+    )
+    yield from _whole_map(room())
+
+
+if __name__ == "__main__":
+    rows = [(row.title, row.ms, row.merging_ms, row.blocks, row.remark) for row in _measured()]
+    print(json.dumps(rows))
