@@ -18,10 +18,14 @@ if TYPE_CHECKING:
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.planner import PlanParams as PlanParams
     from uavseg.flight.planner import plan as plan
+    from uavseg.occupancy.grid import OccupancyGrid as OccupancyGrid
+    from uavseg.occupancy.rangefinder import Pose as Pose
+    from uavseg.occupancy.rangefinder import Scan as Scan
     from uavseg.raster.dataset import Dataset as Dataset
     from uavseg.raster.geobox import GeoBox as GeoBox
     from uavseg.regions.outline import trace as trace
     from uavseg.segmentation.segments import IntensityRange as IntensityRange
+    from uavseg.segmentation.segments import StateLimits as StateLimits
 
 _HOMES = {
     "extract": "uavseg.api",
@@ -34,6 +38,10 @@ _HOMES = {
     "Dataset": "uavseg.raster.dataset",
     "GeoBox": "uavseg.raster.geobox",
     "IntensityRange": "uavseg.segmentation.segments",
+    "StateLimits": "uavseg.segmentation.segments",
+    "OccupancyGrid": "uavseg.occupancy.grid",
+    "Pose": "uavseg.occupancy.rangefinder",
+    "Scan": "uavseg.occupancy.rangefinder",
     "trace": "uavseg.regions.outline",
     "UavsegError": "uavseg.errors",
 }

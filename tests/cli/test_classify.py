@@ -292,3 +292,17 @@ def test_a_disk_that_fills_up_leaves_nothing(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(stateimage, "packed", full)
     assert "No space left on device" in refused("map.tif", "-o", "s.tif")
+
+
+def test_a_map_in_per_cent_is_stretched_where_that_is_asked_for() -> None:
+    write("percent.tif", np.rint(room() * 100).astype(np.uint8))
+    write("exact.tif", (np.rint(room() * 100) / 100).astype(np.float32))
+    done("percent.tif", "--stretch", "0,100", "-o", "a.tif")
+    done("exact.tif", "-o", "b.tif")
+    with rasterio.open("a.tif") as first, rasterio.open("b.tif") as second:
+        assert np.array_equal(first.read(1), second.read(1))
+        assert set(np.unique(first.read(1))) == {1, 2, 3}
+    write("scores.tif", room() * 100)
+    line = refused("scores.tif", "-o", "c.tif")
+    assert "lies in 0..1" in line and "--stretch LOW,HIGH" in line
+    done("scores.tif", "--stretch", "0,100", "-o", "c.tif")

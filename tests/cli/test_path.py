@@ -15,7 +15,9 @@ from pyproj import Geod, Transformer
 from uavseg.cli import main
 from uavseg.flight import files as missions
 from uavseg.occupancy.clearance import clearance
+from uavseg.occupancy.rosmap import write_ros_map
 from uavseg.occupancy.tighten import is_visible
+from uavseg.raster.geobox import GeoBox
 
 CELL = 0.5
 UTM = {"crs": "EPSG:32618", "transform": Affine(CELL, 0, 4e5, 0, -CELL, 5e6)}
@@ -233,3 +235,19 @@ def test_a_map_without_free_cells_says_so(folder: Path) -> None:
     write(folder / "full.tif", np.full((64, 64), 250, np.uint8))
     result = run("full.tif", *RANGE, "--start", at(3, 3), "--goal", at(5, 5), "-o", "p.geojson")
     assert result.exit_code == 1 and "no cell of the map is free" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "options, told",
+    [
+        (("--nodata", 3), "neither bands nor nodata"),
+        (("--stretch", "0,100"), "not stretched"),
+        (("--resume", "kept"), "nothing to resume"),
+    ],
+)
+def test_a_ros_map_has_nothing_that_only_rasters_have(options: tuple[Any, ...], told: str) -> None:
+    box = GeoBox((64, 64), Affine(0.05, 0, 0, 0, -0.05, 3.2), None)
+    write_ros_map("map.yaml", np.ones(box.shape, np.uint8), box)
+    result = run("map.yaml", *RANGE, "--start", "1,1", "--goal", "2,2", "-o", "path.geojson", *options)
+    assert result.exit_code == 1 and told in result.stderr, result.output
+    assert len(result.stderr.splitlines()) == 1 and not Path("path.geojson").exists()

@@ -115,6 +115,7 @@ def resumed(result: Result) -> list[tuple[str, int, int]]:
 EXTRACT = ("extract", "a.tif", *RANGE, "--tile", 128)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("percent", "threads"), [(20, 1), (80, 2)])
 def test_a_killed_run_goes_on_where_it_stopped_and_ends_with_the_same_bytes(
     percent: int, threads: int
@@ -144,6 +145,7 @@ def test_a_killed_run_goes_on_where_it_stopped_and_ends_with_the_same_bytes(
     assert Path("labels.tif").read_bytes() == Path("whole.tif").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_killed_division_goes_on_too() -> None:
     done("divide", "a.tif", "--tile", 64, "-o", "whole.tif")
     how = ("divide", "a.tif", "--tile", 64, "-o", "out.tif", "--resume", "kept")

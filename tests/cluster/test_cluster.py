@@ -29,6 +29,7 @@ from uavseg.segmentation.segments import IntensityRange
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"
 RANGE = ("--range", "0.55,1")
+pytestmark = pytest.mark.slow
 
 
 def write(path: Path, image: np.ndarray, **how: Any) -> Path:

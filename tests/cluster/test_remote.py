@@ -16,6 +16,7 @@ from click.testing import CliRunner
 from uavseg.cli import main
 
 RANGE = ("--range", "0.55,1")
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture

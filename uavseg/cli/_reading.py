@@ -7,6 +7,13 @@ import click
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
+map_stretch_option = click.option(
+    "--stretch",
+    metavar="STRETCH",
+    help="For a map that holds no probabilities: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH.  "
+    "[default: dtype for integers, none for floats]",
+)
+
 
 def reading_options(command: Command) -> Command:
     """Give a command RASTER..., --band, --rgb, --nodata, --stretch and --skip-bad-tiles."""

@@ -65,7 +65,7 @@ def opened_ros_map(paths: tuple[str, ...], options: dict[str, Any], resume: str 
         raise ParameterError("a ROS map is no part of a mosaic; name it alone")
     if any(options.get(name) for name in ("band", "rgb")) or options["nodata"] is not None:
         raise ParameterError("a ROS map has neither bands nor nodata; leave --band, --rgb and --nodata out")
-    if options.get("stretch", "auto") not in ("auto", "none"):
+    if options.get("stretch") not in (None, "auto", "none"):
         raise ParameterError("a ROS map holds probabilities, which are not stretched; leave --stretch out")
     if resume is not None:
         raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave --resume out")

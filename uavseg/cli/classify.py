@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._reading import map_stretch_option
 from uavseg.cli._regions import (
     area,
     check_targets,
@@ -24,6 +25,7 @@ from uavseg.errors import OutputError, ParameterError
 
 if TYPE_CHECKING:
     from uavseg.occupancy.classify import Classification
+    from uavseg.parallel import Map
     from uavseg.regions.extract import ExtractParams
     from uavseg.segmentation.segments import StateLimits
     from uavseg.segmentation.source import GreySource
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 @click.argument("path", metavar="MAP")
 @click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1.")
 @click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
+@map_stretch_option
 @click.option(
     "-o",
     "--output",
@@ -117,7 +120,9 @@ def command(
     run = workers(threads, scheduler)
     reporter.begin(source.dataset, tile)
     wanted = objects is not None or labels is not None
-    found = classify(source, limits, params, wanted, resuming(run, resume, reporter), reporter.progress)
+    kept = resuming(run, resume, reporter)
+    source = _stretched(source, options["stretch"], tile, kept)
+    found = classify(source, limits, params, wanted, kept, reporter.progress)
     reporter.finish()
     for warning in found.about.warnings:
         reporter.warn(warning)
@@ -168,6 +173,18 @@ def _opened(path: str, options: dict[str, Any], resume: str | None) -> GreySourc
             f"{path} is a block map; states are refined with the map, so give the map itself"
         )
     return GreySource(*open_map(path, options["band"], options["nodata"]))
+
+
+def _stretched(source: GreySource, stretch: str | None, tile: int | None, map: Map) -> GreySource:
+    """The map as probabilities, where it holds something else."""
+    from uavseg.raster.stretch import fit
+    from uavseg.regions.extract import windows_of
+    from uavseg.segmentation.source import GreySource
+
+    if stretch is None:
+        return source
+    dataset = source.dataset
+    return GreySource(dataset, fit(dataset, stretch, map, windows_of(dataset, tile)))
 
 
 def _check_place(target: str, mode: str, objects: str | None, source: GreySource, overwrite: bool) -> None:

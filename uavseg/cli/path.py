@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._reading import map_stretch_option
+from uavseg.cli._regions import opened_ros_map
 from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import home_position
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
     from uavseg.flight.params import PlanParams
     from uavseg.occupancy.ways import Way
+    from uavseg.raster.dataset import Dataset
     from uavseg.raster.geobox import GeoBox
     from uavseg.raster.stretch import Stretch
     from uavseg.regions.extract import ExtractParams
@@ -49,12 +52,7 @@ _LINES = (".geojson", ".json")
 )
 @segmenting_options
 @click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
-@click.option(
-    "--stretch",
-    metavar="STRETCH",
-    help="For a map that holds no probabilities: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH.  "
-    "[default: dtype for integers, none for floats]",
-)
+@map_stretch_option
 @click.option("--altitude", type=float, metavar="M", help="For a mission: metres above home.")
 @click.option(
     "--home", metavar="LAT,LON[,M]|auto", help="For a mission: where the vehicle takes off; auto: the start."
@@ -85,7 +83,6 @@ def command(
     corner.
     """
     from uavseg.occupancy.free import FreeCells
-    from uavseg.occupancy.maps import open_map
     from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.occupancy.ways import WayParams, find_way
 
@@ -95,7 +92,7 @@ def command(
     params = WayParams(options["clearance"], options["smooth"])
     flight = _flight(output, options)
     _check_target(output, overwrite)
-    dataset, stretch = open_map(map_, nodata=options["nodata"])
+    dataset, stretch = _opened(map_, options, resume)
     _check_place(dataset.geobox, flight)
     run = resuming(workers(threads, scheduler), resume, reporter)
     reporter.begin(dataset, tile)
@@ -113,6 +110,16 @@ def command(
         from uavseg.cli.plan import report
 
         report(mission, 1, output)
+
+
+def _opened(path: str, options: dict[str, Any], resume: str | None) -> tuple[Dataset, Stretch]:
+    from uavseg.occupancy.maps import open_map, stretch_of
+    from uavseg.occupancy.rosmap import is_ros_map
+
+    if not is_ros_map(path):
+        return open_map(path, nodata=options["nodata"])
+    dataset = opened_ros_map((path,), options, resume)
+    return dataset, stretch_of(dataset)
 
 
 def _parsed_place(option: str, text: str) -> tuple[float, float]:
