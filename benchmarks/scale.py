@@ -173,8 +173,8 @@ def _segment(raster: str, count: str) -> float:
     from uavseg.raster.stretch import fit
     from uavseg.regions.extract import windows_of
     from uavseg.regions.tilewise import outline_regions
-    from uavseg.segmentation.pipeline import SegmentParams, block_map_for
-    from uavseg.segmentation.segments import IntensityRange, in_range
+    from uavseg.segmentation.pipeline import SegmentParams, block_map_for, cells_to_refine
+    from uavseg.segmentation.segments import IntensityRange
     from uavseg.segmentation.source import GreySource
 
     dataset, interval, how, work = (
@@ -187,7 +187,7 @@ def _segment(raster: str, count: str) -> float:
     source = GreySource(dataset, fit(dataset, "auto", work, windows))
     start = time.perf_counter()
     blocks = block_map_for(source, interval, how, windows, work)
-    inside = in_range(blocks, interval, how.threshold, how.step)
+    inside = cells_to_refine(blocks, interval, how)
     outline_regions(source, inside, interval, how.refine, windows, work)
     return time.perf_counter() - start
 

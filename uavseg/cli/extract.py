@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @segmenting_options
 @click.option(
     "--refine",
-    type=click.Choice(["scan", "none", "smooth"]),
+    type=click.Choice(["scan", "none", "smooth", "tv"]),
     default="scan",
     show_default=True,
     help="How boundaries are found to the pixel.",

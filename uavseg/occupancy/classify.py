@@ -172,8 +172,10 @@ def write_states(
 
 
 def _refinement(how: SegmentParams) -> StateRefinement:
-    if how.refine == "smooth":
-        raise ParameterError("states are refined by scans or not at all: refine is scan or none, not smooth")
+    if how.refine == "smooth" or how.refine == "tv":
+        raise ParameterError(
+            f"states are refined by scans or not at all: refine is scan or none, not {how.refine}"
+        )
     return how.refine
 
 

@@ -19,7 +19,7 @@ from uavseg.regions.joining import Outlined
 from uavseg.regions.tilewise import outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
-from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for, stages
+from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for, cells_to_refine, stages
 from uavseg.segmentation.segments import IntensityRange, in_range
 from uavseg.segmentation.source import GreySource
 
@@ -87,7 +87,7 @@ def extract(
     source = GreySource(dataset, fit(dataset, params.stretch, map, windows, first))
     how = params.segment
     blocks = block_map_for(source, interval, how, windows, map, second)
-    inside = in_range(blocks, interval, how.threshold, how.step)
+    inside = cells_to_refine(blocks, interval, how)
     del blocks  # all that is left to do is done with its cells in range
     give_back()
     outlined = _outlined(source, inside, interval, params, windows, map, third)
@@ -125,7 +125,7 @@ def extract_from_blocks(
     windows = windows_of(dataset, params.tile)
     source = GreySource(dataset, saved.stretch)
     how = params.segment
-    inside = in_range(saved.blocks, interval, how.threshold, how.step)
+    inside = cells_to_refine(saved.blocks, interval, how)
     outlined = _outlined(source, inside, interval, params, windows, map, progress, saved.blocks)
     return _extraction(source, outlined, interval, params, windows, map)
 

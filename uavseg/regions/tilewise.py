@@ -37,9 +37,9 @@ def outline_regions(
     ----------
     source : GreySource
     inside : (m, n) uint8 array
-        Cells of the leaves in range, from `segments.in_range`.
+        What is known of cells, from `pipeline.cells_to_refine`.
     interval : IntensityRange
-    refine : {"none", "scan", "smooth"}
+    refine : {"none", "scan", "smooth", "tv"}
         With "none", leaves that share an edge are one region also where invalid pixels part their pixels.
     windows : sequence of Window
         Tiles that cover the raster, each after those above it and to its left.

@@ -2,7 +2,7 @@
 
 stretch  -> measured: cells and contrast   (one pass over all tiles)
          -> divided: R where it is wanted  (the tiles with such blocks)
-         -> in_range: leaves               (on the block map alone)
+         -> cells_to_refine: leaves        (on the block map alone)
          -> refined: a tile of pixels      (one pass over all tiles)
 """
 
@@ -19,15 +19,18 @@ from uavseg.errors import ParameterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import BLOCK, CELL, Window
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
+from uavseg.segmentation.denoising import denoised, unsettled
 from uavseg.segmentation.division import EVERY, block_ratios, wanted_ratios
 from uavseg.segmentation.patches import SIDE, Patches
 from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import Cut, IntensityRange, matching, pixels_of
+from uavseg.segmentation.segments import Cut, IntensityRange, in_range, matching, pixels_of
 from uavseg.segmentation.source import GreySource, GreyTile, whole_blocks
 from uavseg.segmentation.texture import GREYS, contrast_cuts, contrast_histogram
 
+IN_RANGE, UNSETTLED = np.uint8(1), np.uint8(2)
+
 Method = Literal["paper", "adaptive"]
-Refinement = Literal["none", "scan", "smooth"]
+Refinement = Literal["none", "scan", "smooth", "tv"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,7 @@ class SegmentParams:
         X, at least 0: a block is divided where R = G_max / G_min is larger.
     intensity_step : float
         Tau, 0 to 1: the adaptive method also divides where the means of the children differ by more.
-    refine : {"scan", "none", "smooth"}
+    refine : {"scan", "none", "smooth", "tv"}
         How boundaries are found to the pixel.
 
     Raises
@@ -59,8 +62,8 @@ class SegmentParams:
     def __post_init__(self) -> None:
         if self.method not in ("paper", "adaptive"):
             raise ParameterError(f"a method is paper or adaptive, not {self.method!r}")
-        if self.refine not in ("none", "scan", "smooth"):
-            raise ParameterError(f"a refinement is none, scan or smooth, not {self.refine!r}")
+        if self.refine not in ("none", "scan", "smooth", "tv"):
+            raise ParameterError(f"a refinement is none, scan, smooth or tv, not {self.refine!r}")
         if not self.threshold >= 0:
             raise ParameterError(f"the threshold X of the division is at least 0, not {self.threshold:g}")
         if not 0 <= self.intensity_step <= 1:
@@ -202,6 +205,16 @@ def divide(
         measured.blocks.ratios[rows + window.row // BLOCK, cols + window.col // BLOCK] = ratios
 
 
+def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:
+    """What the block map says of each cell: 1 where its leaf is in range, 2 more where its pixels are to be
+    decided one by one (with total variation).
+    """
+    cells = in_range(blocks, interval, params.threshold, params.step)
+    if params.refine == "tv":
+        cells |= UNSETTLED * unsettled(blocks, cells, interval.low, interval.high)
+    return cells
+
+
 def refined(
     source: GreySource,
     inside: NDArray[np.uint8],
@@ -214,7 +227,7 @@ def refined(
     Parameters
     ----------
     inside : (m, n) uint8 array
-        Cells of the window grown by REACH on every side; 1 where the leaf is in range, 0 outside the raster.
+        Cells of the window grown by REACH on every side, from `cells_to_refine`; 0 outside the raster.
 
     Returns
     -------
@@ -226,11 +239,13 @@ def refined(
     if not inside.any():
         return None
     tile = source.read(window, REACH)
-    pixels = pixels_of(inside, tile.valid)
+    pixels = pixels_of(inside & IN_RANGE, tile.valid)
     if refine == "scan" and not inside.all():
         scan(pixels, tile.valid, matching(tile.grey, tile.valid, *interval.greys))
     elif refine == "smooth" and not inside.all():
         pixels = smooth(pixels, tile.valid, tile.grey, interval.low, interval.high)
+    elif refine == "tv":
+        denoised(pixels, inside & UNSETTLED, tile.valid, tile.grey, interval.low, interval.high)
     return pixels, tile
 
 
