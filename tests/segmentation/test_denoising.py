@@ -93,3 +93,106 @@ def test_the_kernels_do_what_plain_arrays_do(seed: int, cells: tuple[int, int]) 
     case = random_case(seed, cells)
     expected = plain(*case, LOW, HIGH)
     assert np.array_equal(denoised(*case, LOW, HIGH), expected)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_a_cut_out_with_reach_around_it_is_decided_as_the_whole(seed: int) -> None:
+    assert cut_out_agrees(seed, REACH // 8)
+
+
+def test_a_cut_out_with_less_around_it_may_not_be() -> None:
+    assert not all(cut_out_agrees(seed, 1) for seed in range(50))
+
+
+def cut_out_agrees(seed: int, margin: int) -> bool:
+    """Whether 2 x 3 cells and a pixel around, cut out with cells around them, are as in the whole."""
+    case = random_case(seed, (24, 26))
+    row, col = 10, 11
+    whole = decided(case)[8 * row - 1 : 8 * row + 17, 8 * col - 1 : 8 * col + 25]
+    cells = np.s_[row - margin : row + 2 + margin, col - margin : col + 3 + margin]
+    pixels = np.s_[8 * (row - margin) : 8 * (row + 2 + margin), 8 * (col - margin) : 8 * (col + 3 + margin)]
+    part = tuple(image[cells if k == 1 else pixels] for k, image in enumerate(case))
+    first = 8 * margin - 1
+    return np.array_equal(decided(part)[first : first + 18, first : first + 26], whole)
+
+
+def decided(case: tuple[Any, ...]) -> Image:
+    inside, *rest = (np.ascontiguousarray(image).copy() for image in case)
+    return denoised(inside, *rest, LOW, HIGH)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_cells_that_are_settled_and_do_not_touch_others_stay_as_they_are(seed: int) -> None:
+    inside, unsettled_cells, valid, grey = random_case(seed, (12, 13))
+    found = decided((inside, unsettled_cells, valid, grey))
+    far = per_pixel(ndimage.maximum_filter(unsettled_cells, 3, mode="constant")) == 0
+    assert np.array_equal(found[far], inside[far])
+    assert not (found & (1 - valid)).any()
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.integers(0, 65535))
+def test_an_image_of_one_grey_is_as_its_grey(seed: int, value: int) -> None:
+    inside, _, valid, _ = random_case(seed, (5, 6))
+    found = decided((inside, np.ones((5, 6), np.uint8), valid, valid * np.uint16(value)))
+    assert np.array_equal(found, valid * np.uint8(LOW <= value / 65535 <= HIGH))
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds)
+def test_greys_that_all_lie_in_the_range_stay_in_it(seed: int) -> None:
+    _, _, valid, grey = random_case(seed, (7, 6))
+    narrow = (30000 + grey // 16) * valid
+    found = decided((valid * np.uint8(0), np.ones((7, 6), np.uint8), valid, narrow))
+    assert np.array_equal(found, valid)
+
+
+def test_a_noisy_shore_is_straight_and_alone() -> None:
+    rng = np.random.default_rng(3)
+    v = np.where(np.arange(128) < 61, 0.42, 0.68) + rng.normal(0, 0.1, (128, 128))
+    grey = (np.clip(v, 0, 1) * 65535).astype(np.uint16)
+    ones = np.ones((128, 128), np.uint8)
+    found = denoised(ones * 0, np.ones((16, 16), np.uint8), ones, grey, 0.55, 1.0)
+    truth = np.broadcast_to(np.arange(128) >= 61, found.shape)
+    assert ((found > 0) & truth).sum() / ((found > 0) | truth).sum() > 0.98
+    assert ndimage.label(found)[1] == 1
+
+
+def blocks_of(v: NDArray[np.float64]) -> BlockMap:
+    """A block map of these means of cells."""
+    blocks = BlockMap.empty((8 * v.shape[0], 8 * v.shape[1]))
+    blocks.sums[: v.shape[0], : v.shape[1]] = np.rint(v * 65535 * 64)
+    blocks.counts[: v.shape[0], : v.shape[1]] = 64
+    return blocks
+
+
+def test_cells_far_from_the_ends_of_a_range_are_settled() -> None:
+    v = np.full((8, 16), 0.3)
+    v[:, 8:] = 0.7
+    blocks = blocks_of(v)
+    inside = np.zeros((8, 16), np.uint8)
+    inside[:, 8:] = 1
+    found = unsettled(blocks, inside, 0.5, 1.0)
+    assert found[:, 7:9].all() and not found[:, :7].any() and not found[:, 9:].any()
+
+
+def test_a_thin_road_leaves_the_cells_that_it_crosses_and_those_around_unsettled() -> None:
+    v = np.full((8, 8), 0.42)
+    v[:, 4] += 0.26 * 3 / 8  # three pixels of eight
+    found = unsettled(blocks_of(v), np.zeros((8, 8), np.uint8), 0.55, 1.0)
+    assert found[:, 3:6].all() and not found[:, :3].any() and not found[:, 6:].any()
+
+
+def test_a_cell_that_is_not_as_its_leaf_is_unsettled_and_one_without_pixels_is_not() -> None:
+    blocks = blocks_of(np.full((8, 8), 0.3))
+    blocks.counts[:, :4] = blocks.sums[:, :4] = 0
+    found = unsettled(blocks, np.ones((8, 8), np.uint8), 0.5, 1.0)
+    assert found[:, 4:].all() and not found[:, :4].any()
+
+
+@pytest.mark.parametrize("low, high", [(0.0, 0.5), (0.5, 1.0)])
+def test_nothing_lies_beyond_the_ends_of_v(low: float, high: float) -> None:
+    blocks = blocks_of(np.full((8, 8), low if low == 0 else high))
+    assert not unsettled(blocks, np.ones((8, 8), np.uint8), low, high).any()
