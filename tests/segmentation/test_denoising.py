@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -39,18 +40,31 @@ def per_pixel(cells: NDArray[Any]) -> NDArray[Any]:
     return cells.repeat(8, 0).repeat(8, 1)
 
 
-def plain_weights(active: Image, valid: Image, grey: Grey) -> Plane:
-    """w of each pixel: twice the noise of the 5 x 5 cells around, by Immerkaer's operator."""
+def plain_noise(side: int, valid: Image, grey: Grey) -> NDArray[np.float64]:
+    """Median over the 5 x 5 cells around each cell of their mean |response| to Immerkaer's operator."""
     operator = np.outer([1, -2, 1], [1, -2, 1])
     response = np.abs(ndimage.convolve(grey.astype(np.int64), operator, mode="constant"))
     whole = ndimage.minimum_filter(valid, 3, mode="constant").astype(np.int64)
+    noise = np.full([n + 4 for n in per_cell(whole, side).shape], np.nan)
+    with np.errstate(invalid="ignore"):
+        noise[2:-2, 2:-2] = per_cell(response * whole, side) / per_cell(whole, side)
+    around = np.sort(sliding_window_view(noise, (5, 5)).reshape(*per_cell(whole, side).shape, 25), axis=-1)
+    known = np.isfinite(around).sum(axis=-1)  # NaN come last
+    middle = np.take_along_axis(around, (known // 2)[..., None], axis=-1)[..., 0]
+    return np.where(known > 0, middle, 0.0)
 
-    def around(values: NDArray[np.int64]) -> NDArray[np.int64]:
-        cells = values.reshape(active.shape[0], 8, active.shape[1], 8).sum(axis=(1, 3))
-        return ndimage.convolve(cells, np.ones((5, 5), int), mode="constant")
 
-    noise = math.sqrt(math.pi / 2) / 6 * around(response * whole) / np.maximum(around(whole), 1)
-    return (per_pixel(np.maximum(2 * noise, 1) * active) * valid).astype(np.float32)
+def per_cell(values: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+    return values.reshape(len(values) // side, side, -1, side).sum(axis=(1, 3))
+
+
+def plain_weights(active: Image, valid: Image, grey: Grey) -> Plane:
+    """w of each pixel: 0.9 times the larger noise of pixels and of means of 4 x 4."""
+    fours = grey.reshape(len(grey) // 4, 4, -1, 4).sum(axis=(1, 3), dtype=np.int64)
+    whole = valid.reshape(len(valid) // 4, 4, -1, 4).min(axis=(1, 3))
+    noise = np.maximum(plain_noise(8, valid, grey), 4 * plain_noise(2, whole, (fours + 8) // 16))
+    weights = np.maximum(0.9 * math.sqrt(math.pi / 2) / 6 * noise, 1)
+    return (per_pixel(weights * active) * valid).astype(np.float32)
 
 
 def moved(plane: Plane, axis: int, by: int) -> Plane:
@@ -84,7 +98,22 @@ def plain_denoised(image: Plane, limit: Plane) -> Plane:
 def plain(inside: Image, open_cells: Image, valid: Image, grey: Grey, low: float, high: float) -> Image:
     active = ndimage.maximum_filter(open_cells, 3, mode="constant")
     u = plain_denoised(grey.astype(np.float32), plain_weights(active, valid, grey)) / 65535.0
-    return np.where(per_pixel(active) & valid, (low <= u) & (u <= high), inside).astype(np.uint8)
+    mask = np.where(per_pixel(active) & valid, (low <= u) & (u <= high), inside).astype(np.uint8)
+    return np.where(per_pixel(active) & plain_specks(mask, valid), 1 - mask, mask).astype(np.uint8)
+
+
+def plain_specks(mask: Image, valid: Image) -> NDArray[np.bool_]:
+    """Pieces of less than 9 pixels, 4-connected inside and 8-connected outside, by the other side."""
+    found = np.zeros(mask.shape, bool)
+    square = np.ones((3, 3), bool)
+    for side, joins in ((1, None), (0, square)):
+        pieces, count = ndimage.label((mask == side) & (valid > 0), joins)
+        others = (mask != side) & (valid > 0)
+        for name in range(1, count + 1):
+            piece = pieces == name
+            if piece.sum() < 9 and (ndimage.binary_dilation(piece, square) & others).any():
+                found |= piece
+    return found
 
 
 @settings(deadline=None, max_examples=60)

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blockmap import BlockMap, mean_of
 
-STEPS = 38  # of the descent: each looks one pixel farther
+STEPS = 25  # of the descent: each looks one pixel farther
+SPECK = 9  # pixels: smaller pieces and holes are nobody's
 _POOL = 2  # cells on every side over which noise is averaged
-_WEIGHT = 2.0  # w over the standard deviation of the noise
+_WEIGHT = 0.9  # w over the standard deviation of the noise
 _STEP = 0.125  # 1 over the largest eigenvalue of the problem
 _MARGIN = 2.0  # how much farther the mean of a part of a cell may lie away than those of cells do
 _EDGE = 8  # columns on both sides of a line that hold nothing
@@ -64,7 +65,7 @@ def denoised(
     inside : (M, N) uint8 array
         1 where a pixel belongs to a region; it is refined in place. M and N are multiples of 8.
     unsettled : (M / 8, N / 8) uint8 array
-        1 where a cell's pixels are to be decided one by one.
+        Not 0 where a cell's pixels are to be decided one by one.
     valid : (M, N) uint8 array
     grey : (M, N) uint16 array, 0 where not valid
     low, high : float
@@ -74,7 +75,7 @@ def denoised(
     -------
     inside : (M, N) uint8 array, the same array
     """
-    active = _grown(unsettled, 1)
+    active = _grown((unsettled > 0).view(np.uint8), 1)
     if not active.any():
         return inside
     runs, first = _runs(active)
@@ -82,6 +83,7 @@ def denoised(
     primal = np.empty((STEPS + 1, 2, lines.shape[2]), np.float32)
     weights = _weights(grey, valid, active)
     _descend(grey, valid, weights, runs, first, _momenta(), lines, primal, low, high, inside)
+    _drop_specks(inside.copy(), valid, runs, first, np.empty((SPECK, 2), np.int64), inside)
     return inside
 
 
@@ -117,46 +119,99 @@ def _momenta() -> NDArray[np.float32]:
 def _weights(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], active: NDArray[np.uint8]
 ) -> NDArray[np.float32]:
-    """w of each active cell, in grey; 0 elsewhere."""
-    sums, counts = np.zeros(active.shape, np.int64), np.zeros(active.shape, np.int64)
-    _responses(grey, valid, _grown(active, _POOL), sums, counts)
-    sums, counts = _pooled(sums), _pooled(counts)
-    noise = math.sqrt(math.pi / 2) / 6 * sums / np.maximum(counts, 1)
-    return (np.maximum(_WEIGHT * noise, 1) * active).astype(np.float32)
+    """w of each active cell, in grey; 0 elsewhere.
+
+    The noise of pixels and that of means of 4 x 4 pixels, as it would be in pixels that know nothing of each
+    other: the larger counts, for grain and crowns of trees are seen in the second alone.
+    """
+    wanted = _grown(active, _POOL)
+    noise = np.full((2, *active.shape), -1.0)
+    _respond(grey, valid, wanted, noise[0])
+    means, known = np.zeros((2, grey.shape[0] // 4, grey.shape[1] // 4), np.uint16)
+    whole = known.astype(np.uint8)
+    _mean_of_fours(grey, valid, means, whole)
+    _respond(means, whole, wanted, noise[1])
+    noise[1] *= 4
+    weights = np.zeros(active.shape, np.float32)
+    _weigh(noise, active, _WEIGHT * math.sqrt(math.pi / 2) / 6, np.empty((2 * _POOL + 1) ** 2), weights)
+    return weights
 
 
-def _pooled(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Sums over squares of cells."""
-    around = np.pad(np.pad(values, _POOL).cumsum(0).cumsum(1), [(1, 0), (1, 0)])
-    side = 2 * _POOL + 1
-    return np.asarray(
-        around[side:, side:] - around[:-side, side:] - around[side:, :-side] + around[:-side, :-side]
-    )
+@kernel("void(u2[:,::1], u1[:,::1], u2[:,::1], u1[:,::1])")
+def _mean_of_fours(grey, valid, means, whole):  # type: ignore[no-untyped-def]
+    for row in range(means.shape[0]):
+        for col in range(means.shape[1]):
+            total = np.uint32(8)
+            every = np.uint8(1)
+            for r in range(4 * row, 4 * row + 4):
+                for c in range(4 * col, 4 * col + 4):
+                    total += np.uint32(grey[r, c])
+                    every &= valid[r, c]
+            means[row, col] = total // np.uint32(16)
+            whole[row, col] = every
 
 
-@kernel("void(u2[:,::1], u1[:,::1], u1[:,::1], i8[:,::1], i8[:,::1])")
-def _responses(grey, valid, wanted, sums, counts):  # type: ignore[no-untyped-def]
-    """Sum over each wanted cell of |response| to Immerkaer's operator, where all it looks at is valid."""
-    rows, cols = grey.shape
+@inlined
+def response(grey, r, c):  # type: ignore[no-untyped-def]
+    """Of Immerkaer's operator: second differences across of second differences down."""
+    left = np.int64(grey[r - 1, c - 1]) - 2 * np.int64(grey[r, c - 1]) + np.int64(grey[r + 1, c - 1])
+    here = np.int64(grey[r - 1, c]) - 2 * np.int64(grey[r, c]) + np.int64(grey[r + 1, c])
+    right = np.int64(grey[r - 1, c + 1]) - 2 * np.int64(grey[r, c + 1]) + np.int64(grey[r + 1, c + 1])
+    return left - 2 * here + right
+
+
+@inlined
+def is_whole(valid, r, c):  # type: ignore[no-untyped-def]
+    """1 where a pixel and all eight around it are valid."""
+    whole = np.uint8(1)
+    for down in range(r - 1, r + 2):
+        whole &= valid[down, c - 1] & valid[down, c] & valid[down, c + 1]
+    return whole
+
+
+@kernel("void(u2[:,::1], u1[:,::1], u1[:,::1], f8[:,::1])")
+def _respond(grey, valid, wanted, mean):  # type: ignore[no-untyped-def]
+    """The mean |response| over each wanted cell, where all that it looks at is valid."""
+    side = grey.shape[0] // wanted.shape[0]
     for row in range(wanted.shape[0]):
         for col in range(wanted.shape[1]):
-            if not wanted[row, col]:
-                continue
             total = np.int64(0)
             number = np.int64(0)
-            for r in range(max(8 * row, 1), min(8 * row + 8, rows - 1)):
-                for c in range(max(8 * col, 1), min(8 * col + 8, cols - 1)):
-                    whole = np.uint8(1)
-                    response = np.int64(0)
-                    for down in range(3):
-                        for right in range(3):
-                            whole &= valid[r + down - 1, c + right - 1]
-                            factor = (1 - 3 * (down & 1)) * (1 - 3 * (right & 1))  # 1 -2 1 across and down
-                            response += factor * np.int64(grey[r + down - 1, c + right - 1])
-                    total += abs(response) * np.int64(whole)
-                    number += np.int64(whole)
-            sums[row, col] = total
-            counts[row, col] = number
+            if wanted[row, col]:
+                for r in range(max(side * row, 1), min(side * row + side, grey.shape[0] - 1)):
+                    for c in range(max(side * col, 1), min(side * col + side, grey.shape[1] - 1)):
+                        whole = np.int64(is_whole(valid, r, c))
+                        total += abs(response(grey, r, c)) * whole
+                        number += whole
+            if number > 0:
+                mean[row, col] = total / number
+
+
+@inlined
+def median_around(values, row, col, some):  # type: ignore[no-untyped-def]
+    """The upper median of what is known of the cells around; 0 if nothing is."""
+    many = 0
+    for r in range(max(row - _POOL, 0), min(row + _POOL + 1, values.shape[0])):
+        for c in range(max(col - _POOL, 0), min(col + _POOL + 1, values.shape[1])):
+            value = values[r, c]
+            if value >= 0.0:
+                k = many
+                while k > 0 and some[k - 1] > value:
+                    some[k] = some[k - 1]
+                    k -= 1
+                some[k] = value
+                many += 1
+    return some[many // 2] if many else 0.0
+
+
+@kernel("void(f8[:,:,::1], u1[:,::1], f8, f8[::1], f4[:,::1])")
+def _weigh(noise, active, factor, some, weights):  # type: ignore[no-untyped-def]
+    for row in range(active.shape[0]):
+        for col in range(active.shape[1]):
+            if active[row, col]:
+                fine = median_around(noise[0], row, col, some)
+                coarse = median_around(noise[1], row, col, some)
+                weights[row, col] = max(factor * max(fine, coarse), 1.0)
 
 
 @inlined
@@ -274,6 +329,66 @@ def _descend(grey, valid, weights, runs, first, momenta, lines, primal, low, hig
         if row > 0:  # nobody looks at the line above any more
             for k in range(first[(row - 1) // 8], first[(row - 1) // 8 + 1]):
                 lines[:, above, runs[k, 0] + _EDGE : runs[k, 1] + _EDGE] = 0
+
+
+@inlined
+def is_even(inside, valid, r, c):  # type: ignore[no-untyped-def]
+    """Whether the nine pixels around one are valid and on one side: then its piece is no speck."""
+    rows, cols = inside.shape
+    if r == 0 or c == 0 or r == rows - 1 or c == cols - 1:
+        return False
+    same = True
+    for down in range(r - 1, r + 2):
+        for right in range(c - 1, c + 2):
+            same &= valid[down, right] != 0 and inside[down, right] == inside[r, c]
+    return same
+
+
+@inlined
+def is_listed(listed, many, r, c):  # type: ignore[no-untyped-def]
+    """Whether a pixel is among the first `many`."""
+    found = False
+    for k in range(many):
+        found |= listed[k, 0] == r and listed[k, 1] == c
+    return found
+
+
+@inlined
+def is_speck(inside, valid, r, c, listed):  # type: ignore[no-untyped-def]
+    """Whether a pixel's piece is smaller than the list is long, and touches the other side."""
+    rows, cols = inside.shape
+    own = inside[r, c]
+    listed[0, 0] = r
+    listed[0, 1] = c
+    many = 1
+    touches = False
+    k = 0
+    while k < many:
+        for down in range(-1, 2):
+            for right in range(-1, 2):
+                y = listed[k, 0] + down
+                x = listed[k, 1] + right
+                if y < 0 or x < 0 or y >= rows or x >= cols or not valid[y, x]:
+                    continue
+                if inside[y, x] != own:
+                    touches = True
+                elif (own == 0 or down == 0 or right == 0) and not is_listed(listed, many, y, x):
+                    if many == listed.shape[0] - 1:
+                        return False
+                    listed[many, 0] = y
+                    listed[many, 1] = x
+                    many += 1
+        k += 1
+    return touches
+
+
+@kernel("void(u1[:,::1], u1[:,::1], i8[:,::1], i8[::1], i8[:,::1], u1[:,::1])")
+def _drop_specks(before, valid, runs, first, listed, inside):  # type: ignore[no-untyped-def]
+    for r in range(before.shape[0]):
+        for k in range(first[r // 8], first[r // 8 + 1]):
+            for c in range(runs[k, 0], runs[k, 1]):
+                if valid[r, c] and not is_even(before, valid, r, c) and is_speck(before, valid, r, c, listed):
+                    inside[r, c] = np.uint8(1) - before[r, c]
 
 
 @kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], f8, f8, f8[::1], f8, u1[:,::1])")
