@@ -108,6 +108,8 @@ PHASES = {
     "division": {"texture"},  # its kernel takes the symbols of a block as they are made
     "blockmap": {"division"},
     "segments": {"blockmap"},
+    "unsettled": {"blockmap"},
+    "denoising": {"noise", "specks"},
     "refinement": set(),
     "statescans": set(),
     "components": set(),

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from uavseg.segmentation.blockmap import BlockMap
-from uavseg.segmentation.denoising import STEPS, denoised, unsettled
+from uavseg.segmentation.denoising import STEPS, denoised
 from uavseg.segmentation.refinement import REACH
+from uavseg.segmentation.unsettled import unsettled
 
 Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
@@ -63,7 +64,7 @@ def plain_weights(active: Image, valid: Image, grey: Grey) -> Plane:
     fours = grey.reshape(len(grey) // 4, 4, -1, 4).sum(axis=(1, 3), dtype=np.int64)
     whole = valid.reshape(len(valid) // 4, 4, -1, 4).min(axis=(1, 3))
     noise = np.maximum(plain_noise(8, valid, grey), 4 * plain_noise(2, whole, (fours + 8) // 16))
-    weights = np.maximum(0.9 * math.sqrt(math.pi / 2) / 6 * noise, 1)
+    weights = np.maximum(0.9 * (math.sqrt(math.pi / 2) / 6 * noise), 1)
     return (per_pixel(weights * active) * valid).astype(np.float32)
 
 

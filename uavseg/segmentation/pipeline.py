@@ -19,13 +19,14 @@ from uavseg.errors import ParameterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import BLOCK, CELL, Window
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
-from uavseg.segmentation.denoising import denoised, unsettled
+from uavseg.segmentation.denoising import denoised
 from uavseg.segmentation.division import EVERY, block_ratios, wanted_ratios
 from uavseg.segmentation.patches import SIDE, Patches
 from uavseg.segmentation.refinement import REACH, scan, smooth
 from uavseg.segmentation.segments import Cut, IntensityRange, in_range, matching, pixels_of
 from uavseg.segmentation.source import GreySource, GreyTile, whole_blocks
 from uavseg.segmentation.texture import GREYS, contrast_cuts, contrast_histogram
+from uavseg.segmentation.unsettled import unsettled
 
 IN_RANGE, UNSETTLED = np.uint8(1), np.uint8(2)
 
