@@ -181,7 +181,7 @@ def test_outlines_are_simplified() -> None:
 
 
 @pytest.mark.parametrize("method", ["paper", "adaptive"])
-@pytest.mark.parametrize("refine", ["none", "scan", "smooth"])
+@pytest.mark.parametrize("refine", ["none", "scan", "smooth", "tv"])
 def test_every_way_to_segment_gives_its_regions(method: str, refine: str) -> None:
     result = extracted("tile.tif", *RANGE, "--method", method, "--refine", refine, "-o", "-", "--tile", 64)
     for feature in json.loads(result.stdout)["features"]:

@@ -22,7 +22,7 @@ from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import Rings, trace
 from uavseg.regions.painting import rasterise
 from uavseg.regions.tilewise import outline_regions, summed
-from uavseg.segmentation.pipeline import measure
+from uavseg.segmentation.pipeline import UNSETTLED, measure
 from uavseg.segmentation.segments import IntensityRange
 from uavseg.segmentation.source import GreySource
 
@@ -212,14 +212,17 @@ def test_labels_and_sums_are_those_of_the_reference(
 @given(
     st.integers(0, 10**6),
     st.tuples(st.integers(1, 280), st.integers(1, 280)),
-    st.sampled_from(["none", "scan", "smooth"]),
+    st.sampled_from(["none", "scan", "smooth", "tv"]),
     st.sampled_from(SIDES),
 )
 @example(7, (128, 128), "smooth", 64)
+@example(7, (200, 280), "tv", 64)
 def test_tiles_workers_and_their_order_change_nothing(
     sourced: Sourced, seed: int, shape: tuple[int, int], refine: Any, side: Any
 ) -> None:
     image, inside = scene(seed, shape), random_cells(seed, shape)
+    if refine == "tv":
+        inside |= UNSETTLED * random_cells(seed + 1, shape)
     source = sourced(image)
     wanted = outline_regions(source, inside, BRIGHT, refine, one_tile(image))
     for run in (serial, threads(2), shuffled(seed)):

@@ -22,6 +22,7 @@ from uavseg.segmentation.pipeline import (
     block_map,
     block_map_for,
     cells_around,
+    cells_to_refine,
     measure,
     refined,
     stages,
@@ -195,12 +196,12 @@ def test_a_raster_without_valid_pixels_has_an_empty_block_map() -> None:
 # Refined tiles
 
 
-@pytest.mark.parametrize("how", ["none", "scan", "smooth"])
+@pytest.mark.parametrize("how", ["none", "scan", "smooth", "tv"])
 @pytest.mark.parametrize("seed", range(4))
 def test_tiles_are_refined_as_the_whole_would_be(how: Any, seed: int) -> None:
     dataset = field_of(seed, (300, 270))
     source = source_of(dataset)
-    inside = in_range(block_map(source, tiles(source.shape, 64)), INTERVAL, 1.2, 0.05)
+    inside = cells_to_refine(block_map(source, tiles(source.shape, 64)), INTERVAL, SegmentParams(refine=how))
     expected = refined_whole(dataset, inside, how)
     for side in (64, 128, 192):
         found = np.zeros(source.shape, np.uint8)
@@ -212,6 +213,13 @@ def test_tiles_are_refined_as_the_whole_would_be(how: Any, seed: int) -> None:
 
 
 def refined_whole(dataset: InMemory, inside: NDArray[np.uint8], how: str) -> NDArray[np.uint8]:
+    if how == "tv":
+        source = source_of(dataset)
+        window = Window(0, 0, *source.shape)
+        answer = refined(source, cells_around(inside, window), INTERVAL, "tv", window)
+        return (
+            answer[0][REACH:, REACH:][: window.rows, : window.cols] if answer else dataset.valid * np.uint8(0)
+        )
     rows, cols = dataset.valid.shape
     valid = dataset.valid.astype(np.uint8)
     grey = dataset.values * np.uint16(257) * valid
@@ -253,7 +261,7 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
     "bad, told",
     [
         ({"method": "fast"}, "paper or adaptive, not 'fast'"),
-        ({"refine": "yes"}, "none, scan or smooth, not 'yes'"),
+        ({"refine": "yes"}, "none, scan, smooth or tv, not 'yes'"),
         ({"threshold": -0.1}, "at least 0, not -0.1"),
         ({"threshold": np.nan}, "at least 0, not nan"),
         ({"intensity_step": 1.5}, r"lies in 0\.\.1, not 1.5"),

@@ -47,11 +47,11 @@ def noise_of_cells(
     """
     wanted = grown(active, _AROUND)
     found = np.full((2, *active.shape), -1.0)
-    _respond(grey, valid, wanted, found[0])
+    _respond(grey, valid, wanted, 2, found[0])
     fours = grey.shape[0] // 4, grey.shape[1] // 4
     means, whole = np.empty(fours, np.uint16), np.empty(fours, np.uint8)
     _mean_of_fours(grey, valid, means, whole)
-    _respond(means, whole, wanted, found[1])
+    _respond(means, whole, wanted, 1, found[1])
     found[1] *= 4
     noise = np.zeros(active.shape)
     _take_medians(found, active, np.empty((2 * _AROUND + 1) ** 2), noise)
@@ -90,16 +90,16 @@ def is_whole(valid, r, c):  # type: ignore[no-untyped-def]
     return whole
 
 
-@kernel("void(u2[:,::1], u1[:,::1], u1[:,::1], f8[:,::1])")
-def _respond(grey, valid, wanted, mean):  # type: ignore[no-untyped-def]
-    """The mean |response| over each wanted cell, where all that it looks at is valid."""
+@kernel("void(u2[:,::1], u1[:,::1], u1[:,::1], i8, f8[:,::1])")
+def _respond(grey, valid, wanted, every, mean):  # type: ignore[no-untyped-def]
+    """The mean |response| in some rows of each wanted cell, where all that it looks at is valid."""
     side = grey.shape[0] // wanted.shape[0]
     for row in range(wanted.shape[0]):
         for col in range(wanted.shape[1]):
             total = np.int64(0)
             number = np.int64(0)
             if wanted[row, col]:
-                for r in range(max(side * row, 1), min(side * row + side, grey.shape[0] - 1)):
+                for r in range(max(side * row + every // 2, 1), min(side * row + side, grey.shape[0] - 1), every):
                     for c in range(max(side * col, 1), min(side * col + side, grey.shape[1] - 1)):
                         whole = np.int64(is_whole(valid, r, c))
                         total += abs(response(grey, r, c)) * whole

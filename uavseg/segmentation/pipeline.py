@@ -246,7 +246,8 @@ def refined(
     elif refine == "smooth" and not inside.all():
         pixels = smooth(pixels, tile.valid, tile.grey, interval.low, interval.high)
     elif refine == "tv":
-        denoised(pixels, inside & UNSETTLED, tile.valid, tile.grey, interval.low, interval.high)
+        fits = matching(tile.grey, tile.valid, *interval.greys)
+        denoised(pixels, inside & UNSETTLED, tile.valid, tile.grey, fits, interval.low, interval.high)
     return pixels, tile
 
 
