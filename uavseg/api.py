@@ -37,7 +37,7 @@ def extract(
     nodata: float | None = None,
     stretch: str = "auto",
     method: str = "adaptive",
-    refine: str = "scan",
+    refine: str | None = None,
     threshold: float = 1.2,
     intensity_step: float = 0.05,
     min_area: float | str | None = None,
@@ -321,7 +321,7 @@ def path(
     """
     wanted = WayParams(clearance, smooth)
     dataset, fitted = map_of(source, band, nodata)
-    segment = SegmentParams(method, threshold, intensity_step)  # type: ignore[arg-type]
+    segment = SegmentParams(method, threshold, intensity_step, "scan")  # type: ignore[arg-type]
     params = ExtractParams(segment, fitted if stretch is None else stretch, tile=tile)
     free = FreeCells.of(dataset, IntensityRange(*range), params, workers_of(threads, resume), progress)
     return find_way(free, start, goal, wanted, workers_of(threads, None))

@@ -41,10 +41,9 @@ if TYPE_CHECKING:
 @segmenting_options
 @click.option(
     "--refine",
-    type=click.Choice(["scan", "none", "smooth", "tv"]),
-    default="scan",
-    show_default=True,
-    help="How boundaries are found to the pixel.",
+    type=click.Choice(["tv", "scan", "none", "smooth"]),
+    show_default="tv; scan with --method paper",
+    help="How boundaries are found to the pixel: by total variation, four scans or a local mean.",
 )
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")

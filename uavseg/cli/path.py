@@ -172,7 +172,7 @@ def _params(fitted: Stretch, tile: int | None, options: dict[str, Any]) -> Extra
     from uavseg.regions.extract import ExtractParams
     from uavseg.segmentation.pipeline import SegmentParams
 
-    segment = SegmentParams(options["method"], options["threshold"], options["intensity_step"])
+    segment = SegmentParams(options["method"], options["threshold"], options["intensity_step"], "scan")
     stretch = parse_stretch(options["stretch"]) if options["stretch"] else fitted
     return ExtractParams(segment, stretch, tile=tile)
 

@@ -99,7 +99,9 @@ def _respond(grey, valid, wanted, every, mean):  # type: ignore[no-untyped-def]
             total = np.int64(0)
             number = np.int64(0)
             if wanted[row, col]:
-                for r in range(max(side * row + every // 2, 1), min(side * row + side, grey.shape[0] - 1), every):
+                for r in range(
+                    max(side * row + every // 2, 1), min(side * row + side, grey.shape[0] - 1), every
+                ):
                     for c in range(max(side * col, 1), min(side * col + side, grey.shape[1] - 1)):
                         whole = np.int64(is_whole(valid, r, c))
                         total += abs(response(grey, r, c)) * whole

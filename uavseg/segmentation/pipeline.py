@@ -46,8 +46,9 @@ class SegmentParams:
         X, at least 0: a block is divided where R = G_max / G_min is larger.
     intensity_step : float
         Tau, 0 to 1: the adaptive method also divides where the means of the children differ by more.
-    refine : {"scan", "none", "smooth", "tv"}
-        How boundaries are found to the pixel.
+    refine : {"tv", "scan", "none", "smooth"}
+        How boundaries are found to the pixel; if left out, by total variation, and by scans with the paper's
+        method.
 
     Raises
     ------
@@ -58,9 +59,11 @@ class SegmentParams:
     method: Method = "adaptive"
     threshold: float = 1.2
     intensity_step: float = 0.05
-    refine: Refinement = "scan"
+    refine: Refinement = None  # type: ignore[assignment]  # it is filled in
 
     def __post_init__(self) -> None:
+        if self.refine is None:
+            object.__setattr__(self, "refine", "scan" if self.method == "paper" else "tv")  # type: ignore[unreachable]
         if self.method not in ("paper", "adaptive"):
             raise ParameterError(f"a method is paper or adaptive, not {self.method!r}")
         if self.refine not in ("none", "scan", "smooth", "tv"):
