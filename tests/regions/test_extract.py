@@ -143,10 +143,10 @@ def test_floats_with_nan_and_sixteen_bits_too(reference: ModuleType, opened: Ope
     image = scene(9, (90, 120))
     floats = np.where(image == 0, np.nan, image / 255).astype(np.float32)
     wanted = reference.extract(floats, image > 0, 0, 1, 0.55, 1, 1.2, 0.05)
-    assert np.array_equal(labels_of(extract(opened(floats), BRIGHT, ExtractParams(stretch="none"))), wanted)
+    assert np.array_equal(labels_of(extract(opened(floats), BRIGHT, ExtractParams(SCAN, "none"))), wanted)
     deep = image.astype(np.uint16) * 200
     wanted = reference.extract(deep, image > 0, 2000, 50_000, 0.55, 1, 1.2, 0.05)
-    found = extract(opened(deep, 0), BRIGHT, ExtractParams(stretch="2000,50000"))
+    found = extract(opened(deep, 0), BRIGHT, ExtractParams(SCAN, "2000,50000"))
     assert np.array_equal(labels_of(found), wanted)
 
 

@@ -57,7 +57,7 @@ def regions(
     valid : (M, N) bool array, optional
     threshold, intensity_step : float
         X and tau; an infinite tau is the paper's method.
-    refine : {"scan", "none", "smooth", "tv"}
+    refine : {"scan", "none", "smooth"}
         With "none", labels are those of connected pixels.
 
     Returns
