@@ -19,6 +19,7 @@ from uavseg.occupancy.tighten import is_visible
 from uavseg.raster.tiling import Window
 from uavseg.raster.write import write_geotiff
 from uavseg.regions.extract import ExtractParams
+from uavseg.segmentation.pipeline import SegmentParams
 from uavseg.segmentation.segments import IntensityRange
 
 CELL = 0.25
@@ -108,7 +109,7 @@ def test_on_real_maps_no_way_enters_a_cell_out_of_the_range(name: str, shared_da
     dataset, stretch = open_map(shared_data / "maps" / name)
     values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
     safe = values[0] <= 0.45
-    params = ExtractParams(stretch=stretch)
+    params = ExtractParams(SegmentParams(refine="scan"), stretch)
     _, mask, walls = FreeCells.of(dataset, IntensityRange(*RANGE), params).of_region(1)
     assert walls > 100 and mask.sum() <= safe.sum()
     source, found = shared_data / "maps" / name, 0
