@@ -118,8 +118,9 @@ def again(side: int, rounds: int, tell: Callable[[str], None]) -> Again:
                 )
                 tell(f"{side}² {name} round {number + 1}: {costs[name][-1].wall_s:.2f} s")
             within.append(_told("again", raster, str(Path(folder) / "blocks.tif")))
-    medians = (statistics.median(column) for column in zip(*within, strict=True))
-    return Again(*(median(taken) for taken in costs.values()), *medians)
+    first, dividing, another = (median(taken) for taken in costs.values())
+    first_s, another_s = (statistics.median(column) for column in zip(*within, strict=True))
+    return Again(first, dividing, another, first_s, another_s)
 
 
 def threading(side: int, rounds: int) -> list[tuple[int, float, float]]:
