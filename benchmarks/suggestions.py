@@ -1,0 +1,268 @@
+"""How well ranges that are proposed fit scenes whose classes are known: multi-Otsu against valleys.
+
+    python -m benchmarks.suggestions
+
+Both look at the same histogram of leaf means, of 256 bins over what is there. Once they are told how many
+classes there are, once they find that out themselves. A class is scored by the intersection over union of its
+pixels with those of the range that fits it best, at the edges of leaves.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from uavseg.raster.otsu import multi_otsu, number_of_classes
+from uavseg.segmentation.arrays import divided
+from uavseg.segmentation.leafmeans import histogram_of_means
+from uavseg.segmentation.segments import intervals_of
+
+SIDE, SEEDS, BINS, MOST = 512, 5, 256, 6
+X, TAU = 1.2, 0.05
+
+Image = NDArray[np.float64]
+Labels = NDArray[np.int64]
+Histogram = NDArray[np.float64]
+Finder = Callable[[Histogram, int | None], list[float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """A picture and the class of each of its pixels, the darkest 0."""
+
+    v: Image
+    truth: Labels
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Of one method on one family of scenes, the mean over its seeds.
+
+    Parameters
+    ----------
+    family, who : str
+    told, found : float
+        Overlap with the number of classes told, and with the number that was found.
+    right : float
+        Share of the scenes of which the number of classes was found.
+    """
+
+    family: str
+    who: str
+    told: float
+    found: float
+    right: float
+
+
+def patches(seed: int, shares: tuple[float, ...], scale: float) -> Labels:
+    """Classes that take up these shares of the picture, in blobs of about a scale."""
+    field = ndimage.gaussian_filter(np.random.default_rng(seed).normal(size=(SIDE, SIDE)), scale, mode="wrap")
+    return np.searchsorted(np.quantile(field, np.cumsum(shares)[:-1]), field)
+
+
+def shuffled(seed: int, shares: tuple[float, ...], scale: float) -> Labels:
+    """The same, with any class beside any other."""
+    labels = np.zeros((SIDE, SIDE), np.int64)
+    for k in range(1, len(shares)):
+        share = shares[k] / sum(shares[: k + 1])
+        labels[patches(seed + 1000 * k, (1 - share, share), scale) == 1] = k
+    return labels
+
+
+def roads(seed: int) -> Labels:
+    """Bright lines, 6 pixels wide."""
+    rng = np.random.default_rng(seed)
+    labels = np.zeros((SIDE, SIDE), np.int64)
+    rows, cols = np.mgrid[:SIDE, :SIDE]
+    for _ in range(6):
+        angle, offset = rng.uniform(0, np.pi), rng.uniform(-SIDE / 3, SIDE / 3)
+        bend = 12 * np.sin(rows / rng.uniform(30, 60))
+        across = (rows - SIDE / 2) * np.sin(angle) + (cols - SIDE / 2) * np.cos(angle) - offset + bend
+        labels[np.abs(across) < 3] = 1
+    return labels
+
+
+def drawn(seed: int, labels: Labels, levels: tuple[float, ...], noise: tuple[float, ...]) -> Scene:
+    """Classes at their levels, each with noise of its own."""
+    rng = np.random.default_rng(seed + 77)
+    v = np.array(levels)[labels] + rng.normal(size=labels.shape) * np.array(noise)[labels]
+    return Scene(np.clip(v, 0, 1), labels)
+
+
+def lit(scene: Scene, much: float) -> Scene:
+    """Darker on the left, brighter on the right."""
+    return Scene(np.clip(scene.v + np.linspace(-much / 2, much / 2, SIDE), 0, 1), scene.truth)
+
+
+def grained(seed: int, scene: Scene, much: float) -> Scene:
+    """With the crowns of a forest over its darkest class."""
+    grain = ndimage.gaussian_filter(np.random.default_rng(seed + 5).normal(size=(SIDE, SIDE)), 2.5)
+    return Scene(np.clip(scene.v + much * grain / grain.std() * (scene.truth == 0), 0, 1), scene.truth)
+
+
+def _two(seed: int, shares: tuple[float, ...], levels: tuple[float, ...], noise: tuple[float, ...]) -> Scene:
+    return drawn(seed, patches(seed, shares, 16), levels, noise)
+
+
+def _many(seed: int, shares: tuple[float, ...], levels: tuple[float, ...], noise: float) -> Scene:
+    return drawn(seed, shuffled(seed, shares, 16), levels, (noise,) * len(levels))
+
+
+HALVES, BRIGHT = (0.5, 0.5), (0.42, 0.68)
+FAMILIES: dict[str, Callable[[int], Scene]] = {
+    "two halves, noise 0.05": lambda s: _two(s, HALVES, BRIGHT, (0.05, 0.05)),
+    "two halves, noise 0.15": lambda s: _two(s, HALVES, BRIGHT, (0.15, 0.15)),
+    "two halves, noise 0.3": lambda s: _two(s, HALVES, BRIGHT, (0.3, 0.3)),
+    "bright, a twentieth": lambda s: _two(s, (0.95, 0.05), BRIGHT, (0.08, 0.08)),
+    "dark, a twentieth": lambda s: _two(s, (0.05, 0.95), BRIGHT, (0.08, 0.08)),
+    "still water, rough land": lambda s: _two(s, (0.4, 0.6), (0.2, 0.5), (0.01, 0.15)),
+    "forest and clearings": lambda s: grained(s, _two(s, (0.8, 0.2), (0.3, 0.65), (0.04, 0.06)), 0.07),
+    "lit from one side": lambda s: lit(_two(s, (0.7, 0.3), (0.35, 0.65), (0.06, 0.06)), 0.2),
+    "roads, 6 px": lambda s: drawn(s, roads(s), (0.35, 0.75), (0.06, 0.06)),
+    "islands": lambda s: drawn(s, patches(s, (0.85, 0.15), 5), (0.2, 0.6), (0.05, 0.1)),
+    "three even": lambda s: _many(s, (0.34, 0.33, 0.33), (0.2, 0.5, 0.8), 0.1),
+    "three, 70:25:5": lambda s: _many(s, (0.7, 0.25, 0.05), (0.25, 0.5, 0.85), 0.08),
+    "four even": lambda s: _many(s, (0.25,) * 4, (0.15, 0.38, 0.6, 0.85), 0.08),
+    "five even": lambda s: _many(s, (0.2,) * 5, (0.1, 0.3, 0.5, 0.7, 0.9), 0.06),
+}
+
+
+def by_otsu(histogram: Histogram, classes: int | None) -> list[float]:
+    """Cuts, in bins, as `uavseg suggest` finds them."""
+    found = multi_otsu(histogram, classes or MOST)
+    chosen = number_of_classes(found) if classes is None else found[-1]
+    return [(end + start + 1) / 2 for end, start in zip(chosen.ends, chosen.starts, strict=True)]
+
+
+def by_explained(share: float, histogram: Histogram, classes: int | None) -> list[float]:
+    """The same cuts, as many as explain a share of the variance."""
+    found = multi_otsu(histogram, classes or MOST)
+    enough = [k for k, one in enumerate(found) if k and one.explained >= share] or [len(found) - 1]
+    chosen = found[enough[0] if classes is None else -1]
+    return [(end + start + 1) / 2 for end, start in zip(chosen.ends, chosen.starts, strict=True)]
+
+
+def by_valleys(sigma: float, depth: float, histogram: Histogram, classes: int | None) -> list[float]:
+    """Valleys of the smoothed histogram.
+
+    With the number of classes told: smoothed as little as leaves as many peaks (Silverman, JRSS B 43 (1981)
+    97-99). Else smoothed by `sigma` bins, and a valley counts where it is lower than `depth` times the lower
+    of the peaks beside it.
+    """
+    if classes is not None:
+        smooth = histogram
+        for wider in np.geomspace(0.5, BINS, 120):
+            smooth = _smoothed(histogram, wider)
+            if len(_peaks(smooth)) <= classes:
+                break
+        return [low + 0.5 for low in _valleys(smooth, _peaks(smooth))]
+    smooth = _smoothed(histogram, sigma)
+    peaks = _peaks(smooth)
+    while len(peaks) > 1:
+        lows = _valleys(smooth, peaks)
+        rises = [
+            smooth[low] / min(smooth[a], smooth[b]) for low, a, b in zip(lows, peaks, peaks[1:], strict=False)
+        ]
+        worst = int(np.argmax(rises))
+        if rises[worst] < depth and len(peaks) <= MOST:
+            break
+        peaks.pop(worst if smooth[peaks[worst]] < smooth[peaks[worst + 1]] else worst + 1)
+    return [low + 0.5 for low in _valleys(smooth, peaks)]
+
+
+def _smoothed(histogram: Histogram, sigma: float) -> Histogram:
+    return np.asarray(ndimage.gaussian_filter1d(np.pad(histogram, BINS), sigma, mode="constant"))[BINS:-BINS]
+
+
+def _peaks(smooth: Histogram) -> list[int]:
+    edges = np.pad(smooth, 1, constant_values=-1)
+    return np.flatnonzero((edges[1:-1] > edges[:-2]) & (edges[1:-1] >= edges[2:]) & (smooth > 0)).tolist()
+
+
+def _valleys(smooth: Histogram, peaks: list[int]) -> list[int]:
+    """The middle of the lowest bins between peaks."""
+    lows = []
+    for one, other in zip(peaks, peaks[1:], strict=False):
+        between = smooth[one : other + 1]
+        lows.append(one + int(np.flatnonzero(between <= between.min() * (1 + 1e-9)).mean()))
+    return lows
+
+
+METHODS: dict[str, Finder] = {
+    "multi-Otsu, k² within": by_otsu,
+    "multi-Otsu, 85 % explained": partial(by_explained, 0.85),
+    "multi-Otsu, 90 % explained": partial(by_explained, 0.9),
+    "multi-Otsu, 95 % explained": partial(by_explained, 0.95),
+    **{
+        f"valleys, sigma {sigma}, depth {depth}": partial(by_valleys, sigma, depth)
+        for sigma in (2, 4, 8)
+        for depth in (0.5, 0.8, 0.95)
+    },
+}
+
+
+def overlap(intervals: NDArray[np.uint8], truth: Labels) -> float:
+    """Intersection over union of each class with the range that fits it best, the mean over classes."""
+    count, most = int(truth.max()) + 1, int(intervals.max()) + 1
+    both = np.bincount((truth * most + intervals).reshape(-1), minlength=count * most).reshape(count, most)
+    either = both.sum(axis=1, keepdims=True) + both.sum(axis=0, keepdims=True) - both
+    return float((both / np.maximum(either, 1)).max(axis=1).mean())
+
+
+def scores(seeds: int = SEEDS) -> Iterator[Score]:
+    """Every method on every family."""
+    for family, make in FAMILIES.items():
+        rows: dict[str, list[tuple[float, float, bool]]] = {who: [] for who in METHODS}
+        for seed in range(seeds):
+            scene = make(seed)
+            for who, row in _scored(scene):
+                rows[who].append(row)
+        for who, found in rows.items():
+            yield Score(family, who, *np.mean(np.array(found, float), axis=0).tolist())
+
+
+def _scored(scene: Scene) -> Iterator[tuple[str, tuple[float, float, bool]]]:
+    blocks = divided(np.floor(scene.v * 65535 + 0.5).astype(np.uint16))
+    histogram = histogram_of_means(blocks, X, TAU)
+    held = np.flatnonzero(histogram)
+    width = -(-(held[-1] - held[0] + 1) // BINS)
+    bins = np.add.reduceat(
+        histogram[held[0] : held[-1] + 1], np.arange(0, held[-1] - held[0] + 1, width)
+    ).astype(np.float64)
+    classes = int(scene.truth.max()) + 1
+    for who, find in METHODS.items():
+        answers = []
+        for wanted in (classes, None):
+            edges = [(held[0] + cut * width - 0.5) / 65535 for cut in find(bins, wanted)]
+            cells = intervals_of(blocks, edges, X, TAU)
+            answers.append((overlap(np.kron(cells, np.ones((8, 8), np.uint8)), scene.truth), len(edges) + 1))
+        (told, _), (found, count) = answers
+        yield who, (told, found, count == classes)
+
+
+def table(found: list[Score]) -> str:
+    """The means over all families, then each family with the two that are best."""
+    lines = ["| | number told | number found | number right |", "|---|---:|---:|---:|"]
+    for who in METHODS:
+        own = [(row.told, row.found, row.right) for row in found if row.who == who]
+        told, alone, right = np.mean(own, axis=0)
+        lines.append(f"| {who} | {told:.3f} | {alone:.3f} | {right:.0%} |")
+    names = list(METHODS)
+    best = max(names[4:], key=lambda who: np.mean([row.found for row in found if row.who == who]))
+    lines += ["", f"| family | {names[0]} | {best} |", "|---|---|---|"]
+    for family in FAMILIES:
+        cells = [
+            f"{row.told:.3f} / {row.found:.3f} / {row.right:.0%}"
+            for who in (names[0], best)
+            for row in found
+            if (row.family, row.who) == (family, who)
+        ]
+        lines.append(f"| {family} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(table(list(scores())))
