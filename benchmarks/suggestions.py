@@ -10,6 +10,7 @@ pixels with those of the range that fits it best, at the edges of leaves.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,8 @@ class Score:
 def patches(seed: int, shares: tuple[float, ...], scale: float) -> Labels:
     """Classes that take up these shares of the picture, in blobs of about a scale."""
     field = ndimage.gaussian_filter(np.random.default_rng(seed).normal(size=(SIDE, SIDE)), scale, mode="wrap")
-    return np.searchsorted(np.quantile(field, np.cumsum(shares)[:-1]), field)
+    labels: Labels = np.searchsorted(np.quantile(field, np.cumsum(shares)[:-1]), field)
+    return labels
 
 
 def shuffled(seed: int, shares: tuple[float, ...], scale: float) -> Labels:
@@ -164,7 +166,8 @@ def by_valleys(sigma: float, depth: float, histogram: Histogram, classes: int | 
     while len(peaks) > 1:
         lows = _valleys(smooth, peaks)
         rises = [
-            smooth[low] / min(smooth[a], smooth[b]) for low, a, b in zip(lows, peaks, peaks[1:], strict=False)
+            smooth[low] / min(smooth[a], smooth[b])
+            for low, a, b in zip(lows, peaks[:-1], peaks[1:], strict=True)
         ]
         worst = int(np.argmax(rises))
         if rises[worst] < depth and len(peaks) <= MOST:
@@ -185,7 +188,7 @@ def _peaks(smooth: Histogram) -> list[int]:
 def _valleys(smooth: Histogram, peaks: list[int]) -> list[int]:
     """The middle of the lowest bins between peaks."""
     lows = []
-    for one, other in zip(peaks, peaks[1:], strict=False):
+    for one, other in pairwise(peaks):
         between = smooth[one : other + 1]
         lows.append(one + int(np.flatnonzero(between <= between.min() * (1 + 1e-9)).mean()))
     return lows
