@@ -1,12 +1,17 @@
 """Classes of a histogram: Otsu's thresholds, any number of them, found exactly."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+
+SMOOTHING = 1 / 32  # deviation of the Gaussian, as a share of what is not empty
+VALLEY = 1 / 3  # of the lower of two humps
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,11 +37,6 @@ class Classes:
     def count(self) -> int:
         """Number of classes."""
         return len(self.ends) + 1
-
-    @property
-    def spread(self) -> float:
-        """Variance within the classes, with that of as many equal slices of a flat histogram as 1."""
-        return self.count**2 * (1 - self.explained)
 
 
 def multi_otsu(counts: ArrayLike, most: int) -> list[Classes]:
@@ -80,21 +80,48 @@ def multi_otsu(counts: ArrayLike, most: int) -> list[Classes]:
     return found
 
 
-def number_of_classes(found: Sequence[Classes], least: int = 2) -> Classes:
-    """The number of classes that a histogram itself has: where k² times the variance within is least.
-
-    A flat histogram cut into k slices keeps 1/k² of its variance, whatever k is; so a further class is worth
-    having where it does more than that (Marriott, Biometrics 27 (1971) 501-514).
+def number_of_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
+    """As many classes as a histogram has by itself: the most of which all are parted, else two.
 
     Parameters
     ----------
+    counts : (n,) array of numbers that are not negative
     found : sequence of Classes
-        As `multi_otsu` gives them; one at least.
-    least : int
-        Classes that are wanted at least, where there are as many.
+        What `multi_otsu` gives for it; one at least.
     """
-    wanted = [classes for classes in found if classes.count >= least] or list(found[-1:])
-    return min(wanted, key=lambda classes: classes.spread)
+    own = [classes for classes in found[1:] if are_parted(counts, classes)]
+    return own[-1] if own else found[min(1, len(found) - 1)]
+
+
+def are_parted(counts: ArrayLike, classes: Classes) -> bool:
+    """Whether a valley lies between every two neighbouring classes.
+
+    The histogram is smoothed by a Gaussian with a deviation of a 32nd of its reach. Between the highest bins
+    of two classes it has to sink below a third of the lower of them.
+
+    Parameters
+    ----------
+    counts : (n,) array of numbers that are not negative
+    classes : Classes
+        Of that histogram.
+    """
+    every = np.asarray(counts, np.float64)
+    first, last = np.flatnonzero(every)[[0, -1]]
+    smooth = _smoothed(every[first : last + 1], (last - first + 1) * SMOOTHING)
+    begins = [0, *(start - first for start in classes.starts)]
+    ends = [*(end - first for end in classes.ends), last - first]
+    tops = [begin + int(smooth[begin : end + 1].argmax()) for begin, end in zip(begins, ends, strict=True)]
+    return all(
+        smooth[one : other + 1].min() < VALLEY * min(smooth[one], smooth[other])
+        for one, other in pairwise(tops)
+    )
+
+
+def _smoothed(counts: Floats, sigma: float) -> Floats:
+    reach = math.ceil(4 * sigma)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    smooth: Floats = np.convolve(counts, weights / weights.sum())[reach:-reach]
+    return smooth
 
 
 def _gains(values: Floats, weights: Floats) -> Floats:

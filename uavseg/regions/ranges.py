@@ -8,7 +8,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.otsu import Classes, multi_otsu, number_of_classes
+from uavseg.raster.otsu import Classes, are_parted, multi_otsu, number_of_classes
 
 MOST_CLASSES = 8  # that may be asked for
 MOST_FOUND = 6  # that are proposed where nobody says how many
@@ -29,10 +29,13 @@ class Cuts:
         Between the ranges, increasing; decimal numbers of few digits.
     classes : Classes
         What the cuts make of the histogram of at most 256 bins.
+    clear : bool
+        Whether all of them are parted by valleys of the histogram.
     """
 
     edges: tuple[float, ...]
     classes: Classes
+    clear: bool
 
 
 def cuts_of(histogram: NDArray[np.int64], wanted: int | None = None) -> Cuts:
@@ -43,19 +46,20 @@ def cuts_of(histogram: NDArray[np.int64], wanted: int | None = None) -> Cuts:
     histogram : (65536,) int64 array
         Valid pixels by the mean grey of their leaf; not all 0.
     wanted : int, optional
-        Number of classes; fewer where there are not as many different means. The histogram's own number,
-        of 2 to 6, if left out.
+        Number of classes; fewer where there are not as many different means. Where it is left out, the
+        most, of 2 to 6, between which the histogram has valleys.
     """
     first, last = np.flatnonzero(histogram)[[0, -1]]
     width = -(-(int(last) - int(first) + 1) // BINS)
     held = histogram[first : last + 1]
-    found = multi_otsu(np.add.reduceat(held, np.arange(0, held.size, width)), wanted or MOST_FOUND)
-    classes = number_of_classes(found) if wanted is None else found[-1]
+    bins = np.add.reduceat(held, np.arange(0, held.size, width))
+    found = multi_otsu(bins, wanted or MOST_FOUND)
+    classes = number_of_classes(bins, found) if wanted is None else found[-1]
     pairs = zip(classes.ends, classes.starts, strict=True)
     gaps = [
         (int(first) + low, int(first) + high) for low, high in (_gap(held, width, *pair) for pair in pairs)
     ]
-    return Cuts(_edges(histogram, gaps, width), classes)
+    return Cuts(_edges(histogram, gaps, width), classes, are_parted(bins, classes))
 
 
 def _gap(held: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:
@@ -86,7 +90,7 @@ def beside_means(edge: float) -> float:
 def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width: int) -> tuple[float, ...]:
     """A number for each gap between two greys: of few digits, and no range is left empty."""
     below = np.concatenate([[0], np.cumsum(histogram)])
-    ends = [*(gap[0] for gap in gaps[1:]), FULL]
+    ends = [gap[0] for gap in gaps[1:]] + [FULL] * bool(gaps)
     edges: list[float] = []
     for gap, end in zip(gaps, ends, strict=True):
         under = below[math.floor(edges[-1] * FULL) + 1] if edges else 0

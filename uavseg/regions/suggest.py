@@ -171,9 +171,9 @@ def _doubts(cuts: Cuts, wanted: int | None, histogram: NDArray[np.int64]) -> tup
         return (f"all leaves have the mean v = {v:.4g}: one class, and no range to choose",)
     if wanted is not None and found.count < wanted:
         return (f"the means of the leaves fall into {found.count} bins, which are no {wanted} classes",)
-    if found.spread >= 1:
+    if wanted is None and not cuts.clear:
         return (
-            f"the histogram shows no clear classes (they explain {found.explained:.0%} of its variance); "
-            "look at the picture (-o) before you trust a cut",
+            "the means of the leaves make one hump, without a valley where a cut would be sure; "
+            "look where it lies (-o look.png) before you trust it",
         )
     return ()
