@@ -39,7 +39,7 @@ def test_no_other_cuts_leave_less_variance(histogram: list[int], most: int) -> N
         assert whole * (1 - classes.explained) == pytest.approx(own, abs=1e-9)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=100)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 4))
 def test_cuts_are_as_good_as_those_of_scikit_image(seed: int, classes: int) -> None:
     filters = pytest.importorskip("skimage.filters")
@@ -50,11 +50,11 @@ def test_cuts_are_as_good_as_those_of_scikit_image(seed: int, classes: int) -> N
     histogram = np.histogram(np.clip(samples, 0, 63), 64, (0, 64))[0]
     if np.count_nonzero(histogram) <= classes:
         return
-    theirs = filters.threshold_multiotsu(hist=(histogram, np.arange(64)), classes=classes)
-    ours = begins_of(multi_otsu(histogram, classes)[-1])
+    # An empty bin before it: scikit-image 0.26 takes the first bin for the second where it holds something.
+    theirs = filters.threshold_multiotsu(hist=(np.pad(histogram, (1, 0)), np.arange(-1, 64)), classes=classes)
     told = within(histogram.tolist(), tuple(int(cut) + 1 for cut in theirs))
-    best = within(histogram.tolist(), ours)
-    single = 2e-4 * within(histogram.tolist(), ())  # they count in single precision
+    best = within(histogram.tolist(), begins_of(multi_otsu(histogram, classes)[-1]))
+    single = 3e-5 * float((histogram * np.arange(1, 65) ** 2).sum())  # the precision of their moments
     assert best <= told * (1 + 1e-9) and told <= best + single
 
 

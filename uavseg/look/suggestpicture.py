@@ -86,14 +86,15 @@ def _view(frame: Frame, least: float) -> tuple[tuple[float, float, float, float]
 
 
 def _draw_map(ax: Any, unit: float, frame: Frame, found: Suggestions, dataset: Dataset | None) -> None:
+    counts = found.blocks.counts
     if dataset is not None:
         draw_raster(ax, dataset, frame, found.about.stretch)
     else:
-        counts = found.blocks.counts
         greys = (found.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
         draw_cells(ax, greys, counts > 0, frame, MOST_PIXELS)
     if found.ranges:
-        RangeLayer.of(found.intervals, len(found.ranges), frame, MOST_PIXELS).draw(ax)
+        seen = found.intervals * (counts > 0)  # a leaf may reach into nodata
+        RangeLayer.of(seen, len(found.ranges), frame, MOST_PIXELS).draw(ax)
     draw_scale_bar(ax, frame, unit)
     draw_north(ax, frame, unit)
 
