@@ -140,6 +140,8 @@ def test_one_class_is_an_answer() -> None:
     assert result.stdout == "one class: there is no range to choose\n"
     assert "uavseg: warning: all leaves have the mean v = 0.2" in result.stderr and Path("look.png").exists()
     assert facts("a.tif") == []
+    [told] = json.loads(done("suggest", "a.tif", "--json", "-q").stdout)["warnings"]
+    assert "no range to choose" in told
 
 
 @pytest.mark.parametrize(

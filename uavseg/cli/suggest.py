@@ -166,6 +166,7 @@ def _as_json(found: Suggestions, commands: list[str]) -> str:
         "stretch": found.about.stretch.name,
         "explained": found.explained,
         "ranges": ranges,
+        "warnings": found.warnings,
     }
     return json.dumps(facts, indent=2, allow_nan=False)
 
