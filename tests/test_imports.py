@@ -108,6 +108,7 @@ PHASES = {
     "division": {"texture"},  # its kernel takes the symbols of a block as they are made
     "blockmap": {"division"},
     "segments": {"blockmap"},
+    "leafmeans": {"blockmap"},
     "refinement": set(),
     "statescans": set(),
     "components": set(),

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from uavseg.api import extract as extract
     from uavseg.api import levels as levels
     from uavseg.api import path as path
+    from uavseg.api import suggest as suggest
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.planner import PlanParams as PlanParams
     from uavseg.flight.planner import plan as plan
@@ -33,6 +34,7 @@ _HOMES = {
     "classify": "uavseg.api",
     "levels": "uavseg.api",
     "path": "uavseg.api",
+    "suggest": "uavseg.api",
     "plan": "uavseg.flight.planner",
     "PlanParams": "uavseg.flight.planner",
     "Dataset": "uavseg.raster.dataset",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from uavseg.given import area_of, dataset_of, map_of, warn_of, workers_of
+from uavseg.errors import ParameterError
+from uavseg.given import area_of, dataset_of, map_of, warn_of, warn_that, workers_of
 from uavseg.occupancy.classify import Classification
 from uavseg.occupancy.classify import classify as _classify
 from uavseg.occupancy.free import FreeCells
@@ -18,6 +19,9 @@ from uavseg.regions.extract import ExtractParams
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
 from uavseg.regions.levels import extract_levels
+from uavseg.regions.suggest import Suggestion, suggest_from_blocks
+from uavseg.regions.suggest import suggest as _suggest
+from uavseg.segmentation.blockfile import is_block_map, load
 from uavseg.segmentation.pipeline import SegmentParams
 from uavseg.segmentation.segments import IntensityRange, Levels, StateLimits
 from uavseg.segmentation.source import GreySource
@@ -245,6 +249,82 @@ def divide(
     blocks, _ = _divide(dataset_of(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
     warn_of(bad)
     return blocks
+
+
+def suggest(
+    source: Any,
+    classes: int | str = "auto",
+    *,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> list[Suggestion]:
+    """Ranges of v that a raster suggests by itself: the classes of the means of its leaves.
+
+    Parameters
+    ----------
+    source
+        As of `extract`; or the path of a block map, which answers by itself.
+    classes : int or "auto"
+        How many ranges, 2 to 8; as many as the histogram of means has by itself, if left out.
+    band, ..., skip_bad_tiles
+        As of `extract`.
+
+    Returns
+    -------
+    ranges : list of Suggestion
+        The darkest first: `low` and `high`, together `range`; valid `pixels` and their `share` of all;
+        `regions`, their number before boundaries are refined. Empty where all leaves have one mean. What
+        makes the ranges doubtful is told in a warning.
+
+    Raises
+    ------
+    UavsegError
+        As of `extract`, and if no pixel is valid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uavseg
+    >>> field = np.full((64, 64), 60, np.uint8)
+    >>> field[16:32, 16:48] = 200
+    >>> for found in uavseg.suggest(field):
+    ...     print(found.range, found.share, found.regions)
+    (0.0, 0.51) 0.875 1
+    (0.51, 1.0) 0.125 1
+    """
+    number = _number_of(classes)
+    segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
+    params = ExtractParams(segment, stretch, tile=tile)
+    bad: set[BadBlock] = set()
+    if isinstance(source, str | os.PathLike) and is_block_map(source):
+        if (band, rgb, nodata, stretch) != (None, None, None, "auto"):
+            raise ParameterError("a block map has its bands, nodata and stretch already")
+        found = suggest_from_blocks(load(source), number, params)
+    else:
+        dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
+        run = listing(workers_of(threads, resume), bad)
+        found = _suggest(dataset, number, params, run, progress)
+    warn_of(bad)
+    warn_that(found.warnings)
+    return list(found.ranges)
+
+
+def _number_of(classes: int | str) -> int | None:
+    if classes == "auto":
+        return None
+    if not isinstance(classes, int):
+        raise ParameterError(f'classes are "auto" or a number, not {classes!r}')
+    return classes
 
 
 def path(

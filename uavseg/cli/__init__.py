@@ -14,6 +14,7 @@ from uavseg.errors import UavsegError
 
 _COMMANDS = {
     "extract": "Extract regions within a range of intensity.",
+    "suggest": "Propose ranges of intensity, with what each would give.",
     "levels": "Divide a raster into levels of equal width, and each into segments.",
     "classify": "Find what is free, unknown and occupied in a map of probabilities.",
     "divide": "Save a raster's block map, from which any range is answered.",

@@ -132,7 +132,7 @@ def extract_from_blocks(
 
 def divide(
     dataset: Dataset,
-    stretch: StretchSpec | str = "auto",
+    stretch: Stretch | StretchSpec | str = "auto",
     tile: int | None = None,
     map: Map = serial,
     progress: Progress | None = None,
