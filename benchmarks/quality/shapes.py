@@ -29,8 +29,8 @@ def roads(side: int, dice: Dice) -> Mask:
 def road(side: int, width: float, dice: Dice) -> Mask:
     """A road that sways from one end of the picture to the other."""
     along, across = turned(side, dice.uniform(0, np.pi))
-    turn = 2 * np.pi / (side * dice.uniform(0.4, 1))
-    sway, phase, offset = dice.uniform(5, 25), dice.uniform(0, 6), dice.uniform(-0.4, 0.4) * side
+    turn = 2 * np.pi / (side * dice.uniform(0.6, 1.2))
+    sway, phase, offset = dice.uniform(5, 15), dice.uniform(0, 6), dice.uniform(-0.4, 0.4) * side
     beside = across - offset - sway * np.sin(turn * along + phase)
     steep = sway * turn * np.cos(turn * along + phase)
     return np.asarray(np.abs(beside) / np.hypot(1, steep) < width / 2)
