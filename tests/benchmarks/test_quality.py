@@ -80,7 +80,8 @@ def test_a_texture_has_mean_0_and_deviation_1(texture: textures.Texture) -> None
 def test_roads_are_as_wide_as_they_say() -> None:
     for width in range(3, 13):
         inside = shapes.road(400, width, dice(width))
-        assert ndimage.distance_transform_edt(inside).max() == pytest.approx(width / 2, abs=0.9)
+        deep = ndimage.distance_transform_edt(inside)[30:-30, 30:-30]  # what leaves the picture has one side
+        assert deep.max() == pytest.approx(width / 2, abs=0.9)
         assert ndimage.label(inside, np.ones((3, 3)))[1] == 1
 
 
