@@ -23,7 +23,7 @@ def blobs(side: int, dice: Dice) -> Mask:
 
 def roads(side: int, dice: Dice) -> Mask:
     """Ten bent roads, 3 to 12 pixels wide, which cross."""
-    return np.logical_or.reduce([road(side, width, dice) for width in range(3, 13)])
+    return np.asarray(np.logical_or.reduce([road(side, width, dice) for width in range(3, 13)]))
 
 
 def road(side: int, width: float, dice: Dice) -> Mask:

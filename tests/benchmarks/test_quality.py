@@ -277,7 +277,7 @@ def test_the_tables_say_who_is_best_where() -> None:
     text = tables(found, 1)
     lines = {line.split("|")[1].strip(): line for line in text.splitlines() if line.startswith("| ")}
     assert "### Intersection over union" in text
-    assert "behind the best peer's default: rows." in text
+    assert "behind the best peer's default in 1 of 2 families: rows." in text
     assert "uavseg 0.900; blur at its best setting in each family 0.970" in text
     assert "0.900" in lines["uavseg, default"] and "0.845" in lines["blur, default"]
     assert "0.970" in lines["blur, best"]
