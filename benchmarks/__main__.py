@@ -153,13 +153,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=int, default=3, help="scenes of each family of the section quality")
     parser.add_argument(
         "--families",
-        type=_names,
-        help="families of the section quality, or how their names begin, with commas; such a table is "
-        "printed, not kept",
+        type=_families,
+        help="how families of the section quality begin, with commas; such a table is printed, not kept",
     )
     parser.add_argument(
         "--refine",
-        type=_names,
+        type=_refinements,
         default=[],
         help="further refinements of uavseg that the section quality measures, with commas",
     )
@@ -172,6 +171,25 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--readme", type=Path, default=table.README, help=argparse.SUPPRESS)
     return parser
+
+
+def _families(text: str) -> list[str]:
+    from benchmarks.quality.section import meant
+
+    try:
+        return meant(_names(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _refinements(text: str) -> list[str]:
+    from benchmarks.quality.ours import settings
+
+    try:
+        settings(_names(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return _names(text)
 
 
 def _names(text: str) -> list[str]:

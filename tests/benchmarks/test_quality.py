@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from hypothesis.strategies import SearchStrategy
 from scipy import ndimage
 
+from benchmarks import __main__ as command
 from benchmarks.quality import metrics, peers, planes, section, shapes, summary, textures
 from benchmarks.quality.camera import Camera
 from benchmarks.quality.methods import Method, methods
@@ -283,10 +284,25 @@ def test_the_tables_say_who_is_best_where() -> None:
     assert "0.970" in lines["blur, best"]
 
 
-def test_families_are_named_by_how_they_begin() -> None:
-    assert section.meant(None) == list(FAMILIES)
-    with pytest.raises(ValueError, match="no family begins with moon"):
-        section.meant(["moon"])
+def test_the_section_prints_some_families_and_keeps_nothing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = [method for method in methods() if method.who in ("uavseg", "Otsu")]
+    monkeypatch.setattr(section, "methods", lambda words: few)
+    monkeypatch.setattr(command.table, "keep", lambda *_: pytest.fail("a part of the table was kept"))
+    command.main(["--quality", "--seeds", "1", "--families", "sand"])
+    printed = capsys.readouterr().out
+    assert "| sand " in printed and "| rows " not in printed and "adaptive, scan" in printed
+
+
+@pytest.mark.parametrize(
+    ("option", "told"),
+    [("--families=moon", "no family begins with moon; there are blobs"), ("--refine=magic", "refinement is")],
+)
+def test_what_is_unknown_is_told(option: str, told: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        command.main(["--quality", option])
+    assert told in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("module", [metrics, peers, planes, section, shapes, summary])
