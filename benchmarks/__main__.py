@@ -1,4 +1,4 @@
-"""``python -m benchmarks``: measure, print one table, and keep it in README.md."""
+"""``python -m benchmarks``: measure, print tables, and keep them in README.md and docs/quality.md."""
 
 import argparse
 import sys
@@ -16,7 +16,7 @@ from benchmarks.paths import searches
 from benchmarks.phases import phases
 from benchmarks.robot import steps
 from benchmarks.scale import again, growing, kinds, threading
-from benchmarks.scenes import KINDS, Scene, ready
+from benchmarks.scenes import KINDS, PROJECT, Scene, ready
 from benchmarks.smallmap import tasks
 from benchmarks.startup import starts
 from benchmarks.vectors import vectorised
@@ -31,8 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for section in sections:
         text = _SECTIONS[section](options)
         print(f"\n## {section}\n\n{text}", flush=True)
-        if options.keep and options.only is None:
-            table.keep(section, text, options.readme)
+        if options.keep and options.only is None and options.families is None:
+            table.keep(section, text, _KEPT_IN.get(section, options.readme))
 
 
 def _processes(options: argparse.Namespace) -> str:
@@ -92,6 +92,12 @@ def _accuracy(options: argparse.Namespace) -> str:
     return table.accuracy(*accuracy())
 
 
+def _quality(options: argparse.Namespace) -> str:
+    from benchmarks.quality.section import quality  # scipy and scikit-image, which others do not need
+
+    return quality(options.seeds, options.refine, options.families, _tell)
+
+
 def _smallmap(options: argparse.Namespace) -> str:
     return table.small_maps(tasks())
 
@@ -115,7 +121,9 @@ _SECTIONS = {
     "smallmap": _smallmap,
     "accuracy": _accuracy,
     "robot": _robot,
+    "quality": _quality,
 }
+_KEPT_IN = {"quality": PROJECT / "docs" / "quality.md"}
 
 
 def _tell(line: str) -> None:
@@ -142,13 +150,50 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--only", type=_competitors, help="names with commas; such a table is printed, not kept"
     )
+    parser.add_argument("--seeds", type=int, default=3, help="scenes of each family of the section quality")
+    parser.add_argument(
+        "--families",
+        type=_families,
+        help="how families of the section quality begin, with commas; such a table is printed, not kept",
+    )
+    parser.add_argument(
+        "--refine",
+        type=_refinements,
+        default=[],
+        help="further refinements of uavseg that the section quality measures, with commas",
+    )
     for section in _SECTIONS:
         parser.add_argument(
             f"--{section}", dest="sections", action="append_const", const=section, help="this section only"
         )
-    parser.add_argument("--no-keep", dest="keep", action="store_false", help="leave README.md as it is")
+    parser.add_argument(
+        "--no-keep", dest="keep", action="store_false", help="leave the documents as they are"
+    )
     parser.add_argument("--readme", type=Path, default=table.README, help=argparse.SUPPRESS)
     return parser
+
+
+def _families(text: str) -> list[str]:
+    from benchmarks.quality.section import meant
+
+    try:
+        return meant(_names(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _refinements(text: str) -> list[str]:
+    from benchmarks.quality.ours import settings
+
+    try:
+        settings(_names(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return _names(text)
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",")]
 
 
 def _numbers(text: str) -> list[int]:

@@ -1,0 +1,45 @@
+"""uavseg as a method: what ``uavseg extract`` gives, over an array in memory."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from affine import Affine
+
+from benchmarks.quality.camera import Mask
+from benchmarks.quality.scenes import RANGE, Scene
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.tiling import Window
+from uavseg.regions.extract import ExtractParams, extract
+from uavseg.regions.painting import Painter
+from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.segments import IntensityRange
+
+DEFAULT = "default"
+SETTINGS = {
+    DEFAULT: SegmentParams(),
+    "paper, none": SegmentParams("paper", refine="none"),
+    "paper, scan": SegmentParams("paper", refine="scan"),
+    "adaptive, scan": SegmentParams("adaptive", refine="scan"),
+    "adaptive, smooth": SegmentParams("adaptive", refine="smooth"),
+}
+
+
+def settings(words: Sequence[str] = ()) -> dict[str, SegmentParams]:
+    """Our settings by name, and the adaptive method with each of these words of refinement.
+
+    Raises
+    ------
+    uavseg.errors.ParameterError
+        If a word means nothing.
+    """
+    return SETTINGS | {f"adaptive, {word}": SegmentParams(refine=word) for word in words}  # type: ignore[arg-type]
+
+
+def extracted(scene: Scene, params: SegmentParams) -> Mask:
+    """Pixels of the regions of a scene."""
+    dataset = Dataset.of_values(scene.v, GeoBox(scene.v.shape, Affine.identity(), None), "scene")
+    found = extract(dataset, IntensityRange(*RANGE), ExtractParams(params, "none"))
+    if len(found.rings.starts) == 0:
+        return np.zeros(scene.v.shape, bool)
+    return Painter(found.rings)(Window(0, 0, *scene.v.shape)) > 0
