@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from uavseg.api import divide as divide
     from uavseg.api import extract as extract
     from uavseg.api import levels as levels
+    from uavseg.api import match as match
     from uavseg.api import path as path
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.planner import PlanParams as PlanParams
@@ -32,6 +33,7 @@ _HOMES = {
     "divide": "uavseg.api",
     "classify": "uavseg.api",
     "levels": "uavseg.api",
+    "match": "uavseg.api",
     "path": "uavseg.api",
     "plan": "uavseg.flight.planner",
     "PlanParams": "uavseg.flight.planner",
