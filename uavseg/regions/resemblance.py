@@ -109,9 +109,8 @@ def scored(
         windows, map(partial(_score_tile, source, criterion), windows, progress), strict=True
     ):
         if found is not None:
-            own, texture, greys = found
-            best[window_cells(window)] = own
-            rest += Model(texture, greys)
+            best[window_cells(window)], unlike = found
+            rest += unlike
     return Scored(best, rest)
 
 
@@ -203,7 +202,7 @@ def _sum_scores(
 
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], NDArray[np.int64], NDArray[np.int64]] | None:
+) -> tuple[NDArray[np.uint16], Model] | None:
     """Scores of a tile's cells, and the histograms of those that are unlike the sample."""
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
@@ -213,8 +212,7 @@ def _score_tile(
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
     unlike = ((best > criterion.limit) & (best != UNKNOWN)).view(np.uint8)
-    rest = model_of(names, grey, unlike, halo)
-    return best, rest.texture, rest.greys
+    return best, model_of(names, grey, unlike, halo)
 
 
 def _outline_match(

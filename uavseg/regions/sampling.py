@@ -71,8 +71,8 @@ def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: i
     SampleError
         If it has too few pixels with a texture.
     """
-    [(texture, greys, own, moments)] = map(partial(_look, source, cuts, side), [place])
-    model, largest = Model(texture, greys), (CELL * side) ** 2
+    [(model, own, moments)] = map(partial(_look, source, cuts, side), [place])
+    largest = (CELL * side) ** 2
     if model.count == 0:
         raise SampleError("the sample has no valid pixel with valid neighbours; it lies on nodata, it seems")
     if model.count < 2 * largest or len(own) == 0:
@@ -103,7 +103,7 @@ def _radius(source: GreySource, pixels: int) -> str:
 
 def _look(
     source: GreySource, cuts: NDArray[np.int32], side: int, place: Place
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint64]]:
+) -> tuple[Model, NDArray[np.uint16], NDArray[np.uint64]]:
     """Histograms of a sample, the scores of its windows, and number, sum and sum of squares of its greys."""
     tile = source.read(place.window, 1)
     names = symbols(tile.grey, None if tile.every else tile.valid, cuts)
@@ -116,4 +116,4 @@ def _look(
     scores = window_scores(names, grey, model, side, left_out=True)
     counted = grey[names != UNCOUNTED].astype(np.uint64)
     moments = np.array([len(counted), counted.sum(), (counted * counted).sum()], np.uint64)
-    return model.texture, model.greys, scores[scores != UNKNOWN], moments
+    return model, scores[scores != UNKNOWN], moments
