@@ -166,7 +166,7 @@ def match(
     like: str | os.PathLike[str] | tuple[float, float, float],
     *,
     window: int = 32,
-    similarity: float = 0.8,
+    similarity: float = 0.9,
     intensity: float = 1.0,
     band: int | None = None,
     rgb: tuple[int, int, int] | None = None,

@@ -151,14 +151,16 @@ def test_pieces_are_the_whole() -> None:
     assert_geodataframe_equal(one, two)
 
 
-def test_the_program_itself_reads_a_sample() -> None:
-    """It leaves out what commands do not need."""
+def test_the_program_itself_reads_files_of_regions() -> None:
+    """It leaves out libraries that a command does not need: these two need them."""
     write()
     sample("s.geojson", "EPSG:4326")
-    command = [sys.executable, "-m", "uavseg", "match", "a.tif", "--like", "s.geojson", "-o", "a.fgb"]
-    told = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert told.returncode == 0, told.stderr
-    assert len(geopandas.read_file("a.fgb"))
+    match = ["match", "a.tif", "--like", "s.geojson", "-o", "a.fgb", "-q"]
+    plan = ["plan", "a.fgb", "--altitude", "60", "--home", "auto", "-o", "a.plan", "-q"]
+    for words in (match, plan):
+        told = subprocess.run([sys.executable, "-m", "uavseg", *words], capture_output=True, text=True)
+        assert (told.returncode, told.stderr) == (0, "")
+    assert Path("a.plan").exists()
 
 
 def test_nothing_found_is_told() -> None:

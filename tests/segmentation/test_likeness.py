@@ -1,7 +1,7 @@
 """G of moving windows: against a slow plain version, and wherever a window begins to move."""
 
 from collections import Counter
-from math import log
+from math import comb, log
 
 import numpy as np
 import pytest
@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from uavseg.segmentation.division import likelihood_ratio
 from uavseg.segmentation.likeness import (
+    EVEN,
     UNITS,
     UNKNOWN,
     UNLIKE,
     Bounds,
     Model,
     best_scores,
+    chance,
     model_of,
     smallest_count,
     window_scores,
@@ -50,6 +52,18 @@ def plain_g(one: Counter[int], other: Counter[int]) -> float:
     return 2 * (cells - totals - symbols + n_ln_n(one.total() + other.total()))
 
 
+def plain_chance(counts: list[int], share: float) -> float:
+    """The expectation of G where each pixel is the window's with a probability of `share`."""
+
+    def part(n: int) -> float:
+        entropy = -share * log(share) - (1 - share) * log(1 - share)
+        ways = [comb(n, f) * share**f * (1 - share) ** (n - f) for f in range(n + 1)]
+        split = [n * log(n) - sum(m * log(m) for m in (f, n - f) if m) for f in range(n + 1)]
+        return 2 * (n * entropy - sum(way * lost for way, lost in zip(ways, split, strict=True)))
+
+    return sum(part(n) for n in counts)
+
+
 def plain_scores(names: Image, model: Counter[int], side: int, left_out: bool) -> NDArray[np.float64]:
     rows, cols = (length // 8 - side + 1 for length in names.shape)
     found = np.full((rows, cols), np.nan)
@@ -57,23 +71,26 @@ def plain_scores(names: Image, model: Counter[int], side: int, left_out: bool) -
         for col in range(cols):
             cut = names[8 * row : 8 * (row + side), 8 * col : 8 * (col + side)]
             window = Counter(cut[cut != UNCOUNTED].tolist())
-            if window.total() >= smallest_count(side):
-                found[row, col] = plain_g(window, model - window if left_out else model) / window.total()
+            if window.total() < smallest_count(side):
+                continue
+            rest = model - window if left_out else model
+            share = (8 * side) ** 2 / (model.total() + (0 if left_out else (8 * side) ** 2))
+            by_chance = plain_chance(list((rest + window).values()), share)
+            found[row, col] = (plain_g(window, rest) - by_chance) / window.total()
     return found
 
 
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
-    shape=st.tuples(st.integers(2, 6), st.integers(2, 6)),
-    side=st.integers(1, 3),
-    many=st.sampled_from([1, 3, 50, 2000]),
+    shape=st.tuples(st.integers(4, 6), st.integers(4, 6)),
+    side=st.integers(1, 2),
+    many=st.sampled_from([40, 200, 2000]),
     left_out=st.booleans(),
 )
 def test_scores_are_those_of_a_plain_version(
     seed: int, shape: tuple[int, int], side: int, many: int, left_out: bool
 ) -> None:
-    side = min(side, *shape)
     names, grey = drawn(seed, 8 * shape[0], 8 * shape[1], many)
     sample = (names, grey) if left_out else drawn(seed + 1, 64, 40, many)
     model = everything(*sample)
@@ -82,16 +99,43 @@ def test_scores_are_those_of_a_plain_version(
     wanted = plain_scores(names, counts, side, left_out)
     assert np.array_equal(found == UNKNOWN, np.isnan(wanted))
     known = found != UNKNOWN
-    assert np.abs(found[known] / UNITS - wanted[known]).max(initial=0) < 2 / UNITS
+    assert np.abs((found[known].astype(int) - EVEN) / UNITS - wanted[known]).max(initial=0) < 2 / UNITS
 
 
-def test_a_score_is_g_between_blocks() -> None:
+def test_a_score_is_g_between_blocks_beyond_chance() -> None:
     """The statistic is the one that blocks are divided by."""
     (names, grey), (other, _) = drawn(1, 16, 16), drawn(2, 32, 32)
     model = everything(other, other)
     own = everything(names, grey)
     [[score]] = window_scores(names, grey, model, 2)
-    assert score / UNITS == pytest.approx(likelihood_ratio(own.texture, model.texture) / own.count, abs=0.002)
+    g = likelihood_ratio(own.texture, model.texture)
+    both = own.texture + model.texture
+    by_chance = chance(int(both.max()), 256 / (256 + model.count))[both].sum()
+    assert (score - EVEN) / UNITS == pytest.approx((g - by_chance) / own.count, abs=0.002)
+
+
+@pytest.mark.parametrize("many", [20, 200, 2000])
+def test_windows_of_the_models_own_source_score_what_chance_makes(many: int) -> None:
+    """However many symbols there are: without the correction, G per pixel is 0.1, 0.6 and 2 here."""
+    rng = np.random.default_rng(many)
+    likely = rng.random(many) ** 3
+    sample, image = (rng.choice(many, shape, p=likely / likely.sum()) for shape in ((64, 64), (256, 256)))
+    sample, image = sample.astype(np.uint16), image.astype(np.uint16)
+    model = everything(sample, sample)
+    for scores in (
+        window_scores(image, image, model, 2),
+        window_scores(sample, sample, model, 2, left_out=True),
+    ):
+        assert (scores.mean() - EVEN) / UNITS == pytest.approx(0, abs=0.04)
+    other = window_scores((image + many // 2) % np.uint16(many), image, model, 2)
+    assert (other.min() - float(EVEN)) / UNITS > 0.3
+
+
+@given(most=st.integers(1, 900), share=st.floats(0.001, 0.5))
+@settings(max_examples=30, deadline=None)
+def test_chance_is_interpolated_closely(most: int, share: float) -> None:
+    assert chance(most, share)[most] == pytest.approx(plain_chance([most], share), rel=1e-6, abs=1e-9)
+    assert chance(5000, share)[most] == pytest.approx(chance(most, share)[most], rel=0.01)
 
 
 @settings(max_examples=20, deadline=None)
@@ -105,34 +149,36 @@ def test_where_a_window_begins_to_move_changes_nothing(seed: int, row: int, col:
     assert np.array_equal(cut, whole[row:, col:])
 
 
-def test_a_window_with_the_proportions_of_the_model_scores_0() -> None:
+def test_a_window_with_the_proportions_of_the_model_scores_less_than_chance() -> None:
     names, grey = drawn(3, 16, 16, missing=0)
     model = everything(np.tile(names, (2, 3)), np.tile(grey, (2, 3)))
-    assert window_scores(names, grey, model, 2).tolist() == [[0]]
+    by_chance = chance(2000, 256 / (256 + model.count))[model.texture * 7 // 6].sum()
+    [[score]] = window_scores(names, grey, model, 2)
+    assert (int(score) - EVEN) / UNITS == pytest.approx(-by_chance / 256, abs=0.002)
 
 
 def test_windows_that_share_nothing_score_the_most() -> None:
     names, grey = np.full((16, 16), 7, np.uint16), np.zeros((16, 16), np.uint16)
     one, two = everything(names, grey), everything(names + np.uint16(1), grey)
-    [[score]] = window_scores(names, grey, two, 2)
-    assert score / UNITS == pytest.approx(4 * log(2), abs=0.001)
-    [[score]] = window_scores(names, grey, one + two + two + two, 2)
-    assert 0 < score / UNITS < 4 * log(2)
+    [[most]] = window_scores(names, grey, two, 2)
+    assert (most - EVEN) / UNITS == pytest.approx(4 * log(2) - 2 / 256, abs=0.001)  # chance: 1 a symbol
+    [[less]] = window_scores(names, grey, one + two, 2)
+    assert EVEN < less < most
 
 
 def test_the_mean_must_lie_in_the_bounds() -> None:
     names, grey = np.full((16, 16), 7, np.uint16), np.full((16, 16), 500, np.uint16)
     model = everything(names, grey)
-    for bounds, wanted in [((500, 500), 0), ((0, 499), UNLIKE), ((501, 65535), UNLIKE)]:
-        assert window_scores(names, grey, model, 2, Bounds(*bounds)).tolist() == [[wanted]]
+    for bounds, like in [((500, 500), True), ((0, 499), False), ((501, 65535), False)]:
+        assert (window_scores(names, grey, model, 2, Bounds(*bounds)) < UNLIKE).tolist() == [[like]]
 
 
-def test_a_window_needs_three_quarters_of_its_pixels() -> None:
+def test_a_window_needs_seven_eighths_of_its_pixels() -> None:
     names, grey = np.full((16, 16), 7, np.uint16), np.zeros((16, 16), np.uint16)
     model = everything(names, grey)
-    names[:4] = UNCOUNTED
-    assert window_scores(names, grey, model, 2).tolist() == [[0]]
-    names[4, 0] = UNCOUNTED
+    names[:2] = UNCOUNTED
+    assert (window_scores(names, grey, model, 2) < UNLIKE).all()
+    names[2, 0] = UNCOUNTED
     assert window_scores(names, grey, model, 2).tolist() == [[UNKNOWN]]
 
 

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 @click.option(
     "--similarity",
     type=float,
-    default=0.8,
+    default=0.9,
     show_default=True,
     metavar="S",
     help="How like the sample's own windows a window must be, up to 1; less finds more.",
@@ -170,7 +170,7 @@ def _tell(match: Match, target: str, reporter: Reporter) -> None:
         "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {unit}",
         "largest": largest(found, unit),
         "sample": f"{sample.model.count:,} pixels, v {mean:.3f} +- {deviation:.3f}",
-        "G per pixel": f"{match.own:.3f} in the sample, up to {match.limit:.3f} is like it",
+        "G per pixel": f"{match.own:.3f} beyond chance in the sample, up to {match.limit:.3f} is like it",
         "stretch": found.stretch.name,
         "band": found.band_names,
         "seconds": f"{reporter.seconds:.2f}",

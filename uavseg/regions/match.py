@@ -24,11 +24,11 @@ from uavseg.regions.extract import windows_of
 from uavseg.regions.extraction import About, Extraction, measured
 from uavseg.regions.joining import Outlined
 from uavseg.regions.like import Disc, place_of
-from uavseg.regions.resemblance import Criterion, Scored, outline_matches, scored, similarities
+from uavseg.regions.resemblance import Criterion, Scored, mean_scores, outline_matches, scored
 from uavseg.regions.sampling import Sample, sample_of
 from uavseg.regions.segmentwise import outline_segments
 from uavseg.regions.tilewise import summed
-from uavseg.segmentation.likeness import UNITS
+from uavseg.segmentation.likeness import EVEN, UNITS
 from uavseg.segmentation.pipeline import measure, stages
 from uavseg.segmentation.pixelwise import Weights, open_cells
 from uavseg.segmentation.source import GreySource
@@ -45,8 +45,8 @@ class MatchParams:
     window : int
         Side in pixels of the window whose texture is compared.
     similarity : float
-        How like the sample a window must be, above 0 and at most 1: its G per pixel is at most that of the
-        sample's own windows over this. A smaller one finds more.
+        How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`. A smaller one
+        finds more.
     intensity : float
         By how many of the sample's standard deviations the mean of a window may differ from the sample's;
         infinite for texture alone.
@@ -62,7 +62,7 @@ class MatchParams:
     """
 
     window: int = 32
-    similarity: float = 0.8
+    similarity: float = 0.9
     intensity: float = 1.0
     refine: str = "pixel"
     stretch: Stretch | StretchSpec | str = "auto"
@@ -104,7 +104,7 @@ class Match:
         Its regions have the column `similarity`, 1 where they are as like the sample as it is itself.
     sample : Sample
     limit : float
-        The largest G per pixel of a window that is like the sample.
+        The largest G per pixel, beyond chance, of a window that is like the sample.
     """
 
     found: Extraction
@@ -113,8 +113,8 @@ class Match:
 
     @property
     def own(self) -> float:
-        """G per pixel that nineteen of twenty of the sample's own windows do not exceed."""
-        return self.sample.own / UNITS
+        """G per pixel beyond chance that nineteen of twenty of the sample's own windows do not exceed."""
+        return (self.sample.own - EVEN) / UNITS
 
 
 def match(
@@ -156,8 +156,8 @@ def match(
     give_back()
     outlined = _outlined(source, scores, valid, criterion, params, windows, map, parts[3])
     give_back()
-    found = _extraction(source, outlined, scores, criterion, params, windows, map)
-    return Match(found, sample, criterion.limit / UNITS)
+    found = _extraction(source, outlined, scores, sample, params, windows, map)
+    return Match(found, sample, (criterion.limit - EVEN) / UNITS)
 
 
 def _outlined(
@@ -182,19 +182,19 @@ def _extraction(
     source: GreySource,
     outlined: Outlined,
     scores: Scored,
-    criterion: Criterion,
+    sample: Sample,
     params: MatchParams,
     windows: Sequence[Window],
     map: Map,
 ) -> Extraction:
     """Regions with their attributes; holes are filled before small ones are dropped."""
-    geobox, bounds = source.dataset.geobox, criterion.bounds
+    geobox, bounds = source.dataset.geobox, sample.bounds(params.intensity)
     if params.fill_holes is not None:
         filled = without_small_holes(outlined, geobox, params.fill_holes)
         if filled is not outlined:
             outlined = replace(filled, sums=summed(source, filled, windows, map))
     if params.min_area is not None:
         outlined = without_small_regions(outlined, geobox, params.min_area)
-    more = {"similarity": similarities(outlined, scores.best, criterion.own, windows, map)}
+    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, windows, map))}
     low, high = bounds.low / 65535, bounds.high / 65535
     return measured(outlined, About.source(source), low, high, params.simplify_m, more)

@@ -39,15 +39,13 @@ class Criterion:
     Parameters
     ----------
     model : Model
-        The sample's histograms.
+        The histograms of the sample.
     cuts : (7,) int32 array
         Of the contrast.
     side : int
         Of a window, in cells.
     bounds : Bounds
         Of its mean grey.
-    own : int
-        The score of the sample's own windows.
     limit : int
         The largest score that is like the sample.
     """
@@ -56,7 +54,6 @@ class Criterion:
     cuts: NDArray[np.int32]
     side: int
     bounds: Bounds
-    own: int
     limit: int
 
     @classmethod
@@ -64,8 +61,7 @@ class Criterion:
         cls, sample: Sample, cuts: NDArray[np.int32], side: int, similarity: float, deviations: float
     ) -> "Criterion":
         """What is like a sample to the degree of a similarity, and within some deviations of its mean."""
-        limit = min(int(sample.own / similarity), UNLIKE - 1)
-        return cls(sample.model, cuts, side, sample.bounds(deviations), sample.own, limit)
+        return cls(sample.model, cuts, side, sample.bounds(deviations), sample.limit(similarity))
 
 
 @dataclass(frozen=True)
@@ -140,34 +136,31 @@ def outline_matches(
     return joined(source.shape, windows, tiles).outlined()
 
 
-def similarities(
-    outlined: Outlined, best: NDArray[np.uint16], own: int, windows: Sequence[Window], map: Map
+def mean_scores(
+    outlined: Outlined, best: NDArray[np.uint16], windows: Sequence[Window], map: Map
 ) -> NDArray[np.float64]:
-    """How like a sample regions are: the score of its own windows over the mean score of their pixels.
+    """The mean score of the pixels of each region.
 
     Parameters
     ----------
     outlined : Outlined
     best : (8 B, 8 C) uint16 array
         Scores of cells.
-    own : int
-        The score of the sample's own windows.
     windows, map
 
     Returns
     -------
-    similarity : (n,) float64 array
-        At most 1; NaN where no cell of a region has a score.
+    means : (n,) float64 array
+        NaN where no cell of a region has a score.
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
     jobs = _Scores(Sketches(outlined.rings, windows), best)
     for names, total, count in map(_sum_scores, jobs):
         sums[names] += total
         counts[names] += count
-    with np.errstate(divide="ignore", invalid="ignore"):
-        mean = np.where(counts > 0, np.maximum(sums, 1) / counts, np.nan)[1:]
-    similar: NDArray[np.float64] = np.minimum(max(own, 1) / mean, 1.0)
-    return similar
+    means = np.full(len(sums) - 1, np.nan)
+    np.divide(sums[1:], counts[1:], out=means, where=counts[1:] > 0)
+    return means
 
 
 class _Scores(Sequence[Any]):

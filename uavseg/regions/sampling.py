@@ -13,7 +13,10 @@ from uavseg.raster.ellipsoid import pixel_on_ground
 from uavseg.regions.like import Place
 from uavseg.segmentation.likeness import (
     CELL,
+    EVEN,
+    UNITS,
     UNKNOWN,
+    UNLIKE,
     Bounds,
     Model,
     model_of,
@@ -34,7 +37,8 @@ class Sample:
     ----------
     model : Model
     own : int
-        A score that nineteen of twenty of its windows do not exceed, each against the rest of it.
+        A score that nineteen of twenty of its windows do not exceed, each against the rest of it; at least
+        that of chance.
     mean, deviation : float
         Of the grey of its counted pixels.
     """
@@ -43,6 +47,20 @@ class Sample:
     own: int
     mean: float
     deviation: float
+
+    def limit(self, similarity: float) -> int:
+        """The largest score of what is like the sample to this degree, see `similarity`."""
+        return min(self.own + math.floor(-2 * UNITS * math.log(similarity)), UNLIKE - 1)
+
+    def similarity(self, score: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How like the sample something of a mean score is, from 0 to 1.
+
+        Half of G is a logarithm of a likelihood ratio. So this is by how much, for each pixel, one texture
+        for both explains what is there less well than two, beyond what it does within the sample.
+        """
+        beyond = np.maximum(score - self.own, 0) / UNITS
+        like: NDArray[np.float64] = np.exp(-beyond / 2)
+        return like
 
     def bounds(self, deviations: float) -> Bounds:
         """Greys within so many deviations of the sample's mean, and always within one step of 8 bits."""
@@ -80,7 +98,7 @@ def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: i
     count, total, squares = (int(moment) for moment in moments)
     rank = -(-len(own) * _OWN[0] // _OWN[1])
     variance = (squares * count - total * total) / count**2
-    return Sample(model, int(np.sort(own)[rank - 1]), total / count, math.sqrt(variance))
+    return Sample(model, max(int(np.sort(own)[rank - 1]), EVEN), total / count, math.sqrt(variance))
 
 
 def _too_small(source: GreySource, count: int, window: int) -> str:

@@ -2,8 +2,9 @@
 
 A model is the joint histogram of LBP codes and bins of contrast of a sample's counted pixels. A square window
 moves over the image in steps of one cell of 8 pixels; its score is G of the two histograms (Sokal and Rohlf's
-log-likelihood ratio, as between the children of a block) for each of its counted pixels. Logarithms are in
-fixed point, so that a score is a sum of integers: where a window began to move changes nothing.
+log-likelihood ratio, as between the children of a block), less what chance makes of G (`chance`), for each of
+its counted pixels. Logarithms are in fixed point, so that a score is a sum of integers: where a window began
+to move changes nothing.
 """
 
 from dataclasses import dataclass, field
@@ -16,12 +17,14 @@ from uavseg.segmentation.texture import SYMBOLS, UNCOUNTED
 
 CELL = 8
 UNITS = 2048  # of a score: G for each counted pixel, in parts of this
-UNLIKE = 0xFFFE  # the score of a window whose mean lies outside of what is asked for, and the largest G
+EVEN = 4 * UNITS  # the score where G is what chance makes of it
+UNLIKE = 0xFFFE  # the score of a window whose mean lies outside of what is asked for, and the largest score
 UNKNOWN = 0xFFFF  # the score where no window has enough counted pixels
 GREY_BINS = 64
 
 _FINE = 1 << 20  # fixed point of n ln n
-_FULL_SHARE = (3, 4)  # of a window's pixels that must be counted
+_FULL_SHARE = (7, 8)  # of a window's pixels that must be counted
+_DENSE = 64  # pixels of a symbol up to which chance is computed for every number, and then for each 5 % more
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,7 @@ def model_of(
 
 
 def smallest_count(side: int) -> int:
-    """How many pixels of a window of `side` cells must be counted, that it has a score: three quarters."""
+    """How many pixels of a window of `side` cells must be counted, that it has a score: seven eighths."""
     return (side * CELL) ** 2 * _FULL_SHARE[0] // _FULL_SHARE[1]
 
 
@@ -89,7 +92,7 @@ def window_scores(
     bounds: Bounds = Bounds(),
     left_out: bool = False,
 ) -> NDArray[np.uint16]:
-    """The score of every window: G between its histogram and a model's, for each of its counted pixels.
+    """The score of every window: G against a model beyond chance, for each of its counted pixels.
 
     Parameters
     ----------
@@ -106,20 +109,22 @@ def window_scores(
     Returns
     -------
     scores : (M / 8 - side + 1, N / 8 - side + 1) uint16 array
-        Of the window that begins at each cell: G / pixels in parts of 1 / 2048, rounded down. 65534 where the
-        mean is out of bounds, 65535 where less than three quarters of the window are counted.
+        Of the window that begins at each cell: (G - chance) / pixels in parts of 1 / 2048, rounded down, and
+        `EVEN` more. 65534 where the mean is out of bounds, 65535 where less than seven eighths of the window
+        are counted.
     """
     rows, cols = (length // CELL - side + 1 for length in symbols.shape)
     scores = np.full((max(rows, 0), max(cols, 0)), UNKNOWN, np.uint16)
     if scores.size and model.count:
-        largest = (CELL * side) ** 2
+        above, below, whole = _tables(model, (CELL * side) ** 2, left_out)
         _slide(
             symbols,
             grey,
             side,
             model.texture,
-            np.diff(_n_ln_n(np.arange(int(model.texture.max()) + largest + 2))),
-            _whole(model.count, largest, left_out),
+            above,
+            below,
+            whole,
             left_out,
             smallest_count(side),
             bounds.low,
@@ -153,38 +158,103 @@ def best_scores(scores: NDArray[np.uint16], side: int) -> NDArray[np.uint16]:
     return best
 
 
-def _n_ln_n(n: NDArray[np.int64]) -> NDArray[np.int64]:
-    """n ln n in fixed point; 0 of 0."""
-    return np.rint(n * np.log(np.maximum(n, 1)) * _FINE).astype(np.int64)
+def chance(most: int, share: float) -> NDArray[np.float64]:
+    """What chance makes of G: the part of a symbol, by how many pixels of it both histograms have together.
 
+    If both come from one source, each pixel of a symbol is the window's with a probability of `share`, apart
+    from all others. So the expectation of G is a sum over symbols, close to 1 for each that is frequent and
+    less for the rare. Without it, a window of many rare symbols would seem less like its own kind than like
+    another one of few symbols.
 
-def _whole(total: int, largest: int, left_out: bool) -> NDArray[np.int64]:
-    """(N + n) ln (N + n) - N ln N - n ln n of windows of n = 0..largest counted pixels, in fixed point.
+    Parameters
+    ----------
+    most : int
+        The largest number of pixels.
+    share : float
+        Of the window in the pixels of both.
 
-    N is the model's total, or what is left of that without the window.
+    Returns
+    -------
+    parts : (most + 1,) float64 array
+        2 (n H - E[n ln n - f ln f - (n - f) ln (n - f)]) with f binomial of n and `share`, and H the entropy
+        of `share`. Numbers above 64 are computed for each 5 % more, and interpolated.
+
+    Examples
+    --------
+    >>> chance(1000, 0.2).round(3)[[0, 1, 2, 10, 1000]]
+    array([0.   , 1.001, 1.114, 1.144, 1.001])
     """
+    ln_factorial: NDArray[np.float64] = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, most + 1)))])
+    steps = np.rint(_DENSE * 1.05 ** np.arange(np.log(max(most / _DENSE, 1)) / np.log(1.05) + 1))
+    grid = np.unique(np.minimum(np.concatenate([np.arange(_DENSE), steps]), most)).astype(np.int64)
+    return np.interp(np.arange(most + 1), grid, [_part(n, share, ln_factorial) for n in grid.tolist()])
+
+
+def _part(n: int, share: float, ln_factorial: NDArray[np.float64]) -> float:
+    """What chance makes of G in a symbol of n pixels."""
+    middle, width = n * share, 12 * np.sqrt(n * share * (1 - share)) + 30
+    f = np.arange(max(int(middle - width), 0), min(int(middle + width), n) + 1)
+    ways = ln_factorial[n] - ln_factorial[f] - ln_factorial[n - f]
+    likely = np.exp(ways + f * np.log(share) + (n - f) * np.log1p(-share))
+    entropy = -share * np.log(share) - (1 - share) * np.log1p(-share)
+    both = _x_ln_x(np.array([n])) - _x_ln_x(f) - _x_ln_x(n - f)
+    return float(2 * (n * entropy - (likely * both).sum()))
+
+
+def _tables(
+    model: Model, largest: int, left_out: bool
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """What windows of up to `largest` pixels are scored by, in fixed point; all of it is half of G.
+
+    Returns
+    -------
+    above, below : int64 arrays
+        What one more pixel of a symbol adds, by the pixels of it in both histograms, and in the window; see
+        `gain`.
+    whole : (largest + 1,) int64 array
+        J(N, n) of windows of n counted pixels, less what chance makes of it before a window has any.
+    """
+    total = model.count
     n = np.arange(largest + 1)
     rest = np.maximum(total - n, 0) if left_out else np.full_like(n, total)
-    whole: NDArray[np.int64] = _n_ln_n(rest + n) - _n_ln_n(rest) - _n_ln_n(n)
-    return whole
+    most = int(model.texture.max()) + (0 if left_out else largest + 1)
+    share = min(largest / total, 0.5) if left_out else largest / (total + largest)
+    by_chance = _fixed(chance(most, share) / 2)
+    above: NDArray[np.int64] = np.diff(_fixed(_x_ln_x(np.arange(most + 1))))
+    if not left_out:  # else the pixels of both are those of the model, whatever the window
+        above += np.diff(by_chance)
+    below = np.diff(_fixed(_x_ln_x(np.arange(largest + 2))))
+    whole = _fixed(_x_ln_x(rest + n)) - _fixed(_x_ln_x(rest)) - _fixed(_x_ln_x(n))
+    return above, below, whole - by_chance[model.texture].sum()
+
+
+def _x_ln_x(x: NDArray[np.int64]) -> NDArray[np.float64]:
+    """x ln x; 0 of 0."""
+    product: NDArray[np.float64] = x.astype(np.float64) * np.log(np.maximum(x, 1))
+    return product
+
+
+def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    fixed: NDArray[np.int64] = np.rint(values * _FINE).astype(np.int64)
+    return fixed
 
 
 @inlined
-def gain(frequency, count, steps, left_out):  # type: ignore[no-untyped-def]
-    """What one more pixel of a symbol adds to J(f, n) = (f + n) ln (f + n) - f ln f - n ln n.
+def gain(frequency, count, above, below, left_out):  # type: ignore[no-untyped-def]
+    """What one more pixel of a symbol adds to J(f, n) = (f + n) ln (f + n) - f ln f - n ln n, and to chance.
 
     `count` pixels of the symbol are in the window; those of the model that are not are all `frequency`, or
     (left_out) what the window leaves of them.
     """
     other = frequency - count - 1 if left_out else frequency + count
-    return steps[other] - steps[count]
+    return above[other] - below[count]
 
 
 @kernel(
-    "void(u2[:,::1], u2[:,::1], i8, i8[::1], i8[::1], i8[::1], b1, i8, i8, i8, i8[::1], u2[:,::1])",
+    "void(u2[:,::1], u2[:,::1], i8, i8[::1], i8[::1], i8[::1], i8[::1], b1, i8, i8, i8, i8[::1], u2[:,::1])",
 )
 def _slide(  # type: ignore[no-untyped-def]
-    symbols, grey, side, model, steps, whole, left_out, least, low, high, table, scores
+    symbols, grey, side, model, above, below, whole, left_out, least, low, high, table, scores
 ):
     # One row of windows after the other, from left to right: a column of cells enters, another one leaves.
     rows, cols = scores.shape
@@ -198,7 +268,7 @@ def _slide(  # type: ignore[no-untyped-def]
                     for c in range(8 * entering, 8 * entering + 8):
                         name = symbols[r, c]
                         if name != UNCOUNTED:
-                            shared += gain(model[name], table[name], steps, left_out)
+                            shared += gain(model[name], table[name], above, below, left_out)
                             table[name] += 1
                             counted += 1
                             light += np.int64(grey[r, c])
@@ -207,7 +277,7 @@ def _slide(  # type: ignore[no-untyped-def]
                         name = symbols[r, c]
                         if name != UNCOUNTED:
                             table[name] -= 1
-                            shared -= gain(model[name], table[name], steps, left_out)
+                            shared -= gain(model[name], table[name], above, below, left_out)
                             counted -= 1
                             light -= np.int64(grey[r, c])
             first = entering - side + 1
@@ -216,7 +286,7 @@ def _slide(  # type: ignore[no-untyped-def]
             if light < low * counted or light > high * counted:
                 scores[row, first] = UNLIKE
             else:
-                score = (whole[counted] - shared) // (256 * counted)  # 2 * UNITS / _FINE = 1 / 256
+                score = EVEN + (whole[counted] - shared) // (256 * counted)  # 2 * UNITS / _FINE = 1 / 256
                 scores[row, first] = min(max(score, np.int64(0)), np.int64(UNLIKE))
 
 
