@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -218,6 +219,14 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
     assert not painted(open_)[115, 115] and painted(filled)[115, 115]
     assert filled.found.regions.columns["pixels"].min() >= 900
     assert filled.found.regions.columns["holes"].sum() < open_.found.regions.columns["holes"].sum()
+
+
+def test_a_clearing_is_not_like_the_forest_around_it(shared_data: Path) -> None:
+    raster = Dataset.open(shared_data / "imagery" / "naip_forest_gap_1m.tif")
+    x, y = raster.geobox.xy_from_pixel(230, 100)
+    made = painted(match(raster, Disc(float(x), float(y), 50)))
+    assert made[180:, :60].mean() > 0.95 and made[150:280, 180:].mean() > 0.99
+    assert not made[75:100, 108:125].any() and not made[15:25, 70:90].any()
 
 
 # Samples

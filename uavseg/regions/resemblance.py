@@ -186,11 +186,11 @@ def _sum_scores(
     labels = sketch.paint()
     rows, cols = labels.shape
     scores = best.repeat(CELL, 0)[:rows].repeat(CELL, 1)[:, :cols].astype(np.int64)
-    there = (labels > 0) & (scores < UNLIKE)
-    names, place = np.unique(labels[there], return_inverse=True)
-    counts = np.bincount(place, minlength=len(names))
-    sums = np.bincount(place, scores[there], len(names)).astype(np.int64)
-    return names.astype(np.int64), sums, counts
+    labels[scores >= UNLIKE] = 0
+    counts = np.bincount(labels.ravel())
+    names = np.flatnonzero(counts[1:]) + 1
+    sums = np.bincount(labels.ravel(), scores.ravel()).astype(np.int64)
+    return names, sums[names], counts[names]
 
 
 def _score_tile(

@@ -16,7 +16,7 @@ from uavseg.segmentation.likeness import Model
 from uavseg.segmentation.texture import UNCOUNTED
 
 MARGIN = 16  # pixels: an image cut with this much around it is decided as the whole would be
-AROUND = 8  # pixels on every side of a pixel that decide with it
+AROUND = 6  # pixels on every side of a pixel that decide with it
 
 _FINE = 1024  # fixed point of a logarithm
 
@@ -64,7 +64,7 @@ def decide(
     symbols: NDArray[np.uint16],
     weights: Weights,
 ) -> NDArray[np.uint8]:
-    """Pixels of cells that are in, and of those that are open where the 17 x 17 pixels around weigh above 0.
+    """Pixels of cells that are in, and of those that are open where the 13 x 13 pixels around weigh above 0.
 
     Parameters
     ----------
