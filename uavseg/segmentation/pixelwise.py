@@ -6,7 +6,6 @@ the two G is twice the logarithm of the likelihood ratio, which is a sum over pi
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,11 +107,14 @@ def open_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach: int
 
 def _spread(cells: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
     """Cells with those around them."""
-    spread: NDArray[Any] = cells
+    spread = cells
     for axis in (0, 1):
-        padded = np.pad(spread, [(reach, reach) if k == axis else (0, 0) for k in (0, 1)])
-        length = spread.shape[axis]
-        spread = np.logical_or.reduce([padded.take(range(k, k + length), axis) for k in range(2 * reach + 1)])
+        own = np.moveaxis(spread, axis, 0)
+        wide = own.copy()
+        for k in range(1, reach + 1):
+            wide[k:] |= own[:-k]
+            wide[:-k] |= own[k:]
+        spread = np.moveaxis(wide, 0, axis)
     return spread
 
 
