@@ -1,8 +1,11 @@
 """Regions like a sample: where grey tells nothing, whatever the tiles, and as the words promise."""
 
+import pickle
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +18,7 @@ from rasterio.crs import CRS
 
 import uavseg
 from uavseg.errors import ParameterError, SampleError
-from uavseg.parallel import threads
+from uavseg.parallel import serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
@@ -136,6 +139,21 @@ def test_tiles_and_threads_change_nothing(
         assert np.array_equal(parts.found.rings.labels, whole.found.rings.labels)
         for name, column in whole.found.regions.columns.items():
             np.testing.assert_array_equal(parts.found.regions.columns[name], column)
+
+
+def test_what_workers_get_and_give_may_be_sent() -> None:
+    """As a scheduler does: each function, item and result goes through pickle."""
+
+    def elsewhere(function: Any, items: Any, progress: Any = None) -> Iterator[Any]:
+        for item in items:
+            sent, job = pickle.loads(pickle.dumps((function, item)))
+            yield pickle.loads(pickle.dumps(sent(job)))
+
+    image, _ = scene("rows", "sand", 11)
+    params = MatchParams(tile=64, fill_holes=parse_area("50px"))
+    here, there = (match(dataset(image), INSIDE, params, run) for run in (serial, elsewhere))
+    for name, column in here.found.regions.columns.items():
+        np.testing.assert_array_equal(there.found.regions.columns[name], column)
 
 
 @pytest.mark.parametrize("wanted", ["rows", "meadow", "sand", "forest"])
