@@ -80,7 +80,7 @@ def plain_scores(names: Image, model: Counter[int], side: int, left_out: bool) -
     return found
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(
     seed=st.integers(0, 10**6),
     shape=st.tuples(st.integers(4, 6), st.integers(4, 6)),

@@ -132,16 +132,13 @@ def _disc(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
         import pyproj
 
         geod = pyproj.CRS.from_wkt(geobox.wkt or "").get_geod()
-        x, y, _ = geod.fwd(*(np.full(_CORNERS, at) for at in (disc.x, disc.y)), angles, _of(disc.radius))
+        x, y, radius = (np.full(_CORNERS, number) for number in (disc.x, disc.y, disc.radius))
+        x, y, _ = geod.fwd(x, y, angles, radius)
         x = disc.x + np.remainder(np.asarray(x) - disc.x + 180, 360) - 180
     else:
         x = disc.x + disc.radius * np.sin(np.radians(angles))
         y = disc.y + disc.radius * np.cos(np.radians(angles))
     return np.array([shapely.Polygon(np.stack([x, y], axis=1))], object)
-
-
-def _of(radius: float) -> NDArray[np.float64]:
-    return np.full(_CORNERS, radius)
 
 
 def _of_file(name: str, geobox: GeoBox) -> NDArray[np.object_]:
