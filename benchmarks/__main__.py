@@ -11,6 +11,7 @@ from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, chosen
 from benchmarks.decode import decoding_s
 from benchmarks.kernels import speeds
+from benchmarks.match import matches, table_of
 from benchmarks.measure import outcomes
 from benchmarks.paths import searches
 from benchmarks.phases import phases
@@ -106,6 +107,10 @@ def _robot(options: argparse.Namespace) -> str:
     return table.robot(steps())
 
 
+def _match(options: argparse.Namespace) -> str:
+    return table_of(matches())
+
+
 _GROWING = (2048, 8192, 16384, 32768, 65536)
 _SECTIONS = {
     "processes": _processes,
@@ -122,6 +127,7 @@ _SECTIONS = {
     "accuracy": _accuracy,
     "robot": _robot,
     "quality": _quality,
+    "match": _match,
 }
 _KEPT_IN = {"quality": PROJECT / "docs" / "quality.md"}
 

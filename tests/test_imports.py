@@ -112,6 +112,8 @@ PHASES = {
     "refinement": set(),
     "statescans": set(),
     "components": set(),
+    "likeness": {"texture"},
+    "pixelwise": {"likeness", "texture"},
 }
 EVERY_PHASE = set(PHASES)
 PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from uavseg.api import divide as divide
     from uavseg.api import extract as extract
     from uavseg.api import levels as levels
+    from uavseg.api import match as match
     from uavseg.api import path as path
     from uavseg.api import suggest as suggest
     from uavseg.errors import UavsegError as UavsegError
@@ -33,6 +34,7 @@ _HOMES = {
     "divide": "uavseg.api",
     "classify": "uavseg.api",
     "levels": "uavseg.api",
+    "match": "uavseg.api",
     "path": "uavseg.api",
     "suggest": "uavseg.api",
     "plan": "uavseg.flight.planner",

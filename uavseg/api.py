@@ -19,6 +19,9 @@ from uavseg.regions.extract import ExtractParams
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
 from uavseg.regions.levels import extract_levels
+from uavseg.regions.like import Disc, parse_like
+from uavseg.regions.match import MatchParams
+from uavseg.regions.match import match as _match
 from uavseg.regions.suggest import Suggestion, suggest_from_blocks
 from uavseg.regions.suggest import suggest as _suggest
 from uavseg.segmentation.blockfile import is_block_map, load
@@ -160,6 +163,79 @@ def levels(
     found = extract_levels(dataset, Levels(width), params, run, progress)
     warn_of(bad)
     return found.regions.frame()
+
+
+def match(
+    source: Any,
+    like: str | os.PathLike[str] | tuple[float, float, float],
+    *,
+    window: int = 32,
+    similarity: float = 0.9,
+    intensity: float = 1.0,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    refine: str = "pixel",
+    min_area: float | str | None = None,
+    fill_holes: float | str | None = None,
+    simplify: float | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> GeoDataFrame:
+    """Regions of a raster whose texture and intensity are like those of a sample of it.
+
+    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast.
+
+    Parameters
+    ----------
+    source
+        As of `extract`.
+    like : path or (float, float, float)
+        A file of polygons, in any coordinate system; or x, y and radius of a disc in the raster's coordinates
+        (the radius in their unit; in metres where they are degrees).
+    window : int
+        Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.
+    similarity : float
+        How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
+    intensity : float
+        By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
+    refine : {"pixel", "none"}
+        Boundaries to the pixel, or at the edges of cells of 8 pixels.
+    band, ..., skip_bad_tiles
+        As of `extract`.
+
+    Returns
+    -------
+    regions : geopandas.GeoDataFrame
+        With the columns of `extract` and `similarity`: 1 where a region is as like the sample as the sample
+        is to itself. `range_low` and `range_high` are the means that windows may have.
+
+    Raises
+    ------
+    UavsegError
+        As of `extract`; and if the sample is not on the raster, too small, on nodata, or no polygon.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> field = np.random.default_rng(0).integers(0, 256, (128, 256)).astype(np.uint8)
+    >>> field[:, 128:] = np.arange(128) // 2 % 2 * 255  # rows, of the same mean
+    >>> pixels = match(field, like=(64, 64, 40))["pixels"].sum()
+    >>> f"{pixels / field.size:.0%}"
+    '50%'
+    """
+    wanted = Disc(*like) if isinstance(like, tuple) else parse_like(os.fspath(like))
+    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
+    holes, smallest = area_of(fill_holes), area_of(min_area)
+    params = MatchParams(window, similarity, intensity, refine, stretch, holes, smallest, simplify, tile)
+    bad: set[BadBlock] = set()
+    found = _match(dataset, wanted, params, listing(workers_of(threads, resume), bad), progress)
+    warn_of(bad)
+    return found.found.regions.frame()
 
 
 def classify(
