@@ -14,7 +14,7 @@ from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
 from uavseg.regions.cellwise import outline_cells, summed_cells
 from uavseg.regions.cleaning import Area, without_small_holes, without_small_regions
-from uavseg.regions.extraction import About, Extraction, measured
+from uavseg.regions.extraction import About, Drawing, Extraction, measured
 from uavseg.regions.joining import Outlined
 from uavseg.regions.tilewise import outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
@@ -42,6 +42,9 @@ class ExtractParams:
         Outlines keep within about this many metres; shared borders stay shared.
     tile : int, optional
         Side of a tile in pixels, a multiple of 64; what comes out does not depend on it.
+    smooth_m : float, optional
+        Outlines are drawn without stairs, within this many metres of the pixel edges, before they are
+        simplified; shared borders stay shared.
     """
 
     segment: SegmentParams = field(default_factory=SegmentParams)
@@ -50,12 +53,15 @@ class ExtractParams:
     min_area: Area | None = None
     simplify_m: float | None = None
     tile: int | None = None
+    smooth_m: float | None = None
 
     def __post_init__(self) -> None:
-        if self.simplify_m is not None and not 0 <= self.simplify_m < float("inf"):
-            raise ParameterError(
-                f"outlines are simplified by metres that are not negative, not {self.simplify_m:g}"
-            )
+        _ = self.drawing  # sees to its parameters
+
+    @property
+    def drawing(self) -> Drawing:
+        """How outlines are drawn."""
+        return Drawing(self.smooth_m, self.simplify_m)
 
 
 def extract(
@@ -196,7 +202,7 @@ def _measured(
     """Regions with their attributes, the small ones dropped."""
     if params.min_area is not None:
         outlined = without_small_regions(outlined, about.geobox, params.min_area)
-    return measured(outlined, about, interval.low, interval.high, params.simplify_m)
+    return measured(outlined, about, interval.low, interval.high, params.drawing)
 
 
 def _three(progress: Progress | None) -> list[Progress] | list[None]:

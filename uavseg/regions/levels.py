@@ -107,4 +107,4 @@ def _extraction(
     level = kinds[row, col].astype(np.int64) - 1
     bounds = np.array(levels.bounds)
     columns = {"level": level}
-    return measured(outlined, about, bounds[level], bounds[level + 1], params.simplify_m, columns)
+    return measured(outlined, about, bounds[level], bounds[level + 1], params.drawing, columns)

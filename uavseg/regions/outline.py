@@ -67,7 +67,7 @@ class Rings:
         order = np.flatnonzero(rings)[np.argsort(named, kind="stable")]
         parts = self.parts[order]
         return Rings(
-            *_gathered(self.vertices, self.starts, order),
+            *gathered(self.vertices, self.starts, order),
             np.sort(named, kind="stable"),
             np.cumsum(np.diff(parts, prepend=parts[:1]) != 0),
         )
@@ -159,7 +159,7 @@ def link(pieces: list[Chains], labels: NDArray[np.int64], parts: NDArray[np.int6
     order = np.lexsort((first[:, 1], first[:, 0], hole, parts[owners], labels[owners]))
     part = parts[owners][order]
     return Rings(
-        *_gathered(vertices, starts, order),
+        *gathered(vertices, starts, order),
         labels[owners][order],
         np.cumsum(np.diff(part, prepend=part[:1]) != 0),
     )
@@ -169,7 +169,7 @@ def _stacked(arrays: Sequence[NDArray], empty: tuple[int, ...], dtype: type) -> 
     return np.concatenate([np.empty(empty, dtype), *arrays])
 
 
-def _gathered(
+def gathered(
     vertices: NDArray[np.int32], starts: NDArray[np.int64], order: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """The rings in another order."""
