@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for
 from uavseg.segmentation.segments import IntensityRange, in_range
 from uavseg.segmentation.source import GreySource
 
+Small = Literal["drop", "merge"]
+
 
 @dataclass(frozen=True, slots=True)
 class ExtractParams:
@@ -37,7 +40,7 @@ class ExtractParams:
         Holes of less are filled, and regions within them become part of what surrounds them; this comes
         first.
     min_area : Area, optional
-        Regions of less are dropped.
+        Regions of less are dropped, after holes are filled; of levels see `small`.
     simplify_m : float, optional
         Outlines keep within about this many metres; shared borders stay shared.
     tile : int, optional
@@ -45,6 +48,8 @@ class ExtractParams:
     smooth_m : float, optional
         Outlines are drawn without stairs, within this many metres of the pixel edges, before they are
         simplified; shared borders stay shared.
+    small : {"drop", "merge"}
+        What becomes of segments of less than `min_area`: levels can also be merged, see `eliminate`.
     """
 
     segment: SegmentParams = field(default_factory=SegmentParams)
@@ -54,9 +59,12 @@ class ExtractParams:
     simplify_m: float | None = None
     tile: int | None = None
     smooth_m: float | None = None
+    small: Small = "drop"
 
     def __post_init__(self) -> None:
         _ = self.drawing  # sees to its parameters
+        if self.small not in get_args(Small):
+            raise ParameterError(f"small segments are merged or dropped: merge or drop, not {self.small!r}")
 
     @property
     def drawing(self) -> Drawing:
@@ -200,6 +208,8 @@ def _measured(
     outlined: Outlined, about: About, interval: IntensityRange, params: ExtractParams
 ) -> Extraction:
     """Regions with their attributes, the small ones dropped."""
+    if params.small != "drop":
+        raise ParameterError("regions of a range have nothing around them to be merged into; drop small ones")
     if params.min_area is not None:
         outlined = without_small_regions(outlined, about.geobox, params.min_area)
     return measured(outlined, about, interval.low, interval.high, params.drawing)

@@ -25,7 +25,7 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
     Parameters
     ----------
     regions : Regions
-        Polygons along the pixel edges of `geobox`.
+        Polygons whose vertices are pixel corners of `geobox`, a finer grid where they are smooth.
     metres : float
         Leaving out a vertex may move an area of about this length squared from one side of an outline to the
         other. Units of the transform where there is no CRS.
