@@ -28,8 +28,8 @@ def drawing_options(command: Command) -> Command:
                 "--smooth-outline",
                 type=float,
                 metavar="METRES",
-                help="Draw outlines without stairs, within this many metres of the pixel edges and half a pixel "
-                "of them at most; shared borders stay shared, attributes stay those of the pixels.",
+                help="Draw outlines without stairs, within this many metres of the pixel edges, and never "
+                "further than half a pixel; shared borders stay shared, attributes those of the pixels.",
             ),
             click.option(
                 "--simplify",

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="How boundaries are found to the pixel.",
 )
-@click.option("--min-area", metavar="M2|Npx", help="Drop regions of less, as they are when holes are filled.")
+@click.option("--min-area", metavar="M2|Npx", help="Drop regions of less, after holes are filled.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
 @drawing_options
 @click.option("--mission", metavar="PATH", help="Also plan a mission over the regions: .plan or .waypoints.")

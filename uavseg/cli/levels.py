@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     type=click.Choice(["merge", "drop"]),
     default="merge",
     show_default=True,
-    help="What becomes of small segments. Merge: one after the other, the smallest first, becomes part of the "
-    "neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
+    help="What becomes of small segments. Merge: one after the other, the smallest first, becomes part of "
+    "the neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
 )
 @drawing_options
 @running_options

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.ground import ground_resolution
-from uavseg.regions.nodes import nodes_of
+from uavseg.regions.nodes import Nodes, nodes_of
 from uavseg.regions.outline import Rings, gathered
 from uavseg.regions.portals import UNIT
 from uavseg.regions.smoothing import Smooth, smooth_rings
@@ -91,7 +91,21 @@ def _of_kept_area(rings: Rings, shape: tuple[int, int], share: float) -> Rings:
         touched[drawn.owners[np.isin(drawn.stretches, more)]] = True
         again = smooth_rings(rings.chosen(touched), nodes, shape, kept, share)
         drawn = replace(drawn, rings=_with(drawn.rings, again, touched))
-    return drawn.rings
+    return drawn.rings if share == 1 else _turning(drawn.rings, nodes, shape)
+
+
+def _turning(rings: Rings, nodes: Nodes, shape: tuple[int, int]) -> Rings:
+    """Rings without the vertices, nodes aside, at which they go straight on."""
+    here = rings.vertices.astype(np.int64)
+    places = np.arange(len(here))
+    before, after = places - 1, places + 1
+    before[rings.starts[:-1]], after[rings.starts[1:] - 1] = rings.starts[1:] - 1, rings.starts[:-1]
+    come, go = here - here[before], here[after] - here
+    corner, rest = np.divmod(here, UNIT)
+    node = (rest == 0).all(axis=1) & np.isin(corner[:, 0] * (shape[1] + 1) + corner[:, 1], nodes.by_row)
+    turning = node | (come[:, 0] * go[:, 1] != come[:, 1] * go[:, 0])
+    starts = np.concatenate([[0], np.cumsum(turning)])[rings.starts]
+    return replace(rings, vertices=rings.vertices[turning], starts=starts)
 
 
 def _areas(rings: Rings) -> NDArray[np.float64]:
