@@ -102,6 +102,6 @@ def _mark(vertices, starts, keys, axis, stride, marks):  # type: ignore[no-untyp
                 end = line + max(vertices[v, axis], vertices[after, axis])
                 k = first_from(keys, line + min(vertices[v, axis], vertices[after, axis]) + 1)
                 while k < keys.shape[0] and keys[k] < end:
-                    marks[k] |= 16  # _LINE
+                    marks[k] |= _LINE
                     k += 1
             before = v

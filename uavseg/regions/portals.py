@@ -40,8 +40,8 @@ def place_points(base_x, base_y, n, cyclic, offsets, px, py, steps):  # type: ig
     for e in range(n):
         step = min(max(int((offsets[e] + HALF) + 0.5) - HALF, -HALF), HALF)
         steps[e + lead] = step
-        px[e + lead] = int(128 * (base_x[e] + base_x[e + 1])) + step * int(base_y[e + 1] - base_y[e])
-        py[e + lead] = int(128 * (base_y[e] + base_y[e + 1])) - step * int(base_x[e + 1] - base_x[e])
+        px[e + lead] = int(UNIT // 2 * (base_x[e] + base_x[e + 1])) + step * int(base_y[e + 1] - base_y[e])
+        py[e + lead] = int(UNIT // 2 * (base_y[e] + base_y[e + 1])) - step * int(base_x[e + 1] - base_x[e])
     if cyclic:
         px[n] = px[0]
         py[n] = py[0]

@@ -184,8 +184,8 @@ def draw_smooth(base, whole, row, col, n, cyclic, turned, share, last, many, ver
         if cyclic or k > 0:
             edge = at if cyclic else at - 1
             edge = edge % n
-            x = 128.0 * (base[0, edge] + base[0, edge + 1])
-            y = 128.0 * (base[1, edge] + base[1, edge + 1])
+            x = 0.5 * UNIT * (base[0, edge] + base[0, edge + 1])
+            y = 0.5 * UNIT * (base[1, edge] + base[1, edge + 1])
             x = np.floor(x + share * (px[at] - x) + 0.5)
             y = np.floor(y + share * (py[at] - y) + 0.5)
             used = emit(UNIT * row + int(y), UNIT * col + int(x), vertices, used)
