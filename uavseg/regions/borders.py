@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.regions.nodes import distinct
 from uavseg.regions.outline import Rings
 
 Integers = NDArray[np.int64]
@@ -51,7 +52,7 @@ def _along(rings: Rings, axis: int) -> tuple[Integers, Integers, Integers]:
     starts, ends = line + np.minimum(here, there)[edges], line + np.maximum(here, there)[edges]
     labels = rings.labels[np.searchsorted(rings.starts, edges, "right") - 1]
     forth = (here < there)[edges]
-    breaks = np.unique(np.concatenate([starts, ends]))
+    breaks = distinct(np.concatenate([starts, ends]))
     sides = [_beside(starts[side], ends[side], labels[side], breaks[:-1]) for side in (forth, ~forth)]
     shared = (sides[0] > 0) & (sides[1] > 0)
     return sides[0][shared], sides[1][shared], np.diff(breaks)[shared]

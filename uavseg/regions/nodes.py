@@ -50,14 +50,20 @@ def nodes_of(rings: Rings, shape: tuple[int, int]) -> Nodes:
     by_row = _meeting(rings, rows * (shape[1] + 1) + cols, 1, shape[1] + 1)
     by_col = _meeting(rings, cols * (shape[0] + 1) + rows, 0, shape[0] + 1)
     col, row = np.divmod(by_col, shape[0] + 1)
-    nodes = np.union1d(by_row, row * (shape[1] + 1) + col)
+    nodes = distinct(np.concatenate([by_row, row * (shape[1] + 1) + col]))
     row, col = np.divmod(nodes, shape[1] + 1)
     return Nodes(nodes, np.sort(col * (shape[0] + 1) + row))
 
 
+def distinct(keys: Integers) -> Integers:
+    """Each of some numbers once, ascending; many times as quick as `numpy.unique`, which hashes them."""
+    ordered = np.sort(keys)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])] if len(ordered) else ordered
+
+
 def _meeting(rings: Rings, keys: Integers, axis: int, stride: int) -> Integers:
     """Nodes among the corners `keys`, as far as edges along an axis and turns tell."""
-    known = np.unique(keys)
+    known = distinct(keys)
     marks = np.zeros(len(known), np.uint8)
     _mark(rings.vertices, rings.starts, known, axis, stride, marks)
     nodes: Integers = known[_IS_NODE[marks]]
