@@ -13,7 +13,7 @@ data. MICCAI, LNCS 1496, 888-898.
 from uavseg._jit import inlined
 
 REACH = 0.4375  # pixels that a corner moves at most, along each axis
-_ROUNDS = 10
+_ROUNDS = 2
 _STEPS = 8  # of each round, in pairs
 
 
