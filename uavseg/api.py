@@ -15,7 +15,7 @@ from uavseg.occupancy.rosmap import is_ros_map
 from uavseg.occupancy.ways import Way, WayParams, find_way
 from uavseg.parallel import Progress
 from uavseg.raster.skipping import BadBlock, listing
-from uavseg.regions.extract import ExtractParams
+from uavseg.regions.extract import ExtractParams, Small
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
 from uavseg.regions.levels import extract_levels
@@ -49,6 +49,7 @@ def extract(
     intensity_step: float = 0.05,
     min_area: float | str | None = None,
     fill_holes: float | str | None = None,
+    smooth_outline: float | None = None,
     simplify: float | None = None,
     tile: int | None = None,
     threads: int | None = None,
@@ -67,9 +68,11 @@ def extract(
     band, rgb, nodata, stretch, method, refine, threshold, intensity_step
         As the options of `uavseg extract`.
     min_area, fill_holes : float or str, optional
-        Square metres, or pixels as "64px".
+        Square metres, or pixels as "64px". Holes are filled first, then regions dropped.
+    smooth_outline : float, optional
+        Metres that outlines without stairs may leave the pixel edges, at most half a pixel.
     simplify : float, optional
-        Metres.
+        Metres; smoothed outlines are simplified. Columns stay those of the pixels.
     tile, threads : int, optional
         Change no result.
     progress : callable, optional
@@ -98,7 +101,9 @@ def extract(
     """
     dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
     segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
-    params = ExtractParams(segment, stretch, area_of(fill_holes), area_of(min_area), simplify, tile)
+    params = ExtractParams(
+        segment, stretch, area_of(fill_holes), area_of(min_area), simplify, tile, smooth_outline
+    )
     bad: set[BadBlock] = set()
     run = listing(workers_of(threads, resume), bad)
     found = _extract(dataset, IntensityRange(*range), params, run, progress)
@@ -118,6 +123,8 @@ def levels(
     threshold: float = 1.2,
     intensity_step: float = 0.05,
     min_area: float | str | None = None,
+    small: Small = "merge",
+    smooth_outline: float | None = None,
     simplify: float | None = None,
     tile: int | None = None,
     threads: int | None = None,
@@ -134,6 +141,9 @@ def levels(
         probabilities, give ``stretch="none"``.
     width : float
         Of a level, in v: above 0 and at most 1. A value on an edge belongs to the level below it.
+    small : {"merge", "drop"}
+        What becomes of segments of less than `min_area`: the smallest first, each becomes part of the
+        neighbour with the longest common border; or they are dropped.
     band, ..., skip_bad_tiles
         As of `extract`.
 
@@ -157,7 +167,7 @@ def levels(
         source, stretch = open_map(source)[0], "none"
     dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
     segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
-    params = ExtractParams(segment, stretch, None, area_of(min_area), simplify, tile)
+    params = ExtractParams(segment, stretch, None, area_of(min_area), simplify, tile, smooth_outline, small)
     bad: set[BadBlock] = set()
     run = listing(workers_of(threads, resume), bad)
     found = extract_levels(dataset, Levels(width), params, run, progress)
