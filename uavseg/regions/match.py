@@ -21,7 +21,7 @@ from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import CELL, Window
 from uavseg.regions.cleaning import Area, without_small_holes, without_small_regions
 from uavseg.regions.extract import windows_of
-from uavseg.regions.extraction import About, Extraction, measured
+from uavseg.regions.extraction import About, Drawing, Extraction, measured
 from uavseg.regions.joining import Outlined
 from uavseg.regions.like import Disc, place_of
 from uavseg.regions.resemblance import Criterion, Scored, mean_scores, outline_matches, scored
@@ -197,4 +197,4 @@ def _extraction(
         outlined = without_small_regions(outlined, geobox, params.min_area)
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, windows, map))}
     low, high = bounds.low / 65535, bounds.high / 65535
-    return measured(outlined, About.source(source), low, high, params.simplify_m, more)
+    return measured(outlined, About.source(source), low, high, Drawing(simplify_m=params.simplify_m), more)
