@@ -2,9 +2,9 @@
 
 A model is the joint histogram of LBP codes and bins of contrast of a sample's counted pixels. A square window
 moves over the image in steps of one cell of 8 pixels; its score is G of the two histograms (Sokal and Rohlf's
-log-likelihood ratio, as between the children of a block), less what chance makes of G, for each of its counted
-pixels. Logarithms are in fixed point, so that a score is a sum of integers: where a window began to move
-changes nothing.
+log-likelihood ratio, as between the children of a block), less what chance makes of G, for each of its
+counted pixels. Logarithms are in fixed point, so that a score is a sum of integers: where a window began to
+move changes nothing.
 """
 
 from dataclasses import dataclass, field
