@@ -112,7 +112,8 @@ PHASES = {
     "refinement": set(),
     "statescans": set(),
     "components": set(),
-    "likeness": {"texture"},
+    "chance": set(),
+    "likeness": {"texture", "chance"},
     "pixelwise": {"likeness", "texture"},
 }
 EVERY_PHASE = set(PHASES)

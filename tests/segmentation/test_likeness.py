@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from uavseg.segmentation.chance import chance
 from uavseg.segmentation.division import likelihood_ratio
 from uavseg.segmentation.likeness import (
     EVEN,
@@ -18,7 +19,6 @@ from uavseg.segmentation.likeness import (
     Bounds,
     Model,
     best_scores,
-    chance,
     model_of,
     smallest_count,
     window_scores,

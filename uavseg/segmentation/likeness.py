@@ -2,9 +2,9 @@
 
 A model is the joint histogram of LBP codes and bins of contrast of a sample's counted pixels. A square window
 moves over the image in steps of one cell of 8 pixels; its score is G of the two histograms (Sokal and Rohlf's
-log-likelihood ratio, as between the children of a block), less what chance makes of G (`chance`), for each of
-its counted pixels. Logarithms are in fixed point, so that a score is a sum of integers: where a window began
-to move changes nothing.
+log-likelihood ratio, as between the children of a block), less what chance makes of G, for each of its
+counted pixels. Logarithms are in fixed point, so that a score is a sum of integers: where a window began to
+move changes nothing.
 """
 
 from dataclasses import dataclass, field
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.segmentation.chance import chance, x_ln_x
 from uavseg.segmentation.texture import SYMBOLS, UNCOUNTED
 
 CELL = 8
@@ -24,7 +25,6 @@ GREY_BINS = 64
 
 _FINE = 1 << 20  # fixed point of n ln n
 _FULL_SHARE = (7, 8)  # of a window's pixels that must be counted
-_DENSE = 64  # pixels of a symbol up to which chance is computed for every number, and then for each 5 % more
 
 
 @dataclass(frozen=True)
@@ -158,49 +158,6 @@ def best_scores(scores: NDArray[np.uint16], side: int) -> NDArray[np.uint16]:
     return best
 
 
-def chance(most: int, share: float) -> NDArray[np.float64]:
-    """What chance makes of G: the part of a symbol, by how many pixels of it both histograms have together.
-
-    If both come from one source, each pixel of a symbol is the window's with a probability of `share`, apart
-    from all others. So the expectation of G is a sum over symbols, close to 1 for each that is frequent and
-    less for the rare. Without it, a window of many rare symbols would seem less like its own kind than like
-    another one of few symbols.
-
-    Parameters
-    ----------
-    most : int
-        The largest number of pixels.
-    share : float
-        Of the window in the pixels of both.
-
-    Returns
-    -------
-    parts : (most + 1,) float64 array
-        2 (n H - E[n ln n - f ln f - (n - f) ln (n - f)]) with f binomial of n and `share`, and H the entropy
-        of `share`. Numbers above 64 are computed for each 5 % more, and interpolated.
-
-    Examples
-    --------
-    >>> chance(1000, 0.2).round(3)[[0, 1, 2, 10, 1000]]
-    array([0.   , 1.001, 1.114, 1.144, 1.001])
-    """
-    ln_factorial: NDArray[np.float64] = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, most + 1)))])
-    steps = np.rint(_DENSE * 1.05 ** np.arange(np.log(max(most / _DENSE, 1)) / np.log(1.05) + 1))
-    grid = np.unique(np.minimum(np.concatenate([np.arange(_DENSE), steps]), most)).astype(np.int64)
-    return np.interp(np.arange(most + 1), grid, [_part(n, share, ln_factorial) for n in grid.tolist()])
-
-
-def _part(n: int, share: float, ln_factorial: NDArray[np.float64]) -> float:
-    """What chance makes of G in a symbol of n pixels."""
-    middle, width = n * share, 12 * np.sqrt(n * share * (1 - share)) + 30
-    f = np.arange(max(int(middle - width), 0), min(int(middle + width), n) + 1)
-    ways = ln_factorial[n] - ln_factorial[f] - ln_factorial[n - f]
-    likely = np.exp(ways + f * np.log(share) + (n - f) * np.log1p(-share))
-    entropy = -share * np.log(share) - (1 - share) * np.log1p(-share)
-    both = _x_ln_x(np.array([n])) - _x_ln_x(f) - _x_ln_x(n - f)
-    return float(2 * (n * entropy - (likely * both).sum()))
-
-
 def _tables(
     model: Model, largest: int, left_out: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
@@ -220,18 +177,12 @@ def _tables(
     most = int(model.texture.max()) + (0 if left_out else largest + 1)
     share = min(largest / total, 0.5) if left_out else largest / (total + largest)
     by_chance = _fixed(chance(most, share) / 2)
-    above: NDArray[np.int64] = np.diff(_fixed(_x_ln_x(np.arange(most + 1))))
+    above: NDArray[np.int64] = np.diff(_fixed(x_ln_x(np.arange(most + 1))))
     if not left_out:  # else the pixels of both are those of the model, whatever the window
         above += np.diff(by_chance)
-    below = np.diff(_fixed(_x_ln_x(np.arange(largest + 2))))
-    whole = _fixed(_x_ln_x(rest + n)) - _fixed(_x_ln_x(rest)) - _fixed(_x_ln_x(n))
+    below = np.diff(_fixed(x_ln_x(np.arange(largest + 2))))
+    whole = _fixed(x_ln_x(rest + n)) - _fixed(x_ln_x(rest)) - _fixed(x_ln_x(n))
     return above, below, whole - by_chance[model.texture].sum()
-
-
-def _x_ln_x(x: NDArray[np.int64]) -> NDArray[np.float64]:
-    """x ln x; 0 of 0."""
-    product: NDArray[np.float64] = x.astype(np.float64) * np.log(np.maximum(x, 1))
-    return product
 
 
 def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
