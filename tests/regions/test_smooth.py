@@ -161,7 +161,7 @@ def test_a_disc_is_round(radius: float) -> None:
     labels = disc(radius)
     [polygon] = smooth(labels)[1]
     assert pixelwise(labels)[0].length > 7.7 * radius
-    assert polygon.length == pytest.approx(2 * np.pi * radius, rel=0.01)
+    assert polygon.length == pytest.approx(2 * np.pi * radius, rel=0.02)
     assert polygon.area == pytest.approx(labels.sum(), rel=0.002)
     away = np.hypot(*(shapely.get_coordinates(polygon) - polygon.centroid.coords[0]).T) - radius
     assert np.abs(away).max() < 0.5
@@ -174,7 +174,7 @@ def test_stairs_become_a_straight_line(run: int) -> None:
     col, row = shapely.get_coordinates(shapely.segmentize(polygon.exterior, 0.1)).T
     middle = (row > 9) & (row < 21) & (col > 0)
     away = (col - run * (row - 0.5)) / np.hypot(run, 1)
-    assert middle.sum() > 100 * run and np.abs(away[middle]).max() < 0.05
+    assert middle.sum() > 100 * run and np.abs(away[middle]).max() < 0.06
 
 
 def test_a_pixel_alone_is_a_square_on_its_corner() -> None:

@@ -4,7 +4,8 @@ These are the constrained elastic surface nets of Gibson (1998) in two dimension
 boundary moves towards the middle of its two neighbours, again and again, and never further than nearly half
 a pixel up, down or sideways. The squares around different corners have no point in common, so that boundaries
 neither cross nor touch that did not before. Such nets shrink what bends one way; here the area on either
-side of a stretch is given back after every few steps.
+side of a stretch is given back after every few steps. Against true outlines of seeded random fields (of
+features from 3 to 40 pixels), 16 steps came nearest over all: 0.08 to 0.19 pixels on average.
 
 Gibson, S. F. F. (1998): Constrained elastic surface nets: generating smooth surfaces from binary segmented
 data. MICCAI, LNCS 1496, 888-898.

@@ -53,11 +53,11 @@ def smoothed(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Rings, GeoBox
     --------
     >>> from affine import Affine
     >>> from uavseg.regions.outline import trace
-    >>> box = GeoBox((4, 4), Affine(2.0, 0.0, 0.0, 0.0, -2.0, 0.0), None)
-    >>> stairs = trace(np.tri(4, dtype=np.uint32))
-    >>> drawn, fine = smoothed(stairs, 1.0, box)
-    >>> (drawn.vertices / 256).tolist()
-    [[0.0, 0.0], [0.0, 1.0], [3.0, 4.0], [4.0, 4.0], [4.0, 0.0]]
+    >>> box = GeoBox((3, 3), Affine(2.0, 0.0, 0.0, 0.0, -2.0, 0.0), None)
+    >>> pixel = trace(np.array([[0, 0, 0], [0, 1, 0], [0, 0, 0]], np.uint32))
+    >>> drawn, fine = smoothed(pixel, 1.0, box)
+    >>> (drawn.vertices / UNIT).round(1).tolist()
+    [[0.8, 1.5], [1.5, 2.2], [2.2, 1.5], [1.5, 0.8]]
     """
     if not 0 <= metres < np.inf:
         raise ParameterError(f"outlines are smoothed by 0 or more metres, not {metres:g}")
