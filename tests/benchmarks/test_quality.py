@@ -66,7 +66,7 @@ def test_things_and_ground_have_their_tones_on_average(name: str) -> None:
 def test_where_means_are_equal_so_is_what_a_threshold_finds() -> None:
     for family in FAMILIES.values():
         if family.by_texture:
-            scene = draw(family, 0)
+            scene = draw(family, 0, 2 * SIDE)
             inside, outside = (float((scene.v[mask] > 0.55).mean()) for mask in (scene.truth, ~scene.truth))
             assert inside == pytest.approx(outside, abs=0.08)
 
