@@ -13,8 +13,9 @@ from benchmarks.table import rows
 def tables(scores: list[Score], seeds: int) -> str:
     """All tables, the one that decides first."""
     summary = Summary(scores)
+    scenes = "One scene" if seeds == 1 else f"Means over {seeds} scenes"
     parts = [
-        f"Means over {seeds} scenes of each family; scikit-image {version('scikit-image')}.",
+        f"{scenes} of each family; scikit-image {version('scikit-image')}.",
         *("### Intersection over union", headline(summary), verdict(summary)),
         *("### All marks, means over the families that a range can find", _all_marks(summary)),
         *("### Our settings, intersection over union", _ours(summary)),
