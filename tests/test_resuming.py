@@ -70,7 +70,7 @@ def test_a_run_that_stopped_goes_on_where_it_stopped(run: Map, tmp_path: Path, e
         list(again(partial(square_tile, 7), ITEMS, stopping_at(8, error)))
     CALLS.clear()
     assert text(again(partial(square_tile, 7), ITEMS)) == SQUARES
-    assert sorted(CALLS) == list(range(8, 20))
+    assert set(CALLS) == set(range(8, 20))  # a thread of the stopped run may still end its item meanwhile
     assert told == [("square", 8, 20)]
 
 
