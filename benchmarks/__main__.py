@@ -11,6 +11,7 @@ from benchmarks.answers import answer
 from benchmarks.competitors import COMPETITORS, Competitor, chosen
 from benchmarks.decode import decoding_s
 from benchmarks.kernels import speeds
+from benchmarks.match import matches, table_of
 from benchmarks.measure import outcomes
 from benchmarks.paths import searches
 from benchmarks.phases import phases
@@ -106,6 +107,10 @@ def _robot(options: argparse.Namespace) -> str:
     return table.robot(steps())
 
 
+def _match(options: argparse.Namespace) -> str:
+    return table_of(matches())
+
+
 _GROWING = (2048, 8192, 16384, 32768, 65536)
 _SECTIONS = {
     "processes": _processes,
@@ -122,6 +127,7 @@ _SECTIONS = {
     "accuracy": _accuracy,
     "robot": _robot,
     "quality": _quality,
+    "match": _match,
 }
 _KEPT_IN = {"quality": PROJECT / "docs" / "quality.md"}
 
@@ -153,13 +159,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", type=int, default=3, help="scenes of each family of the section quality")
     parser.add_argument(
         "--families",
-        type=_names,
-        help="families of the section quality, or how their names begin, with commas; such a table is "
-        "printed, not kept",
+        type=_families,
+        help="how families of the section quality begin, with commas; such a table is printed, not kept",
     )
     parser.add_argument(
         "--refine",
-        type=_names,
+        type=_refinements,
         default=[],
         help="further refinements of uavseg that the section quality measures, with commas",
     )
@@ -172,6 +177,25 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--readme", type=Path, default=table.README, help=argparse.SUPPRESS)
     return parser
+
+
+def _families(text: str) -> list[str]:
+    from benchmarks.quality.section import meant
+
+    try:
+        return meant(_names(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _refinements(text: str) -> list[str]:
+    from benchmarks.quality.ours import settings
+
+    try:
+        settings(_names(text))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return _names(text)
 
 
 def _names(text: str) -> list[str]:

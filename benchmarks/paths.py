@@ -10,8 +10,9 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from importlib.util import find_spec
 from itertools import pairwise
 from math import sqrt
 from typing import Any
@@ -172,6 +173,14 @@ EVERYBODY = {
 }
 
 
+MODULES = {"scikit-image": "skimage", "networkx": "networkx", "pathfinding": "pathfinding"}
+
+
+def present(names: Iterable[str]) -> tuple[str, ...]:
+    """Those of them that can run here."""
+    return tuple(name for name in names if find_spec(MODULES.get(name, "uavseg")) is not None)
+
+
 def measured(field: Field, names: tuple[str, ...], runs: int) -> Iterator[Search]:
     """Everybody on one field."""
     least: dict[str, float] = dict.fromkeys(names, float("inf"))
@@ -188,11 +197,13 @@ def measured(field: Field, names: tuple[str, ...], runs: int) -> Iterator[Search
 
 def _all() -> Iterator[Search]:
     for field in fields(LARGE):
-        yield from measured(field, ("uavseg", "scikit-image"), RUNS)
+        yield from measured(field, present(("uavseg", "scikit-image")), RUNS)
     for field in fields(SMALL):
-        yield from measured(field, tuple(EVERYBODY), RUNS)
+        yield from measured(field, present(EVERYBODY), RUNS)
 
 
 if __name__ == "__main__":
+    for absent in EVERYBODY.keys() - present(EVERYBODY):
+        print(f"paths: {absent} is left out, it is not installed", file=sys.stderr)
     ours(next(fields(64)))()  # what is compiled once for a machine is compiled now
     print(json.dumps([(row.field, row.who, row.seconds, row.cost, row.ours_s) for row in _all()]))

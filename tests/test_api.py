@@ -307,3 +307,17 @@ def test_objects_that_nobody_asked_for_are_not_there() -> None:
     found = classify(GreySource(dataset, stretch_of(dataset)), objects=False)
     with pytest.raises(ParameterError, match="no objects were asked for"):
         found.frame()
+
+
+def test_outlines_are_smoothed_and_small_segments_merged_as_on_the_command_line(raster: Path) -> None:
+    stairs, smooth = uavseg.extract(raster, RANGE), uavseg.extract(raster, RANGE, smooth_outline=1)
+    assert stairs.drop(columns="geometry").equals(smooth.drop(columns="geometry"))
+    assert smooth.is_valid.all() and not stairs.geometry.geom_equals(smooth.geometry).any()
+    everything = uavseg.levels(scene(), 0.1)
+    merged, dropped = (
+        uavseg.levels(scene(), 0.1, min_area="600px", small=small) for small in ("merge", "drop")
+    )
+    assert merged["pixels"].sum() == everything["pixels"].sum() > dropped["pixels"].sum()
+    assert merged["pixels"].min() >= 600
+    with pytest.raises(uavseg.errors.ParameterError, match="merge or drop, not 'sieve'"):
+        uavseg.levels(scene(), 0.1, small="sieve")  # type: ignore[arg-type]

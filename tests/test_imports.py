@@ -110,9 +110,13 @@ PHASES = {
     "segments": {"blockmap"},
     "unsettled": {"blockmap"},
     "denoising": {"noise", "specks"},
+    "leafmeans": {"blockmap"},
     "refinement": set(),
     "statescans": set(),
     "components": set(),
+    "chance": set(),
+    "likeness": {"texture", "chance"},
+    "pixelwise": {"likeness", "texture"},
 }
 EVERY_PHASE = set(PHASES)
 PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks

@@ -1,6 +1,7 @@
 """A map that keeps its results: what is done is not done again, whatever happened to the run before."""
 
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -18,6 +19,7 @@ from uavseg.resuming import kept, stage_name
 maps = pytest.mark.parametrize("run", [serial, threads(3)], ids=["serial", "3 threads"])
 ITEMS = [Window(k, 0, 1, 1) for k in range(20)]
 CALLS: list[int] = []
+AT_WORK: set[int] = set()
 LOCK = threading.Lock()
 
 
@@ -32,6 +34,13 @@ def square_tile(offset: int, window: Window) -> tuple[np.ndarray, Window] | None
     if window.row % 5 == 4:
         return None
     return np.arange(window.row) ** 2 + offset, window
+
+
+def slow_tile(window: Window) -> int:
+    AT_WORK.add(window.row)
+    time.sleep(0.05)
+    AT_WORK.discard(window.row)
+    return window.row
 
 
 def stopping_at(row: int, error: BaseException) -> Callable[[int, int], None]:
@@ -72,6 +81,12 @@ def test_a_run_that_stopped_goes_on_where_it_stopped(run: Map, tmp_path: Path, e
     assert text(again(partial(square_tile, 7), ITEMS)) == SQUARES
     assert sorted(CALLS) == list(range(8, 20))
     assert told == [("square", 8, 20)]
+
+
+def test_nobody_works_on_once_a_run_has_stopped(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError):  # whose frames are still held below
+        list(kept(threads(3), tmp_path)(slow_tile, ITEMS, stopping_at(2, ZeroDivisionError())))
+    assert not AT_WORK
 
 
 @maps

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from uavseg.api import divide as divide
     from uavseg.api import extract as extract
     from uavseg.api import levels as levels
+    from uavseg.api import match as match
     from uavseg.api import path as path
+    from uavseg.api import suggest as suggest
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.planner import PlanParams as PlanParams
     from uavseg.flight.planner import plan as plan
@@ -32,7 +34,9 @@ _HOMES = {
     "divide": "uavseg.api",
     "classify": "uavseg.api",
     "levels": "uavseg.api",
+    "match": "uavseg.api",
     "path": "uavseg.api",
+    "suggest": "uavseg.api",
     "plan": "uavseg.flight.planner",
     "PlanParams": "uavseg.flight.planner",
     "Dataset": "uavseg.raster.dataset",

@@ -11,7 +11,7 @@ import socket
 import time
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
@@ -78,7 +78,7 @@ class Cluster:
 
     def __call__(
         self, function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
-    ) -> Iterator[Result]:
+    ) -> Generator[Result, None, None]:
         """Apply a function to each item; see `parallel.Map`."""
         if len(items) == 0:
             return

@@ -40,6 +40,10 @@ class RegionError(UavsegError, ValueError):
     """Regions are missing, empty or not what was asked for."""
 
 
+class SampleError(UavsegError, ValueError):
+    """A sample of texture is not where the raster is, is too small, or is none."""
+
+
 class PathError(UavsegError, ValueError):
     """No path leads where it is wanted."""
 

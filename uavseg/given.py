@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -70,6 +71,12 @@ def warn_of(bad: set[BadBlock]) -> None:
     """Warn whoever called the public function of blocks that could not be read."""
     for block in sorted(bad):
         warnings.warn(str(block), stacklevel=3)
+
+
+def warn_that(told: Iterable[str]) -> None:
+    """Warn whoever called the public function of what it should know."""
+    for text in told:
+        warnings.warn(text, stacklevel=3)
 
 
 def area_of(given: float | str | None) -> Area | None:

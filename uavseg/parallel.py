@@ -6,7 +6,7 @@ computed them. Functions and items must survive pickling, so that the same call 
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from uavseg.errors import ParameterError
@@ -21,19 +21,22 @@ Progress = Callable[[int, int], None]
 
 
 class Map(Protocol):
-    """Applies a function to each item; results come in the order of the items."""
+    """Applies a function to each item; results come in the order of the items.
+
+    Nobody works on once what it gives is closed.
+    """
 
     def __call__(
         self,
         function: Callable[[Item], Result],
         items: Sequence[Item],
         progress: Progress | None = None,
-    ) -> Iterator[Result]: ...
+    ) -> Generator[Result, None, None]: ...
 
 
 def serial(
     function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
-) -> Iterator[Result]:
+) -> Generator[Result, None, None]:
     """One item after the other, here and now.
 
     Examples
@@ -65,7 +68,7 @@ def threads(count: int | None = None) -> Map:
 
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
-    ) -> Iterator[Result]:
+    ) -> Generator[Result, None, None]:
         from concurrent.futures import ThreadPoolExecutor  # 13 ms that one thread does not need
 
         with ThreadPoolExecutor(count) as pool:
@@ -84,7 +87,7 @@ def in_order(
     room: Callable[[], int],
     items: Sequence[Item],
     progress: Progress | None,
-) -> Iterator[Result]:
+) -> Generator[Result, None, None]:
     """Results in the order of the items; what waits is cancelled when nobody wants more.
 
     Parameters

@@ -9,7 +9,8 @@ the rasters measured.
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,7 @@ def kept(map: Map, folder: str | os.PathLike[str], tell: Tell | None = None) -> 
 
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
-    ) -> Iterator[Result]:
+    ) -> Generator[Result, None, None]:
         name = stage_name(function)
         stage = place / f"{name}-{fingerprint(__version__, _code(), function)}"
         _make(stage)
@@ -60,17 +61,17 @@ def kept(map: Map, folder: str | os.PathLike[str], tell: Tell | None = None) -> 
         missing = [k for k, key in enumerate(keys) if _file_name(key) not in there]
         if tell is not None and len(missing) < len(keys):
             tell(name, len(keys) - len(missing), len(keys))
-        fresh = map(function, _Some(items, missing))
         waiting = set(missing)
-        for k, key in enumerate(keys):
-            if k in waiting:
-                result = next(fresh)
-                _save(stage, key, result)
-            else:
-                result = _taken(stage, key, partial(map, function, _Some(items, [k])))
-            yield result
-            if progress is not None:
-                progress(k + 1, len(keys))
+        with closing(map(function, _Some(items, missing))) as fresh:  # nobody works on once this has ended
+            for k, key in enumerate(keys):
+                if k in waiting:
+                    result = next(fresh)
+                    _save(stage, key, result)
+                else:
+                    result = _taken(stage, key, partial(map, function, _Some(items, [k])))
+                yield result
+                if progress is not None:
+                    progress(k + 1, len(keys))
 
     return run
 

@@ -79,10 +79,10 @@ def _told(setting: dict[str, Any]) -> str:
     return ", ".join(f"{name} {value:g}" for name, value in setting.items() if value is not None)
 
 
-_BLURS = [{"sigma": sigma} for sigma in (1, 0, 1.5, 2, 3, 4, 6)]
+_BLURS = [{"sigma": sigma} for sigma in (1, 0, 0.7, 1.5, 2, 3, 4, 6)]
 _FELZENSZWALB = [
     {"scale": scale, "sigma": sigma, "min_size": 20}
-    for scale, sigma in ((1, 0.8), (10, 0.8), (100, 0.8), (1, 2), (10, 2), (100, 2), (10, 3))
+    for scale, sigma in ((1, 0.8), (10, 0.8), (100, 0.8), (1, 2), (10, 2))
 ]
 _SLIC = [
     {"pixels": pixels, "compactness": compactness, "sigma": sigma}
@@ -92,17 +92,16 @@ _SLIC = [
         (50, 0.05, 2),
         (200, 0.1, 1),
         (200, 0.05, 2),
-        (600, 0.05, 3),
     )
 ]
 _WALKS = [{"beta": beta, "sigma": sigma} for beta, sigma in ((130, 1), (130, 2), (1000, 1), (1000, 3))]
-_SNAKES = [{"mu": mu} for mu in (0.25, 0.05, 1)]
+_SNAKES = [{"mu": mu} for mu in (0.25, 0.05)]
 _PEERS = [
     _several("blur and threshold", peers.blurred, _BLURS),
-    _several("Otsu", peers.otsu, [{"sigma": sigma} for sigma in (0, 1, 2, 4)]),
+    _several("Otsu", peers.otsu, [{"sigma": sigma} for sigma in (0, 0.7, 1, 1.5, 2, 3, 4)]),
     _several("felzenszwalb", peers.felzenszwalbs, _FELZENSZWALB),
     _several("SLIC", peers.superpixels, _SLIC),
-    _several("random walker", peers.walked, _WALKS, middle=256),
+    _several("random walker", peers.walked, _WALKS),
     _several("Chan-Vese", peers.chan_vese, _SNAKES, middle=256),
     _several("total variation", peers.denoised, [{"times": times} for times in (2, 1)], "beyond"),
 ]

@@ -78,7 +78,7 @@ def boundary_f(found: Mask, truth: Mask, valid: Mask, near: float = NEAR) -> flo
     >>> there = np.zeros((9, 9), bool)
     >>> there[2:5, 2:5] = True
     >>> every = np.ones_like(there)
-    >>> boundary_f(there, there, every), boundary_f(there, np.roll(there, 4), every)
+    >>> boundary_f(there, there, every), boundary_f(there, np.roll(there, 4, (0, 1)), every)
     (1.0, 0.0)
     """
     one, other = boundary(found, valid), boundary(truth, valid)

@@ -22,7 +22,7 @@ _DEFAULT_SEGMENTS = 100  # scikit-image's for SLIC
 
 def blurred(scene: Scene, sigma: float) -> Mask:
     """A Gaussian blur over the valid pixels, and the range."""
-    return _in_range(_blur(scene, sigma))
+    return _in_range(scene, _blur(scene, sigma))
 
 
 def otsu(scene: Scene, sigma: float) -> Mask:
@@ -68,7 +68,7 @@ def denoised(scene: Scene, times: float) -> Mask:
     """Total-variation denoising (Chambolle 2004) with a weight of so many times the noise, and the range."""
     image = np.where(scene.valid, scene.v, np.nanmean(scene.v))
     weight = times * noise_of(image)
-    return _in_range(denoise_tv_chambolle(image, weight) if weight > 0 else image)
+    return _in_range(scene, denoise_tv_chambolle(image, weight) if weight > 0 else image)
 
 
 def noise_of(image: Plane) -> float:
@@ -91,8 +91,8 @@ def _blur(scene: Scene, sigma: float) -> Plane:
     return np.asarray(np.divide(sums, weights, out=np.zeros_like(sums), where=scene.valid))
 
 
-def _in_range(image: Plane) -> Mask:
-    return (image >= RANGE[0]) & (image <= RANGE[1])
+def _in_range(scene: Scene, image: Plane) -> Mask:
+    return (image >= RANGE[0]) & (image <= RANGE[1]) & scene.valid
 
 
 def _by_mean(scene: Scene, segments: NDArray[np.intp]) -> Mask:
@@ -100,4 +100,4 @@ def _by_mean(scene: Scene, segments: NDArray[np.intp]) -> Mask:
     names = (segments[scene.valid] + 1).ravel()
     sums = np.bincount(names, scene.v[scene.valid], segments.max() + 2)
     means = sums / np.maximum(np.bincount(names, minlength=len(sums)), 1)
-    return np.asarray(_in_range(means)[segments + 1])
+    return _in_range(scene, means[segments + 1])

@@ -15,7 +15,8 @@ from benchmarks.quality.metrics import Marks, marks
 from benchmarks.quality.scenes import FAMILIES, Scene, draw
 
 PROCESSES = 2  # at most
-_Key = tuple[str, int, str, str]
+_Place = tuple[str, int]  # family and seed
+_Found = tuple[Marks, float]  # and processor time
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class Score:
     cpu_s: float
 
 
-_KNOWN: dict[_Key, Score] = {}
+_KNOWN: dict[tuple[_Place, tuple[str, str]], _Found] = {}
 
 
 def scores(
@@ -63,45 +64,41 @@ def scores(
     tell : callable
         Told of every scene that is done.
     """
-    jobs = [(family, seed) for family in families for seed in range(seeds)]
-    new = [(job, [method for method in methods if _key(job, method) not in _KNOWN]) for job in jobs]
-    new = [(job, missing) for job, missing in new if missing]
-    for found in _mapped(new, min(processes, PROCESSES, len(new))):
-        _KNOWN.update({_key((score.family, score.seed), score.method): score for score in found})
-        tell(f"{found[0].family}, seed {found[0].seed}: {sum(score.cpu_s for score in found):.1f} s")
-    return [_KNOWN[_key(job, method)] for job in jobs for method in methods]
+    places = [(family, seed) for family in families for seed in range(seeds)]
+    jobs = [(place, [method for method in methods if (place, method.key) not in _KNOWN]) for place in places]
+    jobs = [(place, missing) for place, missing in jobs if missing]
+    for (place, missing), found in zip(jobs, _mapped(jobs, min(processes, PROCESSES)), strict=True):
+        _KNOWN.update({(place, method.key): one for method, one in zip(missing, found, strict=True)})
+        tell(f"{place[0]}, seed {place[1]}: {sum(cpu_s for _, cpu_s in found):.1f} s")
+    return [Score(*place, method, *_KNOWN[place, method.key]) for place in places for method in methods]
 
 
-_Job = tuple[tuple[str, int], list[Method]]
+_Job = tuple[_Place, list[Method]]
 
 
-def _mapped(jobs: Sequence[_Job], processes: int) -> Iterator[list[Score]]:
-    if processes <= 1:
-        yield from map(_scored, jobs)
+def _mapped(jobs: Sequence[_Job], processes: int) -> Iterator[list[_Found]]:
+    if min(processes, len(jobs)) <= 1:
+        yield from map(_found, jobs)
         return
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(_scored, jobs)
+        yield from pool.map(_found, jobs)
 
 
-def _key(job: tuple[str, int], method: Method) -> _Key:
-    return *job, *method.key
-
-
-def _scored(job: _Job) -> list[Score]:
+def _found(job: _Job) -> list[_Found]:
     (family, seed), methods = job
     scene = draw(FAMILIES[family], seed)
     part = cache(partial(_part, scene))
-    return [_score(part(method.middle), method) for method in methods]
+    return [_marked(part(method.middle), method) for method in methods]
 
 
 def _part(scene: Scene, middle: int | None) -> Scene:
     return scene if middle is None else scene.middle(middle)
 
 
-def _score(scene: Scene, method: Method) -> Score:
+def _marked(scene: Scene, method: Method) -> _Found:
     begun = time.process_time()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # peers warn of what they do to every scene
         found = np.asarray(method.find(scene))
     cpu_s = time.process_time() - begun
-    return Score(scene.family.name, scene.seed, method, marks(found, scene.truth, scene.valid), cpu_s)
+    return marks(found, scene.truth, scene.valid), cpu_s

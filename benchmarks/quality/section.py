@@ -20,22 +20,20 @@ def quality(
     words : sequence of str
         Refinements of uavseg beside those that are always measured.
     families : sequence of str, optional
-        How their names begin.
+        Keys of `FAMILIES`; all, if left out.
     tell : callable
         Told of every scene that is done.
 
     Raises
     ------
-    ValueError
-        If no family is meant.
     uavseg.errors.ParameterError
         If a refinement is unknown.
     """
-    return tables(scores(methods(words), seeds, meant(families), tell=tell), seeds)
+    return tables(scores(methods(words), seeds, families or list(FAMILIES), tell=tell), seeds)
 
 
-def meant(beginnings: Sequence[str] | None) -> list[str]:
-    """The families whose names begin so; all, if nothing is given.
+def meant(beginnings: Sequence[str]) -> list[str]:
+    """The families whose names begin so.
 
     Raises
     ------
@@ -47,8 +45,6 @@ def meant(beginnings: Sequence[str] | None) -> list[str]:
     >>> meant(["roads", "san"])
     ['roads, noise 0.05', 'roads, noise 0.15', 'sand']
     """
-    if beginnings is None:
-        return list(FAMILIES)
     found = [family for family in FAMILIES if family.startswith(tuple(beginnings))]
     if not found:
         raise ValueError(f"no family begins with {' or '.join(beginnings)}; there are {'; '.join(FAMILIES)}")

@@ -23,15 +23,17 @@ def blobs(side: int, dice: Dice) -> Mask:
 
 def roads(side: int, dice: Dice) -> Mask:
     """Ten bent roads, 3 to 12 pixels wide, which cross."""
-    found = np.zeros((side, side), bool)
-    for width in range(3, 13):
-        along, across = turned(side, dice.uniform(0, np.pi))
-        turn = 2 * np.pi / (side * dice.uniform(0.4, 1))
-        sway, phase, offset = dice.uniform(5, 25), dice.uniform(0, 6), dice.uniform(-0.4, 0.4) * side
-        beside = across - offset - sway * np.sin(turn * along + phase)
-        steep = sway * turn * np.cos(turn * along + phase)
-        found |= np.abs(beside) / np.hypot(1, steep) < width / 2
-    return found
+    return np.asarray(np.logical_or.reduce([road(side, width, dice) for width in range(3, 13)]))
+
+
+def road(side: int, width: float, dice: Dice) -> Mask:
+    """A road that sways from one end of the picture to the other."""
+    along, across = turned(side, dice.uniform(0, np.pi))
+    turn = 2 * np.pi / (side * dice.uniform(0.6, 1.2))
+    sway, phase, offset = dice.uniform(5, 15), dice.uniform(0, 6), dice.uniform(-0.4, 0.4) * side
+    beside = across - offset - sway * np.sin(turn * along + phase)
+    steep = sway * turn * np.cos(turn * along + phase)
+    return np.asarray(np.abs(beside) / np.hypot(1, steep) < width / 2)
 
 
 def islands(side: int, dice: Dice) -> Mask:

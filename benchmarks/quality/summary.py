@@ -73,16 +73,17 @@ class Summary:
             (method for method in self.methods if method.who == who), key=lambda one: self.iou(family, one)
         )
 
-    def best_of(self, family: str, everybody: Sequence[str], choice: Choice) -> Method:
-        """Whose IoU is the largest in a family, each with the setting that is chosen."""
-        return max((choice(family, who) for who in everybody), key=lambda one: self.iou(family, one))
-
     def over(self, families: Iterable[str], method: Callable[[str], Method]) -> tuple[Marks, float, float]:
         """Means of marks over families, the smallest IoU of a family, and mean processor time."""
         found = [self._means[family, method(family)] for family in families]
         all_marks = [marks for marks, _ in found]
         least = min(marks.iou for marks in all_marks)
         return mean_marks(all_marks), least, float(np.mean([cpu_s for _, cpu_s in found]))
+
+
+def chosen(choice: Choice, who: str) -> Callable[[str], Method]:
+    """Somebody's setting in each family."""
+    return lambda family: choice(family, who)
 
 
 def mean_marks(marks: Iterable[Marks]) -> Marks:

@@ -196,9 +196,9 @@ def test_a_section_is_written_again_and_the_rest_stays() -> None:
         table.replaced(before, "kernels", "new")
 
 
-def test_the_readme_has_a_place_for_each_section() -> None:
+def test_there_is_a_place_for_each_section() -> None:
     for section in command._SECTIONS:
-        table.replaced(table.README.read_text(), section, "")
+        table.replaced(command._KEPT_IN.get(section, table.README).read_text(), section, "")
 
 
 def test_a_repeated_scene_is_the_scene_again_and_again(
@@ -239,10 +239,10 @@ def test_label_images_become_the_same_polygons_on_both_sides() -> None:
 
 def test_another_question_is_measured_where_the_answer_is(tmp_path: Path) -> None:
     raster = made(Scene(512), tmp_path)
-    assert scale._segment(str(raster), "2") > 0 and scale._compute("1") > 0
+    assert scale._segment(str(raster), "2") > (0,) and scale._compute("1") > (0,)
     blocks = tmp_path / "blocks.tif"
     cost([sys.executable, "-m", "uavseg", "divide", str(raster), "-q", "-o", str(blocks)], dict(os.environ))
-    assert scale._again(str(blocks)) > 0
+    assert min(scale._again(str(raster), str(blocks))) > 0
 
 
 def test_a_robot_is_told_what_merging_takes_and_what_segmenting() -> None:
@@ -315,9 +315,9 @@ def test_gdal_chain_is_given_each_band_of_a_colour_scene(tmp_path: Path) -> None
 
 def test_everybody_finds_the_same_path_over_a_grid_but_for_cut_corners() -> None:
     for field in paths.fields(48):
-        found = {row.who: row.cost for row in paths.measured(field, tuple(paths.EVERYBODY), 1)}
-        assert found["networkx"] == pytest.approx(found["uavseg"])
-        assert found["pathfinding"] == pytest.approx(found["uavseg"])
+        found = {row.who: row.cost for row in paths.measured(field, paths.present(paths.EVERYBODY), 1)}
+        for who in found.keys() & {"networkx", "pathfinding"}:
+            assert found[who] == pytest.approx(found["uavseg"])
         assert found["scikit-image"] <= found["uavseg"] + 1e-9
 
 

@@ -180,6 +180,32 @@ def test_outlines_are_simplified() -> None:
     assert counts[1] < counts[0] / 3
 
 
+def test_outlines_are_drawn_without_stairs_around_the_same_pixels() -> None:
+    row, col = np.indices((90, 110))
+    write(Path("disc.tif"), np.where((row - 41) ** 2 + (col - 57) ** 2 < 900, 200, 30).astype(np.uint8))
+    found = {}
+    for smooth in ((), ("--smooth-outline", 1), ("--smooth-outline", 1, "--simplify", 3)):
+        extracted(
+            "disc.tif",
+            *RANGE,
+            "-o",
+            "d.gpkg",
+            "--labels",
+            "d.tif",
+            *smooth,
+            "--overwrite",
+            "--refine",
+            "scan",
+        )
+        found[len(smooth)] = geopandas.read_file("d.gpkg"), Path("d.tif").read_bytes()
+    stairs, smooth, simple = (frame for frame, _ in found.values())
+    assert stairs.drop(columns="geometry").equals(smooth.drop(columns="geometry"))
+    assert len({labels for _, labels in found.values()}) == 1
+    assert smooth.area[0] == pytest.approx(stairs.area[0], rel=1e-3)
+    assert smooth.length[0] < 0.82 * stairs.length[0]
+    assert simple.get_coordinates().shape[0] < smooth.get_coordinates().shape[0] / 2
+
+
 @pytest.mark.parametrize("method", ["paper", "adaptive"])
 @pytest.mark.parametrize("refine", ["none", "scan", "smooth", "tv"])
 def test_every_way_to_segment_gives_its_regions(method: str, refine: str) -> None:
@@ -326,6 +352,7 @@ REFUSALS: dict[str, tuple[str, str]] = {
         "local.tif --range 0.5,1 --fill-holes 5",
         "give the area in pixels, such as 5px",
     ),
+    "smooth": ("tile.tif --range 0.5,1 --smooth-outline nan", "metres that are not negative, not nan"),
     "simplify": ("tile.tif --range 0.5,1 --simplify -2", "metres that are not negative, not -2"),
     "threshold": ("tile.tif --range 0.5,1 --threshold -1", "is at least 0, not -1"),
     "step": ("tile.tif --range 0.5,1 --intensity-step 2", "an intensity step lies in 0..1, not 2"),

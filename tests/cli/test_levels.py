@@ -6,6 +6,7 @@ import geopandas
 import numpy as np
 import pytest
 import rasterio
+import shapely
 from affine import Affine
 from click.testing import CliRunner, Result
 from geopandas.testing import assert_geodataframe_equal
@@ -133,10 +134,62 @@ def test_the_segments_of_a_level_are_the_regions_of_its_range() -> None:
 
 def test_small_segments_are_dropped_and_borders_simplified_together() -> None:
     write("a.tif", np.maximum(scene(6, (200, 150)), 1))
-    done("a.tif", "--width", 0.2, "-o", "a.fgb", "--min-area", "300px", "--simplify", 20, "-q")
+    how = ("--min-area", "300px", "--small", "drop", "--simplify", 20)
+    done("a.tif", "--width", 0.2, "-o", "a.fgb", *how, "-q")
     segments = geopandas.read_file("a.fgb")
     assert segments["pixels"].min() >= 300 and segments.geometry.is_valid.all()
     assert segments.geometry.union_all().area == pytest.approx(segments.area.sum())
+
+
+def test_small_segments_become_part_of_their_neighbours() -> None:
+    image = write("a.tif", scene(6, (200, 150)))
+    done(image, "--width", 0.1, "-o", "a.gpkg", "--min-area", "300px", "-q", "--labels", "l.tif")
+    segments, labels = geopandas.read_file("a.gpkg"), read("l.tif")
+    assert np.array_equal(labels > 0, read("a.tif") > 0)
+    assert np.bincount(labels.ravel())[1:].tolist() == segments["pixels"].tolist()
+    assert 1 < len(segments) < 50 and segments["pixels"].min() >= 300
+    assert segments["range_low"].to_numpy() == pytest.approx(segments["level"].to_numpy() * 0.1)
+    for row in segments.itertuples():
+        own = read("a.tif")[labels == row.id] / 255
+        assert (own.mean(), own.std()) == pytest.approx((row.mean, row.std), abs=1e-5)
+    done(image, "--width", 0.1, "-o", "b.fgb", "--min-area", "300px", "-q", "--small", "drop")
+    assert geopandas.read_file("b.fgb")["pixels"].sum() < segments["pixels"].sum()
+
+
+@pytest.mark.parametrize("small", ["merge", "drop"])
+def test_merged_and_smooth_segments_are_the_same_bytes_for_all_tiles(small: str) -> None:
+    write("a.tif", scene(8, (330, 270)))
+    how = ("--width", 0.1, "-o", "a.gpkg", "--labels", "l.tif", "-q", "--overwrite", "--min-area", 700)
+    how += ("--small", small, "--smooth-outline", 1)
+    done("a.tif", *how, "--tile", 64, "--threads", 1)
+    wanted = contents()
+    for tile, threads in ((128, 2), (4096, 1)):
+        done("a.tif", *how, "--tile", tile, "--threads", threads)
+        assert contents() == wanted
+
+
+def test_a_block_map_merges_as_its_raster_does() -> None:
+    write("a.tif", np.maximum(scene(4, (200, 150)), 1))
+    CliRunner().invoke(main, ["divide", "a.tif", "-o", "blocks.tif", "-q"])
+    how = ("--width", 0.15, "-q", "--min-area", "500px", "--smooth-outline", 1, "--labels")
+    done("a.tif", "-o", "a.fgb", *how, "a.l.tif")
+    done("blocks.tif", "-o", "b.fgb", *how, "b.l.tif")
+    assert Path("a.l.tif").read_bytes() == Path("b.l.tif").read_bytes()
+    one, other = (geopandas.read_file(f"{name}.fgb").drop(columns="std") for name in "ab")
+    assert_geodataframe_equal(one, other)
+
+
+def test_smooth_borders_stay_shared_and_may_be_simplified_then() -> None:
+    write("a.tif", scene(6, (200, 150)))
+    kept = geopandas.read_file
+    for more in ((), ("--simplify", 9)):
+        done("a.tif", "--width", 0.2, "-o", "a.fgb", "--smooth-outline", 1, *more, "-q", "--overwrite")
+        segments = kept("a.fgb")
+        assert segments.is_valid.all() and shapely.coverage_is_valid(segments.geometry.to_numpy())
+        assert segments.geometry.union_all().area == pytest.approx(segments.area.sum())
+        assert segments["area_m2"].sum() == pytest.approx(4 * segments["pixels"].sum(), rel=1e-3)
+    done("a.tif", "--width", 0.2, "-o", "b.fgb", "-q")
+    assert kept("b.fgb")["perimeter_m"].tolist() == segments["perimeter_m"].tolist()
 
 
 def test_a_run_goes_on_where_it_stopped() -> None:
@@ -168,6 +221,7 @@ def test_nothing_valid_is_no_segment_and_that_is_said() -> None:
         (["--width", "0.1", "--tile", "65"], "a positive multiple of 64"),
         (["--width", "0.1", "--intensity-step", "2"], "an intensity step lies in 0..1"),
         (["--width", "0.1", "--min-area", "much"], "much"),
+        (["--width", "0.1", "--smooth-outline", "-1"], "smoothed by metres that are not negative, not -1"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

@@ -14,7 +14,9 @@ from uavseg.errors import UavsegError
 
 _COMMANDS = {
     "extract": "Extract regions within a range of intensity.",
+    "suggest": "Propose ranges of intensity, with what each would give.",
     "levels": "Divide a raster into levels of equal width, and each into segments.",
+    "match": "Find regions whose texture and intensity are like a sample's.",
     "classify": "Find what is free, unknown and occupied in a map of probabilities.",
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
 
 from uavseg.cli._running import Reporter, workers
 from uavseg.errors import ParameterError
@@ -13,6 +16,31 @@ if TYPE_CHECKING:
     from uavseg.regions.cleaning import Area
     from uavseg.regions.extraction import Extraction
     from uavseg.segmentation.blockfile import SavedBlocks
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def drawing_options(command: Command) -> Command:
+    """Give a command --smooth-outline and --simplify, in the order in which they work."""
+    for option in reversed(
+        (
+            click.option(
+                "--smooth-outline",
+                type=float,
+                metavar="METRES",
+                help="Draw outlines without stairs, within this many metres of the pixel edges, and never "
+                "further than half a pixel; shared borders stay shared, attributes those of the pixels.",
+            ),
+            click.option(
+                "--simplify",
+                type=float,
+                metavar="METRES",
+                help="Simplify outlines, after they are smoothed; shared borders stay shared.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
 
 
 def area(text: str | None) -> Area | None:

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._regions import area, check_targets, largest, opened, shown, tell, write_labels, write_regions
+from uavseg.cli._regions import (
+    area,
+    check_targets,
+    drawing_options,
+    largest,
+    opened,
+    shown,
+    tell,
+    write_labels,
+    write_regions,
+)
 from uavseg.cli._running import Reporter, resuming, running_options, workers
 from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import mission_options
@@ -45,11 +55,9 @@ if TYPE_CHECKING:
     show_default="tv; scan with --method paper",
     help="How boundaries are found to the pixel: by total variation, four scans or a local mean.",
 )
-@click.option("--min-area", metavar="M2|Npx", help="Drop regions of less.")
+@click.option("--min-area", metavar="M2|Npx", help="Drop regions of less, after holes are filled.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
-@click.option(
-    "--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared."
-)
+@drawing_options
 @click.option("--mission", metavar="PATH", help="Also plan a mission over the regions: .plan or .waypoints.")
 @mission_options
 @running_options
@@ -114,6 +122,7 @@ def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
         area(options["min_area"]),
         options["simplify"],
         tile,
+        options["smooth_outline"],
     )
 
 

@@ -23,7 +23,8 @@ def command(
     threads: int | None,
 ) -> None:
     """Tell the size, place, bands, nodata and intensity of RASTER (many are one mosaic), how that intensity
-    is stretched, and a command to try next.
+    is stretched, and a command to try next: the rarer of dark and bright pixels. `uavseg suggest` takes
+    longer and proposes ranges from the means of leaves, with what each would give.
 
     Every pixel is counted up to 100 megapixels; a larger raster is looked at from afar, and it is said so.
     """

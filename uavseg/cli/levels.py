@@ -12,6 +12,7 @@ from uavseg.cli._reading import reading_options
 from uavseg.cli._regions import (
     area,
     check_targets,
+    drawing_options,
     largest,
     opened,
     opened_ros_map,
@@ -47,10 +48,18 @@ if TYPE_CHECKING:
     help="Also write the labels of the segments as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
 @segmenting_options
-@click.option("--min-area", metavar="M2|Npx", help="Drop segments of less.")
 @click.option(
-    "--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared."
+    "--min-area", metavar="M2|Npx", help="Merge segments of less into their neighbours, or drop them."
 )
+@click.option(
+    "--small",
+    type=click.Choice(["merge", "drop"]),
+    default="merge",
+    show_default=True,
+    help="What becomes of small segments. Merge: one after the other, the smallest first, becomes part of "
+    "the neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
+)
+@drawing_options
 @running_options
 def command(
     rasters: tuple[str, ...],
@@ -115,6 +124,8 @@ def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
         min_area=area(options["min_area"]),
         simplify_m=options["simplify"],
         tile=tile,
+        smooth_m=options["smooth_outline"],
+        small=options["small"],
     )
 
 

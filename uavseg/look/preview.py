@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uavseg.atomic import check_target, whole_file
-from uavseg.errors import OutputError, ParameterError
+from uavseg.atomic import whole_file
+from uavseg.errors import ParameterError
 from uavseg.look.frame import Frame
-from uavseg.look.furniture import INK, draw_north, draw_scale_bar, length_text
+from uavseg.look.furniture import INK, draw_north, draw_scale_bar
 from uavseg.look.layers import File, Layer, layers_over
 from uavseg.look.missionlayer import MissionLayer
+from uavseg.look.page import QUIET, about_raster, check_picture, fit_axes, new_figure, save_figure
 from uavseg.look.rasterlayer import draw_raster
 from uavseg.occupancy.maps import open_map, stretch_of
 from uavseg.occupancy.rosmap import is_ros_map
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.ground import ground_resolution
 from uavseg.raster.stretch import Stretch, StretchSpec
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 WIDTH_IN, HEAD_IN, FOOT_IN, MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
 LEAST_HEIGHT_IN, MOST_HEIGHT_IN = 2.6, 13.0
-POINTS = 72  # per inch
-QUIET = "#666666"
 
 
 def preview(
@@ -86,15 +84,13 @@ def preview(
     """
     if not 200 <= width_px <= 8000:
         raise ParameterError(f"a picture is 200 to 8000 pixels wide, not {width_px}")
-    if Path(out).suffix.lower() != ".png":
-        raise OutputError(f"a preview is a PNG picture; call it {Path(out).stem}.png, not {Path(out).name}")
-    target = check_target(out, overwrite)
+    target = check_picture(out, overwrite)
     dataset, grey = _opened(raster, stretch, states is not None or path is not None)
     frame = Frame(dataset.geobox)
     layers = layers_over(frame, 2 * width_px, levels, states, leaves, regions, path, mission)
     figure = _figure(dataset, frame, grey, layers, width_px / WIDTH_IN)
     with whole_file(target, overwrite) as temporary:
-        figure.savefig(temporary, metadata={"Software": "uavseg"})
+        save_figure(figure, temporary)
     return target
 
 
@@ -115,16 +111,12 @@ def _opened(
 def _figure(
     dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str, layers: Sequence[Layer], dpi: float
 ) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     view = _view(frame, layers)
     width, height = WIDTH_IN - 2 * MARGIN_IN, _height(view)
     page = height + HEAD_IN + FOOT_IN
-    figure = Figure(figsize=(WIDTH_IN, page), dpi=dpi, facecolor="white")
-    FigureCanvasAgg(figure)
+    figure = new_figure(WIDTH_IN, page, dpi)
     ax = figure.add_axes((MARGIN_IN / WIDTH_IN, FOOT_IN / page, width / WIDTH_IN, height / page))
-    unit = _fit_axes(ax, view, width, height)
+    unit = fit_axes(ax, view, width, height)
     grey_name = draw_raster(ax, dataset, frame, stretch)
     for layer in layers:
         layer.draw(ax, unit)
@@ -155,19 +147,6 @@ def _height(view: tuple[float, float, float, float]) -> float:
     return min(max(height, LEAST_HEIGHT_IN), MOST_HEIGHT_IN)
 
 
-def _fit_axes(ax: Any, view: tuple[float, float, float, float], width: float, height: float) -> float:
-    """Show the view, centred; returns the length on the sheet of one point."""
-    left, right, bottom, top = view
-    unit = max((right - left) / width, (top - bottom) / height) / POINTS
-    x, y = (left + right) / 2, (bottom + top) / 2
-    ax.set_xlim(x - unit * POINTS * width / 2, x + unit * POINTS * width / 2)
-    ax.set_ylim(y - unit * POINTS * height / 2, y + unit * POINTS * height / 2)
-    ax.set(xticks=[], yticks=[], autoscale_on=False)
-    for side in ax.spines.values():
-        side.set(color="#bbbbbb", lw=0.6)
-    return unit
-
-
 def _write_around(figure: Any, dataset: Dataset, grey_name: str, layers: Sequence[Layer]) -> None:
     """Title above, what the raster is below."""
     page = figure.get_figheight()
@@ -182,24 +161,15 @@ def _write_around(figure: Any, dataset: Dataset, grey_name: str, layers: Sequenc
         color=INK,
         va="top",
     )
-    figure.text(x, 0.12 / page, " · ".join(_about(dataset, grey_name)), size=7.5, color=QUIET, va="bottom")
+    figure.text(
+        x,
+        0.12 / page,
+        about_raster(dataset.geobox, dataset.band_names, grey_name),
+        size=7.5,
+        color=QUIET,
+        va="bottom",
+    )
 
 
 def _told(layers: Sequence[Layer], on_globe: bool) -> list[str]:
     return [text for layer in layers for text in layer.told(on_globe)] or ["the raster alone"]
-
-
-def _about(dataset: Dataset, grey_name: str) -> list[str]:
-    box = dataset.geobox
-    rows, cols = box.shape
-    found = [f"{cols} x {rows} pixels"]
-    if box.crs is None:
-        found.append("no coordinate reference system")
-    else:
-        epsg = box.crs.to_epsg()
-        across, _ = ground_resolution(box)
-        found += [
-            f"EPSG:{epsg}" if epsg else "custom CRS",
-            f"{length_text(float(f'{across:.3g}'), 'm')}/pixel",
-        ]
-    return [*found, dataset.band_names, f"grey: {grey_name}"]

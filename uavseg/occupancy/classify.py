@@ -194,7 +194,7 @@ def _objects(
         outlined = without_small_regions(outlined, source.dataset.geobox, params.min_area)
     bounds = _bounds(outlined.rings, source.dataset.geobox)
     about = About.source(source)
-    return measured(outlined, about, limits.occupied_above, 1.0, params.simplify_m, bounds)
+    return measured(outlined, about, limits.occupied_above, 1.0, params.drawing, bounds)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:

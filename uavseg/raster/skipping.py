@@ -4,8 +4,8 @@ What can or cannot be decoded is a block of the file. So a window that fails is 
 what comes out depends on the file alone, not on how windows are cut.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Any
@@ -82,10 +82,11 @@ def listing(map: Map, found: set[BadBlock]) -> Map:
 
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
-    ) -> Iterator[Result]:
-        for result, blocks in map(_Listening(function), items, progress):
-            found.update(blocks)
-            yield result
+    ) -> Generator[Result, None, None]:
+        with closing(map(_Listening(function), items, progress)) as results:
+            for result, blocks in results:
+                found.update(blocks)
+                yield result
 
     return run
 

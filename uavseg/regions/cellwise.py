@@ -38,6 +38,16 @@ def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> Outlined:
     return numbered_by_size(on_pixels, _sums_of_cells(blocks, leaves, count))
 
 
+def count_segments(blocks: BlockMap, kinds: NDArray[Any], most: int) -> NDArray[np.int64]:
+    """How many segments of each kind 1..most `outline_cells` finds, (most,) int64; nothing is outlined."""
+    rows, cols = _cells_of(blocks)
+    cells = np.ascontiguousarray(kinds[:rows, :cols])
+    labels, count = equal_components(cells)
+    own = np.zeros(count + 1, kinds.dtype)
+    own[labels] = cells
+    return np.bincount(own[1:], minlength=most + 1)[1:].astype(np.int64)
+
+
 def summed_cells(blocks: BlockMap, outlined: Outlined) -> Outlined:
     """The same regions with the sums of all cells that they enclose."""
     on_cells = replace(outlined.rings, vertices=-(-outlined.rings.vertices // np.int32(CELL)))

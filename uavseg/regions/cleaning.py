@@ -66,8 +66,21 @@ def without_small_holes(outlined: Outlined, geobox: GeoBox, smallest: Area) -> O
 def without_small_regions(outlined: Outlined, geobox: GeoBox, smallest: Area) -> Outlined:
     """Regions of at least an area; the rest keep their order and are numbered 1..n."""
     rings = outlined.rings
-    areas = np.bincount(rings.labels, _areas(rings, geobox, smallest), len(outlined.sums.counts) + 1)
-    return numbered_by_size(rings, outlined.sums, areas[rings.labels] >= smallest.value)
+    areas = region_areas(outlined, geobox, smallest)
+    return numbered_by_size(rings, outlined.sums, areas[rings.labels - 1] >= smallest.value)
+
+
+def region_areas(outlined: Outlined, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
+    """Area of each region, (n,), in the unit of `unit`: square metres or pixels.
+
+    Raises
+    ------
+    ParameterError
+        If square metres are asked for where there is no CRS.
+    """
+    rings = outlined.rings
+    areas = np.bincount(rings.labels, _areas(rings, geobox, unit), len(outlined.sums.counts) + 1)
+    return np.asarray(areas[1:], np.float64)
 
 
 def numbered_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = None) -> Outlined:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
 from uavseg.regions.cellwise import outline_cells, summed_cells
 from uavseg.regions.cleaning import Area, without_small_holes, without_small_regions
-from uavseg.regions.extraction import About, Extraction, measured
+from uavseg.regions.extraction import About, Drawing, Extraction, measured
 from uavseg.regions.joining import Outlined
 from uavseg.regions.tilewise import outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
@@ -22,6 +23,8 @@ from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.pipeline import SegmentParams, block_map, block_map_for, cells_to_refine, stages
 from uavseg.segmentation.segments import IntensityRange, in_range
 from uavseg.segmentation.source import GreySource
+
+Small = Literal["drop", "merge"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +40,16 @@ class ExtractParams:
         Holes of less are filled, and regions within them become part of what surrounds them; this comes
         first.
     min_area : Area, optional
-        Regions of less are dropped.
+        Regions of less are dropped, after holes are filled; of levels see `small`.
     simplify_m : float, optional
         Outlines keep within about this many metres; shared borders stay shared.
     tile : int, optional
         Side of a tile in pixels, a multiple of 64; what comes out does not depend on it.
+    smooth_m : float, optional
+        Outlines are drawn without stairs, within this many metres of the pixel edges, before they are
+        simplified; shared borders stay shared.
+    small : {"drop", "merge"}
+        What becomes of segments of less than `min_area`: levels can also be merged, see `eliminate`.
     """
 
     segment: SegmentParams = field(default_factory=SegmentParams)
@@ -50,12 +58,18 @@ class ExtractParams:
     min_area: Area | None = None
     simplify_m: float | None = None
     tile: int | None = None
+    smooth_m: float | None = None
+    small: Small = "drop"
 
     def __post_init__(self) -> None:
-        if self.simplify_m is not None and not 0 <= self.simplify_m < float("inf"):
-            raise ParameterError(
-                f"outlines are simplified by metres that are not negative, not {self.simplify_m:g}"
-            )
+        _ = self.drawing  # sees to its parameters
+        if self.small not in get_args(Small):
+            raise ParameterError(f"small segments are merged or dropped: merge or drop, not {self.small!r}")
+
+    @property
+    def drawing(self) -> Drawing:
+        """How outlines are drawn."""
+        return Drawing(self.smooth_m, self.simplify_m)
 
 
 def extract(
@@ -132,7 +146,7 @@ def extract_from_blocks(
 
 def divide(
     dataset: Dataset,
-    stretch: StretchSpec | str = "auto",
+    stretch: Stretch | StretchSpec | str = "auto",
     tile: int | None = None,
     map: Map = serial,
     progress: Progress | None = None,
@@ -194,9 +208,11 @@ def _measured(
     outlined: Outlined, about: About, interval: IntensityRange, params: ExtractParams
 ) -> Extraction:
     """Regions with their attributes, the small ones dropped."""
+    if params.small != "drop":
+        raise ParameterError("regions of a range have nothing around them to be merged into; drop small ones")
     if params.min_area is not None:
         outlined = without_small_regions(outlined, about.geobox, params.min_area)
-    return measured(outlined, about, interval.low, interval.high, params.simplify_m)
+    return measured(outlined, about, interval.low, interval.high, params.drawing)
 
 
 def _three(progress: Progress | None) -> list[Progress] | list[None]:

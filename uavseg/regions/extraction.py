@@ -7,11 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch
 from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import Rings
+from uavseg.regions.shapes import Shapes
 from uavseg.regions.simplify import simplify
+from uavseg.regions.smooth import smoothed
 from uavseg.regions.table import Regions, make
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.source import GreySource
@@ -25,7 +28,7 @@ class Extraction:
     ----------
     regions : Regions
     rings : Rings
-        Their outlines on pixel edges, not simplified.
+        Their outlines on pixel edges, neither smoothed nor simplified.
     geobox : GeoBox
         Of the raster.
     stretch : Stretch
@@ -40,6 +43,40 @@ class Extraction:
     stretch: Stretch
     band_names: str
     warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """How outlines are drawn; attributes stay those of the pixels.
+
+    Parameters
+    ----------
+    smooth_m : float, optional
+        Outlines without stairs, within this many metres of the pixel edges and within half a pixel of them;
+        this comes first.
+    simplify_m : float, optional
+        Outlines keep within about this many metres of what they are then.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is negative or no number.
+    """
+
+    smooth_m: float | None = None
+    simplify_m: float | None = None
+
+    def __post_init__(self) -> None:
+        for metres, what in ((self.smooth_m, "smoothed"), (self.simplify_m, "simplified")):
+            if metres is not None and not 0 <= metres < float("inf"):
+                raise ParameterError(f"outlines are {what} by metres that are not negative, not {metres:g}")
+
+    def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> Regions:
+        """The regions with their outlines drawn so; `rings` are these outlines on the pixel edges."""
+        if self.smooth_m:
+            rings, geobox = smoothed(rings, self.smooth_m, geobox)
+            regions = replace(regions, polygons=Shapes(rings, geobox.transform))
+        return simplify(regions, self.simplify_m, geobox) if self.simplify_m else regions
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +118,7 @@ def measured(
     about: About,
     low: ArrayLike,
     high: ArrayLike,
-    simplify_m: float | None = None,
+    drawing: Drawing = Drawing(),
     more: Mapping[str, NDArray[Any]] = {},
 ) -> Extraction:
     """Regions with their attributes.
@@ -92,8 +129,8 @@ def measured(
     about : About
     low, high : float or (n,) array
         The interval of intensity of all regions, or of each.
-    simplify_m : float, optional
-        Outlines keep within about this many metres.
+    drawing : Drawing
+        How their outlines are drawn.
     more : mapping of str to (n,) array
         Columns that come after the id.
     """
@@ -103,7 +140,5 @@ def measured(
         rings, about.geobox, sums.counts, sums.greys, sums.squares, (low, high), about.name, pixels
     )
     columns = {"id": regions.columns["id"], **more} | regions.columns
-    regions = replace(regions, columns=columns)
-    if simplify_m:
-        regions = simplify(regions, simplify_m, about.geobox)
+    regions = drawing.drawn(replace(regions, columns=columns), rings, about.geobox)
     return Extraction(regions, rings, about.geobox, about.stretch, about.band_names, about.warnings)

@@ -179,7 +179,7 @@ def merged_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
     merged = Sums(
         np.zeros(count, np.int64),
         np.zeros(count, np.uint64),
-        np.zeros(count, np.uint64),
+        np.zeros(count, sums.squares.dtype),  # NaN where they are not known
         np.zeros((count, 2), np.int64),
     )
     np.add.at(merged.counts, group, sums.counts)

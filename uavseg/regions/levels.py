@@ -11,6 +11,7 @@ from uavseg.raster.stretch import fit
 from uavseg.raster.tiling import CELL
 from uavseg.regions.cellwise import outline_cells
 from uavseg.regions.cleaning import without_small_regions
+from uavseg.regions.eliminate import eliminate
 from uavseg.regions.extract import ExtractParams, windows_of
 from uavseg.regions.extraction import About, Extraction, measured
 from uavseg.regions.joining import Outlined
@@ -20,7 +21,7 @@ from uavseg.segmentation.pipeline import SegmentParams, block_map_for, stages
 from uavseg.segmentation.segments import Levels, levels_of
 from uavseg.segmentation.source import GreySource
 
-PARAMS = ExtractParams(SegmentParams(refine="none"))
+PARAMS = ExtractParams(SegmentParams(refine="none"), small="merge")
 """How levels are found unless something else is said."""
 
 
@@ -40,7 +41,8 @@ def extract_levels(
         Of v, after the stretch.
     params : ExtractParams
         Levels are not refined, and their holes are other segments: `segment.refine` is "none" and
-        `fill_holes` is not given.
+        `fill_holes` is not given. Segments of less than `min_area` become part of their neighbours, or are
+        dropped, as `small` says.
     map : Map
         Who runs the work.
     progress : callable, optional
@@ -101,10 +103,12 @@ def _extraction(
     params: ExtractParams,
 ) -> Extraction:
     """Segments with their levels; the first place of each counts in units that make cells of `side`."""
-    if params.min_area is not None:
+    if params.min_area is not None and params.small == "drop":
         outlined = without_small_regions(outlined, about.geobox, params.min_area)
     row, col = outlined.sums.firsts.T // side
     level = kinds[row, col].astype(np.int64) - 1
+    if params.min_area is not None and params.small == "merge":
+        outlined, level = eliminate(outlined, level, about.geobox, params.min_area)
     bounds = np.array(levels.bounds)
     columns = {"level": level}
-    return measured(outlined, about, bounds[level], bounds[level + 1], params.simplify_m, columns)
+    return measured(outlined, about, bounds[level], bounds[level + 1], params.drawing, columns)

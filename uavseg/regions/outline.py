@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,18 +68,27 @@ class Rings:
         order = np.flatnonzero(rings)[np.argsort(named, kind="stable")]
         parts = self.parts[order]
         return Rings(
-            *_gathered(self.vertices, self.starts, order),
+            *gathered(self.vertices, self.starts, order),
             np.sort(named, kind="stable"),
             np.cumsum(np.diff(parts, prepend=parts[:1]) != 0),
         )
 
 
-def trace(labels: NDArray[np.uint32], map: Map = serial) -> Rings:
+class LabelRows(Protocol):
+    """A label image of which rows are looked at, such as an array."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __getitem__(self, rows: slice, /) -> NDArray[np.uint32]: ...
+
+
+def trace(labels: LabelRows, map: Map = serial) -> Rings:
     """Outlines of the regions of a label image.
 
     Parameters
     ----------
-    labels : (M, N) uint32 array
+    labels : (M, N) uint32 array, or what gives rows of one
         0 is nothing; pixels of one label that share no edges become several polygons of one region.
     map : Map
         Who runs the work.
@@ -89,8 +99,7 @@ def trace(labels: NDArray[np.uint32], map: Map = serial) -> Rings:
     >>> rings.vertices.tolist()
     [[0, 0], [0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
     """
-    image = np.ascontiguousarray(labels, np.uint32)
-    strips = list(map(partial(_trace_strip, image), range(0, image.shape[0], STRIP)))
+    strips = list(map(partial(_trace_strip, labels), range(0, labels.shape[0], STRIP)))
     before = np.cumsum([0] + [len(strip.names) for strip in strips])
     for strip, offset in zip(strips, before, strict=False):
         strip.chains.table[:, OWNER] += offset
@@ -110,16 +119,17 @@ class _Strip:
     bottom: NDArray[np.int64]
 
 
-def _trace_strip(image: NDArray[np.uint32], top: int) -> _Strip:
-    pieces, count = equal_components(image[top : top + STRIP])
-    rows, cols = pieces.shape
-    near = image[max(top - 1, 0) : top + rows + 1]
+def _trace_strip(image: LabelRows, top: int) -> _Strip:
+    near = np.ascontiguousarray(image[max(top - 1, 0) : top + STRIP + 1], np.uint32)
     first = 1 if top == 0 else 0
+    own = near[1 - first :][:STRIP]
+    pieces, count = equal_components(own)
+    rows, cols = pieces.shape
     framed = np.zeros((rows + 2, cols + 2), np.uint32)
     framed[first : first + len(near), 1:-1] = near
     chains = trace_tile(framed, pieces, 1, (top, 0), cols)
     chains.table[:, OWNER] -= 1
-    names = values_of(image[top : top + rows], pieces, count)
+    names = values_of(own, pieces, count)
     return _Strip(chains, names, pieces[0].astype(np.int64) - 1, pieces[-1].astype(np.int64) - 1)
 
 
@@ -159,7 +169,7 @@ def link(pieces: list[Chains], labels: NDArray[np.int64], parts: NDArray[np.int6
     order = np.lexsort((first[:, 1], first[:, 0], hole, parts[owners], labels[owners]))
     part = parts[owners][order]
     return Rings(
-        *_gathered(vertices, starts, order),
+        *gathered(vertices, starts, order),
         labels[owners][order],
         np.cumsum(np.diff(part, prepend=part[:1]) != 0),
     )
@@ -169,7 +179,7 @@ def _stacked(arrays: Sequence[NDArray], empty: tuple[int, ...], dtype: type) -> 
     return np.concatenate([np.empty(empty, dtype), *arrays])
 
 
-def _gathered(
+def gathered(
     vertices: NDArray[np.int32], starts: NDArray[np.int64], order: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """The rings in another order."""

@@ -74,6 +74,26 @@ class Sketches(Sequence[Sketch]):
         return self._painter.sketch(self._windows[k])
 
 
+@dataclass(frozen=True, slots=True)
+class Canvas:
+    """A label image that is painted when rows of it are looked at.
+
+    Parameters
+    ----------
+    painter : Painter
+    shape : (int, int)
+        Rows and columns of the raster.
+    """
+
+    painter: "Painter"
+    shape: tuple[int, int]
+
+    def __getitem__(self, rows: slice) -> NDArray[np.uint32]:
+        """The labels of some rows, (rows, cols) uint32."""
+        start, stop, _ = rows.indices(self.shape[0])
+        return self.painter(Window(start, 0, stop - start, self.shape[1]))
+
+
 class Painter:
     """Paints label images from rings, window by window.
 

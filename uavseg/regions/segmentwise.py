@@ -37,7 +37,7 @@ def outline_segments(
     windows, map, progress
         As of `outline_regions`.
     """
-    tiles = map(partial(_outline_cells, source), _CellJobs(cells, windows), progress)
+    tiles = map(partial(_outline_cells, source), CellJobs(cells, windows), progress)
     return joined(source.shape, windows, tiles).outlined(cells)
 
 
@@ -68,19 +68,20 @@ def outline_state(
     return joined(source.shape, windows, tiles).outlined(of_state)
 
 
-class _CellJobs(Sequence[_Job]):
-    """Tiles with the kinds of their cells and of those around them."""
+class CellJobs(Sequence[_Job]):
+    """Tiles with the kinds of their cells and of those within `margin` pixels around them."""
 
-    def __init__(self, cells: NDArray[Any], windows: Sequence[Window]) -> None:
+    def __init__(self, cells: NDArray[Any], windows: Sequence[Window], margin: int = CELL) -> None:
         self._cells = cells
         self._windows = windows
+        self._margin = margin
 
     def __len__(self) -> int:
         return len(self._windows)
 
     def __getitem__(self, k: Any) -> Any:
         window = self._windows[k]
-        return window, cells_around(self._cells, window, CELL)
+        return window, cells_around(self._cells, window, self._margin)
 
 
 class _PixelJobs(Sequence[_Job]):

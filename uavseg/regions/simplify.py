@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ground_resolution
+from uavseg.regions.nodes import distinct
 from uavseg.regions.ragged import Ragged
 from uavseg.regions.table import Regions
 
@@ -25,7 +26,7 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
     Parameters
     ----------
     regions : Regions
-        Polygons along the pixel edges of `geobox`.
+        Polygons whose vertices are pixel corners of `geobox`, a finer grid where they are smooth.
     metres : float
         Leaving out a vertex may move an area of about this length squared from one side of an outline to the
         other. Units of the transform where there is no CRS.
@@ -78,7 +79,7 @@ def _noded_along(corners: Integers, starts: Integers, axis: int) -> tuple[Intege
     """The same for the edges that run along one axis."""
     along, across = corners[:, axis], corners[:, 1 - axis]
     keys = across * (along.max() + 1) + along  # corners of one line are neighbours
-    known = np.unique(keys)
+    known = distinct(keys)
     lower, upper = np.minimum(keys[:-1], keys[1:]), np.maximum(keys[:-1], keys[1:])
     first, last = np.searchsorted(known, lower, "right"), np.searchsorted(known, upper)
     counts = np.append(np.maximum(last - first, 0), 0)

@@ -5,7 +5,7 @@ ratio R of its texture. None of it depends on a threshold or a range, so leaves 
 here.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,8 @@ from uavseg.segmentation.division import RATIOS
 
 CELLS = 8  # cells along the side of a block of 64
 FULL = 65535  # grey of v = 1
+
+_STRIP = 64  # rows of blocks looked at together
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +84,15 @@ def leaves(
     mean = np.empty(side.shape)
     _leaves(blocks.sums[cells], blocks.counts[cells], ratios, threshold, intensity_step, side, mean)
     return side, mean
+
+
+def strips_of_means(
+    blocks: BlockMap, threshold: float, intensity_step: float
+) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    """The means of `leaves`, some rows of a large map at a time: rows of cells, and what those hold."""
+    for top in range(0, blocks.blocks[0], _STRIP):
+        _, mean = leaves(blocks, threshold, intensity_step, slice(top, top + _STRIP))
+        yield slice(CELLS * top, CELLS * top + len(mean)), mean
 
 
 def cell_sums(

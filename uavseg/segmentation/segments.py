@@ -4,6 +4,7 @@ Each of them cuts 0..1 at some edges. A value on an edge belongs to the interval
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -12,11 +13,10 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.segmentation.blockmap import FULL, BlockMap, leaves
+from uavseg.segmentation.blockmap import FULL, BlockMap, strips_of_means
 
 FREE, UNKNOWN, OCCUPIED = 1, 2, 3
 
-_STRIP = 64  # rows of blocks looked at together
 _MOST_LEVELS = 65535  # v has 65536 values
 
 
@@ -175,7 +175,7 @@ def states_of(
     states : (8 B, 8 C) uint8 array
         1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
     """
-    return _intervals_of(blocks, limits, threshold, intensity_step, np.uint8)
+    return intervals_of(blocks, limits.edges, threshold, intensity_step)
 
 
 def levels_of(
@@ -196,18 +196,37 @@ def levels_of(
         0 where the leaf has no valid pixel; uint8 where 255 levels are enough, else uint32.
     """
     dtype = np.uint8 if levels.count < 256 else np.uint32
-    return _intervals_of(blocks, levels, threshold, intensity_step, dtype)
+    return intervals_of(blocks, levels.edges, threshold, intensity_step, dtype)
 
 
-def _intervals_of(
-    blocks: BlockMap, cut: Cut, threshold: float, intensity_step: float, dtype: Any
+def intervals_of(
+    blocks: BlockMap,
+    edges: Sequence[float],
+    threshold: float,
+    intensity_step: float,
+    dtype: Any = np.uint8,
 ) -> NDArray[Any]:
-    """The interval of each leaf's mean, counted from 1; 0 where it has no valid pixel (a mean of -1)."""
-    edges = np.array([-0.5, *cut.edges])
+    """The interval of each cell, counted from 1: that of the mean of the leaf which it lies in.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    edges : sequence of float
+        Between the intervals, increasing; a mean on an edge lies in the interval below it.
+    threshold, intensity_step : float
+        As of `states_of`.
+    dtype
+        An unsigned integer that holds the number of intervals.
+
+    Returns
+    -------
+    intervals : (8 B, 8 C) array
+        0 where the leaf has no valid pixel.
+    """
+    bounds = np.array([-0.5, *edges])  # a leaf without valid pixels has the mean -1
     found = np.empty(blocks.counts.shape, dtype)
-    for top in range(0, blocks.blocks[0], _STRIP):
-        _, mean = leaves(blocks, threshold, intensity_step, slice(top, top + _STRIP))
-        found[8 * top : 8 * (top + _STRIP)] = np.searchsorted(edges, mean)
+    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
+        found[rows] = np.searchsorted(bounds, mean)
     return found
 
 
@@ -228,9 +247,8 @@ def in_range(
     inside : (8 B, 8 C) uint8 array, 1 in range
     """
     inside = np.zeros(blocks.counts.shape, np.uint8)
-    for top in range(0, blocks.blocks[0], _STRIP):
-        _, mean = leaves(blocks, threshold, intensity_step, slice(top, top + _STRIP))
-        inside[8 * top : 8 * (top + _STRIP)] = (mean >= interval.low) & (mean <= interval.high)
+    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
+        inside[rows] = (mean >= interval.low) & (mean <= interval.high)
     return inside
 
 

@@ -1,0 +1,183 @@
+"""`uavseg suggest`, from the command line to the line that is typed next."""
+
+import json
+import shlex
+from pathlib import Path
+
+import geopandas
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from click.testing import CliRunner, Result
+
+import uavseg
+from uavseg.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+QUARRY = ROOT / "samples" / "quarry.tif"
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def called(*words: object) -> Result:
+    return CliRunner().invoke(main, [*map(str, words)])
+
+
+def done(*words: object) -> Result:
+    result = called(*words)
+    assert result.exit_code == 0, result.output
+    return result
+
+
+def write(name: str, image: np.ndarray, col: int = 0, nodata: float | None = 0) -> str:
+    place = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5 + 2 * col, 0, -2, 5e6), "nodata": nodata}
+    with rasterio.open(name, "w", "GTiff", *image.shape[::-1], 1, dtype=image.dtype.name, **place) as file:
+        file.write(image, 1)
+    return name
+
+
+def fields(seed: int = 1, shape: tuple[int, int] = (200, 192), kind: str = "uint8") -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    coarse = rng.choice([40, 120, 210], (shape[0] // 32 + 1, shape[1] // 32 + 1))
+    image = np.kron(coarse, np.ones((32, 32)))[: shape[0], : shape[1]] + rng.normal(0, 9, shape)
+    return np.clip(image, 1, 255).astype(kind)
+
+
+def facts(*words: object) -> list[dict[str, object]]:
+    ranges: list[dict[str, object]] = json.loads(done("suggest", *words, "--json").stdout)["ranges"]
+    return ranges
+
+
+def test_people_read_a_table_and_the_line_to_type_next() -> None:
+    result = done("suggest", write("a.tif", fields()))
+    lines = result.stdout.splitlines()
+    assert lines[0].split() == ["v", "area", "regions"] and len(lines) == 7 and result.stderr == ""
+    assert lines[1].startswith("0 to 0.") and lines[1].split()[4] == "%" and lines[5].startswith("0.")
+    shares = [float(line.split()[3]) for line in lines[1::2]]
+    assert sum(shares) == pytest.approx(100, abs=0.16)
+    assert all(line.startswith("    uavseg extract a.tif --range 0") for line in lines[2::2])
+
+
+def test_the_lines_run_and_give_what_was_said() -> None:
+    write("a b.tif", fields(2, kind="uint16"), nodata=None)
+    how = ("--stretch", "0,255", "--nodata", 7, "--method", "paper", "--threshold", 1.5, "--band", 1)
+    ranges = facts("a b.tif", *how, "--tile", 128, "--threads", 1)
+    assert len(ranges) >= 2
+    for found in ranges:
+        words = shlex.split(str(found["command"]))
+        assert words[0] == "uavseg" and not {"--tile", "--threads", "--json"} & set(words)
+        assert {"--stretch", "--nodata", "--method", "--threshold", "--band"} <= set(words)
+        done(*words[1:], "--refine", "none", "-q")
+        assert len(geopandas.read_file(words[-1])) == found["regions"]
+
+
+def test_programs_read_json() -> None:
+    name = write("a.tif", fields())
+    answer = json.loads(done("suggest", name, "--json", "--classes", 4).stdout)
+    assert (
+        answer["source"] == "a.tif" and answer["stretch"].startswith("dtype") and 0 < answer["explained"] <= 1
+    )
+    ranges = uavseg.suggest(name, 4)
+    keys = ("low", "high", "pixels", "share", "regions")
+    assert [[found[key] for key in keys] for found in answer["ranges"]] == [
+        [getattr(found, key) for key in keys] for found in ranges
+    ]
+
+
+def test_the_picture_is_the_same_for_any_tiles_and_threads() -> None:
+    name = write("a.tif", fields(3, (330, 270)))
+    told = done("suggest", name, "-o", "one.png", "--tile", 64, "--threads", 1)
+    assert told.stderr == "wrote one.png\n"
+    other = done("suggest", name, "-o", "two.png", "--tile", 192, "--threads", 2, "-q")
+    assert other.stderr == "" and other.stdout == told.stdout
+    assert Path("one.png").read_bytes() == Path("two.png").read_bytes()
+
+
+def test_a_block_map_answers_without_its_raster() -> None:
+    wanted = facts(write("a.tif", fields(4)))
+    done("divide", "a.tif", "-o", "blocks.tif", "-q")
+    Path("a.tif").unlink()
+    found = facts("blocks.tif", "-o", "look.png")
+    assert Path("look.png").stat().st_size > 10_000
+    for one, other in zip(wanted, found, strict=True):
+        assert one | {"command": ""} == other | {"command": ""}
+        assert str(other["command"]).startswith("uavseg extract blocks.tif --range")
+    assert [chosen.range for chosen in uavseg.suggest("blocks.tif")] == [
+        (f["low"], f["high"]) for f in wanted
+    ]
+
+
+def test_many_rasters_are_one_mosaic() -> None:
+    image = fields(5)
+    wanted = facts(write("a.tif", image))
+    parts = [write(f"{k}.tif", image[:, 16 * k : 16 * k + 16], 16 * k) for k in range(12)]
+    found = facts(*parts)
+    assert [one | {"command": ""} for one in found] == [one | {"command": ""} for one in wanted]
+    assert "0.tif ... --range" in str(found[0]["command"]).replace("'", "")
+    assert "... stands for the other 11 rasters" in done("suggest", *parts).stderr
+    assert "0.tif 1.tif 2.tif --range" in str(facts(*parts[:3])[0]["command"])
+
+
+def test_a_run_goes_on_where_it_stopped() -> None:
+    how = ("suggest", write("a.tif", fields(6)), "--tile", 64, "--resume", "kept")
+    wanted = done(*how).stdout
+    again = done(*how)
+    assert "resumed: 12 of 12 tiles were done" in again.stderr and again.stdout == wanted
+
+
+def test_more_is_said_to_those_who_ask() -> None:
+    told = done("suggest", QUARRY, "-v", "--progress", "plain").stderr
+    assert "of the variance of the means lies between the ranges" in told and "progress 100" in told
+
+
+def test_one_class_is_an_answer() -> None:
+    result = done("suggest", write("a.tif", np.full((70, 80), 51, np.uint8)), "-o", "look.png")
+    assert result.stdout == "one class: there is no range to choose\n"
+    assert "uavseg: warning: all leaves have the mean v = 0.2" in result.stderr and Path("look.png").exists()
+    assert facts("a.tif") == []
+    [told] = json.loads(done("suggest", "a.tif", "--json", "-q").stdout)["warnings"]
+    assert "no range to choose" in told
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--classes", "1"], "ranges are 2 to 8 in number, not 1"),
+        (["--classes", "9"], "ranges are 2 to 8 in number, not 9"),
+        (["-o", "look.jpg"], "call it look.png"),
+        (["-o", "there.png"], "there.png exists; give --overwrite"),
+        (["-o", "no/look.png"], "the folder no does not exist"),
+        (["--stretch", "loud"], "loud"),
+        (["--tile", "65"], "a positive multiple of 64"),
+        (["--intensity-step", "2"], "an intensity step lies in 0..1"),
+        (["--band", "9"], "9"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input_is_one_line_and_nothing_written(words: list[str], said: str) -> None:
+    Path("there.png").write_text("mine")
+    result = called("suggest", QUARRY, *words)
+    lines = result.stderr.splitlines()
+    assert result.exit_code == 1 and len(lines) == 1 and said in lines[0], result.output
+    assert [path.name for path in Path().iterdir()] == ["there.png"] and result.stdout == ""
+    assert Path("there.png").read_text() == "mine"
+
+
+def test_rasters_that_cannot_be_answered_are_one_line() -> None:
+    write("none.tif", np.zeros((70, 80), np.uint8))
+    write("a.tif", fields())
+    done("divide", "a.tif", "-o", "blocks.tif", "-q")
+    for words, said in (
+        (["none.tif"], "no pixel of none.tif is valid"),
+        (["missing.tif"], "missing.tif"),
+        (["blocks.tif", "--stretch", "minmax"], "a block map has its bands, nodata and stretch already"),
+    ):
+        result = called("suggest", *words, "-o", "look.png")
+        assert result.exit_code == 1 and said in result.stderr and len(result.stderr.splitlines()) == 1
+    assert not Path("look.png").exists()
+    assert called("suggest", "a.tif", "--classes", "some").exit_code == 2 and called("suggest").exit_code == 2
