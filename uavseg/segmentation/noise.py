@@ -1,4 +1,4 @@
-"""How noisy an image is around each cell of 8 x 8 pixels, by Immerkaer's estimate.
+"""How noisy an image is around each square of 16 x 16 pixels, by Immerkaer's estimate.
 
 J. Immerkaer, Fast noise variance estimation, Comput. Vis. Image Underst. 64 (1996) 300-302: the mean
 |response| to second differences across of second differences down is 6 sqrt(2 / pi) times the deviation of
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-_AROUND = 2  # cells on every side whose median is taken
+SIDE = 16  # pixels of a square
+_FOUR = 4  # pixels on a side of a mean, and means on a side of a square
 
 
 def grown(cells: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
@@ -25,97 +26,123 @@ def grown(cells: NDArray[np.uint8], by: int) -> NDArray[np.uint8]:
     return cells
 
 
-def noise_of_cells(
+def noise_around(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], active: NDArray[np.uint8]
 ) -> NDArray[np.float64]:
-    """Deviation of the noise around each active cell, in grey; 0 elsewhere.
+    """Deviation of the noise around each square with active cells, in grey; 0 elsewhere.
 
     The larger of two: the noise of pixels, and that of means of 4 x 4 pixels as it would be in pixels that
-    know nothing of each other. Grain and crowns of trees are seen in the second alone. Each is the median
-    over the 5 x 5 cells around, so that an edge counts for little.
+    know nothing of each other. Grain and crowns of trees are seen in the second alone. The median over the
+    3 x 3 squares around is taken, so that an edge counts for little.
 
     Parameters
     ----------
     grey : (M, N) uint16 array
-        M and N are multiples of 8.
+        M and N are multiples of 16.
     valid : (M, N) uint8 array
     active : (M / 8, N / 8) uint8 array
 
     Returns
     -------
-    noise : (M / 8, N / 8) float64 array
+    noise : (M / 16, N / 16) float64 array
     """
-    wanted = grown(active, _AROUND)
-    found = np.full((2, *active.shape), -1.0)
-    _respond(grey, valid, wanted, 2, found[0])
-    fours = grey.shape[0] // 4, grey.shape[1] // 4
-    means, whole = np.empty(fours, np.uint16), np.empty(fours, np.uint8)
-    _mean_of_fours(grey, valid, means, whole)
-    _respond(means, whole, wanted, 1, found[1])
-    found[1] *= 4
-    noise = np.zeros(active.shape)
-    _take_medians(found, active, np.empty((2 * _AROUND + 1) ** 2), noise)
+    rows, cols = (n // SIDE for n in grey.shape)
+    squares = active.reshape(rows, SIDE // 8, cols, SIDE // 8).max(axis=(1, 3))
+    found = np.full((2, rows, cols), -1.0)
+    lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_FOUR, _FOUR * cols), np.int32)
+    flags = np.empty(grey.shape[1], np.uint8), np.empty(means.shape, np.uint8)
+    _measure_squares(grey, valid, grown(squares, 1), lines, flags[0], means, flags[1], *found)
+    noise = np.zeros((rows, cols))
+    _take_medians(found.max(axis=0), squares, np.empty(9), noise)
     return math.sqrt(math.pi / 2) / 6 * noise
 
 
-@kernel("void(u2[:,::1], u1[:,::1], u2[:,::1], u1[:,::1])")
-def _mean_of_fours(grey, valid, means, whole):  # type: ignore[no-untyped-def]
-    for row in range(means.shape[0]):
-        for col in range(means.shape[1]):
-            total = np.uint32(8)
-            every = np.uint8(1)
-            for r in range(4 * row, 4 * row + 4):
-                for c in range(4 * col, 4 * col + 4):
-                    total += np.uint32(grey[r, c])
-                    every &= valid[r, c]
-            means[row, col] = total // np.uint32(16)
-            whole[row, col] = every
+@inlined
+def respond(grey, valid, row, begin, end, bend, whole, total, number):  # type: ignore[no-untyped-def]
+    """Add |responses| in a row to those of rows before, where all that is looked at is valid."""
+    above = row - np.uintp(1)
+    below = row + np.uintp(1)
+    for c in range(begin, end):
+        here = np.int32(grey[row, c])
+        bend[c] = (np.int32(grey[above, c]) - here) + (np.int32(grey[below, c]) - here)
+    for c in range(begin, end):
+        whole[c] = valid[above, c] & valid[row, c] & valid[below, c]
+    for c in range(begin + np.uintp(1), end - np.uintp(1)):
+        here = bend[c]
+        size = abs((bend[c - np.uintp(1)] - here) + (bend[c + np.uintp(1)] - here))
+        one = np.int32(whole[c - np.uintp(1)] & whole[c] & whole[c + np.uintp(1)])
+        total[c] += size * one
+        number[c] += one
 
 
 @inlined
-def response(grey, r, c):  # type: ignore[no-untyped-def]
-    """Of Immerkaer's operator: second differences across of second differences down."""
-    left = np.int64(grey[r - 1, c - 1]) - 2 * np.int64(grey[r, c - 1]) + np.int64(grey[r + 1, c - 1])
-    here = np.int64(grey[r - 1, c]) - 2 * np.int64(grey[r, c]) + np.int64(grey[r + 1, c])
-    right = np.int64(grey[r - 1, c + 1]) - 2 * np.int64(grey[r, c + 1]) + np.int64(grey[r + 1, c + 1])
-    return left - 2 * here + right
+def keep_means(total, number, side, scale, wanted, found):  # type: ignore[no-untyped-def]
+    """Mean |responses| that look at nothing outside their square; and zeros for the next."""
+    for col in range(np.uintp(wanted.shape[0])):
+        size = np.int32(0)
+        many = np.int32(0)
+        for c in range(side * col + np.uintp(1), side * col + side - np.uintp(1)):
+            size += total[c]
+            many += number[c]
+        if wanted[col] and many > 0:
+            found[col] = scale * (size / many)
+    total[:] = 0
+    number[:] = 0
 
 
 @inlined
-def is_whole(valid, r, c):  # type: ignore[no-untyped-def]
-    """1 where a pixel and all eight around it are valid."""
-    whole = np.uint8(1)
-    for down in range(r - 1, r + 2):
-        whole &= valid[down, c - 1] & valid[down, c] & valid[down, c + 1]
-    return whole
+def take_means(grey, valid, row, begin, end, sums, every, means, whole):  # type: ignore[no-untyped-def]
+    """Means of 4 x 4 pixels, and which of them are of valid pixels alone."""
+    a, b, c, d = row, row + np.uintp(1), row + np.uintp(2), row + np.uintp(3)
+    four = np.uintp(_FOUR)
+    for x in range(begin, end):
+        sums[x] = np.int32(grey[a, x]) + np.int32(grey[b, x]) + np.int32(grey[c, x]) + np.int32(grey[d, x])
+    for x in range(begin, end):
+        every[x] = valid[a, x] & valid[b, x] & valid[c, x] & valid[d, x]
+    one, two, three = np.uintp(1), np.uintp(2), np.uintp(3)
+    for k in range(begin // four, end // four):
+        x = four * k
+        means[k] = (sums[x] + sums[x + one] + sums[x + two] + sums[x + three] + np.int32(8)) >> np.int32(4)
+    for k in range(begin // four, end // four):
+        x = four * k
+        whole[k] = every[x] & every[x + one] & every[x + two] & every[x + three]
 
 
-@kernel("void(u2[:,::1], u1[:,::1], u1[:,::1], i8, f8[:,::1])")
-def _respond(grey, valid, wanted, every, mean):  # type: ignore[no-untyped-def]
-    """The mean |response| in some rows of each wanted cell, where all that it looks at is valid."""
-    side = grey.shape[0] // wanted.shape[0]
-    for row in range(wanted.shape[0]):
-        for col in range(wanted.shape[1]):
-            total = np.int64(0)
-            number = np.int64(0)
+@kernel(
+    "void(u2[:,::1], u1[:,::1], u1[:,::1], i4[:,::1], u1[::1], i4[:,::1], u1[:,::1], f8[:,::1], f8[:,::1])"
+)
+def _measure_squares(grey, valid, wanted, lines, line, means, whole, fine, coarse):  # type: ignore[no-untyped-def]
+    sums, total, number = lines[0], lines[1], lines[2]
+    side = np.uintp(SIDE)
+    four = np.uintp(_FOUR)
+    total[:] = 0
+    number[:] = 0
+    for row in range(np.uintp(wanted.shape[0])):
+        first = np.uintp(wanted.shape[1])
+        last = np.uintp(0)
+        for col in range(np.uintp(wanted.shape[1])):
             if wanted[row, col]:
-                for r in range(
-                    max(side * row + every // 2, 1), min(side * row + side, grey.shape[0] - 1), every
-                ):
-                    for c in range(max(side * col, 1), min(side * col + side, grey.shape[1] - 1)):
-                        whole = np.int64(is_whole(valid, r, c))
-                        total += abs(response(grey, r, c)) * whole
-                        number += whole
-            if number > 0:
-                mean[row, col] = total / number
+                first = min(first, col)
+                last = col + np.uintp(1)
+        if last == 0:
+            continue
+        begin, end = first * side, last * side
+        for r in range(np.uintp(2), side, four):
+            respond(grey, valid, row * side + r, begin, end, sums, line, total, number)
+        keep_means(total, number, side, 1, wanted[row], fine[row])
+        for k in range(four):
+            take_means(grey, valid, row * side + four * k, begin, end, sums, line, means[k], whole[k])
+        for r in range(np.uintp(1), four - np.uintp(1)):
+            respond(means, whole, r, begin // four, end // four, sums, line, total, number)
+        keep_means(total, number, four, _FOUR, wanted[row], coarse[row])
 
 
 @inlined
 def median_around(values, row, col, some):  # type: ignore[no-untyped-def]
-    """The upper median of what is known of the cells around; 0 if nothing is."""
+    """The upper median of what is known of the squares around; 0 if nothing is."""
     many = 0
-    for r in range(max(row - _AROUND, 0), min(row + _AROUND + 1, values.shape[0])):
-        for c in range(max(col - _AROUND, 0), min(col + _AROUND + 1, values.shape[1])):
+    for r in range(max(row - 1, 0), min(row + 2, values.shape[0])):
+        for c in range(max(col - 1, 0), min(col + 2, values.shape[1])):
             value = values[r, c]
             if value >= 0.0:
                 k = many
@@ -127,11 +154,9 @@ def median_around(values, row, col, some):  # type: ignore[no-untyped-def]
     return some[many // 2] if many else 0.0
 
 
-@kernel("void(f8[:,:,::1], u1[:,::1], f8[::1], f8[:,::1])")
-def _take_medians(found, active, some, noise):  # type: ignore[no-untyped-def]
-    for row in range(active.shape[0]):
-        for col in range(active.shape[1]):
-            if active[row, col]:
-                fine = median_around(found[0], row, col, some)
-                coarse = median_around(found[1], row, col, some)
-                noise[row, col] = max(fine, coarse)
+@kernel("void(f8[:,::1], u1[:,::1], f8[::1], f8[:,::1])")
+def _take_medians(found, wanted, some, noise):  # type: ignore[no-untyped-def]
+    for row in range(wanted.shape[0]):
+        for col in range(wanted.shape[1]):
+            if wanted[row, col]:
+                noise[row, col] = median_around(found, row, col, some)

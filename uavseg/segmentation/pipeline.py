@@ -250,7 +250,7 @@ def refined(
         pixels = smooth(pixels, tile.valid, tile.grey, interval.low, interval.high)
     elif refine == "tv":
         fits = matching(tile.grey, tile.valid, *interval.greys)
-        denoised(pixels, inside & UNSETTLED, tile.valid, tile.grey, fits, interval.low, interval.high)
+        denoised(pixels, inside & UNSETTLED, tile.valid, tile.grey, fits, interval.greys)
     return pixels, tile
 
 

@@ -5,12 +5,11 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-SPECK = 9  # pixels: smaller pieces, and smaller holes, are drawn by nobody
+SPECK = 12  # pixels: smaller pieces, and smaller holes, are drawn by nobody
+_NOWHERE = np.uint8(2)  # not valid, or outside
 
 
-def drop_specks(
-    inside: NDArray[np.uint8], valid: NDArray[np.uint8], runs: NDArray[np.int64], first: NDArray[np.int64]
-) -> None:
+def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDArray[np.uint8]) -> None:
     """Pieces of fewer than 9 pixels that touch pixels of the other side go over to it, all at once.
 
     Pieces inside are 4-connected, as regions are; those outside are 8-connected, as holes are.
@@ -20,67 +19,77 @@ def drop_specks(
     inside : (M, N) uint8 array
         Changed in place.
     valid : (M, N) uint8 array
-    runs : (k, 2) int64 array
-        First column and the one after the last of runs of pixels that may change, eight rows high.
-    first : (M / 8 + 1,) int64 array
-        The first run of each eight rows.
+    active : (M / 8, N / 8) uint8 array
+        Not 0 for cells whose pixels may change.
     """
-    uneven = np.empty(inside.shape[1], np.uint8)
-    _drop_specks(inside.copy(), valid, runs, first, uneven, np.empty((SPECK, 2), np.int64), inside)
+    sides = np.empty((inside.shape[0] + 2, inside.shape[1] + 2), np.uint8)
+    _frame(inside, valid, sides)
+    lines = np.ones((8, sides.shape[1]), np.uint8)
+    listed, seen = np.empty((SPECK, 2), np.int64), np.empty(2 * SPECK + 1, np.uint32)
+    _drop_specks(sides, active, lines, listed, seen, inside)
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
+def _frame(inside, valid, sides):  # type: ignore[no-untyped-def]
+    sides[0] = _NOWHERE
+    sides[-1] = _NOWHERE
+    for r in range(inside.shape[0]):
+        sides[r + 1, 0] = _NOWHERE
+        sides[r + 1, -1] = _NOWHERE
+        for c in range(np.uintp(inside.shape[1])):
+            sides[r + 1, c + np.uintp(1)] = inside[r, c] if valid[r, c] else _NOWHERE
 
 
 @inlined
-def unevenness(above, line, below, valid_above, valid, valid_below, result):  # type: ignore[no-untyped-def]
-    """0 where the nine pixels around one are valid and on one side: then its piece is no speck."""
-    one = np.uintp(1)
-    for c in range(np.uintp(result.shape[0])):
-        result[c] = (above[c] ^ line[c + one]) | (below[c] ^ line[c + one]) | (line[c] ^ line[c + one])
-    for c in range(np.uintp(result.shape[0])):
-        result[c] |= (above[c + one] ^ line[c + one]) | (below[c + one] ^ line[c + one])
-    two = np.uintp(2)
-    for c in range(np.uintp(result.shape[0])):
-        result[c] |= (above[c + two] ^ line[c + one]) | (below[c + two] ^ line[c + one])
-    for c in range(np.uintp(result.shape[0])):
-        result[c] |= (line[c + two] ^ line[c + one]) | (
-            valid[c] & valid[c + one] & valid[c + two] ^ np.uint8(1)
-        )
-    for c in range(np.uintp(result.shape[0])):
-        result[c] |= valid_above[c] & valid_above[c + one] & valid_above[c + two] ^ np.uint8(1)
-    for c in range(np.uintp(result.shape[0])):
-        result[c] |= valid_below[c] & valid_below[c + one] & valid_below[c + two] ^ np.uint8(1)
+def changes_across(line, result):  # type: ignore[no-untyped-def]
+    """Not 0 where a pixel is nowhere, or not on the side of those left and right of it."""
+    for c in range(np.uintp(result.shape[0] - 2)):
+        here = line[c + np.uintp(1)]
+        result[c + np.uintp(1)] = (line[c] ^ here) | (here ^ line[c + np.uintp(2)]) | (here & _NOWHERE)
 
 
 @inlined
-def is_listed(listed, many, r, c):  # type: ignore[no-untyped-def]
-    """Whether a pixel is among the first `many`."""
-    found = False
-    for k in range(many):
-        found |= listed[k, 0] == r and listed[k, 1] == c
-    return found
+def changes_around(above, line, below, across_above, across, across_below, result):  # type: ignore[no-untyped-def]
+    """1 where the nine pixels around one are not all on one side."""
+    for c in range(np.uintp(1), np.uintp(result.shape[0] - 1)):
+        result[c] = across_above[c] | across[c] | across_below[c]
+    for c in range(np.uintp(1), np.uintp(result.shape[0] - 1)):
+        result[c] = np.uint8((result[c] | (above[c] ^ line[c]) | (line[c] ^ below[c])) != 0)
 
 
 @inlined
-def is_speck(inside, valid, r, c, listed):  # type: ignore[no-untyped-def]
+def thin(above, line, below, narrow, result):  # type: ignore[no-untyped-def]
+    """1 where no 3 x 3 pixels on one side have this one among them."""
+    for c in range(np.uintp(narrow.shape[0])):
+        narrow[c] = above[c] & line[c] & below[c]
+    for c in range(np.uintp(narrow.shape[0] - 2)):
+        result[c + np.uintp(1)] = narrow[c] & narrow[c + np.uintp(1)] & narrow[c + np.uintp(2)]
+
+
+@inlined
+def is_speck(sides, r, c, listed, seen):  # type: ignore[no-untyped-def]
     """Whether a pixel's piece is smaller than the list is long, and touches the other side."""
-    rows, cols = inside.shape
-    own = inside[r, c]
+    one = np.uint32(1)
+    own = sides[r, c]
+    seen[:] = 0
+    seen[SPECK] = one << np.uint32(SPECK)  # a bit for each pixel that is listed
     listed[0, 0] = r
     listed[0, 1] = c
     many = 1
     touches = False
     k = 0
     while k < many:
-        for down in range(-1, 2):
-            for right in range(-1, 2):
-                y = listed[k, 0] + down
-                x = listed[k, 1] + right
-                if y < 0 or x < 0 or y >= rows or x >= cols or not valid[y, x]:
-                    continue
-                if inside[y, x] != own:
-                    touches = True
-                elif (own == 0 or down == 0 or right == 0) and not is_listed(listed, many, y, x):
-                    if many == listed.shape[0] - 1:
+        row = listed[k, 0]
+        col = listed[k, 1]
+        for y in range(row - 1, row + 2):
+            for x in range(col - 1, col + 2):
+                bit = one << np.uint32(x - c + SPECK)
+                if sides[y, x] != own:
+                    touches |= sides[y, x] != _NOWHERE
+                elif (own == 0 or y == row or x == col) and not seen[y - r + SPECK] & bit:
+                    if many == SPECK - 1:
                         return False
+                    seen[y - r + SPECK] |= bit
                     listed[many, 0] = y
                     listed[many, 1] = x
                     many += 1
@@ -88,24 +97,33 @@ def is_speck(inside, valid, r, c, listed):  # type: ignore[no-untyped-def]
     return touches
 
 
-@kernel("void(u1[:,::1], u1[:,::1], i8[:,::1], i8[::1], u1[::1], i8[:,::1], u1[:,::1])")
-def _drop_specks(before, valid, runs, first, uneven, listed, inside):  # type: ignore[no-untyped-def]
-    rows, cols = before.shape
-    for r in range(rows):
-        for k in range(first[r // 8], first[r // 8 + 1]):
-            b = max(runs[k, 0], 1)
-            e = min(runs[k, 1], cols - 1)
-            uneven[runs[k, 0] : runs[k, 1]] = 1
-            if r > 0 and r < rows - 1:
-                unevenness(
-                    before[r - 1, b - 1 : e + 1],
-                    before[r, b - 1 : e + 1],
-                    before[r + 1, b - 1 : e + 1],
-                    valid[r - 1, b - 1 : e + 1],
-                    valid[r, b - 1 : e + 1],
-                    valid[r + 1, b - 1 : e + 1],
-                    uneven[b:e],
-                )
-            for c in range(runs[k, 0], runs[k, 1]):
-                if uneven[c] and valid[r, c] and is_speck(before, valid, r, c, listed):
-                    inside[r, c] = np.uint8(1) - before[r, c]
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], i8[:,::1], u4[::1], u1[:,::1])")
+def _drop_specks(sides, active, lines, listed, seen, inside):  # type: ignore[no-untyped-def]
+    # `sides` has a pixel of nowhere on every side. Lines follow one another: across, around, thin.
+    rows = inside.shape[0]
+    across, around, narrow, result = lines[:3], lines[3:6], lines[6], lines[7]
+    for time in range(rows + 4):
+        if time < rows + 2:
+            changes_across(sides[time], across[time % 3])
+        row = time - 1
+        if row > rows:
+            around[row % 3] = 1
+        elif row > 0:
+            changes_around(
+                sides[row - 1],
+                sides[row],
+                sides[row + 1],
+                across[(row - 1) % 3],
+                across[row % 3],
+                across[(row + 1) % 3],
+                around[row % 3],
+            )
+        row = time - 2
+        if row < 1 or row > rows:
+            continue
+        thin(around[(row - 1) % 3], around[row % 3], around[(row + 1) % 3], narrow, result)
+        for cell in range(active.shape[1]):
+            if active[(row - 1) // 8, cell]:
+                for c in range(8 * cell + 1, 8 * cell + 9):
+                    if result[c] and is_speck(sides, row, c, listed, seen):
+                        inside[row - 1, c - 1] = np.uint8(1) - inside[row - 1, c - 1]

@@ -1,0 +1,198 @@
+"""Total variation: grey is evened out between neighbours, as far as weights allow, and decided.
+
+u minimises sum (u - grey)^2 / 2 plus, for each pair of neighbours, a weight times |difference of u|: what
+Rudin, Osher and Fatemi minimise (Physica D 60, 1992), on pairs of pixels. What lies above a threshold of u is
+then the set that balances its distance from grey with the length of its boundary (Chambolle, J. Math. Imaging
+Vis. 20, 2004). With eight neighbours, those across a corner counted by 0.7, that length hardly depends on
+direction (Boykov and Kolmogorov, ICCV 2003). The dual problem is a flow between the two pixels of each pair,
+no larger than their weight; it is solved pair by pair, in a fixed number of sweeps: so what happens to a
+pixel depends on its neighbourhood alone. No more flows than there is between two pixels: u stays between the
+least and the largest grey, and all of it, in half grey, fits 16 bits.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+
+SWEEPS = 4
+HALO = 24  # columns: a sweep looks six farther, two along rows and two in each of two pairs of rows
+MOST = 8000  # a weight in half grey: gap and flow together stay within 16 bits
+_CORNER = 45  # 64ths of a weight across corners
+_PANEL = 2304  # columns: lines that are in work stay in the cache
+_LINES = 2 * SWEEPS + 2  # that are in work
+_VECTOR = 64  # pixels: loops over a multiple of them are over whole vectors
+_GAP = 16  # pixels of no weight behind those of even and of odd columns
+
+
+def decide_evened(
+    grey: NDArray[np.uint16],
+    valid: NDArray[np.uint8],
+    weights: NDArray[np.int16],
+    greys: tuple[int, int],
+    inside: NDArray[np.uint8],
+) -> None:
+    """Decide pixels by whether grey that is evened out lies in a range; those that do not change stay.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+        M is even, N a multiple of 8.
+    valid : (M, N) uint8 array
+    weights : (M / 8, N / 8) int16 array
+        Of the pairs of pixels of each cell, in half grey, 0 to `MOST`; the smaller counts between cells.
+    greys : (int, int)
+        The range.
+    inside : (M, N) uint8 array
+        1 where in range; changed in place.
+    """
+    low, high = (greys[0] + 1) // 2, greys[1] // 2  # in half grey
+    for begin in range(0, grey.shape[1], _PANEL):
+        end = min(begin + _PANEL, grey.shape[1])
+        first, last = max(begin - HALO, 0), min(end + HALO, grey.shape[1])
+        caps = weights[:, first // 8 : last // 8].repeat(4, axis=1)  # of even columns, and of odd ones
+        busy = caps.any(axis=1).view(np.uint8)
+        if busy.any():
+            panel = np.array([first, begin, end])
+            _decide(grey, valid, caps, busy, panel, low, high, *_lines((last - first) // 2), inside)
+
+
+def _lines(half: int) -> tuple[NDArray[np.int16], NDArray[np.int16], NDArray[np.int64]]:
+    """What each line in work has: u and the weights of its pixels, and of its eight groups of pairs of
+    neighbours what flows and what may flow; then where groups begin.
+
+    In a line, the pixels of even columns come first. A group touches no pixel twice, and begins at one pixel
+    of the upper line and at one of the lower, (8, 2). The first two groups are within a line, the last four
+    across corners.
+    """
+    length = -(-half // _VECTOR) * _VECTOR
+    even, odd, right = 0, length + _GAP, 1
+    within = [(even, odd), (odd, even + right)]
+    down = [(even, even), (odd, odd)]
+    falling = [(even, odd), (odd, even + right)]
+    rising = [(even + right, odd), (odd, even)]
+    pixels = np.zeros((2, _LINES * 2 * (length + _GAP)), np.int16)
+    pairs = np.zeros((2, _LINES * 8 * length), np.int16)
+    return pixels, pairs, np.array(within + down + falling + rising)
+
+
+@inlined
+def entered(grey, valid, weights, first, tones, caps, even, odd):  # type: ignore[no-untyped-def]
+    """Take a row of pixels into a line."""
+    one, two = np.uintp(1), np.uintp(2)
+    for k in range(np.uintp(weights.shape[0])):
+        tones[even + k] = grey[first + two * k] >> 1
+        tones[odd + k] = grey[first + two * k + one] >> 1
+    for k in range(np.uintp(weights.shape[0])):
+        caps[even + k] = weights[k] * valid[first + two * k]
+        caps[odd + k] = weights[k] * valid[first + two * k + one]
+
+
+@inlined
+def limited(caps, a, b, share, flows, limits, at, length):  # type: ignore[no-untyped-def]
+    """What may flow between two pixels: a share of the smaller weight, in 64ths. Nothing flows yet."""
+    for k in range(length):
+        limits[at + k] = np.int16(np.int32(min(caps[a + k], caps[b + k])) * np.int32(share) >> 6)
+    for k in range(length):
+        flows[at + k] = 0
+
+
+@inlined
+def evened(tones, a, b, flows, limits, at, length):  # type: ignore[no-untyped-def]
+    """Let five eighths of the gap between two pixels flow, as far as the limit goes.
+
+    (Half of it would be the minimum for this pair; more of it is faster for all of them.)
+    """
+    for k in range(length):
+        half = np.int16(np.int16(tones[b + k] - tones[a + k]) >> 1)
+        wanted = np.int16(flows[at + k] + np.int16(half + (np.int16(half + 2) >> 2)))
+        flowing = max(min(wanted, limits[at + k]), np.int16(-limits[at + k]))
+        more = np.int16(flowing - flows[at + k])
+        flows[at + k] = flowing
+        tones[a + k] = np.int16(tones[a + k] + more)
+        tones[b + k] = np.int16(tones[b + k] - more)
+
+
+@inlined
+def limit_groups(numbers, groups, caps, flows, limits, upper, lower, length):  # type: ignore[no-untyped-def]
+    """Limits of some groups of two lines that are new."""
+    for k in range(numbers[0], numbers[1]):
+        a = np.uintp(upper * 2 * (length + _GAP) + groups[k, 0])
+        b = np.uintp(lower * 2 * (length + _GAP) + groups[k, 1])
+        share = 64 if k < 4 else _CORNER
+        limited(caps, a, b, share, flows, limits, np.uintp((upper * 8 + k) * length), np.uintp(length))
+
+
+@inlined
+def even_groups(numbers, groups, tones, flows, limits, upper, lower, length):  # type: ignore[no-untyped-def]
+    """Even out some groups of two lines."""
+    for k in range(numbers[0], numbers[1]):
+        a = np.uintp(upper * 2 * (length + _GAP) + groups[k, 0])
+        b = np.uintp(lower * 2 * (length + _GAP) + groups[k, 1])
+        evened(tones, a, b, flows, limits, np.uintp((upper * 8 + k) * length), np.uintp(length))
+
+
+@inlined
+def side(tone, grey, valid, low, high, inside):  # type: ignore[no-untyped-def]
+    """Where a pixel lies, 0 or 1."""
+    found = np.uint8(low <= tone) & np.uint8(tone <= high) & valid
+    return found if tone != np.int16(grey >> 1) else inside
+
+
+@inlined
+def decided(tones, even, odd, grey, valid, low, high, begin, half, inside):  # type: ignore[no-untyped-def]
+    """Decide a row of pixels."""
+    for k in range(half):
+        c = begin + np.uintp(2) * k
+        d = c + np.uintp(1)
+        inside[c] = side(tones[even + k], grey[c], valid[c], low, high, inside[c])
+        inside[d] = side(tones[odd + k], grey[d], valid[d], low, high, inside[d])
+
+
+@kernel(
+    "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], i2, i2, i2[:,::1], i2[:,::1], i8[:,::1],"
+    " u1[:,::1])"
+)
+def _decide(grey, valid, weights, busy, panel, low, high, pixels, pairs, groups, inside):  # type: ignore[no-untyped-def]
+    # All sweeps go over the rows at once, each a pair of rows behind the one before: few lines are in work.
+    rows = grey.shape[0]
+    tones, caps, flows, limits = pixels[0], pixels[1], pairs[0], pairs[1]
+    length = flows.shape[0] // (_LINES * 8)
+    width = length + _GAP
+    first, begin, end = np.uintp(panel[0]), np.uintp(panel[1]), np.uintp(panel[2])
+    within, between = (0, 2), (2, 8)
+    for time in range(rows // 2 + SWEEPS):
+        for row in range(2 * time, min(2 * time + 2, rows)):
+            if busy[row // 8]:
+                line, above = row % _LINES, (row - 1) % _LINES
+                even, odd = np.uintp(2 * line * width), np.uintp((2 * line + 1) * width)
+                entered(grey[row], valid[row], weights[row // 8], first, tones, caps, even, odd)
+                limit_groups(within, groups, caps, flows, limits, line, line, length)
+                if row > 0 and busy[(row - 1) // 8]:
+                    limit_groups(between, groups, caps, flows, limits, above, line, length)
+        for sweep in range(SWEEPS):
+            row = 2 * (time - sweep)
+            if 0 <= row < rows and busy[row // 8]:
+                above, line, below = (row - 1) % _LINES, row % _LINES, (row + 1) % _LINES
+                even_groups(within, groups, tones, flows, limits, line, line, length)
+                even_groups(within, groups, tones, flows, limits, below, below, length)
+                even_groups(between, groups, tones, flows, limits, line, below, length)
+                if row > 0 and busy[(row - 1) // 8]:
+                    even_groups(between, groups, tones, flows, limits, above, line, length)
+        done = 2 * (time - SWEEPS + 1)
+        for row in range(max(done - 1, 0), min(done + 1, rows)):
+            if busy[row // 8]:
+                even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
+                half = (end - begin) // np.uintp(2)
+                decided(
+                    tones,
+                    even,
+                    even + np.uintp(width),
+                    grey[row],
+                    valid[row],
+                    low,
+                    high,
+                    begin,
+                    half,
+                    inside[row],
+                )
