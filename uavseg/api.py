@@ -15,7 +15,8 @@ from uavseg.occupancy.rosmap import is_ros_map
 from uavseg.occupancy.ways import Way, WayParams, find_way
 from uavseg.parallel import Progress
 from uavseg.raster.skipping import BadBlock, listing
-from uavseg.regions.extract import ExtractParams, Small
+from uavseg.raster.stretch import fit
+from uavseg.regions.extract import ExtractParams, Small, windows_of
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
 from uavseg.regions.levels import extract_levels
@@ -255,6 +256,7 @@ def classify(
     occupied_above: float = 0.502,
     band: int | None = None,
     nodata: float | None = None,
+    stretch: str | None = None,
     method: str = "paper",
     refine: str = "scan",
     threshold: float = 1.2,
@@ -275,10 +277,13 @@ def classify(
         type; floats lie in 0..1.
     free_below, occupied_above : float
         The limits of the probability of being occupied.
+    stretch : str, optional
+        For a map that holds no probabilities, such as "0,100" for one in per cent. Integers are divided by
+        the largest of their type, floats are taken as they are, if left out.
     min_area, simplify
         Of the objects: as of `extract`.
     band, ..., resume
-        As of `extract`; maps are never stretched.
+        As of `extract`.
 
     Returns
     -------
@@ -305,9 +310,10 @@ def classify(
     segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
     params = ExtractParams(segment, min_area=area_of(min_area), simplify_m=simplify, tile=tile)
     limits = StateLimits(free_below, occupied_above)
-    return _classify(
-        GreySource(*map_of(source, band, nodata)), limits, params, True, workers_of(threads, resume), progress
-    )
+    dataset, wanted = map_of(source, band, nodata, stretch)
+    run = workers_of(threads, resume)
+    grey = GreySource(dataset, fit(dataset, wanted, run, windows_of(dataset, tile)))
+    return _classify(grey, limits, params, True, run, progress)
 
 
 def divide(
@@ -485,9 +491,9 @@ def path(
     >>> [round(float(number), 3) for number in way.xy[-1]]
     [2.305, 0.705]
     """
-    wanted = WayParams(clearance, smooth)
-    dataset, fitted = map_of(source, band, nodata)
+    how = WayParams(clearance, smooth)
+    dataset, wanted = map_of(source, band, nodata, stretch)
     segment = SegmentParams(method, threshold, intensity_step)  # type: ignore[arg-type]
-    params = ExtractParams(segment, fitted if stretch is None else stretch, tile=tile)
+    params = ExtractParams(segment, wanted, tile=tile)
     free = FreeCells.of(dataset, IntensityRange(*range), params, workers_of(threads, resume), progress)
-    return find_way(free, start, goal, wanted, workers_of(threads, None))
+    return find_way(free, start, goal, how, workers_of(threads, None))

@@ -14,12 +14,13 @@ from affine import Affine
 from uavseg.errors import ParameterError
 from uavseg.occupancy.grid import OccupancyGrid
 from uavseg.occupancy.maps import open_map, stretch_of
+from uavseg.occupancy.rosmap import is_ros_map
 from uavseg.parallel import Map
 from uavseg.parallel import threads as workers
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.skipping import BadBlock
-from uavseg.raster.stretch import Stretch
+from uavseg.raster.stretch import Stretch, StretchSpec, parse_stretch
 from uavseg.regions.cleaning import Area, parse_area
 from uavseg.resuming import kept
 
@@ -52,13 +53,31 @@ def dataset_of(
     return Dataset.open(source, band, rgb, nodata, skip_bad_tiles)
 
 
-def map_of(source: Any, band: int | None, nodata: float | None) -> tuple[Dataset, Stretch]:
+def map_of(
+    source: Any, band: int | None, nodata: float | None, stretch: str | None
+) -> tuple[Dataset, Stretch | StretchSpec]:
+    """A map, and the stretch that was named; that of probabilities if none was.
+
+    Raises
+    ------
+    UavsegError
+        As of `dataset_of`, and if a ROS map is to be stretched.
+    """
     if isinstance(source, str | os.PathLike):
-        return open_map(source, band, nodata)
-    dataset = (
-        source.dataset() if isinstance(source, OccupancyGrid) else dataset_of(source, band, None, nodata)
-    )
-    return dataset, stretch_of(dataset)
+        dataset, own = open_map(source, band, nodata)
+    else:
+        dataset = (
+            source.dataset() if isinstance(source, OccupancyGrid) else dataset_of(source, band, None, nodata)
+        )
+        own = stretch_of(dataset)
+    if stretch is None:
+        return dataset, own
+    wanted = parse_stretch(stretch)
+    if not (isinstance(source, str | os.PathLike) and is_ros_map(source)):
+        return dataset, wanted
+    if wanted.form not in ("auto", "none"):
+        raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
+    return dataset, own
 
 
 def workers_of(threads: int | None, resume: str | os.PathLike[str] | None) -> Map:
