@@ -109,6 +109,7 @@ def command(
     map knows no nodata: such cells are written as unknown.
     """
     from uavseg.occupancy.classify import classify
+    from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.segmentation.segments import StateLimits
 
     reporter = Reporter(quiet, verbose, progress)
@@ -121,7 +122,8 @@ def command(
     reporter.begin(source.dataset, tile)
     wanted = objects is not None or labels is not None
     kept = resuming(run, resume, reporter)
-    source = _stretched(source, options["stretch"], tile, kept)
+    if not is_ros_map(path):
+        source = _stretched(source, options["stretch"], tile, kept)
     found = classify(source, limits, params, wanted, kept, reporter.progress)
     reporter.finish()
     for warning in found.about.warnings:

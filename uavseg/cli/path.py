@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from uavseg.occupancy.ways import Way
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.geobox import GeoBox
-    from uavseg.raster.stretch import Stretch
+    from uavseg.raster.stretch import Stretch, StretchSpec
     from uavseg.regions.extract import ExtractParams
 
 _LINES = (".geojson", ".json")
@@ -112,14 +112,17 @@ def command(
         report(mission, 1, output)
 
 
-def _opened(path: str, options: dict[str, Any], resume: str | None) -> tuple[Dataset, Stretch]:
+def _opened(path: str, options: dict[str, Any], resume: str | None) -> tuple[Dataset, Stretch | StretchSpec]:
+    """The map, and the stretch that was named; its own if none was, and always that of a ROS map."""
     from uavseg.occupancy.maps import open_map, stretch_of
     from uavseg.occupancy.rosmap import is_ros_map
+    from uavseg.raster.stretch import parse_stretch
 
-    if not is_ros_map(path):
-        return open_map(path, nodata=options["nodata"])
-    dataset = opened_ros_map((path,), options, resume)
-    return dataset, stretch_of(dataset)
+    if is_ros_map(path):
+        dataset = opened_ros_map((path,), options, resume)
+        return dataset, stretch_of(dataset)
+    dataset, own = open_map(path, nodata=options["nodata"])
+    return dataset, parse_stretch(options["stretch"]) if options["stretch"] else own
 
 
 def _parsed_place(option: str, text: str) -> tuple[float, float]:
@@ -167,13 +170,11 @@ def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
         )
 
 
-def _params(fitted: Stretch, tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.raster.stretch import parse_stretch
+def _params(stretch: Stretch | StretchSpec, tile: int | None, options: dict[str, Any]) -> ExtractParams:
     from uavseg.regions.extract import ExtractParams
     from uavseg.segmentation.pipeline import SegmentParams
 
     segment = SegmentParams(options["method"], options["threshold"], options["intensity_step"])
-    stretch = parse_stretch(options["stretch"]) if options["stretch"] else fitted
     return ExtractParams(segment, stretch, tile=tile)
 
 
