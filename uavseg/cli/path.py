@@ -11,7 +11,7 @@ import click
 
 from uavseg.cli._reading import map_stretch_option
 from uavseg.cli._regions import opened_ros_map
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import home_position
 from uavseg.errors import MissionError, OutputError, ParameterError
@@ -66,14 +66,7 @@ def command(
     start: str,
     goal: str,
     output: str,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
@@ -86,27 +79,27 @@ def command(
     from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.occupancy.ways import WayParams, find_way
 
-    reporter = Reporter(quiet, verbose, progress)
+    reporter = running.reporter
     places = _parsed_place("--start", start), _parsed_place("--goal", goal)
     passable = parsed_range(interval)
     params = WayParams(options["clearance"], options["smooth"])
     flight = _flight(output, options)
-    _check_target(output, overwrite)
-    dataset, stretch = _opened(map_, options, resume)
+    _check_target(output, running.overwrite)
+    dataset, stretch = _opened(map_, options, running.resume)
     _check_place(dataset.geobox, flight)
-    run = resuming(workers(threads, scheduler), resume, reporter)
-    reporter.begin(dataset, tile)
-    free = FreeCells.of(dataset, passable, _params(stretch, tile, options), run, reporter.progress)
+    run = running.resuming(running.workers())
+    reporter.begin(dataset, running.tile)
+    free = FreeCells.of(dataset, passable, _params(stretch, running.tile, options), run, reporter.progress)
     reporter.finish()
     begun = time.perf_counter()
-    way = find_way(free, *places, params, workers(threads if scheduler is None else None, None))
+    way = find_way(free, *places, params, running.local_workers())
     for warning in way.warnings:
         reporter.warn(warning)
     mission = None if flight is None else _flown(way, flight, options["home"])
-    _write(way, mission, output, overwrite)
+    _write(way, mission, output, running.overwrite)
     in_metres = way.geobox.crs is not None or is_ros_map(map_)
     _tell(way, output, "m" if in_metres else "units of the map", time.perf_counter() - begun, reporter)
-    if mission is not None and not quiet:
+    if mission is not None and not reporter.quiet:
         from uavseg.cli.plan import report
 
         report(mission, 1, output)
