@@ -208,7 +208,7 @@ def test_words_are_loaded_when_they_are_first_used() -> None:
     assert done.stdout.split() == ["False", "False", "False", "True", "True", "False"]
 
 
-@pytest.mark.parametrize("module", ["uavseg", "uavseg.api"])
+@pytest.mark.parametrize("module", ["uavseg", "uavseg.api.rasters"])
 def test_the_examples_run_where_their_raster_is(
     raster: Path, monkeypatch: pytest.MonkeyPatch, module: str
 ) -> None:

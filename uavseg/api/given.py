@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -12,15 +13,11 @@ import numpy as np
 from affine import Affine
 
 from uavseg.errors import ParameterError
-from uavseg.occupancy.grid import OccupancyGrid
-from uavseg.occupancy.maps import open_map, stretch_of
-from uavseg.occupancy.rosmap import is_ros_map
 from uavseg.parallel import Map
 from uavseg.parallel import threads as workers
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.skipping import BadBlock
-from uavseg.raster.stretch import Stretch, StretchSpec, parse_stretch
+from uavseg.raster.skipping import BadBlock, listing
 from uavseg.regions.cleaning import Area, parse_area
 from uavseg.resuming import kept
 
@@ -53,43 +50,17 @@ def dataset_of(
     return Dataset.open(source, band, rgb, nodata, skip_bad_tiles)
 
 
-def map_of(
-    source: Any, band: int | None, nodata: float | None, stretch: str | None
-) -> tuple[Dataset, Stretch | StretchSpec]:
-    """A map, and the stretch that was named; that of probabilities if none was.
+@contextmanager
+def working(threads: int | None, resume: str | os.PathLike[str] | None) -> Iterator[Map]:
+    """Who runs the work of a public function: threads, which keep finished tiles in a folder if one is given.
 
-    Raises
-    ------
-    UavsegError
-        As of `dataset_of`, and if a ROS map is to be stretched.
+    When the work is done, whoever called the function is warned of blocks that could not be read.
     """
-    if isinstance(source, str | os.PathLike):
-        dataset, own = open_map(source, band, nodata)
-    else:
-        dataset = (
-            source.dataset() if isinstance(source, OccupancyGrid) else dataset_of(source, band, None, nodata)
-        )
-        own = stretch_of(dataset)
-    if stretch is None:
-        return dataset, own
-    wanted = parse_stretch(stretch)
-    if not (isinstance(source, str | os.PathLike) and is_ros_map(source)):
-        return dataset, wanted
-    if wanted.form not in ("auto", "none"):
-        raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
-    return dataset, own
-
-
-def workers_of(threads: int | None, resume: str | os.PathLike[str] | None) -> Map:
-    """Threads, which keep finished tiles in a folder if one is given."""
     run = workers(threads)
-    return run if resume is None else kept(run, resume)
-
-
-def warn_of(bad: set[BadBlock]) -> None:
-    """Warn whoever called the public function of blocks that could not be read."""
+    bad: set[BadBlock] = set()
+    yield listing(run if resume is None else kept(run, resume), bad)
     for block in sorted(bad):
-        warnings.warn(str(block), stacklevel=3)
+        warnings.warn(str(block), stacklevel=4)  # over this, contextlib and the public function
 
 
 def warn_that(told: Iterable[str]) -> None:
