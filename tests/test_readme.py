@@ -58,6 +58,7 @@ def test_a_map_that_follows_its_scans() -> None:
 @pytest.mark.slow
 def test_the_commands_run_as_they_are_shown(tmp_path: Path) -> None:
     put_inputs(tmp_path)
+    # rio finds only plugins that are installed: see test_rio.py
     script = ["set -eu", 'uavseg() { "$PYTHON" -m uavseg "$@"; }', "rio() { :; }", *COMMANDS]
     how = os.environ | {"PYTHON": sys.executable, "PYTHONPATH": str(ROOT)}
     ran = subprocess.run(

@@ -54,7 +54,7 @@ def classify(
         The limits of the probability of being occupied.
     stretch : str, optional
         For a map that holds no probabilities, such as "0,100" for one in per cent. Integers are divided by
-        the largest of their type, floats are taken as they are, if left out.
+        the largest of their type, floats are taken as they are, if left out. A ROS map is never stretched.
     min_area, simplify
         Of the objects: as of `extract`.
     band, ..., resume
@@ -131,7 +131,7 @@ def path(
     nodata : float, optional
     stretch : str, optional
         For a map that holds no probabilities. Integers are divided by the largest of their type, floats are
-        taken as they are, if left out.
+        taken as they are, if left out. A ROS map is never stretched.
     method, threshold, intensity_step
         As of `extract`.
     tile, threads : int, optional
