@@ -208,7 +208,7 @@ def test_words_are_loaded_when_they_are_first_used() -> None:
     assert done.stdout.split() == ["False", "False", "False", "True", "True", "False"]
 
 
-@pytest.mark.parametrize("module", ["uavseg", "uavseg.api"])
+@pytest.mark.parametrize("module", ["uavseg", "uavseg.api.rasters"])
 def test_the_examples_run_where_their_raster_is(
     raster: Path, monkeypatch: pytest.MonkeyPatch, module: str
 ) -> None:
@@ -278,6 +278,33 @@ def test_what_is_asked_of_a_map_is_answered(tmp_path: Path) -> None:
     assert np.array_equal(blocky[:136, :176], blocky[:136:8, :176:8].repeat(8, 0).repeat(8, 1))
 
 
+def test_a_map_of_something_else_is_stretched_where_that_is_asked_for(tmp_path: Path) -> None:
+    percent = np.rint(occupancy() * 100).astype(np.uint8)
+    wanted = uavseg.classify((percent / 100).astype(np.float32))
+    for source in (percent, write(tmp_path / "percent.tif", percent)):
+        found = uavseg.classify(source, stretch="0,100", tile=64)
+        assert np.array_equal(found.states, wanted.states)
+        assert found.about.stretch.name == "0,100 -> 0..100"
+    assert uavseg.classify(percent).cells[3] == 0  # as parts of 255
+    assert uavseg.classify(percent, stretch="minmax").about.stretch.high == percent.max()
+
+
+def test_a_ros_map_is_never_stretched(tmp_path: Path) -> None:
+    from uavseg.occupancy.classify import write_states
+    from uavseg.occupancy.grid import OccupancyGrid, upright
+
+    grid = OccupancyGrid.from_probabilities(occupancy(), upright((140, 180), 1.0, (0, 0)))
+    write_states(tmp_path / "map.yaml", uavseg.classify(grid))
+    wanted = uavseg.classify(tmp_path / "map.yaml")
+    for stretch in ("auto", "none"):
+        found = uavseg.classify(tmp_path / "map.yaml", stretch=stretch)
+        assert found.about.stretch == wanted.about.stretch
+    ends = {"range": (0, 0.45), "start": (20.5, 120.5), "goal": (30.5, 120.5)}
+    for call in (uavseg.classify, lambda source, stretch: uavseg.path(source, **ends, stretch=stretch)):
+        with pytest.raises(ParameterError, match=r"a ROS map holds probabilities, .* leave stretch out"):
+            call(tmp_path / "map.yaml", stretch="0,100")
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
@@ -289,6 +316,7 @@ def test_what_is_asked_of_a_map_is_answered(tmp_path: Path) -> None:
         (lambda: uavseg.classify(occupancy() * 2), "lies in 0..1 and this one holds 1.8"),
         (lambda: uavseg.classify(occupancy() * np.nan), "no valid cell"),
         (lambda: uavseg.classify(occupancy(), free_below=0.9), "limits of the states"),
+        (lambda: uavseg.classify(occupancy(), stretch="percent"), "percent"),
         (lambda: uavseg.classify(occupancy(), tile=10), "multiple of 64"),
     ],
 )

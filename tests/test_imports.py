@@ -94,8 +94,7 @@ MAY_IMPORT = {
     "occupancy": TO_REGIONS,
     "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
     "look": TO_REGIONS - {"segmentation"} | {"occupancy", "flight"},  # it draws what the others made
-    "given": TO_REGIONS | {"occupancy"},
-    "api": TO_REGIONS | {"occupancy", "flight", "given"},
+    "api": TO_REGIONS | {"occupancy"},
     "uavseg": TO_REGIONS | {"occupancy", "flight", "api"},  # by name, on first use
     "cli": TO_REGIONS | {"occupancy", "flight", "look", "api", "uavseg"},
     "__main__": {"cli"},

@@ -1,15 +1,27 @@
 """What the README shows is there, and runs."""
 
+import os
 import re
 import shlex
+import shutil
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
 import click
+import numpy as np
 import pytest
+import rasterio
+from affine import Affine
+from rasterio.windows import Window
 
 from uavseg.cli import main
+from uavseg.occupancy.rosmap import write_ros_map
+from uavseg.raster.geobox import GeoBox
 
-README = (Path(__file__).resolve().parents[1] / "README.md").read_text()
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text()
 
 
 def blocks(language: str) -> list[str]:
@@ -41,3 +53,45 @@ def test_a_map_that_follows_its_scans() -> None:
     seen: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), seen)
     assert seen["told"].blocks.any() and seen["free"].agreeing(2).any()  # type: ignore[attr-defined]
+
+
+@pytest.mark.slow
+def test_the_commands_run_as_they_are_shown(tmp_path: Path) -> None:
+    put_inputs(tmp_path)
+    # rio finds only plugins that are installed: see test_rio.py
+    script = ["set -eu", 'uavseg() { "$PYTHON" -m uavseg "$@"; }', "rio() { :; }", *COMMANDS]
+    how = os.environ | {"PYTHON": sys.executable, "PYTHONPATH": str(ROOT)}
+    ran = subprocess.run(
+        ["bash", "-c", "\n".join(script)], cwd=tmp_path, env=how, capture_output=True, text=True
+    )
+    assert ran.returncode == 0, ran.stderr
+    for written in (
+        "tile.regions.geojson",
+        "dark.tif",
+        "survey.plan",
+        "levels.gpkg",
+        "ploughed.gpkg",
+        "states.yaml",
+    ):
+        assert (tmp_path / written).stat().st_size > 0
+
+
+def put_inputs(folder: Path) -> None:
+    """The files that the commands speak of: parts of the quarry, a field with rows in it, an empty room."""
+    shutil.copy(ROOT / "samples" / "quarry.tif", folder / "tile.tif")
+    (folder / "mosaic").mkdir()
+    with rasterio.open(folder / "tile.tif") as quarry:
+        for name, col in {"a": 0, "b": 128, "c": 256, "mosaic/x": 320, "mosaic/y": 448}.items():
+            window = Window(col, 0, 128, 256)
+            place = {"crs": quarry.crs, "transform": quarry.window_transform(window)}
+            write(folder / f"{name}.tif", quarry.read(1, window=window), **place)
+    rows = np.tile(np.arange(512, dtype=np.uint8) // 3 % 2 * 90 + 80, (512, 1))
+    rows[:, 256:] = np.random.default_rng(1).integers(80, 171, (512, 256), np.uint8)
+    write(folder / "field.tif", rows, crs="EPSG:32633", transform=Affine(1, 0, 500_000, 0, -1, 5_000_100))
+    room = GeoBox((100, 100), Affine(0.05, 0, 0, 0, -0.05, 5), None)
+    write_ros_map(folder / "map.yaml", np.ones(room.shape, np.uint8), room)
+
+
+def write(path: Path, image: np.ndarray, **place: Any) -> None:
+    with rasterio.open(path, "w", "GTiff", *image.shape[::-1], 1, dtype=image.dtype, **place) as file:
+        file.write(image, 1)

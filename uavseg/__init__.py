@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from uavseg.api import classify as classify
-    from uavseg.api import divide as divide
-    from uavseg.api import extract as extract
-    from uavseg.api import levels as levels
-    from uavseg.api import match as match
-    from uavseg.api import path as path
-    from uavseg.api import suggest as suggest
+    from uavseg.api.maps import classify as classify
+    from uavseg.api.maps import path as path
+    from uavseg.api.questions import match as match
+    from uavseg.api.questions import suggest as suggest
+    from uavseg.api.rasters import divide as divide
+    from uavseg.api.rasters import extract as extract
+    from uavseg.api.rasters import levels as levels
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.planner import PlanParams as PlanParams
     from uavseg.flight.planner import plan as plan
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from uavseg.segmentation.segments import StateLimits as StateLimits
 
 _HOMES = {
-    "extract": "uavseg.api",
-    "divide": "uavseg.api",
-    "classify": "uavseg.api",
-    "levels": "uavseg.api",
-    "match": "uavseg.api",
-    "path": "uavseg.api",
-    "suggest": "uavseg.api",
+    "extract": "uavseg.api.rasters",
+    "divide": "uavseg.api.rasters",
+    "classify": "uavseg.api.maps",
+    "levels": "uavseg.api.rasters",
+    "match": "uavseg.api.questions",
+    "path": "uavseg.api.maps",
+    "suggest": "uavseg.api.questions",
     "plan": "uavseg.flight.planner",
     "PlanParams": "uavseg.flight.planner",
     "Dataset": "uavseg.raster.dataset",

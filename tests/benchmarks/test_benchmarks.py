@@ -315,10 +315,15 @@ def test_gdal_chain_is_given_each_band_of_a_colour_scene(tmp_path: Path) -> None
 
 def test_everybody_finds_the_same_path_over_a_grid_but_for_cut_corners() -> None:
     for field in paths.fields(48):
-        found = {row.who: row.cost for row in paths.measured(field, paths.present(paths.EVERYBODY), 1)}
-        for who in found.keys() & {"networkx", "pathfinding"}:
-            assert found[who] == pytest.approx(found["uavseg"])
+        found = {row.who: row.cost for row in paths.measured(field, tuple(paths.EVERYBODY), 1)}
+        assert found["networkx"] == pytest.approx(found["uavseg"])
+        assert found["pathfinding"] == pytest.approx(found["uavseg"])
         assert found["scikit-image"] <= found["uavseg"] + 1e-9
+
+
+def test_who_is_not_installed_runs_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(paths.MODULES, "networkx", "no_such_module")
+    assert set(paths.EVERYBODY) - set(paths.present(paths.EVERYBODY)) == {"networkx"}
 
 
 def test_a_maze_is_a_tree() -> None:

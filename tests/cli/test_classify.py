@@ -306,3 +306,11 @@ def test_a_map_in_per_cent_is_stretched_where_that_is_asked_for() -> None:
     line = refused("scores.tif", "-o", "c.tif")
     assert "lies in 0..1" in line and "--stretch LOW,HIGH" in line
     done("scores.tif", "--stretch", "0,100", "-o", "c.tif")
+
+
+def test_a_ros_map_is_not_stretched_by_auto_either() -> None:
+    write_ros_map("map.yaml", np.where(room() < 0.5, 1, 2), BOX)
+    done("map.yaml", "-o", "own.tif")
+    table = told(done("map.yaml", "-o", "auto.tif", "--stretch", "auto"))
+    assert np.array_equal(read("own.tif"), read("auto.tif")) and set(np.unique(read("auto.tif"))) == {1, 2}
+    assert table["stretch"] == "none -> 0..1"

@@ -251,3 +251,13 @@ def test_a_ros_map_has_nothing_that_only_rasters_have(options: tuple[Any, ...], 
     result = run("map.yaml", *RANGE, "--start", "1,1", "--goal", "2,2", "-o", "path.geojson", *options)
     assert result.exit_code == 1 and told in result.stderr, result.output
     assert len(result.stderr.splitlines()) == 1 and not Path("path.geojson").exists()
+
+
+def test_a_ros_map_is_not_stretched_by_auto_either() -> None:
+    box = GeoBox((64, 128), Affine(0.05, 0, 0, 0, -0.05, 3.2), None)
+    states = np.repeat(np.array([[1, 2]], np.uint8), 64, 1).repeat(64, 0)
+    write_ros_map("map.yaml", states, box)
+    unknown = ("--range", "0.4,0.6", "--start", "4,1", "--goal", "5,2")  # v = 0.5, which would be 1
+    found("map.yaml", *unknown, "-o", "own.geojson")
+    found("map.yaml", *unknown, "-o", "auto.geojson", "--stretch", "auto")
+    assert Path("own.geojson").read_bytes() == Path("auto.geojson").read_bytes()

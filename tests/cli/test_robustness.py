@@ -381,3 +381,25 @@ def test_the_words_of_python_skip_and_warn() -> None:
     write(Path("a.tif"), with_holes(patches()))
     assert regions.equals(uavseg.extract("a.tif", range=(0.5, 1)))
     assert np.array_equal(blocks.counts, uavseg.divide("a.tif").counts)
+
+
+@pytest.mark.parametrize(
+    ("word", "how"),
+    [
+        ("extract", {"range": (0.5, 1)}),
+        ("levels", {"width": 0.5}),
+        ("divide", {}),
+        ("match", {"like": (400_940.0, 4_999_940.0, 90.0)}),
+        ("suggest", {}),
+        ("classify", {}),
+        ("path", {"range": (0, 1), "start": (400_021, 4_999_979), "goal": (400_091, 4_999_979)}),
+    ],
+)
+def test_every_word_of_python_warns_whoever_called_it(word: str, how: dict[str, Any]) -> None:
+    damaged()
+    dataset = uavseg.Dataset.open("a.tif", skip_bad_tiles=True)
+    with pytest.warns(UserWarning, match="count as nodata") as told:
+        getattr(uavseg, word)(dataset, **how, tile=256)
+    lost = [one for one in told if "count as nodata" in str(one.message)]
+    assert [f"uavseg: warning: {one.message}" for one in lost] == WARNINGS
+    assert {one.filename for one in lost} == {__file__}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli._running import Reporter, workers
+from uavseg.cli._running import Reporter, Running
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -107,12 +107,12 @@ def write_regions(found: Extraction, target: str, overwrite: bool) -> None:
     export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
 
 
-def write_labels(found: Extraction, path: str, run: Map, threads: int | None, overwrite: bool) -> None:
+def write_labels(found: Extraction, path: str, run: Map, running: Running) -> None:
     """Write the labels of regions; whoever runs the work writes where they are many tiles."""
     from uavseg.regions import labels
 
-    here = run if labels.is_tiled(path) else workers(threads, None)  # a single file is painted where it is
-    labels.write_labels(path, found, here, overwrite)
+    here = run if labels.is_tiled(path) else running.local_workers()  # a single file is painted where it is
+    labels.write_labels(path, found, here, running.overwrite)
 
 
 def shown(target: str) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from dataclasses import dataclass
+from functools import wraps
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,13 +17,95 @@ if TYPE_CHECKING:
     from uavseg.parallel import Map
     from uavseg.raster.dataset import Dataset
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+Command = Callable[..., Any]
 
 _REDRAW_S = 0.1
 
 
+@dataclass(frozen=True, slots=True)
+class Running:
+    """How a command is run: what `running_options` say.
+
+    Parameters
+    ----------
+    tile : int or None
+        Side of a tile in pixels.
+    threads : int or None
+        How many were asked for.
+    scheduler : str or None
+        Address of a cluster.
+    resume : str or None
+        The folder of finished tiles.
+    overwrite : bool
+        Whether files that are there may be replaced.
+    reporter : Reporter
+    """
+
+    tile: int | None
+    threads: int | None
+    scheduler: str | None
+    resume: str | None
+    overwrite: bool
+    reporter: Reporter
+
+    def workers(self) -> Map:
+        """Who runs the work: threads of this process, or a cluster, which is let go when the command ends.
+
+        Raises
+        ------
+        ParameterError
+            If the number of threads is below 1.
+        ClusterError
+            If the scheduler does not answer or its workers do not fit.
+        """
+        if self.scheduler is None:
+            return self.local_workers()
+        if self.threads is not None:
+            raise click.UsageError(
+                "--threads are this machine's, --scheduler has its own; give one of the two"
+            )
+        from uavseg.cluster import dask
+
+        cluster = dask(self.scheduler)
+        click.get_current_context().call_on_close(cluster.close)
+        return cluster
+
+    def local_workers(self) -> Map:
+        """Threads of this process, whoever else works."""
+        from uavseg import parallel
+
+        return parallel.threads(self.threads)
+
+    def resuming(self, run: Map) -> Map:
+        """A map that keeps finished tiles in the folder, if one was given."""
+        if self.resume is None:
+            return run
+        from uavseg.resuming import kept
+
+        return kept(run, self.resume, self.reporter.resumed)
+
+
 def running_options(command: Command) -> Command:
-    """Give a command --tile, --threads, --scheduler, --resume, --overwrite, -q, -v and --progress."""
+    """Give a command --tile, --threads, --scheduler, --resume, --overwrite, -q, -v and --progress.
+
+    They arrive as one `Running`, called `running`.
+    """
+
+    @wraps(command)
+    def run(
+        tile: int | None,
+        threads: int | None,
+        scheduler: str | None,
+        resume: str | None,
+        overwrite: bool,
+        quiet: bool,
+        verbose: bool,
+        progress: str,
+        **others: Any,
+    ) -> Any:
+        reporter = Reporter(quiet, verbose, progress)
+        return command(running=Running(tile, threads, scheduler, resume, overwrite, reporter), **others)
+
     for option in reversed(
         (
             click.option(
@@ -57,40 +141,8 @@ def running_options(command: Command) -> Command:
             ),
         )
     ):
-        command = option(command)
-    return command
-
-
-def resuming(run: Map, folder: str | None, reporter: Reporter) -> Map:
-    """A map that keeps finished tiles in the folder, if one was given."""
-    if folder is None:
-        return run
-    from uavseg.resuming import kept
-
-    return kept(run, folder, reporter.resumed)
-
-
-def workers(threads: int | None, scheduler: str | None) -> Map:
-    """Who runs the work: threads of this process, or a cluster, which is let go when the command ends.
-
-    Raises
-    ------
-    ParameterError
-        If the number of threads is below 1.
-    ClusterError
-        If the scheduler does not answer or its workers do not fit.
-    """
-    if scheduler is None:
-        from uavseg import parallel
-
-        return parallel.threads(threads)
-    if threads is not None:
-        raise click.UsageError("--threads are this machine's, --scheduler has its own; give one of the two")
-    from uavseg.cluster import dask
-
-    cluster = dask(scheduler)
-    click.get_current_context().call_on_close(cluster.close)
-    return cluster
+        run = option(run)
+    return run
 
 
 class Reporter:

@@ -19,7 +19,7 @@ from uavseg.cli._regions import (
     write_labels,
     write_regions,
 )
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import segmenting_options
 from uavseg.errors import OutputError, ParameterError
 
@@ -92,14 +92,7 @@ def command(
     output: str | None,
     objects: str | None,
     labels: str | None,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Find what is free (1), unknown (2) and occupied (3) in MAP; 0 is nodata.
@@ -109,28 +102,31 @@ def command(
     map knows no nodata: such cells are written as unknown.
     """
     from uavseg.occupancy.classify import classify
+    from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.segmentation.segments import StateLimits
 
-    reporter = Reporter(quiet, verbose, progress)
+    reporter = running.reporter
     target = output or f"{Path(path).stem}.states.tif"
-    limits, params = StateLimits(options["free_below"], options["occupied_above"]), _params(tile, options)
-    _check(target, objects, labels, overwrite)
-    source = _opened(path, options, resume)
-    _check_place(target, options["mode"], objects, source, overwrite)
-    run = workers(threads, scheduler)
-    reporter.begin(source.dataset, tile)
+    limits = StateLimits(options["free_below"], options["occupied_above"])
+    params = _params(running.tile, options)
+    _check(target, objects, labels, running.overwrite)
+    source = _opened(path, options, running.resume)
+    _check_place(target, options["mode"], objects, source, running.overwrite)
+    run = running.workers()
+    reporter.begin(source.dataset, running.tile)
     wanted = objects is not None or labels is not None
-    kept = resuming(run, resume, reporter)
-    source = _stretched(source, options["stretch"], tile, kept)
+    kept = running.resuming(run)
+    if not is_ros_map(path):
+        source = _stretched(source, options["stretch"], running.tile, kept)
     found = classify(source, limits, params, wanted, kept, reporter.progress)
     reporter.finish()
     for warning in found.about.warnings:
         reporter.warn(warning)
-    _write_states(found, target, options["mode"], overwrite, reporter)
+    _write_states(found, target, options["mode"], running.overwrite, reporter)
     if found.objects is not None and objects is not None:
-        write_regions(found.objects, objects, overwrite)
+        write_regions(found.objects, objects, running.overwrite)
     if found.objects is not None and labels is not None:
-        write_labels(found.objects, labels, run, threads, overwrite)
+        write_labels(found.objects, labels, run, running)
     _tell(found, limits, target, objects, reporter)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Running, running_options
 from uavseg.cli._segmenting import segmenting_options
 
 
@@ -20,14 +20,7 @@ from uavseg.cli._segmenting import segmenting_options
 def command(
     rasters: tuple[str, ...],
     output: str,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Divide RASTER... (many are one mosaic) into blocks of uniform texture, and save the block map.
@@ -42,19 +35,19 @@ def command(
     from uavseg.segmentation.blockfile import Origin, SavedBlocks, save
     from uavseg.segmentation.pipeline import SegmentParams
 
-    reporter = Reporter(quiet, verbose, progress)
-    check_target(output, overwrite)
+    reporter = running.reporter
+    check_target(output, running.overwrite)
     params = SegmentParams(options["method"], options["threshold"], options["intensity_step"])
     dataset = Dataset.open(
         rasters, options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"]
     )
     bad: set[BadBlock] = set()
-    run = listing(resuming(workers(threads, scheduler), resume, reporter), bad)
-    reporter.begin(dataset, tile)
-    blocks, stretch = divide(dataset, options["stretch"], tile, run, reporter.progress)
+    run = listing(running.resuming(running.workers()), bad)
+    reporter.begin(dataset, running.tile)
+    blocks, stretch = divide(dataset, options["stretch"], running.tile, run, reporter.progress)
     origin = Origin(rasters, str(Path.cwd()), options["band"], options["rgb"], options["nodata"])
     saved = SavedBlocks(blocks, dataset.geobox, stretch, dataset.band_names, origin)
-    save(output, saved, params.threshold, params.step, overwrite)
+    save(output, saved, params.threshold, params.step, running.overwrite)
     reporter.finish()
     for warning in (*dataset.warnings, *stretch.warnings, *map(str, sorted(bad))):
         reporter.warn(warning)

@@ -20,7 +20,7 @@ from uavseg.cli._regions import (
     write_labels,
     write_regions,
 )
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import mission_options
 
@@ -67,14 +67,7 @@ def command(
     output: str | None,
     labels: str | None,
     mission: str | None,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Extract the regions of RASTER... (many are one mosaic) whose mean intensity lies in a range.
@@ -82,18 +75,18 @@ def command(
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.
     """
-    reporter = Reporter(quiet, verbose, progress)
+    reporter = running.reporter
     target = output or f"{Path(rasters[0]).stem}.regions.geojson"
     wanted = parsed_range(interval)
-    params = _params(tile, options)
+    params = _params(running.tile, options)
     flight = _flight(mission, options)
-    _check_targets(target, labels, mission, overwrite)
+    _check_targets(target, labels, mission, running.overwrite)
     saved, dataset = opened(rasters, options, params.segment.refine, reporter)
     _check_place(target, mission, saved.geobox.wkt if saved is not None else dataset.geobox.wkt)
-    run = workers(threads, scheduler)
+    run = running.workers()
     if dataset is not None:
-        reporter.begin(dataset, tile)
-    found = _extracted(saved, dataset, wanted, params, resuming(run, resume, reporter), reporter)
+        reporter.begin(dataset, running.tile)
+    found = _extracted(saved, dataset, wanted, params, running.resuming(run), reporter)
     reporter.finish()
     for warning in found.warnings:
         reporter.warn(warning)
@@ -102,11 +95,11 @@ def command(
             f"no region has a mean v in {wanted.low:g}..{wanted.high:g}; uavseg info shows which v there are"
         )
     made = None if flight is None else _planned(found, flight, options["home"])
-    write_regions(found, target, overwrite)
+    write_regions(found, target, running.overwrite)
     if labels is not None:
-        write_labels(found, labels, run, threads, overwrite)
+        write_labels(found, labels, run, running)
     if made is not None:
-        _write_mission(made, len(found.regions), mission, overwrite, reporter)
+        _write_mission(made, len(found.regions), mission, running.overwrite, reporter)
     _tell(found, target, reporter)
 
 

@@ -21,7 +21,7 @@ from uavseg.cli._regions import (
     write_labels,
     write_regions,
 )
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import segmenting_options
 
 if TYPE_CHECKING:
@@ -66,14 +66,7 @@ def command(
     width: float,
     output: str | None,
     labels: str | None,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Divide RASTER... (many are one mosaic) into levels of v: 0..P, P..2P, and so on up to 1.
@@ -87,29 +80,29 @@ def command(
     from uavseg.regions import export
     from uavseg.segmentation.segments import Levels
 
-    reporter = Reporter(quiet, verbose, progress)
+    reporter = running.reporter
     target = output or f"{Path(rasters[0]).stem}.levels.geojson"
     wanted = Levels(width)
     ros = [raster for raster in rasters if is_ros_map(raster)]
-    params = _params(tile, options | ({"stretch": "none"} if ros else {}))
-    check_targets(target, labels, overwrite)
+    params = _params(running.tile, options | ({"stretch": "none"} if ros else {}))
+    check_targets(target, labels, running.overwrite)
     if ros:
-        saved, dataset = None, opened_ros_map(rasters, options, resume)
+        saved, dataset = None, opened_ros_map(rasters, options, running.resume)
     else:
         saved, dataset = opened(rasters, options, "none", reporter)
     export.check_crs(target, saved.geobox.wkt if saved is not None else dataset.geobox.wkt)
-    run = workers(threads, scheduler)
+    run = running.workers()
     if dataset is not None:
-        reporter.begin(dataset, tile)
-    found = _found(saved, dataset, wanted, params, resuming(run, resume, reporter), reporter)
+        reporter.begin(dataset, running.tile)
+    found = _found(saved, dataset, wanted, params, running.resuming(run), reporter)
     reporter.finish()
     for warning in found.warnings:
         reporter.warn(warning)
     if len(found.regions) == 0:
         reporter.warn("no segment is left: no pixel is valid, or all segments are smaller than --min-area")
-    write_regions(found, target, overwrite)
+    write_regions(found, target, running.overwrite)
     if labels is not None:
-        write_labels(found, labels, run, threads, overwrite)
+        write_labels(found, labels, run, running)
     _tell(found, wanted, target, reporter)
 
 

@@ -10,7 +10,7 @@ import click
 
 from uavseg.cli._reading import reading_options
 from uavseg.cli._regions import area, check_targets, largest, shown, tell, write_labels, write_regions
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -83,14 +83,7 @@ def command(
     like: str,
     output: str | None,
     labels: str | None,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
@@ -102,23 +95,23 @@ def command(
     from uavseg.regions import export
     from uavseg.regions.like import parse_like
 
-    reporter = Reporter(quiet, verbose, progress)
+    reporter = running.reporter
     target = output or f"{Path(rasters[0]).stem}.match.geojson"
-    wanted, params = parse_like(like), _params(tile, options)
-    check_targets(target, labels, overwrite)
+    wanted, params = parse_like(like), _params(running.tile, options)
+    check_targets(target, labels, running.overwrite)
     dataset = _opened(rasters, options)
     export.check_crs(target, dataset.geobox.wkt)
-    run = workers(threads, scheduler)
-    reporter.begin(dataset, tile)
-    found = _found(dataset, wanted, params, resuming(run, resume, reporter), reporter)
+    run = running.workers()
+    reporter.begin(dataset, running.tile)
+    found = _found(dataset, wanted, params, running.resuming(run), reporter)
     reporter.finish()
     for warning in found.found.warnings:
         reporter.warn(warning)
     if len(found.found.regions) == 0:
         reporter.warn("nothing is like the sample; a smaller --similarity or a larger --intensity finds more")
-    write_regions(found.found, target, overwrite)
+    write_regions(found.found, target, running.overwrite)
     if labels is not None:
-        write_labels(found.found, labels, run, threads, overwrite)
+        write_labels(found.found, labels, run, running)
     _tell(found, target, reporter)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._reading import reading_options
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Running, running_options
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -54,14 +54,7 @@ if TYPE_CHECKING:
 def command(
     rasters: tuple[str, ...],
     output: str,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Segment RASTER... (many are one mosaic) by texture alone, as Ojala and Pietikäinen did in 1999.
@@ -76,7 +69,7 @@ def command(
     from uavseg.raster.write import write_labels
     from uavseg.segmentation.original import OriginalParams, check_size, original
 
-    reporter = Reporter(quiet, verbose, progress)
+    reporter = running.reporter
     params = OriginalParams(
         options["threshold"],
         options["merge_stop"],
@@ -86,18 +79,18 @@ def command(
     )
     if Path(output).suffix.lower() not in (".tif", ".tiff"):
         raise ParameterError(f"labels are written as GeoTIFF; name a .tif, not {output}")
-    check_target(output, overwrite)
+    check_target(output, running.overwrite)
     dataset = Dataset.open(
         rasters, options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"]
     )
     rows, cols = dataset.geobox.shape
     check_size((rows, cols))
     bad: set[BadBlock] = set()
-    run = listing(resuming(workers(threads, scheduler), resume, reporter), bad)
+    run = listing(running.resuming(running.workers()), bad)
     with listening(bad):
-        image, told, name = _read(dataset, options["stretch"], tile, run)
+        image, told, name = _read(dataset, options["stretch"], running.tile, run)
     labels = original(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, params)
-    write_labels(output, [(Window(0, 0, rows, cols), labels)], dataset.geobox, overwrite)
+    write_labels(output, [(Window(0, 0, rows, cols), labels)], dataset.geobox, running.overwrite)
     reporter.finish()
     for warning in (*told, *map(str, sorted(bad))):
         reporter.warn(warning)

@@ -11,7 +11,7 @@ import click
 
 from uavseg.cli._reading import map_stretch_option
 from uavseg.cli._regions import opened_ros_map
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import home_position
 from uavseg.errors import MissionError, OutputError, ParameterError
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from uavseg.occupancy.ways import Way
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.geobox import GeoBox
-    from uavseg.raster.stretch import Stretch
+    from uavseg.raster.stretch import Stretch, StretchSpec
     from uavseg.regions.extract import ExtractParams
 
 _LINES = (".geojson", ".json")
@@ -66,14 +66,7 @@ def command(
     start: str,
     goal: str,
     output: str,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
@@ -86,40 +79,43 @@ def command(
     from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.occupancy.ways import WayParams, find_way
 
-    reporter = Reporter(quiet, verbose, progress)
+    reporter = running.reporter
     places = _parsed_place("--start", start), _parsed_place("--goal", goal)
     passable = parsed_range(interval)
     params = WayParams(options["clearance"], options["smooth"])
     flight = _flight(output, options)
-    _check_target(output, overwrite)
-    dataset, stretch = _opened(map_, options, resume)
+    _check_target(output, running.overwrite)
+    dataset, stretch = _opened(map_, options, running.resume)
     _check_place(dataset.geobox, flight)
-    run = resuming(workers(threads, scheduler), resume, reporter)
-    reporter.begin(dataset, tile)
-    free = FreeCells.of(dataset, passable, _params(stretch, tile, options), run, reporter.progress)
+    run = running.resuming(running.workers())
+    reporter.begin(dataset, running.tile)
+    free = FreeCells.of(dataset, passable, _params(stretch, running.tile, options), run, reporter.progress)
     reporter.finish()
     begun = time.perf_counter()
-    way = find_way(free, *places, params, workers(threads if scheduler is None else None, None))
+    way = find_way(free, *places, params, running.local_workers())
     for warning in way.warnings:
         reporter.warn(warning)
     mission = None if flight is None else _flown(way, flight, options["home"])
-    _write(way, mission, output, overwrite)
+    _write(way, mission, output, running.overwrite)
     in_metres = way.geobox.crs is not None or is_ros_map(map_)
     _tell(way, output, "m" if in_metres else "units of the map", time.perf_counter() - begun, reporter)
-    if mission is not None and not quiet:
+    if mission is not None and not reporter.quiet:
         from uavseg.cli.plan import report
 
         report(mission, 1, output)
 
 
-def _opened(path: str, options: dict[str, Any], resume: str | None) -> tuple[Dataset, Stretch]:
+def _opened(path: str, options: dict[str, Any], resume: str | None) -> tuple[Dataset, Stretch | StretchSpec]:
+    """The map, and the stretch that was named; its own if none was, and always that of a ROS map."""
     from uavseg.occupancy.maps import open_map, stretch_of
     from uavseg.occupancy.rosmap import is_ros_map
+    from uavseg.raster.stretch import parse_stretch
 
-    if not is_ros_map(path):
-        return open_map(path, nodata=options["nodata"])
-    dataset = opened_ros_map((path,), options, resume)
-    return dataset, stretch_of(dataset)
+    if is_ros_map(path):
+        dataset = opened_ros_map((path,), options, resume)
+        return dataset, stretch_of(dataset)
+    dataset, own = open_map(path, nodata=options["nodata"])
+    return dataset, parse_stretch(options["stretch"]) if options["stretch"] else own
 
 
 def _parsed_place(option: str, text: str) -> tuple[float, float]:
@@ -167,13 +163,11 @@ def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
         )
 
 
-def _params(fitted: Stretch, tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.raster.stretch import parse_stretch
+def _params(stretch: Stretch | StretchSpec, tile: int | None, options: dict[str, Any]) -> ExtractParams:
     from uavseg.regions.extract import ExtractParams
     from uavseg.segmentation.pipeline import SegmentParams
 
     segment = SegmentParams(options["method"], options["threshold"], options["intensity_step"], "scan")
-    stretch = parse_stretch(options["stretch"]) if options["stretch"] else fitted
     return ExtractParams(segment, stretch, tile=tile)
 
 

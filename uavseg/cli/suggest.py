@@ -13,7 +13,7 @@ from click.core import ParameterSource
 
 from uavseg.cli._reading import reading_options
 from uavseg.cli._regions import opened
-from uavseg.cli._running import Reporter, resuming, running_options, workers
+from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import segmenting_options
 
 if TYPE_CHECKING:
@@ -54,14 +54,7 @@ def command(
     output: str | None,
     classes: int | None,
     as_json: bool,
-    tile: int | None,
-    threads: int | None,
-    scheduler: str | None,
-    resume: str | None,
-    overwrite: bool,
-    quiet: bool,
-    verbose: bool,
-    progress: str,
+    running: Running,
     **options: Any,
 ) -> None:
     """Propose ranges of v for RASTER... (many are one mosaic), each with its share of the area, the number of
@@ -70,21 +63,21 @@ def command(
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
     thresholds). RASTER may also be a block map from `uavseg divide`, which answers by itself.
     """
-    reporter = Reporter(quiet, verbose, progress)
-    params = _params(tile, options)
+    reporter = running.reporter
+    params = _params(running.tile, options)
     if output is not None:
         from uavseg.look.page import check_picture
 
-        check_picture(output, overwrite)
+        check_picture(output, running.overwrite)
     saved, dataset = opened(rasters, options, "none", reporter)
-    run = workers(threads, scheduler)
+    run = running.workers()
     if dataset is not None:
-        reporter.begin(dataset, tile)
-    found = _found(saved, dataset, classes, params, resuming(run, resume, reporter), reporter)
+        reporter.begin(dataset, running.tile)
+    found = _found(saved, dataset, classes, params, running.resuming(run), reporter)
     if output is not None:
         from uavseg.look.suggestpicture import draw_suggestions
 
-        draw_suggestions(found, output, dataset, overwrite)
+        draw_suggestions(found, output, dataset, running.overwrite)
     reporter.finish()
     for warning in found.warnings:
         reporter.warn(warning)

@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blockmap import CELLS, BlockMap, cell_sums
+from uavseg.segmentation.blockmap import BlockMap, cell_sums
 from uavseg.segmentation.components import component_sums, components
+from uavseg.segmentation.denoising import denoised
 from uavseg.segmentation.division import BLOCK, block_ratios
 from uavseg.segmentation.refinement import scan, smooth
-from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.segments import IntensityRange, in_range, matching, pixels_of
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
-
-_CELL = BLOCK // CELLS
+from uavseg.segmentation.unsettled import unsettled
 
 
 def divided(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:
@@ -46,7 +46,7 @@ def regions(
     valid: NDArray[np.bool_] | None = None,
     threshold: float = 1.2,
     intensity_step: float = 0.05,
-    refine: str = "scan",
+    refine: str = "tv",
 ) -> NDArray[np.uint32]:
     """Labels of the regions of an image whose mean lies in a range.
 
@@ -57,7 +57,7 @@ def regions(
     valid : (M, N) bool array, optional
     threshold, intensity_step : float
         X and tau; an infinite tau is the paper's method.
-    refine : {"scan", "none", "smooth"}
+    refine : {"tv", "scan", "none", "smooth"}
         With "none", labels are those of connected pixels.
 
     Returns
@@ -65,17 +65,21 @@ def regions(
     labels : (M, N) uint32 array
         1..n, most pixels first; 0 nothing.
     """
-    known = np.ones(grey.shape, np.uint8) if valid is None else valid.astype(np.uint8)
-    shown = np.ascontiguousarray(grey * known)
-    cells = in_range(divided(grey, valid), interval, threshold, intensity_step)
-    inside = cells.repeat(_CELL, 0).repeat(_CELL, 1)[: grey.shape[0], : grey.shape[1]] & known
-    low, high = interval.greys
-    if refine == "scan":
-        scan(inside, known, ((shown >= low) & (shown <= high)).view(np.uint8) & known)
+    blocks = divided(grey, valid)
+    image, known = (np.ascontiguousarray(part[1:-1, 1:-1]) for part in padded(grey, valid))
+    cells = in_range(blocks, interval, threshold, intensity_step)
+    inside = pixels_of(cells, known)
+    fits = matching(image, known, *interval.greys)
+    if refine == "tv":
+        open_cells = unsettled(blocks, cells, interval.low, interval.high)
+        denoised(inside, open_cells, known, image, fits, interval.greys)
+    elif refine == "scan":
+        scan(inside, known, fits)
     elif refine == "smooth":
-        inside = smooth(inside, known, shown, interval.low, interval.high)
+        inside = smooth(inside, known, image, interval.low, interval.high)
+    image, inside = (np.ascontiguousarray(part[: grey.shape[0], : grey.shape[1]]) for part in (image, inside))
     labels, count = components(inside)
-    order = np.argsort(-component_sums(labels, count, shown).counts, kind="stable")
+    order = np.argsort(-component_sums(labels, count, image).counts, kind="stable")
     number = np.zeros(count + 1, np.uint32)
     number[order + 1] = np.arange(1, count + 1)
     return np.asarray(number[labels])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -12,14 +13,11 @@ import numpy as np
 from affine import Affine
 
 from uavseg.errors import ParameterError
-from uavseg.occupancy.grid import OccupancyGrid
-from uavseg.occupancy.maps import open_map, stretch_of
 from uavseg.parallel import Map
 from uavseg.parallel import threads as workers
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.skipping import BadBlock
-from uavseg.raster.stretch import Stretch
+from uavseg.raster.skipping import BadBlock, listing
 from uavseg.regions.cleaning import Area, parse_area
 from uavseg.resuming import kept
 
@@ -52,25 +50,17 @@ def dataset_of(
     return Dataset.open(source, band, rgb, nodata, skip_bad_tiles)
 
 
-def map_of(source: Any, band: int | None, nodata: float | None) -> tuple[Dataset, Stretch]:
-    if isinstance(source, str | os.PathLike):
-        return open_map(source, band, nodata)
-    dataset = (
-        source.dataset() if isinstance(source, OccupancyGrid) else dataset_of(source, band, None, nodata)
-    )
-    return dataset, stretch_of(dataset)
+@contextmanager
+def working(threads: int | None, resume: str | os.PathLike[str] | None) -> Iterator[Map]:
+    """Who runs the work of a public function: threads, which keep finished tiles in a folder if one is given.
 
-
-def workers_of(threads: int | None, resume: str | os.PathLike[str] | None) -> Map:
-    """Threads, which keep finished tiles in a folder if one is given."""
+    When the work is done, whoever called the function is warned of blocks that could not be read.
+    """
     run = workers(threads)
-    return run if resume is None else kept(run, resume)
-
-
-def warn_of(bad: set[BadBlock]) -> None:
-    """Warn whoever called the public function of blocks that could not be read."""
+    bad: set[BadBlock] = set()
+    yield listing(run if resume is None else kept(run, resume), bad)
     for block in sorted(bad):
-        warnings.warn(str(block), stacklevel=3)
+        warnings.warn(str(block), stacklevel=4)  # over this, contextlib and the public function
 
 
 def warn_that(told: Iterable[str]) -> None:

@@ -1,0 +1,167 @@
+"""Questions to a raster: what is like this sample, and which ranges are worth asking for."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from uavseg.api.given import area_of, dataset_of, warn_that, working
+from uavseg.errors import ParameterError
+from uavseg.parallel import Progress
+from uavseg.regions.extract import ExtractParams
+from uavseg.regions.like import Disc, parse_like
+from uavseg.regions.match import MatchParams
+from uavseg.regions.match import match as _match
+from uavseg.regions.suggest import Suggestion, suggest_from_blocks
+from uavseg.regions.suggest import suggest as _suggest
+from uavseg.segmentation.blockfile import is_block_map, load
+from uavseg.segmentation.pipeline import SegmentParams
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+
+def match(
+    source: Any,
+    like: str | os.PathLike[str] | tuple[float, float, float],
+    *,
+    window: int = 32,
+    similarity: float = 0.9,
+    intensity: float = 1.0,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    refine: str = "pixel",
+    min_area: float | str | None = None,
+    fill_holes: float | str | None = None,
+    simplify: float | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> GeoDataFrame:
+    """Regions of a raster whose texture and intensity are like those of a sample of it.
+
+    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast.
+
+    Parameters
+    ----------
+    source
+        As of `extract`.
+    like : path or (float, float, float)
+        A file of polygons, in any coordinate system; or x, y and radius of a disc in the raster's coordinates
+        (the radius in their unit; in metres where they are degrees).
+    window : int
+        Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.
+    similarity : float
+        How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
+    intensity : float
+        By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
+    refine : {"pixel", "none"}
+        Boundaries to the pixel, or at the edges of cells of 8 pixels.
+    band, ..., skip_bad_tiles
+        As of `extract`.
+
+    Returns
+    -------
+    regions : geopandas.GeoDataFrame
+        With the columns of `extract` and `similarity`: 1 where a region is as like the sample as the sample
+        is to itself. `range_low` and `range_high` are the means that windows may have.
+
+    Raises
+    ------
+    UavsegError
+        As of `extract`; and if the sample is not on the raster, too small, on nodata, or no polygon.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> field = np.random.default_rng(0).integers(0, 256, (128, 256)).astype(np.uint8)
+    >>> field[:, 128:] = np.arange(128) // 2 % 2 * 255  # rows, of the same mean
+    >>> pixels = match(field, like=(64, 64, 40))["pixels"].sum()
+    >>> f"{pixels / field.size:.0%}"
+    '50%'
+    """
+    wanted = Disc(*like) if isinstance(like, tuple) else parse_like(os.fspath(like))
+    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
+    holes, smallest = area_of(fill_holes), area_of(min_area)
+    params = MatchParams(window, similarity, intensity, refine, stretch, holes, smallest, simplify, tile)
+    with working(threads, resume) as run:
+        found = _match(dataset, wanted, params, run, progress)
+    return found.found.regions.frame()
+
+
+def suggest(
+    source: Any,
+    classes: int | str = "auto",
+    *,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> list[Suggestion]:
+    """Ranges of v that a raster suggests by itself: the classes of the means of its leaves.
+
+    Parameters
+    ----------
+    source
+        As of `extract`; or the path of a block map, which answers by itself.
+    classes : int or "auto"
+        How many ranges, 2 to 8; as many as the histogram of means has by itself, if left out.
+    band, ..., skip_bad_tiles
+        As of `extract`.
+
+    Returns
+    -------
+    ranges : list of Suggestion
+        The darkest first: `low` and `high`, together `range`; valid `pixels` and their `share` of all;
+        `regions`, their number before boundaries are refined. Empty where all leaves have one mean. What
+        makes the ranges doubtful is told in a warning.
+
+    Raises
+    ------
+    UavsegError
+        As of `extract`, and if no pixel is valid.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uavseg
+    >>> field = np.full((64, 64), 60, np.uint8)
+    >>> field[16:32, 16:48] = 200
+    >>> for found in uavseg.suggest(field):
+    ...     print(found.range, found.share, found.regions)
+    (0.0, 0.51) 0.875 1
+    (0.51, 1.0) 0.125 1
+    """
+    number = _number_of(classes)
+    segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
+    params = ExtractParams(segment, stretch, tile=tile)
+    if isinstance(source, str | os.PathLike) and is_block_map(source):
+        if (band, rgb, nodata, stretch) != (None, None, None, "auto"):
+            raise ParameterError("a block map has its bands, nodata and stretch already")
+        found = suggest_from_blocks(load(source), number, params)
+    else:
+        dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
+        with working(threads, resume) as run:
+            found = _suggest(dataset, number, params, run, progress)
+    warn_that(found.warnings)
+    return list(found.ranges)
+
+
+def _number_of(classes: int | str) -> int | None:
+    if classes == "auto":
+        return None
+    if not isinstance(classes, int):
+        raise ParameterError(f'classes are "auto" or a number, not {classes!r}')
+    return classes

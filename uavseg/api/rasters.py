@@ -1,0 +1,183 @@
+"""Rasters divided: regions of a range, levels, and the block map that answers later questions."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+from uavseg.api.given import area_of, dataset_of, working
+from uavseg.occupancy.maps import open_map
+from uavseg.occupancy.rosmap import is_ros_map
+from uavseg.parallel import Progress
+from uavseg.regions.extract import ExtractParams, Small
+from uavseg.regions.extract import divide as _divide
+from uavseg.regions.extract import extract as _extract
+from uavseg.regions.levels import extract_levels
+from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.segments import IntensityRange, Levels
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+    from uavseg.segmentation.blockmap import BlockMap
+
+
+def extract(
+    source: Any,
+    range: tuple[float, float],
+    *,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    method: str = "adaptive",
+    refine: str | None = None,
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    min_area: float | str | None = None,
+    fill_holes: float | str | None = None,
+    smooth_outline: float | None = None,
+    simplify: float | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> GeoDataFrame:
+    """Regions of a raster whose mean intensity lies in a range.
+
+    Parameters
+    ----------
+    source : path, sequence of paths, DataArray, (rows, cols) array or Dataset
+        Many paths are one mosaic. A DataArray wants rioxarray's `.rio`.
+    range : (float, float)
+        Of v in [0, 1], both ends in it.
+    band, rgb, nodata, stretch, method, refine, threshold, intensity_step
+        As the options of `uavseg extract`.
+    min_area, fill_holes : float or str, optional
+        Square metres, or pixels as "64px". Holes are filled first, then regions dropped.
+    smooth_outline : float, optional
+        Metres that outlines without stairs may leave the pixel edges, at most half a pixel.
+    simplify : float, optional
+        Metres; smoothed outlines are simplified. Columns stay those of the pixels.
+    tile, threads : int, optional
+        Change no result.
+    progress : callable, optional
+        Called with (done, total).
+    resume : path, optional
+        A folder in which finished tiles are kept, so that a run that was stopped goes on where it stopped. It
+        stays there in the end, and may be removed.
+    skip_bad_tiles : bool
+        Whether blocks of a file that cannot be read count as nodata. Each is told of in a warning.
+
+    Returns
+    -------
+    regions : geopandas.GeoDataFrame
+        In the raster's CRS, the region with most pixels first: id, area_m2, perimeter_m, mean, std, pixels,
+        holes, lon, lat, range_low, range_high, source.
+
+    Raises
+    ------
+    UavsegError
+        If the raster cannot be read or answered rightly, or a parameter is wrong.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
+    """
+    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
+    segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
+    params = ExtractParams(
+        segment, stretch, area_of(fill_holes), area_of(min_area), simplify, tile, smooth_outline
+    )
+    with working(threads, resume) as run:
+        found = _extract(dataset, IntensityRange(*range), params, run, progress)
+    return found.regions.frame()
+
+
+def levels(
+    source: Any,
+    width: float,
+    *,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    min_area: float | str | None = None,
+    small: Small = "merge",
+    smooth_outline: float | None = None,
+    simplify: float | None = None,
+    tile: int | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> GeoDataFrame:
+    """A raster divided into levels of equal width, and each of them into segments of adjacent blocks.
+
+    Parameters
+    ----------
+    source
+        As of `extract`; or the path of a ROS map's YAML file, which is never stretched. For another map of
+        probabilities, give ``stretch="none"``.
+    width : float
+        Of a level, in v: above 0 and at most 1. A value on an edge belongs to the level below it.
+    small : {"merge", "drop"}
+        What becomes of segments of less than `min_area`: the smallest first, each becomes part of the
+        neighbour with the longest common border; or they are dropped.
+    band, ..., skip_bad_tiles
+        As of `extract`.
+
+    Returns
+    -------
+    segments : geopandas.GeoDataFrame
+        With the columns of `extract` and `level`, from 0; `range_low` and `range_high` are the interval of
+        that level.
+
+    Raises
+    ------
+    UavsegError
+        As of `extract`.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> segments = uavseg.levels("tile.tif", width=0.1)  # doctest: +SKIP
+    """
+    if isinstance(source, str | os.PathLike) and is_ros_map(source):
+        source, stretch = open_map(source)[0], "none"
+    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
+    segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
+    params = ExtractParams(segment, stretch, None, area_of(min_area), simplify, tile, smooth_outline, small)
+    with working(threads, resume) as run:
+        found = extract_levels(dataset, Levels(width), params, run, progress)
+    return found.regions.frame()
+
+
+def divide(
+    source: Any,
+    *,
+    stretch: str = "auto",
+    tile: int | None = None,
+    threads: int | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    skip_bad_tiles: bool = False,
+) -> BlockMap:
+    """The block map of a raster, from which `uavseg.segmentation` answers any range.
+
+    Parameters
+    ----------
+    source : path, sequence of paths, DataArray or Dataset
+    stretch : str
+    tile, threads : int, optional
+    resume : path, optional
+    skip_bad_tiles : bool
+        As of `extract`.
+    """
+    with working(threads, resume) as run:
+        blocks, _ = _divide(dataset_of(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
+    return blocks
