@@ -108,7 +108,7 @@ PHASES = {
     "blockmap": {"division"},
     "segments": {"blockmap"},
     "unsettled": {"blockmap"},
-    "denoising": {"noise", "specks"},
+    "denoising": {"noise", "specks", "variation"},
     "leafmeans": {"blockmap"},
     "refinement": set(),
     "statescans": set(),

@@ -251,7 +251,7 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
         around = cells_around(inside, window)
         row, col = window.row // 8, window.col // 8
         assert np.array_equal(around, padded[row : row + len(around), col : col + around.shape[1]])
-        assert around.shape == tuple(-(-n // 64) * 8 + 16 for n in (window.rows, window.cols))
+        assert around.shape == tuple(-(-n // 64) * 8 + REACH // 4 for n in (window.rows, window.cols))
 
 
 # Parameters and progress

@@ -66,7 +66,7 @@ def regions(
         1..n, most pixels first; 0 nothing.
     """
     blocks = divided(grey, valid)
-    image, known = (np.ascontiguousarray(part[1:-1, 1:-1]) for part in padded(grey, valid))
+    image, known = padded(grey, valid, 0)
     cells = in_range(blocks, interval, threshold, intensity_step)
     inside = pixels_of(cells, known)
     fits = matching(image, known, *interval.greys)
@@ -77,21 +77,20 @@ def regions(
         scan(inside, known, fits)
     elif refine == "smooth":
         inside = smooth(inside, known, image, interval.low, interval.high)
-    image, inside = (np.ascontiguousarray(part[: grey.shape[0], : grey.shape[1]]) for part in (image, inside))
     labels, count = components(inside)
     order = np.argsort(-component_sums(labels, count, image).counts, kind="stable")
     number = np.zeros(count + 1, np.uint32)
     number[order + 1] = np.arange(1, count + 1)
-    return np.asarray(number[labels])
+    return np.asarray(number[labels[: grey.shape[0], : grey.shape[1]]])
 
 
 def padded(
-    grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None
+    grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None, border: int = 1
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
-    """An image filled up to whole blocks, with a border of one pixel; and 1 where its pixels are valid."""
-    rows, cols = (-(-length // BLOCK) * BLOCK + 2 for length in grey.shape)
+    """An image filled up to whole blocks, with a border of some pixels; and 1 where its pixels are valid."""
+    rows, cols = (-(-length // BLOCK) * BLOCK + 2 * border for length in grey.shape)
     image, known = np.zeros((rows, cols), np.uint16), np.zeros((rows, cols), np.uint8)
-    place = (slice(1, grey.shape[0] + 1), slice(1, grey.shape[1] + 1))
+    place = (slice(border, grey.shape[0] + border), slice(border, grey.shape[1] + border))
     known[place] = 1 if valid is None else valid
     image[place] = grey * known[place]
     return image, known

@@ -24,8 +24,8 @@ def denoised(
 ) -> NDArray[np.uint8]:
     """Decide the pixels of unsettled cells again, and of the cells around them, by v without its noise.
 
-    Where all pixels of a cell and of those around it are on one side, they stay there. Then pieces and holes
-    of fewer than `specks.SPECK` pixels change sides, where there is noise.
+    Where all pixels of a cell and of those around it are on one side, they stay there. Then thin pieces and
+    holes of fewer than `specks.SPECK` pixels change sides, where there is noise.
 
     Parameters
     ----------

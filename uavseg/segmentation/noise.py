@@ -94,18 +94,29 @@ def keep_means(total, number, side, scale, wanted, found):  # type: ignore[no-un
 def take_means(grey, valid, row, begin, end, sums, every, means, whole):  # type: ignore[no-untyped-def]
     """Means of 4 x 4 pixels, and which of them are of valid pixels alone."""
     a, b, c, d = row, row + np.uintp(1), row + np.uintp(2), row + np.uintp(3)
-    four = np.uintp(_FOUR)
     for x in range(begin, end):
         sums[x] = np.int32(grey[a, x]) + np.int32(grey[b, x]) + np.int32(grey[c, x]) + np.int32(grey[d, x])
     for x in range(begin, end):
         every[x] = valid[a, x] & valid[b, x] & valid[c, x] & valid[d, x]
-    one, two, three = np.uintp(1), np.uintp(2), np.uintp(3)
+    one, two, three, four = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(_FOUR)
     for k in range(begin // four, end // four):
-        x = four * k
-        means[k] = (sums[x] + sums[x + one] + sums[x + two] + sums[x + three] + np.int32(8)) >> np.int32(4)
+        f = four * k
+        means[k] = (sums[f] + sums[f + one] + sums[f + two] + sums[f + three] + np.int32(8)) >> np.int32(4)
     for k in range(begin // four, end // four):
-        x = four * k
-        whole[k] = every[x] & every[x + one] & every[x + two] & every[x + three]
+        f = four * k
+        whole[k] = every[f] & every[f + one] & every[f + two] & every[f + three]
+
+
+@inlined
+def wanted_part(wanted):  # type: ignore[no-untyped-def]
+    """The first of what is wanted, and the one after the last; 0 if nothing is."""
+    first = wanted.shape[0]
+    last = 0
+    for k in range(wanted.shape[0]):
+        if wanted[k]:
+            first = min(first, k)
+            last = k + 1
+    return first, last
 
 
 @kernel(
@@ -118,15 +129,10 @@ def _measure_squares(grey, valid, wanted, lines, line, means, whole, fine, coars
     total[:] = 0
     number[:] = 0
     for row in range(np.uintp(wanted.shape[0])):
-        first = np.uintp(wanted.shape[1])
-        last = np.uintp(0)
-        for col in range(np.uintp(wanted.shape[1])):
-            if wanted[row, col]:
-                first = min(first, col)
-                last = col + np.uintp(1)
+        first, last = wanted_part(wanted[row])
         if last == 0:
             continue
-        begin, end = first * side, last * side
+        begin, end = np.uintp(first * SIDE), np.uintp(last * SIDE)
         for r in range(np.uintp(2), side, four):
             respond(grey, valid, row * side + r, begin, end, sums, line, total, number)
         keep_means(total, number, side, 1, wanted[row], fine[row])

@@ -5,14 +5,15 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-SPECK = 12  # pixels: smaller pieces, and smaller holes, are drawn by nobody
+SPECK = 12  # pixels: thin pieces that are smaller, and thin holes, are drawn by nobody
 _NOWHERE = np.uint8(2)  # not valid, or outside
 
 
 def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDArray[np.uint8]) -> None:
-    """Pieces of fewer than 9 pixels that touch pixels of the other side go over to it, all at once.
+    """Pieces of fewer than 12 pixels that touch pixels of the other side go over to it, all at once.
 
-    Pieces inside are 4-connected, as regions are; those outside are 8-connected, as holes are.
+    Pieces inside are 4-connected, as regions are; those outside are 8-connected, as holes are. Where 3 x 3
+    pixels of a piece are together, they stay.
 
     Parameters
     ----------
@@ -125,5 +126,5 @@ def _drop_specks(sides, active, lines, listed, seen, inside):  # type: ignore[no
         for cell in range(active.shape[1]):
             if active[(row - 1) // 8, cell]:
                 for c in range(8 * cell + 1, 8 * cell + 9):
-                    if result[c] and is_speck(sides, row, c, listed, seen):
+                    if result[c] and sides[row, c] != _NOWHERE and is_speck(sides, row, c, listed, seen):
                         inside[row - 1, c - 1] = np.uint8(1) - inside[row - 1, c - 1]
