@@ -60,7 +60,7 @@ def per_square(values: NDArray[np.int64], side: int) -> NDArray[np.int64]:
 
 
 def plain_weights(active: Image, valid: Image, grey: Grey) -> NDArray[np.int64]:
-    """0.34 times the larger noise of pixels and of means of 4 x 4, median of 3 x 3 squares, in half grey."""
+    """0.32 times the larger noise of pixels and of means of 4 x 4, median of 3 x 3 squares, in half grey."""
     fours = per_square(grey.astype(np.int64), 4)
     whole = per_square(valid.astype(np.int64), 4) == 16
     noise = plain_noise(16, [2, 6, 10, 14], valid, grey)
@@ -70,7 +70,7 @@ def plain_weights(active: Image, valid: Image, grey: Grey) -> NDArray[np.int64]:
     known = np.isfinite(around).sum(axis=-1)  # NaN come last
     middle = np.take_along_axis(around, np.minimum(known // 2, 8)[..., None], axis=-1)[..., 0]
     noise = np.where(known > 0, middle, 0.0) * (math.sqrt(math.pi / 2) / 6)
-    weights = np.minimum(np.rint(0.34 / 2 * noise), MOST).astype(np.int64)
+    weights = np.minimum(np.rint(0.32 / 2 * noise), MOST).astype(np.int64)
     return per_pixel(weights.repeat(2, 0).repeat(2, 1) * active) * valid
 
 
@@ -94,8 +94,7 @@ def plain_evened(grey: Grey, weights: NDArray[np.int64], sweeps: int = SWEEPS) -
     for _ in range(sweeps):
         for k, (a, b, share) in enumerate(groups):
             limit = np.minimum(weights[a], weights[b]) * share // 64
-            half = (u[b] - u[a]) // 2
-            flowing = np.clip(flows[k] + half + (half + 2) // 4, -limit, limit)
+            flowing = np.clip(flows[k] + (u[b] - u[a]) // 2, -limit, limit)
             more, flows[k] = flowing - flows[k], flowing
             u[a] += more
             u[b] -= more

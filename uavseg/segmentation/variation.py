@@ -10,18 +10,21 @@ pixel depends on its neighbourhood alone. No more flows than there is between tw
 least and the largest grey, and all of it, in half grey, fits 16 bits.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-SWEEPS = 4
-HALO = 24  # columns: a sweep looks six farther, two along rows and two in each of two pairs of rows
-MOST = 8000  # a weight in half grey: gap and flow together stay within 16 bits
+SWEEPS = 3
+HALO = 24  # columns, whole cells: a sweep looks six farther, two along rows, two in each pair of rows
+MOST = 16000  # a weight in half grey: gap and flow together stay within 16 bits
 _CORNER = 45  # 64ths of a weight across corners
 _PANEL = 2304  # columns: lines that are in work stay in the cache
 _LINES = 2 * SWEEPS + 2  # that are in work
 _VECTOR = 64  # pixels: loops over a multiple of them are over whole vectors
+_GROUPS = 8  # of pairs of neighbours: two within a line, two down, four across corners
 _GAP = 16  # pixels of no weight behind those of even and of odd columns
 
 
@@ -57,13 +60,12 @@ def decide_evened(
             _decide(grey, valid, caps, busy, panel, low, high, *_lines((last - first) // 2), inside)
 
 
-def _lines(half: int) -> tuple[NDArray[np.int16], NDArray[np.int16], NDArray[np.int64]]:
-    """What each line in work has: u and the weights of its pixels, and of its eight groups of pairs of
-    neighbours what flows and what may flow; then where groups begin.
+def _lines(half: int) -> tuple[NDArray[Any], ...]:
+    """What each line in work has: u and weights of its pixels, weights across corners, what flows between the
+    eight groups of pairs of neighbours; then where groups begin.
 
     In a line, the pixels of even columns come first. A group touches no pixel twice, and begins at one pixel
-    of the upper line and at one of the lower, (8, 2). The first two groups are within a line, the last four
-    across corners.
+    of the upper line and at one of the lower, (8, 2).
     """
     length = -(-half // _VECTOR) * _VECTOR
     even, odd, right = 0, length + _GAP, 1
@@ -71,13 +73,13 @@ def _lines(half: int) -> tuple[NDArray[np.int16], NDArray[np.int16], NDArray[np.
     down = [(even, even), (odd, odd)]
     falling = [(even, odd), (odd, even + right)]
     rising = [(even + right, odd), (odd, even)]
-    pixels = np.zeros((2, _LINES * 2 * (length + _GAP)), np.int16)
-    pairs = np.zeros((2, _LINES * 8 * length), np.int16)
-    return pixels, pairs, np.array(within + down + falling + rising)
+    pixels = np.zeros((3, _LINES * 2 * (length + _GAP)), np.int16)
+    flows = np.zeros(_LINES * _GROUPS * length, np.int16)
+    return *pixels, flows, np.array(within + down + falling + rising)
 
 
 @inlined
-def entered(grey, valid, weights, first, tones, caps, even, odd):  # type: ignore[no-untyped-def]
+def entered(grey, valid, weights, first, tones, caps, corners, even, odd):  # type: ignore[no-untyped-def]
     """Take a row of pixels into a line."""
     one, two = np.uintp(1), np.uintp(2)
     for k in range(np.uintp(weights.shape[0])):
@@ -86,27 +88,18 @@ def entered(grey, valid, weights, first, tones, caps, even, odd):  # type: ignor
     for k in range(np.uintp(weights.shape[0])):
         caps[even + k] = weights[k] * valid[first + two * k]
         caps[odd + k] = weights[k] * valid[first + two * k + one]
+    for k in range(even, odd + np.uintp(weights.shape[0])):
+        corners[k] = np.int16(np.int32(caps[k]) * np.int32(_CORNER) >> 6)
 
 
 @inlined
-def limited(caps, a, b, share, flows, limits, at, length):  # type: ignore[no-untyped-def]
-    """What may flow between two pixels: a share of the smaller weight, in 64ths. Nothing flows yet."""
-    for k in range(length):
-        limits[at + k] = np.int16(np.int32(min(caps[a + k], caps[b + k])) * np.int32(share) >> 6)
-    for k in range(length):
-        flows[at + k] = 0
-
-
-@inlined
-def evened(tones, a, b, flows, limits, at, length):  # type: ignore[no-untyped-def]
-    """Let five eighths of the gap between two pixels flow, as far as the limit goes.
-
-    (Half of it would be the minimum for this pair; more of it is faster for all of them.)
-    """
+def evened(tones, caps, a, b, flows, at, length):  # type: ignore[no-untyped-def]
+    """Let half of the gap between two pixels flow, as far as the smaller weight lets it."""
     for k in range(length):
         half = np.int16(np.int16(tones[b + k] - tones[a + k]) >> 1)
-        wanted = np.int16(flows[at + k] + np.int16(half + (np.int16(half + 2) >> 2)))
-        flowing = max(min(wanted, limits[at + k]), np.int16(-limits[at + k]))
+        wanted = np.int16(flows[at + k] + half)
+        limit = min(caps[a + k], caps[b + k])
+        flowing = max(min(wanted, limit), np.int16(-limit))
         more = np.int16(flowing - flows[at + k])
         flows[at + k] = flowing
         tones[a + k] = np.int16(tones[a + k] + more)
@@ -114,22 +107,12 @@ def evened(tones, a, b, flows, limits, at, length):  # type: ignore[no-untyped-d
 
 
 @inlined
-def limit_groups(numbers, groups, caps, flows, limits, upper, lower, length):  # type: ignore[no-untyped-def]
-    """Limits of some groups of two lines that are new."""
-    for k in range(numbers[0], numbers[1]):
-        a = np.uintp(upper * 2 * (length + _GAP) + groups[k, 0])
-        b = np.uintp(lower * 2 * (length + _GAP) + groups[k, 1])
-        share = 64 if k < 4 else _CORNER
-        limited(caps, a, b, share, flows, limits, np.uintp((upper * 8 + k) * length), np.uintp(length))
-
-
-@inlined
-def even_groups(numbers, groups, tones, flows, limits, upper, lower, length):  # type: ignore[no-untyped-def]
+def even_groups(begin, end, groups, tones, caps, flows, upper, lower, length):  # type: ignore[no-untyped-def]
     """Even out some groups of two lines."""
-    for k in range(numbers[0], numbers[1]):
+    for k in range(begin, end):
         a = np.uintp(upper * 2 * (length + _GAP) + groups[k, 0])
         b = np.uintp(lower * 2 * (length + _GAP) + groups[k, 1])
-        evened(tones, a, b, flows, limits, np.uintp((upper * 8 + k) * length), np.uintp(length))
+        evened(tones, caps, a, b, flows, np.uintp((upper * _GROUPS + k) * length), np.uintp(length))
 
 
 @inlined
@@ -150,49 +133,38 @@ def decided(tones, even, odd, grey, valid, low, high, begin, half, inside):  # t
 
 
 @kernel(
-    "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], i2, i2, i2[:,::1], i2[:,::1], i8[:,::1],"
-    " u1[:,::1])"
+    "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], i2, i2, i2[::1], i2[::1], i2[::1], i2[::1],"
+    " i8[:,::1], u1[:,::1])"
 )
-def _decide(grey, valid, weights, busy, panel, low, high, pixels, pairs, groups, inside):  # type: ignore[no-untyped-def]
+def _decide(  # type: ignore[no-untyped-def]
+    grey, valid, weights, busy, panel, low, high, tones, caps, corners, flows, groups, inside
+):
     # All sweeps go over the rows at once, each a pair of rows behind the one before: few lines are in work.
     rows = grey.shape[0]
-    tones, caps, flows, limits = pixels[0], pixels[1], pairs[0], pairs[1]
-    length = flows.shape[0] // (_LINES * 8)
+    length = flows.shape[0] // (_LINES * _GROUPS)
     width = length + _GAP
-    first, begin, end = np.uintp(panel[0]), np.uintp(panel[1]), np.uintp(panel[2])
-    within, between = (0, 2), (2, 8)
+    first, begin, half = np.uintp(panel[0]), np.uintp(panel[1]), np.uintp(panel[2] - panel[1]) // np.uintp(2)
     for time in range(rows // 2 + SWEEPS):
         for row in range(2 * time, min(2 * time + 2, rows)):
             if busy[row // 8]:
-                line, above = row % _LINES, (row - 1) % _LINES
+                line = row % _LINES
                 even, odd = np.uintp(2 * line * width), np.uintp((2 * line + 1) * width)
-                entered(grey[row], valid[row], weights[row // 8], first, tones, caps, even, odd)
-                limit_groups(within, groups, caps, flows, limits, line, line, length)
-                if row > 0 and busy[(row - 1) // 8]:
-                    limit_groups(between, groups, caps, flows, limits, above, line, length)
+                entered(grey[row], valid[row], weights[row // 8], first, tones, caps, corners, even, odd)
+                flows[line * _GROUPS * length : (line + 1) * _GROUPS * length] = 0
         for sweep in range(SWEEPS):
             row = 2 * (time - sweep)
             if 0 <= row < rows and busy[row // 8]:
                 above, line, below = (row - 1) % _LINES, row % _LINES, (row + 1) % _LINES
-                even_groups(within, groups, tones, flows, limits, line, line, length)
-                even_groups(within, groups, tones, flows, limits, below, below, length)
-                even_groups(between, groups, tones, flows, limits, line, below, length)
+                even_groups(0, 2, groups, tones, caps, flows, line, line, length)
+                even_groups(0, 2, groups, tones, caps, flows, below, below, length)
+                even_groups(2, 4, groups, tones, caps, flows, line, below, length)
+                even_groups(4, 8, groups, tones, corners, flows, line, below, length)
                 if row > 0 and busy[(row - 1) // 8]:
-                    even_groups(between, groups, tones, flows, limits, above, line, length)
+                    even_groups(2, 4, groups, tones, caps, flows, above, line, length)
+                    even_groups(4, 8, groups, tones, corners, flows, above, line, length)
         done = 2 * (time - SWEEPS + 1)
         for row in range(max(done - 1, 0), min(done + 1, rows)):
             if busy[row // 8]:
                 even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
-                half = (end - begin) // np.uintp(2)
-                decided(
-                    tones,
-                    even,
-                    even + np.uintp(width),
-                    grey[row],
-                    valid[row],
-                    low,
-                    high,
-                    begin,
-                    half,
-                    inside[row],
-                )
+                odd = even + np.uintp(width)
+                decided(tones, even, odd, grey[row], valid[row], low, high, begin, half, inside[row])
