@@ -12,7 +12,17 @@ HERE = Path(__file__).resolve().parent
 @pytest.fixture(scope="session")
 def reference() -> ModuleType:
     """The slow, independent implementation of the algorithm: `tests/reference.py`."""
-    spec = importlib.util.spec_from_file_location("uavseg_reference", HERE / "reference.py")
+    return _loaded("reference")
+
+
+@pytest.fixture(scope="session")
+def plain_variation() -> ModuleType:
+    """A slow implementation of refinement by total variation: `tests/plain_variation.py`."""
+    return _loaded("plain_variation")
+
+
+def _loaded(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(f"uavseg_{name}", HERE / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

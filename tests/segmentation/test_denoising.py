@@ -1,6 +1,6 @@
 """Total variation as it is told, pixel by pixel in plain arrays; and what it leaves alone."""
 
-import math
+from types import ModuleType
 from typing import Any
 from unittest.mock import patch
 
@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -18,7 +17,6 @@ from uavseg.segmentation.denoising import denoised
 from uavseg.segmentation.refinement import REACH
 from uavseg.segmentation.segments import IntensityRange
 from uavseg.segmentation.unsettled import unsettled
-from uavseg.segmentation.variation import MOST, SWEEPS
 
 Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
@@ -40,67 +38,6 @@ def random_case(seed: int, cells: tuple[int, int]) -> tuple[Image, Image, Image,
     return inside, (rng.random(cells) < rng.choice([0.05, 0.4, 1])).astype(np.uint8), valid, grey
 
 
-def per_pixel(cells: NDArray[Any]) -> NDArray[Any]:
-    return cells.repeat(8, 0).repeat(8, 1)
-
-
-def plain_noise(side: int, rows: list[int], valid: Image, grey: Grey) -> NDArray[np.float64]:
-    """The mean |response| to Immerkaer's operator in each square, of those that look at nothing beyond it."""
-    operator = np.outer([1, -2, 1], [1, -2, 1])
-    response = np.abs(ndimage.convolve(grey.astype(np.int64), operator, mode="constant"))
-    whole = ndimage.minimum_filter(valid, 3, mode="constant").astype(np.int64)
-    whole[~np.isin(np.arange(len(whole)) % side, rows)] = 0
-    whole[:, np.isin(np.arange(whole.shape[1]) % side, [0, side - 1])] = 0
-    with np.errstate(invalid="ignore"):
-        return np.asarray(per_square(response * whole, side) / per_square(whole, side))
-
-
-def per_square(values: NDArray[np.int64], side: int) -> NDArray[np.int64]:
-    return values.reshape(len(values) // side, side, -1, side).sum(axis=(1, 3))
-
-
-def plain_weights(active: Image, valid: Image, grey: Grey) -> NDArray[np.int64]:
-    """0.32 times the larger noise of pixels and of means of 4 x 4, median of 3 x 3 squares, in half grey."""
-    fours = per_square(grey.astype(np.int64), 4)
-    whole = per_square(valid.astype(np.int64), 4) == 16
-    noise = plain_noise(16, [2, 6, 10, 14], valid, grey)
-    noise = np.fmax(noise, 4 * plain_noise(4, [1, 2], whole.astype(np.uint8), (fours + 8) // 16))
-    padded = np.pad(noise, 1, constant_values=np.nan)
-    around = np.sort(sliding_window_view(padded, (3, 3)).reshape(*noise.shape, 9), axis=-1)
-    known = np.isfinite(around).sum(axis=-1)  # NaN come last
-    middle = np.take_along_axis(around, np.minimum(known // 2, 8)[..., None], axis=-1)[..., 0]
-    noise = np.where(known > 0, middle, 0.0) * (math.sqrt(math.pi / 2) / 6)
-    weights = np.minimum(np.rint(0.32 / 2 * noise), MOST).astype(np.int64)
-    return per_pixel(weights.repeat(2, 0).repeat(2, 1) * active) * valid
-
-
-def pairs(shape: tuple[int, int]) -> list[tuple[Any, Any, float]]:
-    """Ends of all pairs of neighbours and the share of their weight, in their order."""
-    rows, cols = shape
-    groups = [(np.s_[:, k : cols - 1 : 2], np.s_[:, k + 1 :: 2], 64) for k in (0, 1)]
-    for k in (0, 1):
-        upper, lower = slice(k, rows - 1, 2), slice(k + 1, rows, 2)
-        groups.append(((upper, slice(None)), (lower, slice(None)), 64))
-        groups.append(((upper, slice(0, cols - 1)), (lower, slice(1, cols)), 45))
-        groups.append(((upper, slice(1, cols)), (lower, slice(0, cols - 1)), 45))
-    return groups
-
-
-def plain_evened(grey: Grey, weights: NDArray[np.int64], sweeps: int = SWEEPS) -> tuple[Any, list[Any]]:
-    """u in half grey, and what flows between the pairs."""
-    u = grey.astype(np.int64) // 2
-    groups = pairs(u.shape)
-    flows = [np.zeros_like(u[a]) for a, _, _ in groups]
-    for _ in range(sweeps):
-        for k, (a, b, share) in enumerate(groups):
-            limit = np.minimum(weights[a], weights[b]) * share // 64
-            flowing = np.clip(flows[k] + (u[b] - u[a]) // 2, -limit, limit)
-            more, flows[k] = flowing - flows[k], flowing
-            u[a] += more
-            u[b] -= more
-    return u, flows
-
-
 def matching(valid: Image, grey: Grey, interval: IntensityRange) -> Image:
     low, high = interval.greys
     return ((low <= grey) & (grey <= high)).astype(np.uint8) & valid
@@ -113,40 +50,14 @@ def refined(
     return denoised(inside, open_cells, valid, grey, fits, interval.greys)
 
 
-def plain(inside: Image, open_cells: Image, valid: Image, grey: Grey, interval: IntensityRange) -> Image:
-    near = ndimage.maximum_filter(open_cells, 3, mode="constant")
-    fits = matching(valid, grey, interval)
-    mask = np.where(per_pixel(near), fits, inside)
-    mixed = per_square(fits, 8) * per_square(valid & (1 - fits), 8) * near > 0
-    weights = plain_weights(near & ndimage.maximum_filter(mixed, 3, mode="constant"), valid, grey)
-    u, _ = plain_evened(grey, weights)
-    low, high = interval.greys
-    mask = np.where(u != grey // 2, (low <= 2 * u) & (2 * u <= high), mask).astype(np.uint8) & valid
-    noisy = per_pixel(per_square(weights, 8) > 0)
-    return np.where(noisy & plain_specks(mask, valid), 1 - mask, mask).astype(np.uint8)
-
-
-def plain_specks(mask: Image, valid: Image) -> NDArray[np.bool_]:
-    """Pieces of less than 12 pixels, 4-connected inside and 8-connected outside, by the other side; without
-    their 3 x 3 pixels that are together.
-    """
-    found = np.zeros(mask.shape, bool)
-    square = np.ones((3, 3), bool)
-    for side, joins in ((1, None), (0, square)):
-        pieces, count = ndimage.label((mask == side) & (valid > 0), joins)
-        others = (mask != side) & (valid > 0)
-        for name in range(1, count + 1):
-            piece = pieces == name
-            if piece.sum() < 12 and (ndimage.binary_dilation(piece, square) & others).any():
-                found |= piece & ~ndimage.binary_opening(piece, square)
-    return found
-
-
 @settings(deadline=None, max_examples=60)
 @given(seeds, st.tuples(st.integers(1, 4), st.integers(1, 5)))
-def test_the_kernels_do_what_plain_arrays_do(seed: int, squares: tuple[int, int]) -> None:
+def test_the_kernels_do_what_plain_arrays_do(
+    plain_variation: ModuleType, seed: int, squares: tuple[int, int]
+) -> None:
     case = random_case(seed, (2 * squares[0], 2 * squares[1]))
-    expected = plain(*case, MIDDLE)
+    inside, *rest = case
+    expected = plain_variation.denoised(inside.copy(), *rest, MIDDLE.low, MIDDLE.high)
     assert np.array_equal(refined(*case), expected)
 
 
@@ -168,14 +79,14 @@ def test_panels_with_less_around_them_may_change_something() -> None:
 
 @settings(deadline=None, max_examples=20)
 @given(seeds)
-def test_sweeps_end_at_the_minimum_of_total_variation(seed: int) -> None:
+def test_sweeps_end_at_the_minimum_of_total_variation(plain_variation: ModuleType, seed: int) -> None:
     rng = np.random.default_rng(seed)
     grey = rng.integers(0, 65536, (10, 13)).astype(np.uint16)
     weights = rng.integers(0, 6000, grey.shape)
-    u, flows = plain_evened(grey, weights, 3000)
+    u, flows = plain_variation.evened(grey, weights, 3000)
     half = grey.astype(np.int64) // 2
     variation_of_u, flowing = 0, 0
-    for (a, b, share), flow in zip(pairs(grey.shape), flows, strict=True):
+    for (a, b, share), flow in zip(plain_variation.pairs(grey.shape), flows, strict=True):
         limit = np.minimum(weights[a], weights[b]) * share // 64
         variation_of_u += (limit * np.abs(u[b] - u[a])).sum()
         flowing += (flow * (u[b] - u[a])).sum()
@@ -230,7 +141,7 @@ def decided(case: tuple[Any, ...]) -> Image:
 def test_cells_that_are_settled_and_do_not_touch_others_stay_as_they_are(seed: int) -> None:
     inside, unsettled_cells, valid, grey = random_case(seed, (12, 14))
     found = decided((inside, unsettled_cells, valid, grey))
-    far = per_pixel(ndimage.maximum_filter(unsettled_cells, 3, mode="constant")) == 0
+    far = np.kron(ndimage.maximum_filter(unsettled_cells, 3, mode="constant"), np.ones((8, 8))) == 0
     assert np.array_equal(found[far], inside[far])
     assert not (found & (1 - valid)).any()
 
