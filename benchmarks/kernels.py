@@ -69,8 +69,10 @@ def _cases() -> Iterator[_Case]:
     from uavseg.regions.tracing import trace_tile
     from uavseg.segmentation.blockmap import cell_sums
     from uavseg.segmentation.components import component_sums, components
+    from uavseg.segmentation.denoising import denoised
     from uavseg.segmentation.division import BLOCK, block_ratios
     from uavseg.segmentation.refinement import scan
+    from uavseg.segmentation.segments import IntensityRange
     from uavseg.segmentation.texture import contrast_cuts, contrast_histogram, symbols
 
     tile = _tile()
@@ -97,6 +99,14 @@ def _cases() -> Iterator[_Case]:
     matching = (inner >= LOW * 65535).astype(np.uint8)
     yield _Case(
         "`refinement.scan`", lambda mask: scan(mask, whole, matching), (inside, whole, matching), (inside,)
+    )
+    every = np.ones_like(bright, dtype=np.uint8)
+    greys = IntensityRange(LOW, 1).greys
+    yield _Case(
+        "`denoising.denoised`, all cells",
+        lambda mask: denoised(mask, every, whole, inner, matching, greys),
+        (inside, whole, inner, matching),
+        (inside,),
     )
 
     refined = scan(inside.copy(), whole, matching)

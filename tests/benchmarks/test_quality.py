@@ -4,16 +4,18 @@ import doctest
 from dataclasses import replace
 from itertools import product
 from math import log2
+from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
 from hypothesis import given, settings
 from hypothesis.extra.numpy import array_shapes, arrays
 from hypothesis.strategies import SearchStrategy
 from scipy import ndimage
 
 from benchmarks import __main__ as command
-from benchmarks.quality import metrics, peers, planes, section, shapes, summary, textures
+from benchmarks.quality import metrics, peers, pictures, planes, section, shapes, summary, textures
 from benchmarks.quality.camera import Camera
 from benchmarks.quality.methods import Method, methods
 from benchmarks.quality.metrics import Marks, boundary, boundary_f, iou, marks
@@ -310,3 +312,13 @@ def test_what_is_unknown_is_told(option: str, told: str, capsys: pytest.CaptureF
 def test_examples(module: object) -> None:
     found = doctest.testmod(module, optionflags=doctest.NORMALIZE_WHITESPACE)  # type: ignore[arg-type]
     assert found.attempted and not found.failed
+
+
+@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+def test_scenes_are_shown_beside_what_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pictures, "SHOWN", ("islands, noise 0.05", "glint"))
+    pictures.picture(tmp_path / "scenes.png")
+    with rasterio.open(tmp_path / "scenes.png") as file:
+        shown = file.read([1, 2, 3]).reshape(3, -1).astype(int)
+    red = (shown[0] > 200) & (shown[1] < 90) & (shown[2] < 90)
+    assert 5_000 < red.sum() < 50_000  # islands that scans miss
