@@ -15,7 +15,7 @@ Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
 Ints = NDArray[np.int64]
 SQUARE = np.ones((3, 3), bool)
-SWEEPS, WEIGHT, MOST, SPECK = 3, 0.32, 16000, 12
+SWEEPS, WEIGHT, MOST, SPECK = 5, 0.34, 16000, 12
 
 
 def refine(cells: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
@@ -63,7 +63,7 @@ def denoised(inside: Image, open_cells: Image, valid: Image, grey: Grey, lo: flo
 
 
 def weights_of(active: Image, valid: Image, grey: Grey) -> Ints:
-    """0.32 times the larger noise of pixels and of means of 4 x 4, median of 3 x 3 squares, in half grey."""
+    """0.34 times the larger noise of pixels and of means of 4 x 4, median of 3 x 3 squares, in half grey."""
     fours = per_square(grey.astype(np.int64), 4)
     whole = (per_square(valid.astype(np.int64), 4) == 16).astype(np.uint8)
     noise = noise_of(16, [2, 6, 10, 14], valid, grey.astype(np.int64))

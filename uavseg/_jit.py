@@ -123,7 +123,7 @@ class Kernel:
         import llvmlite
         import llvmlite.binding as llvm
 
-        parts = [self.signature, llvmlite.__version__, sys.version, llvm.get_host_cpu_name()]
+        parts = [self.signature, repr(_OPTIONS), llvmlite.__version__, sys.version, llvm.get_host_cpu_name()]
         parts.append(llvm.get_host_cpu_features().flatten())
         _describe(self.function, parts)
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:20]
@@ -250,6 +250,7 @@ def _compile(kernel: Kernel) -> bytes:
 
 # Counting references to the given arrays is compiled in, but they are borrowed: nothing is ever destroyed.
 _DESTRUCTOR = r"declare void @NRT_MemInfo_call_dtor\([^)]*\)[^\n]*"
+_OPTIONS = {"nogil": True, "error_model": "numpy", "forceinline": True}  # a call costs as much as 200 pixels
 _BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
@@ -292,5 +293,5 @@ def _jitted(function: Callable[..., Any], done: dict[Any, Any]) -> Any:
             if isinstance(scope.get(name), Inlined):
                 scope[name] = _jitted(scope[name].function, done)
         plain = types.FunctionType(function.__code__, scope, function.__name__)
-        done[function] = numba.njit(nogil=True, error_model="numpy")(plain)
+        done[function] = numba.njit(**_OPTIONS)(plain)
     return done[function]

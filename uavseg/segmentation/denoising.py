@@ -11,7 +11,7 @@ from uavseg.segmentation.noise import SIDE, grown, noise_around
 from uavseg.segmentation.specks import drop_specks
 from uavseg.segmentation.variation import MOST, decide_evened
 
-_WEIGHT = 0.32  # of a pair of neighbours, over the standard deviation of the noise
+_WEIGHT = 0.34  # of a pair of neighbours, over the standard deviation of the noise
 
 
 def denoised(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-REACH = 64  # pixels: an image cut with this much around it is refined as the whole would be
+REACH = 80  # pixels: an image cut with this much around it is refined as the whole would be
 _RUN = 8  # pixels: where a run of changes stops
 _SCALE = 16  # the local mean's weights are the binomial coefficients of 16: sigma = 2 pixels
 _WEIGHTS = np.array([1, 16, 120, 560, 1820, 4368, 8008, 11440, 12870], np.int64)  # 16 over k, k = 0..8

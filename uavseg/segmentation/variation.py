@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-SWEEPS = 3
-HALO = 24  # columns, whole cells: a sweep looks six farther, two along rows, two in each pair of rows
+SWEEPS = 5
+HALO = 32  # columns, whole cells: a sweep looks six farther, two along rows, two in each pair of rows
 MOST = 16000  # a weight in half grey: gap and flow together stay within 16 bits
 _CORNER = 45  # 64ths of a weight across corners
 _PANEL = 2304  # columns: lines that are in work stay in the cache
