@@ -12,10 +12,13 @@ from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import CELL, Window
 from uavseg.regions.joining import Outlined, Tile, joined, outlined_tile
 from uavseg.regions.painting import Sketch, Sketches
-from uavseg.regions.sampling import Sample
+from uavseg.regions.sampling import Sample, names_of
 from uavseg.regions.segmentwise import CellJobs
+from uavseg.segmentation import coarser
 from uavseg.segmentation.blockmap import BlockMap
+from uavseg.segmentation.coarser import coarse_symbols
 from uavseg.segmentation.components import components
+from uavseg.segmentation.evidence import best_evidence, frequencies
 from uavseg.segmentation.likeness import (
     UNKNOWN,
     UNLIKE,
@@ -28,8 +31,8 @@ from uavseg.segmentation.likeness import (
 from uavseg.segmentation.pipeline import window_cells
 from uavseg.segmentation.pixelwise import MARGIN, Weights, decide
 from uavseg.segmentation.segments import pixels_of
-from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.texture import symbols
+from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.segmentation.texture import SYMBOLS, symbols
 
 
 @dataclass(frozen=True)
@@ -74,10 +77,13 @@ class Scored:
         See `likeness.best_scores`.
     rest : Model
         Of the cells with a score that is too large.
+    whole : (2, 2048) int64 array
+        How often each symbol occurs in the raster, at both scales, see `evidence`.
     """
 
     best: NDArray[np.uint16]
     rest: Model
+    whole: NDArray[np.int64]
 
 
 def scored(
@@ -100,14 +106,46 @@ def scored(
     progress : callable, optional
     """
     best = np.full(BlockMap.empty(source.shape).counts.shape, UNKNOWN, np.uint16)
-    rest = Model()
+    rest, whole = Model(), np.zeros((2, SYMBOLS), np.int64)
     for window, found in zip(
         windows, map(partial(_score_tile, source, criterion), windows, progress), strict=True
     ):
         if found is not None:
-            best[window_cells(window)], unlike = found
+            best[window_cells(window)], unlike, counts = found
             rest += unlike
-    return Scored(best, rest)
+            whole += counts
+    return Scored(best, rest, whole)
+
+
+def confirmed(
+    source: GreySource,
+    criterion: Criterion,
+    scores: Scored,
+    weights: NDArray[np.int64],
+    least: int,
+    windows: Sequence[Window],
+    map: Map = serial,
+    progress: Progress | None = None,
+) -> Scored:
+    """Scores without those of cells that look more like the raster as a whole than the sample does.
+
+    Parameters
+    ----------
+    source, criterion, windows, map, progress
+        As of `scored`.
+    scores : Scored
+    weights : (2, 2048) int64 array
+    least : int
+        The smallest mean weight of a window that is like the sample, see `evidence.Evidence`.
+    """
+    matched = scores.best <= criterion.limit
+    jobs = [(window, here) for window in windows if (here := matched[window_cells(window)]).any()]
+    best, rest = scores.best.copy(), scores.rest
+    confirm = partial(_confirm_tile, source, criterion, weights, least)
+    for (window, _), (refused, unlike) in zip(jobs, map(confirm, jobs, progress), strict=True):
+        best[window_cells(window)][refused] = UNLIKE
+        rest += unlike
+    return Scored(best, rest, scores.whole)
 
 
 def outline_matches(
@@ -195,8 +233,10 @@ def _sum_scores(
 
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], Model] | None:
-    """Scores of a tile's cells, and the histograms of those that are unlike the sample."""
+) -> tuple[NDArray[np.uint16], Model, NDArray[np.int64]] | None:
+    """Scores of a tile's cells, the histograms of those that are unlike the sample, and how often each symbol
+    occurs in the tile.
+    """
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
         return None
@@ -205,7 +245,32 @@ def _score_tile(
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
     unlike = ((best > criterion.limit) & (best != UNKNOWN)).view(np.uint8)
-    return best, model_of(names, grey, unlike, halo)
+    coarse = coarse_symbols(*_cut(tile, halo + 1 - coarser.MARGIN), criterion.cuts)
+    whole = frequencies((names[halo:-halo, halo:-halo], coarse))
+    return best, model_of(names, grey, unlike, halo), whole
+
+
+def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
+    """Grey and validity of a tile with so much less of its margin."""
+    inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
+    return tile.grey[inner], None if tile.every else tile.valid[inner]
+
+
+def _confirm_tile(
+    source: GreySource,
+    criterion: Criterion,
+    weights: NDArray[np.int64],
+    least: int,
+    job: tuple[Window, NDArray[np.bool_]],
+) -> tuple[NDArray[np.bool_], Model]:
+    """Which of a tile's matched cells are refused, and their histograms."""
+    window, matched = job
+    halo = CELL * (criterion.side - 1)
+    tile = source.read(window, halo + coarser.MARGIN)
+    names = names_of(tile, criterion.cuts)
+    refused = matched & (best_evidence(names, weights, criterion.side) < least)
+    grey = np.ascontiguousarray(tile.grey[coarser.MARGIN : -coarser.MARGIN, coarser.MARGIN : -coarser.MARGIN])
+    return refused, model_of(names[0], grey, refused.view(np.uint8), halo)
 
 
 def _outline_match(

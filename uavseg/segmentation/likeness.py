@@ -8,6 +8,7 @@ move changes nothing.
 """
 
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,8 @@ GREY_BINS = 64
 
 _FINE = 1 << 20  # fixed point of n ln n
 _FULL_SHARE = (7, 8)  # of a window's pixels that must be counted
+
+T = TypeVar("T", bound=np.integer[Any])
 
 
 @dataclass(frozen=True)
@@ -135,7 +138,7 @@ def window_scores(
     return scores
 
 
-def best_scores(scores: NDArray[np.uint16], side: int) -> NDArray[np.uint16]:
+def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
     """For each cell the lowest score of the windows that it lies in.
 
     Near a boundary, most windows around a cell lie on both sides of it, but some on its own side alone (as in
@@ -143,13 +146,13 @@ def best_scores(scores: NDArray[np.uint16], side: int) -> NDArray[np.uint16]:
 
     Parameters
     ----------
-    scores : (m + side - 1, n + side - 1) uint16 array
+    scores : (m + side - 1, n + side - 1) array of integers
         Of the windows that begin up to ``side - 1`` cells before the first cell.
     side : int
 
     Returns
     -------
-    best : (m, n) uint16 array
+    best : (m, n) array
     """
     best = scores
     for axis in (0, 1):
