@@ -18,7 +18,7 @@ from uavseg.segmentation import coarser
 from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.coarser import coarse_symbols
 from uavseg.segmentation.components import components
-from uavseg.segmentation.evidence import best_evidence, frequencies
+from uavseg.segmentation.evidence import best_evidence
 from uavseg.segmentation.likeness import (
     UNKNOWN,
     UNLIKE,
@@ -246,8 +246,8 @@ def _score_tile(
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
     unlike = ((best > criterion.limit) & (best != UNKNOWN)).view(np.uint8)
     coarse = coarse_symbols(*_cut(tile, halo + 1 - coarser.MARGIN), criterion.cuts)
-    whole = frequencies((names[halo:-halo, halo:-halo], coarse))
-    return best, model_of(names, grey, unlike, halo), whole
+    whole = model_of(names, grey, np.ones_like(unlike), halo, coarse)
+    return best, model_of(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
 
 
 def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
@@ -270,7 +270,8 @@ def _confirm_tile(
     names = names_of(tile, criterion.cuts)
     refused = matched & (best_evidence(names, weights, criterion.side) < least)
     grey = np.ascontiguousarray(tile.grey[coarser.MARGIN : -coarser.MARGIN, coarser.MARGIN : -coarser.MARGIN])
-    return refused, model_of(names[0], grey, refused.view(np.uint8), halo)
+    own = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
+    return refused, model_of(names[0], grey, refused.view(np.uint8), halo, own)
 
 
 def _outline_match(
@@ -284,8 +285,9 @@ def _outline_match(
         return None
     tile = source.read(window, MARGIN)
     if (cells == 2).any():
-        names = symbols(tile.grey, None if tile.every else tile.valid, cuts)
-        pixels = decide(cells, tile.valid, tile.grey, names, weights)
+        known = None if tile.every else tile.valid
+        names = symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
+        pixels = decide(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = pixels_of(cells, tile.valid)
     return outlined_tile(pixels, *components(pixels, MARGIN), tile.grey, window, source.shape[1])

@@ -133,17 +133,17 @@ def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> Names:
 def _weigh(
     source: GreySource, cuts: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: Place
 ) -> Evidence:
-    names = names_of(source.read(place.window, coarser.MARGIN), cuts)
-    for each in names:
-        each[~_mask(place, each.shape)] = UNCOUNTED
-    return Evidence.of(names, whole, side)
+    return Evidence.of(_own_names(source.read(place.window, coarser.MARGIN), cuts, place), whole, side)
 
 
-def _mask(place: Place, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """The pixels of a sample, in the whole blocks around it."""
-    mask = np.zeros(shape, bool)
+def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> Names:
+    """Symbols of the pixels of a sample, in the whole blocks around it."""
+    names = names_of(tile, cuts)
+    mask = np.zeros(names[0].shape, bool)
     mask[: place.window.rows, : place.window.cols] = place.mask
-    return mask
+    for each in names:
+        each[~mask] = UNCOUNTED
+    return names
 
 
 def _too_small(source: GreySource, count: int, window: int) -> str:
@@ -168,12 +168,11 @@ def _look(
     source: GreySource, cuts: NDArray[np.int32], side: int, place: Place
 ) -> tuple[Model, NDArray[np.uint16], NDArray[np.uint64]]:
     """Histograms of a sample, the scores of its windows, and number, sum and sum of squares of its greys."""
-    tile = source.read(place.window, 1)
-    names = symbols(tile.grey, None if tile.every else tile.valid, cuts)
-    names[~_mask(place, names.shape)] = UNCOUNTED
-    grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
+    tile = source.read(place.window, coarser.MARGIN)
+    names, coarse = _own_names(tile, cuts, place)
+    grey = np.ascontiguousarray(tile.grey[coarser.MARGIN : -coarser.MARGIN, coarser.MARGIN : -coarser.MARGIN])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
-    model = model_of(names, grey, cells)
+    model = model_of(names, grey, cells, coarse=coarse)
     scores = window_scores(names, grey, model, side, left_out=True)
     counted = grey[names != UNCOUNTED].astype(np.uint64)
     moments = np.array([len(counted), counted.sum(), (counted * counted).sum()], np.uint64)
