@@ -29,7 +29,7 @@ from uavseg.segmentation.likeness import (
     window_scores,
 )
 from uavseg.segmentation.pipeline import window_cells
-from uavseg.segmentation.pixelwise import MARGIN, Weights, decide
+from uavseg.segmentation.pixelwise import MARGIN, Weights, decide, spread
 from uavseg.segmentation.segments import pixels_of
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.segmentation.texture import SYMBOLS, symbols
@@ -76,7 +76,7 @@ class Scored:
     best : (8 B, 8 C) uint16 array
         See `likeness.best_scores`.
     rest : Model
-        Of the cells with a score that is too large.
+        Of the cells with a score that is too large, but for refused ones that touch others that are not.
     whole : (2, 2048) int64 array
         How often each symbol occurs in the raster, at both scales, see `evidence`.
     """
@@ -139,10 +139,11 @@ def confirmed(
         The smallest mean weight of a window that is like the sample, see `evidence.Evidence`.
     """
     matched = scores.best <= criterion.limit
-    jobs = [(window, here) for window in windows if (here := matched[window_cells(window)]).any()]
+    concerned = [window for window in windows if matched[window_cells(window)].any()]
+    jobs = CellJobs(matched.view(np.uint8), concerned, CELL)
     best, rest = scores.best.copy(), scores.rest
     confirm = partial(_confirm_tile, source, criterion, weights, least)
-    for (window, _), (refused, unlike) in zip(jobs, map(confirm, jobs, progress), strict=True):
+    for window, (refused, unlike) in zip(concerned, map(confirm, jobs, progress), strict=True):
         best[window_cells(window)][refused] = UNLIKE
         rest += unlike
     return Scored(best, rest, scores.whole)
@@ -261,17 +262,22 @@ def _confirm_tile(
     criterion: Criterion,
     weights: NDArray[np.int64],
     least: int,
-    job: tuple[Window, NDArray[np.bool_]],
+    job: tuple[Window, NDArray[np.uint8]],
 ) -> tuple[NDArray[np.bool_], Model]:
-    """Which of a tile's matched cells are refused, and their histograms."""
-    window, matched = job
-    halo = CELL * (criterion.side - 1)
+    """Which of a tile's matched cells are refused, and the histograms of those that touch none that is kept:
+    the others lie on boundaries and are of both sides.
+    """
+    window, around = job  # with one cell on every side
+    halo = CELL * criterion.side
     tile = source.read(window, halo + coarser.MARGIN)
     names = names_of(tile, criterion.cuts)
-    refused = matched & (best_evidence(names, weights, criterion.side) < least)
+    convincing = best_evidence(names, weights, criterion.side) >= least
+    matched, inner = around.view(np.bool_), np.s_[1:-1, 1:-1]
+    refused = (matched & ~convincing)[inner]
+    unlike = refused & ~spread(matched & convincing, 1)[inner]
     grey = np.ascontiguousarray(tile.grey[coarser.MARGIN : -coarser.MARGIN, coarser.MARGIN : -coarser.MARGIN])
     own = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
-    return refused, model_of(names[0], grey, refused.view(np.uint8), halo, own)
+    return refused, model_of(names[0], grey, unlike.view(np.uint8), halo, own)
 
 
 def _outline_match(

@@ -109,13 +109,13 @@ def open_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach: int
     cells : (m, n) uint8 array
         0 out, 1 in, 2 open.
     """
-    near = _spread(matched, reach) & _spread(others, reach)
+    near = spread(matched, reach) & spread(others, reach)
     cells: NDArray[np.uint8] = np.where(near, np.uint8(2), matched.view(np.uint8))
     return cells
 
 
-def _spread(cells: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Cells with those around them."""
+def spread(cells: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Cells with those within so many of them, in a square."""
     spread = cells
     for axis in (0, 1):
         own = np.moveaxis(spread, axis, 0)
