@@ -1,5 +1,5 @@
-"""What a sample looks like: its histograms, how unlike each other its own windows are, its intensity, and what
-tells it from the raster as a whole.
+"""What a sample looks like: its histograms, how unlike each other its own windows are, its intensity, and
+what tells it from the raster as a whole.
 """
 
 import math

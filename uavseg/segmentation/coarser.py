@@ -1,8 +1,9 @@
 """Texture at twice the scale: LBP codes and contrast of means of 2 x 2 pixels.
 
-What is several pixels wide outlives the mean of four, while half of the noise of single pixels does not. After
-Ojala, Pietikäinen and Mäenpää, "Multiresolution gray-scale and rotation invariant texture classification
-with local binary patterns", IEEE Transactions on Pattern Analysis and Machine Intelligence 24 (2002) 971-987.
+What is several pixels wide outlives the mean of four, while half of the noise of single pixels does not.
+After Ojala, Pietikäinen and Mäenpää, "Multiresolution gray-scale and rotation invariant texture
+classification with local binary patterns", IEEE Transactions on Pattern Analysis and Machine Intelligence 24
+(2002) 971-987.
 """
 
 import numpy as np
@@ -38,7 +39,9 @@ def coarse_symbols(
     found = np.empty((rows, cols), np.uint16)
     means = _means(grey)
     whole = None if valid is None else valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1] & valid[1:, 1:]
-    for row, col in np.ndindex(min(rows, 2), min(cols, 2)):  # means that touch each other are two pixels apart
+    for row, col in np.ndindex(
+        min(rows, 2), min(cols, 2)
+    ):  # means that touch each other are two pixels apart
         own = found[row::2, col::2]
         part = tuple(
             slice(first, first + 2 * length + 3, 2)

@@ -1,9 +1,9 @@
 """How much likelier what a window shows is in a sample than in the raster as a whole.
 
 G asks whether a window and a sample may be one texture, and leaves open what else the window may be. Where
-noise makes textures alike, nearly all of them may. But what else there is, is known: the raster. The logarithm of
-the likelihood ratio of two known sources is a sum of one weight a pixel, and no other test tells them apart
-better (Neyman and Pearson). It speaks of two scales: of pixels, and of means of 2 x 2.
+noise makes textures alike, nearly all of them may. But what else there is, is known: the raster. The
+logarithm of the likelihood ratio of two known sources is a sum of one weight a pixel, and no other test tells
+them apart better (Neyman and Pearson, 1933). It speaks of two scales: of pixels, and of means of 2 x 2.
 """
 
 import math
@@ -22,7 +22,7 @@ UNITS = 1024  # of a weight: parts of one in a natural logarithm
 _NEITHER = -(1 << 31)  # where no window has enough counted pixels
 _MOST_WINDOWS = 1024  # about so many windows of a sample are looked at
 _OWN = (1, 20)  # the quantile of the evidence of the sample's own windows that counts as like
-_STRICTNESS = 2
+_LEEWAY = 2  # a window may fall short by the logarithm of a similarity, over this
 
 Names = tuple[NDArray[np.uint16], NDArray[np.uint16]]  # of the same pixels, from `texture` and from `coarser`
 
@@ -61,7 +61,7 @@ class Evidence:
 
     def least(self, similarity: float) -> int:
         """The smallest mean weight of what is like the sample to a degree, see `Sample.similarity`."""
-        return self.own + math.floor(UNITS * math.log(similarity) / _STRICTNESS)
+        return self.own + math.floor(UNITS * math.log(similarity) / _LEEWAY)
 
 
 def frequencies(names: Names) -> NDArray[np.int64]:

@@ -139,7 +139,8 @@ def weight_of(symbols, above, grey, valid, r, c, texture, greys, coarse):  # typ
 
 
 @kernel(
-    "void(u1[:,::1], u1[:,::1], u2[:,::1], u2[:,::1], u2[:,::1], i8[::1], i8[::1], i8[::1], i8, i8[::1], u1[:,::1])"
+    "void(u1[:,::1], u1[:,::1], u2[:,::1], u2[:,::1], u2[:,::1], "
+    "i8[::1], i8[::1], i8[::1], i8, i8[::1], u1[:,::1])",
 )
 def _decide(  # type: ignore[no-untyped-def]
     cells, valid, grey, symbols, above, texture, greys, coarse, around, columns, inside
