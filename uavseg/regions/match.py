@@ -22,11 +22,12 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import CELL, Window
 from uavseg.regions.cleaning import Area, without_small_holes, without_small_regions
+from uavseg.regions.confirming import confirmed
 from uavseg.regions.extract import windows_of
 from uavseg.regions.extraction import About, Drawing, Extraction, measured
 from uavseg.regions.joining import Outlined
 from uavseg.regions.like import Disc, place_of
-from uavseg.regions.resemblance import Criterion, Scored, confirmed, mean_scores, outline_matches, scored
+from uavseg.regions.resemblance import Criterion, Scored, mean_scores, outline_matches, scored
 from uavseg.regions.sampling import Sample, evidence_of, sample_of
 from uavseg.regions.segmentwise import outline_segments
 from uavseg.regions.tilewise import summed

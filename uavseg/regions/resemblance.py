@@ -12,13 +12,12 @@ from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import CELL, Window
 from uavseg.regions.joining import Outlined, Tile, joined, outlined_tile
 from uavseg.regions.painting import Sketch, Sketches
-from uavseg.regions.sampling import Sample, names_of
+from uavseg.regions.sampling import Sample
 from uavseg.regions.segmentwise import CellJobs
 from uavseg.segmentation import coarser
 from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.coarser import coarse_symbols
 from uavseg.segmentation.components import components
-from uavseg.segmentation.evidence import best_evidence
 from uavseg.segmentation.likeness import (
     UNKNOWN,
     UNLIKE,
@@ -29,7 +28,7 @@ from uavseg.segmentation.likeness import (
     window_scores,
 )
 from uavseg.segmentation.pipeline import window_cells
-from uavseg.segmentation.pixelwise import MARGIN, Weights, decide, spread
+from uavseg.segmentation.pixelwise import MARGIN, Weights, decide
 from uavseg.segmentation.segments import pixels_of
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.segmentation.texture import SYMBOLS, symbols
@@ -76,7 +75,7 @@ class Scored:
     best : (8 B, 8 C) uint16 array
         See `likeness.best_scores`.
     rest : Model
-        Of the cells with a score that is too large, but for refused ones that touch others that are not.
+        Of the cells with a score that is too large; not of all that `confirming.confirmed` refuses.
     whole : (2, 2048) int64 array
         How often each symbol occurs in the raster, at both scales, see `evidence`.
     """
@@ -115,38 +114,6 @@ def scored(
             rest += unlike
             whole += counts
     return Scored(best, rest, whole)
-
-
-def confirmed(
-    source: GreySource,
-    criterion: Criterion,
-    scores: Scored,
-    weights: NDArray[np.int64],
-    least: int,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
-) -> Scored:
-    """Scores without those of cells that look more like the raster as a whole than the sample does.
-
-    Parameters
-    ----------
-    source, criterion, windows, map, progress
-        As of `scored`.
-    scores : Scored
-    weights : (2, 2048) int64 array
-    least : int
-        The smallest mean weight of a window that is like the sample, see `evidence.Evidence`.
-    """
-    matched = scores.best <= criterion.limit
-    concerned = [window for window in windows if matched[window_cells(window)].any()]
-    jobs = CellJobs(matched.view(np.uint8), concerned, CELL)
-    best, rest = scores.best.copy(), scores.rest
-    confirm = partial(_confirm_tile, source, criterion, weights, least)
-    for window, (refused, unlike) in zip(concerned, map(confirm, jobs, progress), strict=True):
-        best[window_cells(window)][refused] = UNLIKE
-        rest += unlike
-    return Scored(best, rest, scores.whole)
 
 
 def outline_matches(
@@ -255,29 +222,6 @@ def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.ui
     """Grey and validity of a tile with so much less of its margin."""
     inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
     return tile.grey[inner], None if tile.every else tile.valid[inner]
-
-
-def _confirm_tile(
-    source: GreySource,
-    criterion: Criterion,
-    weights: NDArray[np.int64],
-    least: int,
-    job: tuple[Window, NDArray[np.uint8]],
-) -> tuple[NDArray[np.bool_], Model]:
-    """Which of a tile's matched cells are refused, and the histograms of those that touch none that is kept:
-    the others lie on boundaries and are of both sides.
-    """
-    window, around = job  # with one cell on every side
-    halo = CELL * criterion.side
-    tile = source.read(window, halo + coarser.MARGIN)
-    names = names_of(tile, criterion.cuts)
-    convincing = best_evidence(names, weights, criterion.side) >= least
-    matched, inner = around.view(np.bool_), np.s_[1:-1, 1:-1]
-    refused = (matched & ~convincing)[inner]
-    unlike = refused & ~spread(matched & convincing, 1)[inner]
-    grey = np.ascontiguousarray(tile.grey[coarser.MARGIN : -coarser.MARGIN, coarser.MARGIN : -coarser.MARGIN])
-    own = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
-    return refused, model_of(names[0], grey, unlike.view(np.uint8), halo, own)
 
 
 def _outline_match(
