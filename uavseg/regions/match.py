@@ -48,8 +48,8 @@ class MatchParams:
     window : int
         Side in pixels of the window whose texture is compared.
     similarity : float
-        How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`. A smaller one
-        finds more.
+        How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`, and by how much
+        the raster as a whole may explain it better, see `evidence.Evidence.least`. A smaller one finds more.
     intensity : float
         By how many of the sample's standard deviations the mean of a window may differ from the sample's;
         infinite for texture alone.
