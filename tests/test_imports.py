@@ -116,6 +116,8 @@ PHASES = {
     "chance": set(),
     "likeness": {"texture", "chance"},
     "pixelwise": {"likeness", "texture"},
+    "coarser": {"texture"},
+    "evidence": {"likeness", "texture"},
 }
 EVERY_PHASE = set(PHASES)
 PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks

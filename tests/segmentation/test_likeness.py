@@ -201,10 +201,13 @@ def test_a_cell_has_the_best_score_of_the_windows_around_it(seed: int, side: int
 def test_models_of_cells_add_up(seed: int, margin: int) -> None:
     names, grey = drawn(seed, 24 + 2 * margin, 16 + 2 * margin)
     chosen = np.random.default_rng(seed).integers(0, 2, (3, 2)).astype(np.uint8)
-    one, other = (model_of(names, grey, cells, margin) for cells in (chosen, 1 - chosen))
     inner = np.s_[margin : margin + 24, margin : margin + 16]
+    coarse = np.ascontiguousarray(names[inner][::-1])
+    one, other = (model_of(names, grey, cells, margin, coarse) for cells in (chosen, 1 - chosen))
     counted = names[inner] != UNCOUNTED
     both = one + other
     assert np.array_equal(both.texture, np.bincount(names[inner][counted], minlength=2048))
     assert np.array_equal(both.greys, np.bincount(grey[inner][counted] // 1024, minlength=64))
+    assert np.array_equal(both.coarse, both.texture)  # the same symbols, turned around
     assert both.count == counted.sum()
+    assert not model_of(names, grey, chosen, margin).coarse.any()

@@ -89,8 +89,9 @@ def command(
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
 
     Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast, so
-    that a ploughed field is told from a meadow of the same grey. Each region has its similarity, 1 where it
-    is as like the sample as the sample is to itself.
+    that a ploughed field is told from a meadow of the same grey; and what looks more like the raster as a
+    whole than like the sample is left out. Each region has its similarity, 1 where it is as like the sample
+    as the sample is to itself.
     """
     from uavseg.regions import export
     from uavseg.regions.like import parse_like

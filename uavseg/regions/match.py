@@ -3,6 +3,8 @@
 stretch -> measured: cuts of contrast       (one pass over all tiles)
         -> looked at: the sample's histograms, and how unlike each other its own windows are
         -> scored: G of a moving window     (one pass over all tiles)
+        -> confirmed: windows that the raster as a whole explains better than the sample are refused
+                                            (one pass over the tiles with matches)
         -> matched: cells with a window that is like the sample; those near a boundary are open
         -> outlined: open cells decided pixel by pixel (one pass over the tiles with matches)
 """
@@ -20,12 +22,13 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import CELL, Window
 from uavseg.regions.cleaning import Area, without_small_holes, without_small_regions
+from uavseg.regions.confirming import confirmed
 from uavseg.regions.extract import windows_of
 from uavseg.regions.extraction import About, Drawing, Extraction, measured
 from uavseg.regions.joining import Outlined
 from uavseg.regions.like import Disc, place_of
 from uavseg.regions.resemblance import Criterion, Scored, mean_scores, outline_matches, scored
-from uavseg.regions.sampling import Sample, sample_of
+from uavseg.regions.sampling import Sample, evidence_of, sample_of
 from uavseg.regions.segmentwise import outline_segments
 from uavseg.regions.tilewise import summed
 from uavseg.segmentation.likeness import EVEN, UNITS
@@ -45,8 +48,8 @@ class MatchParams:
     window : int
         Side in pixels of the window whose texture is compared.
     similarity : float
-        How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`. A smaller one
-        finds more.
+        How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`, and by how much
+        the raster as a whole may explain it better, see `evidence.Evidence.least`. A smaller one finds more.
     intensity : float
         By how many of the sample's standard deviations the mean of a window may differ from the sample's;
         infinite for texture alone.
@@ -145,16 +148,19 @@ def match(
     """
     place = place_of(like, dataset.geobox)
     windows = windows_of(dataset, params.tile)
-    parts = [None] * 4 if progress is None else stages(progress, 4)
+    parts = [None] * 5 if progress is None else stages(progress, 5)
     source = GreySource(dataset, fit(dataset, params.stretch, map, windows, parts[0]))
     known = measure(source, windows, map, parts[1])
     sample = sample_of(source, known.cuts, place, params.side, map)
     criterion = Criterion.of(sample, known.cuts, params.side, params.similarity, params.intensity)
     scores = scored(source, criterion, windows, map, parts[2])
+    evidence = evidence_of(source, known.cuts, place, scores.whole, params.side, map)
+    least = evidence.least(params.similarity)
+    scores = confirmed(source, criterion, scores, evidence.weights, least, windows, map, parts[3])
     valid = known.blocks.counts > 0
     del known
     give_back()
-    outlined = _outlined(source, scores, valid, criterion, params, windows, map, parts[3])
+    outlined = _outlined(source, scores, valid, criterion, params, windows, map, parts[4])
     give_back()
     found = _extraction(source, outlined, scores, sample, params, windows, map)
     return Match(found, sample, (criterion.limit - EVEN) / UNITS)

@@ -14,7 +14,9 @@ from uavseg.regions.joining import Outlined, Tile, joined, outlined_tile
 from uavseg.regions.painting import Sketch, Sketches
 from uavseg.regions.sampling import Sample
 from uavseg.regions.segmentwise import CellJobs
+from uavseg.segmentation import coarser
 from uavseg.segmentation.blockmap import BlockMap
+from uavseg.segmentation.coarser import coarse_symbols
 from uavseg.segmentation.components import components
 from uavseg.segmentation.likeness import (
     UNKNOWN,
@@ -28,8 +30,8 @@ from uavseg.segmentation.likeness import (
 from uavseg.segmentation.pipeline import window_cells
 from uavseg.segmentation.pixelwise import MARGIN, Weights, decide
 from uavseg.segmentation.segments import pixels_of
-from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.texture import symbols
+from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.segmentation.texture import SYMBOLS, symbols
 
 
 @dataclass(frozen=True)
@@ -73,11 +75,14 @@ class Scored:
     best : (8 B, 8 C) uint16 array
         See `likeness.best_scores`.
     rest : Model
-        Of the cells with a score that is too large.
+        Of the cells with a score that is too large; not of all that `confirming.confirmed` refuses.
+    whole : (2, 2048) int64 array
+        How often each symbol occurs in the raster, at both scales, see `evidence`.
     """
 
     best: NDArray[np.uint16]
     rest: Model
+    whole: NDArray[np.int64]
 
 
 def scored(
@@ -100,14 +105,15 @@ def scored(
     progress : callable, optional
     """
     best = np.full(BlockMap.empty(source.shape).counts.shape, UNKNOWN, np.uint16)
-    rest = Model()
+    rest, whole = Model(), np.zeros((2, SYMBOLS), np.int64)
     for window, found in zip(
         windows, map(partial(_score_tile, source, criterion), windows, progress), strict=True
     ):
         if found is not None:
-            best[window_cells(window)], unlike = found
+            best[window_cells(window)], unlike, counts = found
             rest += unlike
-    return Scored(best, rest)
+            whole += counts
+    return Scored(best, rest, whole)
 
 
 def outline_matches(
@@ -195,8 +201,10 @@ def _sum_scores(
 
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], Model] | None:
-    """Scores of a tile's cells, and the histograms of those that are unlike the sample."""
+) -> tuple[NDArray[np.uint16], Model, NDArray[np.int64]] | None:
+    """Scores of a tile's cells, the histograms of those that are unlike the sample, and how often each symbol
+    occurs in the tile.
+    """
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
         return None
@@ -205,7 +213,15 @@ def _score_tile(
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
     unlike = ((best > criterion.limit) & (best != UNKNOWN)).view(np.uint8)
-    return best, model_of(names, grey, unlike, halo)
+    coarse = coarse_symbols(*_cut(tile, halo + 1 - coarser.MARGIN), criterion.cuts)
+    whole = model_of(names, grey, np.ones_like(unlike), halo, coarse)
+    return best, model_of(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
+
+
+def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
+    """Grey and validity of a tile with so much less of its margin."""
+    inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
+    return tile.grey[inner], None if tile.every else tile.valid[inner]
 
 
 def _outline_match(
@@ -219,8 +235,9 @@ def _outline_match(
         return None
     tile = source.read(window, MARGIN)
     if (cells == 2).any():
-        names = symbols(tile.grey, None if tile.every else tile.valid, cuts)
-        pixels = decide(cells, tile.valid, tile.grey, names, weights)
+        known = None if tile.every else tile.valid
+        names = symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
+        pixels = decide(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = pixels_of(cells, tile.valid)
     return outlined_tile(pixels, *components(pixels, MARGIN), tile.grey, window, source.shape[1])

@@ -1,4 +1,6 @@
-"""What a sample looks like: its histograms, how unlike each other its own windows are, its intensity."""
+"""What a sample looks like: its histograms, how unlike each other its own windows are, its intensity, and
+what tells it from the raster as a whole.
+"""
 
 import math
 from dataclasses import dataclass
@@ -11,6 +13,8 @@ from uavseg.errors import SampleError
 from uavseg.parallel import Map
 from uavseg.raster.ellipsoid import pixel_on_ground
 from uavseg.regions.like import Place
+from uavseg.segmentation import coarser
+from uavseg.segmentation.evidence import Evidence, Names
 from uavseg.segmentation.likeness import (
     CELL,
     EVEN,
@@ -22,7 +26,7 @@ from uavseg.segmentation.likeness import (
     model_of,
     window_scores,
 )
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.segmentation.texture import UNCOUNTED, symbols
 
 _OWN = (19, 20)  # the quantile of the scores of the sample's own windows that counts as like
@@ -101,6 +105,47 @@ def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: i
     return Sample(model, max(int(np.sort(own)[rank - 1]), EVEN), total / count, math.sqrt(variance))
 
 
+def evidence_of(
+    source: GreySource, cuts: NDArray[np.int32], place: Place, whole: NDArray[np.int64], side: int, map: Map
+) -> Evidence:
+    """What tells a sample from the raster as a whole.
+
+    Parameters
+    ----------
+    source, cuts, place, side, map
+        As of `sample_of`.
+    whole : (2, 2048) int64 array
+        How often each symbol occurs in the raster, at both scales.
+    """
+    [found] = map(partial(_weigh, source, cuts, whole, side), [place])
+    return found
+
+
+def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> Names:
+    """Symbols of a tile at both scales, without its margin of `coarser.MARGIN`."""
+    inner = np.s_[coarser.MARGIN - 1 : 1 - coarser.MARGIN, coarser.MARGIN - 1 : 1 - coarser.MARGIN]
+    known = None if tile.every else tile.valid
+    near = None if known is None else np.ascontiguousarray(known[inner])
+    fine = symbols(np.ascontiguousarray(tile.grey[inner]), near, cuts)
+    return fine, coarser.coarse_symbols(tile.grey, known, cuts)
+
+
+def _weigh(
+    source: GreySource, cuts: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: Place
+) -> Evidence:
+    return Evidence.of(_own_names(source.read(place.window, coarser.MARGIN), cuts, place), whole, side)
+
+
+def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> Names:
+    """Symbols of the pixels of a sample, in the whole blocks around it."""
+    names = names_of(tile, cuts)
+    mask = np.zeros(names[0].shape, bool)
+    mask[: place.window.rows, : place.window.cols] = place.mask
+    for each in names:
+        each[~mask] = UNCOUNTED
+    return names
+
+
 def _too_small(source: GreySource, count: int, window: int) -> str:
     return (
         f"the sample has {count:,} pixels with a texture; it wants at least {2 * window**2:,}, with a window "
@@ -123,14 +168,11 @@ def _look(
     source: GreySource, cuts: NDArray[np.int32], side: int, place: Place
 ) -> tuple[Model, NDArray[np.uint16], NDArray[np.uint64]]:
     """Histograms of a sample, the scores of its windows, and number, sum and sum of squares of its greys."""
-    tile = source.read(place.window, 1)
-    names = symbols(tile.grey, None if tile.every else tile.valid, cuts)
-    mask = np.zeros(names.shape, bool)
-    mask[: place.window.rows, : place.window.cols] = place.mask
-    names[~mask] = UNCOUNTED
-    grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
+    tile = source.read(place.window, coarser.MARGIN)
+    names, coarse = _own_names(tile, cuts, place)
+    grey = np.ascontiguousarray(tile.grey[coarser.MARGIN : -coarser.MARGIN, coarser.MARGIN : -coarser.MARGIN])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
-    model = model_of(names, grey, cells)
+    model = model_of(names, grey, cells, coarse=coarse)
     scores = window_scores(names, grey, model, side, left_out=True)
     counted = grey[names != UNCOUNTED].astype(np.uint64)
     moments = np.array([len(counted), counted.sum(), (counted * counted).sum()], np.uint64)

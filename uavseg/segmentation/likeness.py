@@ -8,6 +8,7 @@ move changes nothing.
 """
 
 from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,8 @@ GREY_BINS = 64
 _FINE = 1 << 20  # fixed point of n ln n
 _FULL_SHARE = (7, 8)  # of a window's pixels that must be counted
 
+T = TypeVar("T", bound=np.integer[Any])
+
 
 @dataclass(frozen=True)
 class Model:
@@ -37,13 +40,16 @@ class Model:
         How often each symbol occurs, see `texture.symbols`.
     greys : (64,) int64 array
         How many pixels have a grey of 0..1023, 1024..2047, and so on.
+    coarse : (2048,) int64 array
+        How often each symbol of means of 2 x 2 pixels occurs, see `coarser.coarse_symbols`.
     """
 
     texture: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
     greys: NDArray[np.int64] = field(default_factory=lambda: np.zeros(GREY_BINS, np.int64))
+    coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
     def __add__(self, other: "Model") -> "Model":
-        return Model(self.texture + other.texture, self.greys + other.greys)
+        return Model(self.texture + other.texture, self.greys + other.greys, self.coarse + other.coarse)
 
     @property
     def count(self) -> int:
@@ -60,7 +66,11 @@ class Bounds:
 
 
 def model_of(
-    symbols: NDArray[np.uint16], grey: NDArray[np.uint16], cells: NDArray[np.uint8], margin: int = 0
+    symbols: NDArray[np.uint16],
+    grey: NDArray[np.uint16],
+    cells: NDArray[np.uint8],
+    margin: int = 0,
+    coarse: NDArray[np.uint16] | None = None,
 ) -> Model:
     """The histograms of some cells of an image.
 
@@ -73,9 +83,13 @@ def model_of(
         1 where a cell counts.
     margin : int
         m, pixels on every side that belong to no cell.
+    coarse : (M, N) uint16 array, optional
+        From `coarser.coarse_symbols`, without the margin.
     """
     found = Model()
     _count(symbols, grey, cells, margin, found.texture, found.greys)
+    if coarse is not None:
+        _count_coarse(coarse, cells, found.coarse)
     return found
 
 
@@ -135,7 +149,7 @@ def window_scores(
     return scores
 
 
-def best_scores(scores: NDArray[np.uint16], side: int) -> NDArray[np.uint16]:
+def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
     """For each cell the lowest score of the windows that it lies in.
 
     Near a boundary, most windows around a cell lie on both sides of it, but some on its own side alone (as in
@@ -143,13 +157,13 @@ def best_scores(scores: NDArray[np.uint16], side: int) -> NDArray[np.uint16]:
 
     Parameters
     ----------
-    scores : (m + side - 1, n + side - 1) uint16 array
+    scores : (m + side - 1, n + side - 1) array of integers
         Of the windows that begin up to ``side - 1`` cells before the first cell.
     side : int
 
     Returns
     -------
-    best : (m, n) uint16 array
+    best : (m, n) array
     """
     best = scores
     for axis in (0, 1):
@@ -251,3 +265,13 @@ def _count(symbols, grey, cells, margin, texture, greys):  # type: ignore[no-unt
                     if name != UNCOUNTED:
                         texture[name] += 1
                         greys[grey[margin + r, c] >> 10] += 1
+
+
+@kernel("void(u2[:,::1], u1[:,::1], i8[::1])")
+def _count_coarse(coarse, cells, found):  # type: ignore[no-untyped-def]
+    for r in range(8 * cells.shape[0]):
+        for cell in range(cells.shape[1]):
+            if cells[r // 8, cell]:
+                for c in range(8 * cell, 8 * cell + 8):
+                    if coarse[r, c] != UNCOUNTED:
+                        found[coarse[r, c]] += 1

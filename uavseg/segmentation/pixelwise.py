@@ -5,14 +5,14 @@ model of either side by G. Where the models are much larger than what lies aroun
 the two G is twice the logarithm of the likelihood ratio, which is a sum over pixels: one weight a pixel.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.likeness import Model
-from uavseg.segmentation.texture import UNCOUNTED
+from uavseg.segmentation.texture import SYMBOLS, UNCOUNTED
 
 MARGIN = 16  # pixels: an image cut with this much around it is decided as the whole would be
 AROUND = 6  # pixels on every side of a pixel that decide with it
@@ -30,10 +30,13 @@ class Weights:
         By symbol.
     greys : (64,) int64 array
         By grey, as the bins of a `Model`.
+    coarse : (2048,) int64 array
+        By symbol of means of 2 x 2 pixels.
     """
 
     texture: NDArray[np.int64]
     greys: NDArray[np.int64]
+    coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
     @classmethod
     def between(cls, one: Model, other: Model, by_grey: bool = True) -> "Weights":
@@ -46,7 +49,8 @@ class Weights:
             Whether grey speaks, too.
         """
         greys = _log_ratio(one.greys, other.greys)
-        return cls(_log_ratio(one.texture, other.texture), greys if by_grey else np.zeros_like(greys))
+        coarse = _log_ratio(one.coarse, other.coarse) // 2  # means that share pixels say less
+        return cls(_log_ratio(one.texture, other.texture), greys if by_grey else np.zeros_like(greys), coarse)
 
 
 def _log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -61,6 +65,7 @@ def decide(
     valid: NDArray[np.uint8],
     grey: NDArray[np.uint16],
     symbols: NDArray[np.uint16],
+    coarse: NDArray[np.uint16],
     weights: Weights,
 ) -> NDArray[np.uint8]:
     """Pixels of cells that are in, and of those that are open where the 13 x 13 pixels around weigh above 0.
@@ -73,6 +78,8 @@ def decide(
     grey : (M, N) uint16 array
     symbols : (M - 2, N - 2) uint16 array
         From `texture.symbols`: without a border of one pixel, which weighs nothing.
+    coarse : (M - 6, N - 6) uint16 array
+        From `coarser.coarse_symbols`: without a border of three pixels.
     weights : Weights
 
     Returns
@@ -81,7 +88,9 @@ def decide(
     """
     inside = np.zeros_like(valid)
     columns = np.zeros(valid.shape[1], np.int64)
-    _decide(cells, valid, grey, symbols, weights.texture, weights.greys, AROUND, columns, inside)
+    around = np.pad(coarse, 2, constant_values=UNCOUNTED)  # the border is that of the symbols
+    tables = (weights.texture, weights.greys, weights.coarse)
+    _decide(cells, valid, grey, symbols, around, *tables, AROUND, columns, inside)
     return inside
 
 
@@ -100,13 +109,13 @@ def open_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach: int
     cells : (m, n) uint8 array
         0 out, 1 in, 2 open.
     """
-    near = _spread(matched, reach) & _spread(others, reach)
+    near = spread(matched, reach) & spread(others, reach)
     cells: NDArray[np.uint8] = np.where(near, np.uint8(2), matched.view(np.uint8))
     return cells
 
 
-def _spread(cells: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
-    """Cells with those around them."""
+def spread(cells: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+    """Cells with those within so many of them, in a square."""
     spread = cells
     for axis in (0, 1):
         own = np.moveaxis(spread, axis, 0)
@@ -119,25 +128,32 @@ def _spread(cells: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 
 
 @inlined
-def weight_of(symbols, grey, valid, r, c, texture, greys):  # type: ignore[no-untyped-def]
+def weight_of(symbols, above, grey, valid, r, c, texture, greys, coarse):  # type: ignore[no-untyped-def]
     """What a pixel says; 0 where it is not valid."""
     if valid[r, c] == 0:
         return np.int64(0)
     name = symbols[r - 1, c - 1]
-    return greys[grey[r, c] >> 10] + (texture[name] if name != UNCOUNTED else np.int64(0))
+    mean = above[r - 1, c - 1]
+    weight = greys[grey[r, c] >> 10] + (texture[name] if name != UNCOUNTED else np.int64(0))
+    return weight + (coarse[mean] if mean != UNCOUNTED else np.int64(0))
 
 
-@kernel("void(u1[:,::1], u1[:,::1], u2[:,::1], u2[:,::1], i8[::1], i8[::1], i8, i8[::1], u1[:,::1])")
-def _decide(cells, valid, grey, symbols, texture, greys, around, columns, inside):  # type: ignore[no-untyped-def]
+@kernel(
+    "void(u1[:,::1], u1[:,::1], u2[:,::1], u2[:,::1], u2[:,::1], "
+    "i8[::1], i8[::1], i8[::1], i8, i8[::1], u1[:,::1])",
+)
+def _decide(  # type: ignore[no-untyped-def]
+    cells, valid, grey, symbols, above, texture, greys, coarse, around, columns, inside
+):
     rows, cols = valid.shape
     for ahead in range(1, rows + around):  # the row that enters the sums of columns
         if ahead < rows - 1:
             for c in range(1, cols - 1):
-                columns[c] += weight_of(symbols, grey, valid, ahead, c, texture, greys)
+                columns[c] += weight_of(symbols, above, grey, valid, ahead, c, texture, greys, coarse)
         behind = ahead - 2 * around - 1
         if behind >= 1:
             for c in range(1, cols - 1):
-                columns[c] -= weight_of(symbols, grey, valid, behind, c, texture, greys)
+                columns[c] -= weight_of(symbols, above, grey, valid, behind, c, texture, greys, coarse)
         r = ahead - around
         if r < 0:
             continue
