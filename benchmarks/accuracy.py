@@ -177,7 +177,7 @@ def _hazard(picture: Path) -> Hazard:
 def _classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
     from uavseg.occupancy.classify import LIMITS, classify
     from uavseg.regions.extract import ExtractParams
-    from uavseg.segmentation.pipeline import SegmentParams
+    from uavseg.segmentation.params import SegmentParams
     from uavseg.segmentation.source import GreySource
 
     params = ExtractParams(SegmentParams(method, refine=refine))  # type: ignore[arg-type]

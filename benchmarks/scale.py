@@ -157,7 +157,7 @@ def _again(raster: str, blocks: str) -> tuple[float, float]:
     from uavseg.raster.dataset import Dataset
     from uavseg.regions.extract import ExtractParams, extract, extract_from_blocks
     from uavseg.segmentation.blockfile import load
-    from uavseg.segmentation.pipeline import SegmentParams
+    from uavseg.segmentation.params import SegmentParams
     from uavseg.segmentation.segments import IntensityRange
 
     saved, dataset = load(blocks), Dataset.open(raster)
@@ -180,7 +180,8 @@ def _segment(raster: str, count: str) -> tuple[float]:
     from uavseg.raster.stretch import fit
     from uavseg.regions.extract import windows_of
     from uavseg.regions.tilewise import outline_regions
-    from uavseg.segmentation.pipeline import SegmentParams, block_map_for, cells_to_refine
+    from uavseg.segmentation.params import SegmentParams
+    from uavseg.segmentation.pipeline import block_map_for, cells_to_refine
     from uavseg.segmentation.segments import IntensityRange
     from uavseg.segmentation.source import GreySource
 

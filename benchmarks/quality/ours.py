@@ -12,7 +12,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.extract import ExtractParams, extract
 from uavseg.regions.painting import Painter
-from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.segments import IntensityRange
 
 DEFAULT = "default"

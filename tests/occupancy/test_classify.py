@@ -17,7 +17,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.extract import ExtractParams
-from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.segments import StateLimits
 from uavseg.segmentation.source import GreySource
 

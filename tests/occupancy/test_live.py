@@ -21,7 +21,7 @@ from uavseg.raster.grey import to_grey
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
 from uavseg.segmentation.division import block_ratios, wanted_ratios
-from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.segments import (
     Cut,
     IntensityRange,

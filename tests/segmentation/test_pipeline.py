@@ -17,8 +17,8 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import Window, tiles
 from uavseg.segmentation.blockmap import undecided
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import (
-    SegmentParams,
     block_map,
     block_map_for,
     cells_around,

@@ -19,7 +19,7 @@ from uavseg.parallel import threads as workers
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.stretch import Stretch, StretchSpec, fit, parse_stretch
 from uavseg.regions.extract import ExtractParams, windows_of
-from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.segments import IntensityRange, StateLimits
 from uavseg.segmentation.source import GreySource
 

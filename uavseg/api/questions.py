@@ -15,7 +15,7 @@ from uavseg.regions.match import match as _match
 from uavseg.regions.suggest import Suggestion, suggest_from_blocks
 from uavseg.regions.suggest import suggest as _suggest
 from uavseg.segmentation.blockfile import is_block_map, load
-from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.params import SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

@@ -13,7 +13,7 @@ from uavseg.regions.extract import ExtractParams, Small
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
 from uavseg.regions.levels import extract_levels
-from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.segments import IntensityRange, Levels
 
 if TYPE_CHECKING:

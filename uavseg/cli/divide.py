@@ -33,7 +33,7 @@ def command(
     from uavseg.raster.skipping import BadBlock, listing
     from uavseg.regions.extract import divide
     from uavseg.segmentation.blockfile import Origin, SavedBlocks, save
-    from uavseg.segmentation.pipeline import SegmentParams
+    from uavseg.segmentation.params import SegmentParams
 
     reporter = running.reporter
     check_target(output, running.overwrite)

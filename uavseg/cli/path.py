@@ -165,7 +165,7 @@ def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
 
 def _params(stretch: Stretch | StretchSpec, tile: int | None, options: dict[str, Any]) -> ExtractParams:
     from uavseg.regions.extract import ExtractParams
-    from uavseg.segmentation.pipeline import SegmentParams
+    from uavseg.segmentation.params import SegmentParams
 
     segment = SegmentParams(options["method"], options["threshold"], options["intensity_step"], "scan")
     return ExtractParams(segment, stretch, tile=tile)

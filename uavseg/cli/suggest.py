@@ -89,7 +89,7 @@ def command(
 def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
     from uavseg.raster.stretch import parse_stretch
     from uavseg.regions.extract import ExtractParams
-    from uavseg.segmentation.pipeline import SegmentParams
+    from uavseg.segmentation.params import SegmentParams
 
     return ExtractParams(
         SegmentParams(options["method"], options["threshold"], options["intensity_step"], "none"),

@@ -19,7 +19,7 @@ from uavseg.occupancy.rangefinder import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.segments import Cut
 
 

@@ -16,7 +16,8 @@ from uavseg.occupancy.ground import Ground, Mask
 from uavseg.raster.tiling import BLOCK, CELL
 from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.division import block_ratios, wanted_ratios
-from uavseg.segmentation.pipeline import Question, SegmentParams
+from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.pipeline import Question
 from uavseg.segmentation.segments import Cut, IntensityRange, StateLimits
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
 

@@ -17,7 +17,8 @@ from uavseg.regions.extraction import About, Extraction, measured
 from uavseg.regions.joining import Outlined
 from uavseg.regions.segmentwise import outline_segments
 from uavseg.segmentation.blockfile import SavedBlocks
-from uavseg.segmentation.pipeline import SegmentParams, block_map_for, stages
+from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.pipeline import block_map_for, stages
 from uavseg.segmentation.segments import Levels, levels_of
 from uavseg.segmentation.source import GreySource
 

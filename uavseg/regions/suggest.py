@@ -15,7 +15,7 @@ from uavseg.regions.ranges import MOST_CLASSES, Cuts, beside_means, cuts_of
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
 from uavseg.segmentation.leafmeans import histogram_of_means, means_among
-from uavseg.segmentation.pipeline import SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.segments import intervals_of
 from uavseg.segmentation.source import GreySource
 

@@ -39,16 +39,12 @@ def coarse_symbols(
     found = np.empty((rows, cols), np.uint16)
     means = _means(grey)
     whole = None if valid is None else valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1] & valid[1:, 1:]
-    for row, col in np.ndindex(
-        min(rows, 2), min(cols, 2)
-    ):  # means that touch each other are two pixels apart
+    for row, col in np.ndindex(2, 2):  # means that touch each other are two pixels apart
         own = found[row::2, col::2]
-        part = tuple(
-            slice(first, first + 2 * length + 3, 2)
-            for first, length in zip((row, col), own.shape, strict=True)
-        )
-        known = None if whole is None else np.ascontiguousarray(whole[part])
-        own[:] = symbols(np.ascontiguousarray(means[part]), known, cuts)
+        if own.size:
+            part = np.s_[row : row + 2 * own.shape[0] + 3 : 2, col : col + 2 * own.shape[1] + 3 : 2]
+            known = None if whole is None else np.ascontiguousarray(whole[part])
+            own[:] = symbols(np.ascontiguousarray(means[part]), known, cuts)
     return found
 
 

@@ -9,18 +9,17 @@ stretch  -> measured: cells and contrast   (one pass over all tiles)
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from math import inf
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import ParameterError
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import BLOCK, CELL, Window
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
 from uavseg.segmentation.denoising import denoised
 from uavseg.segmentation.division import EVERY, block_ratios, wanted_ratios
+from uavseg.segmentation.params import Refinement, SegmentParams
 from uavseg.segmentation.patches import SIDE, Patches
 from uavseg.segmentation.refinement import REACH, scan, smooth
 from uavseg.segmentation.segments import Cut, IntensityRange, in_range, matching, pixels_of
@@ -29,54 +28,6 @@ from uavseg.segmentation.texture import GREYS, contrast_cuts, contrast_histogram
 from uavseg.segmentation.unsettled import unsettled
 
 IN_RANGE, UNSETTLED = np.uint8(1), np.uint8(2)
-
-Method = Literal["paper", "adaptive"]
-Refinement = Literal["none", "scan", "smooth", "tv"]
-
-
-@dataclass(frozen=True, slots=True)
-class SegmentParams:
-    """How to segment.
-
-    Parameters
-    ----------
-    method : {"adaptive", "paper"}
-        Whether blocks are divided by intensity too, or by texture alone.
-    threshold : float
-        X, at least 0: a block is divided where R = G_max / G_min is larger.
-    intensity_step : float
-        Tau, 0 to 1: the adaptive method also divides where the means of the children differ by more.
-    refine : {"tv", "scan", "none", "smooth"}
-        How boundaries are found to the pixel; if left out, by total variation, and by scans with the paper's
-        method.
-
-    Raises
-    ------
-    ParameterError
-        If one of them is not what it may be.
-    """
-
-    method: Method = "adaptive"
-    threshold: float = 1.2
-    intensity_step: float = 0.05
-    refine: Refinement = None  # type: ignore[assignment]  # it is filled in
-
-    def __post_init__(self) -> None:
-        if self.refine is None:
-            object.__setattr__(self, "refine", "scan" if self.method == "paper" else "tv")  # type: ignore[unreachable]
-        if self.method not in ("paper", "adaptive"):
-            raise ParameterError(f"a method is paper or adaptive, not {self.method!r}")
-        if self.refine not in ("none", "scan", "smooth", "tv"):
-            raise ParameterError(f"a refinement is none, scan, smooth or tv, not {self.refine!r}")
-        if not self.threshold >= 0:
-            raise ParameterError(f"the threshold X of the division is at least 0, not {self.threshold:g}")
-        if not 0 <= self.intensity_step <= 1:
-            raise ParameterError(f"an intensity step lies in 0..1, not {self.intensity_step:g}")
-
-    @property
-    def step(self) -> float:
-        """Tau as it is applied: infinite where the method has no intensity test."""
-        return self.intensity_step if self.method == "adaptive" else inf
 
 
 @dataclass(frozen=True)
