@@ -19,6 +19,7 @@ def scores() -> dict[tuple[str, str], accuracy.Score]:
     return {(score.scene, score.who): score for score in accuracy.scores(seeds=1)}
 
 
+@pytest.mark.slow
 def test_refinement_makes_free_and_unknown_better(scores: dict[tuple[str, str], accuracy.Score]) -> None:
     for scene, method in product(("lens", "circles"), ("uavseg", "uavseg adaptive")):
         before = scores[scene, f"{method}, division and creation"]
@@ -26,6 +27,7 @@ def test_refinement_makes_free_and_unknown_better(scores: dict[tuple[str, str], 
         assert after.free > before.free + 0.05 and after.unknown > before.unknown + 0.05
 
 
+@pytest.mark.slow
 def test_the_original_is_worse_than_segments_are(scores: dict[tuple[str, str], accuracy.Score]) -> None:
     for scene in ("lens", "circles"):
         theirs = scores[scene, "original LBP/C, segments by their mean"]
