@@ -6,7 +6,7 @@ Total variation takes the noise away, with weights that follow the noise around;
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._jit import kernel
+from uavseg._jit import inlined, kernel
 from uavseg.segmentation.noise import SIDE, grown, noise_around
 from uavseg.segmentation.specks import drop_specks
 from uavseg.segmentation.variation import MOST, decide_evened
@@ -44,10 +44,10 @@ def denoised(
     -------
     inside : (M, N) uint8 array, the same array
     """
-    active = grown((unsettled > 0).view(np.uint8), 1)
-    mixed = np.zeros_like(active)
-    _follow(matching, valid, active, inside, mixed)
-    active &= grown(mixed, 1)
+    active = grown((unsettled > 0).view(np.uint8))
+    mixed = np.empty_like(active)
+    _follow(matching, valid, active, np.empty((3, inside.shape[1]), np.uint8), inside, mixed)
+    active &= grown(mixed)
     if active.any():
         weights = _weights(noise_around(grey, valid, active), active)
         decide_evened(grey, valid, weights, greys, inside)
@@ -61,19 +61,31 @@ def _weights(noise: NDArray[np.float64], active: NDArray[np.uint8]) -> NDArray[n
     return weights.repeat(SIDE // 8, axis=0).repeat(SIDE // 8, axis=1) * active
 
 
-@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
-def _follow(matching, valid, active, inside, mixed):  # type: ignore[no-untyped-def]
-    """Decide the pixels of active cells by their own v, and tell which cells have pixels on both sides."""
-    for r in range(inside.shape[0]):
+@inlined
+def add_row(matching, valid, chosen, inside, some, others):  # type: ignore[no-untyped-def]
+    """Where chosen, decide pixels by their own v; and what there is of either side so far."""
+    for c in range(np.uintp(chosen.shape[0])):
+        inside[c] ^= (inside[c] ^ matching[c]) & chosen[c]
+    for c in range(np.uintp(chosen.shape[0])):
+        some[c] |= matching[c]
+    for c in range(np.uintp(chosen.shape[0])):
+        others[c] |= valid[c] ^ matching[c]  # what fits is valid
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
+def _follow(matching, valid, active, lines, inside, mixed):  # type: ignore[no-untyped-def]
+    """Decide the pixels of active cells by their own v, and tell which of them have pixels on both sides."""
+    chosen, some, others = lines[0], lines[1], lines[2]
+    for row in range(active.shape[0]):
+        some[:] = 0
+        others[:] = 0
+        for cell in range(np.uintp(active.shape[1])):
+            for c in range(np.uintp(8) * cell, np.uintp(8) * cell + np.uintp(8)):
+                chosen[c] = active[row, cell]
+        for r in range(8 * row, 8 * row + 8):
+            add_row(matching[r], valid[r], chosen, inside[r], some, others)
         for cell in range(active.shape[1]):
-            if active[r // 8, cell]:
-                some = np.uint8(0)
-                others = np.uint8(0)
-                for c in range(8 * cell, 8 * cell + 8):
-                    inside[r, c] = matching[r, c]
-                    some |= matching[r, c]
-                    others |= valid[r, c] & (matching[r, c] ^ np.uint8(1))
-                mixed[r // 8, cell] |= some | (others << np.uint8(1))
-    for row in range(mixed.shape[0]):
-        for cell in range(mixed.shape[1]):
-            mixed[row, cell] = mixed[row, cell] == 3
+            found = np.uint8(0)
+            for c in range(8 * cell, 8 * cell + 8):
+                found |= some[c] | (others[c] << np.uint8(1))
+            mixed[row, cell] = np.uint8(found == 3) & active[row, cell]
