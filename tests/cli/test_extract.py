@@ -206,6 +206,24 @@ def test_outlines_are_drawn_without_stairs_around_the_same_pixels() -> None:
     assert simple.get_coordinates().shape[0] < smooth.get_coordinates().shape[0] / 2
 
 
+@pytest.mark.parametrize("method, refine", [("paper", "scan"), ("adaptive", "tv")])
+def test_what_is_not_said_of_refinement_follows_the_method(method: str, refine: str) -> None:
+    image = np.random.default_rng(5).normal(105, 20, (128, 192))
+    image[21:77, 13:150] += 70
+    write(Path("noisy.tif"), image.clip(1, 255).astype(np.uint8))
+    every = {
+        way: extracted("noisy.tif", *RANGE, "--method", method, *way, "-o", "-").stdout
+        for way in (
+            (),
+            ("--refine", "tv"),
+            ("--refine", "scan"),
+            ("--refine", "smooth"),
+            ("--refine", "none"),
+        )
+    }
+    assert [way for way, text in every.items() if text == every[()]] == [(), ("--refine", refine)]
+
+
 @pytest.mark.parametrize("method", ["paper", "adaptive"])
 @pytest.mark.parametrize("refine", ["none", "scan", "smooth", "tv"])
 def test_every_way_to_segment_gives_its_regions(method: str, refine: str) -> None:

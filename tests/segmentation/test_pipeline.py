@@ -257,6 +257,11 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
 # Parameters and progress
 
 
+def test_the_method_of_the_paper_scans_and_ours_takes_noise_away() -> None:
+    assert (SegmentParams().refine, SegmentParams("paper").refine) == ("tv", "scan")
+    assert SegmentParams("paper", refine="tv").refine == "tv"
+
+
 @pytest.mark.parametrize(
     "bad, told",
     [
