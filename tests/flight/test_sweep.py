@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely.affinity import rotate, translate
 
@@ -74,12 +74,20 @@ def test_all_but_the_rim_is_within_half_a_spacing_of_a_line(
     assert shapely.difference(region.buffer(-0.51 * spacing_m), swaths.buffer(1e-3)).area < 1e-3
 
 
+def runs_along_a_corner(segments: np.ndarray, region: shapely.Polygon, angle_deg: float) -> bool:
+    """Whether a line passes through a corner of a region, or along one of its edges."""
+    across = np.array([math.cos(math.radians(angle_deg)), -math.sin(math.radians(angle_deg))])
+    corners = shapely.get_coordinates(region) @ across
+    return bool((np.abs(np.subtract.outer(corners, segments[:, 0] @ across)) < 1e-6).any())
+
+
 @given(shapes | blobs(), spacings, st.floats(0, 180), st.floats(0, 360))
 @settings(max_examples=40, deadline=None)
 def test_a_turned_and_moved_region_has_as_many_lines(
     region: shapely.Polygon, spacing_m: float, angle_deg: float, turn_deg: float
 ) -> None:
     lines = sweep(region, spacing_m, angle_deg)
+    assume(not runs_along_a_corner(lines.segments, region, angle_deg))  # then rounding decides
     moved = translate(rotate(region, -turn_deg, origin=(0, 0)), 500, -200)  # shapely turns the other way
     again = sweep(moved, spacing_m, angle_deg + turn_deg)
     assert again.count == lines.count
