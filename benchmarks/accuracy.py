@@ -104,7 +104,7 @@ def overlaps(states: Any, truth: Any) -> list[float]:
 
 def by_threshold(grid: Any) -> Any:
     """Each cell by its own v."""
-    from uavseg.segmentation.segments import StateLimits
+    from uavseg.segmentation.cuts import StateLimits
 
     return StateLimits().of(grid.probabilities)
 
@@ -113,8 +113,8 @@ def by_original(grid: Any) -> Any:
     """The original LBP/C, which knows no states: each of its segments by its mean v."""
     import numpy as np
 
+    from uavseg.segmentation.cuts import StateLimits
     from uavseg.segmentation.original import original
-    from uavseg.segmentation.segments import StateLimits
 
     labels = original(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
     sums = np.bincount(labels.ravel(), grid.probabilities.ravel())

@@ -68,11 +68,12 @@ def _cases() -> Iterator[_Case]:
     from uavseg.regions.outline import trace
     from uavseg.regions.tracing import trace_tile
     from uavseg.segmentation.blockmap import cell_sums
-    from uavseg.segmentation.components import component_sums, components
+    from uavseg.segmentation.components import components
+    from uavseg.segmentation.cuts import IntensityRange
     from uavseg.segmentation.denoising import denoised
     from uavseg.segmentation.division import BLOCK, block_ratios
     from uavseg.segmentation.refinement import scan
-    from uavseg.segmentation.segments import IntensityRange
+    from uavseg.segmentation.sums import component_sums
     from uavseg.segmentation.texture import contrast_cuts, contrast_histogram, symbols
 
     tile = _tile()
@@ -112,7 +113,7 @@ def _cases() -> Iterator[_Case]:
     refined = scan(inside.copy(), whole, matching)
     labels, count = components(refined)
     yield _Case("`components.components`", lambda: components(refined), (refined, labels))
-    yield _Case("`components.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
+    yield _Case("`sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
 
     sizes = np.bincount(labels.ravel())
     labels[sizes[labels] < MIN_PIXELS] = 0

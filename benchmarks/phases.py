@@ -26,7 +26,7 @@ WATCHED = (
     ("segmentation/unsettled.py", "unsettled", "`unsettled.unsettled`"),
     ("segmentation/denoising.py", "denoised", "total variation: `denoising.denoised`"),
     ("segmentation/components.py", "components", "`components.components`"),
-    ("segmentation/components.py", "component_sums", "`components.component_sums`"),
+    ("segmentation/sums.py", "component_sums", "`sums.component_sums`"),
     ("regions/tracing.py", "trace_tile", "`tracing.trace_tile`"),
     ("regions/outline.py", "link", "`outline.link`"),
     ("regions/table.py", "make", "areas, lengths, points inside: `table.make`"),
@@ -64,7 +64,7 @@ def _measured(raster: str) -> list[tuple[str, float]]:
     from uavseg.regions import export
     from uavseg.regions.cleaning import Area
     from uavseg.regions.extract import ExtractParams, extract
-    from uavseg.segmentation.segments import IntensityRange
+    from uavseg.segmentation.cuts import IntensityRange
 
     profile = cProfile.Profile()
     imported = time.perf_counter()

@@ -121,9 +121,9 @@ def _whole_map(scene: Any) -> Iterator[Step]:
     """The same map segmented as a whole, with what the states need and with all R."""
     from uavseg.occupancy.maps import stretch_of
     from uavseg.raster.tiling import tiles
+    from uavseg.segmentation.cuts import StateLimits
     from uavseg.segmentation.params import SegmentParams
     from uavseg.segmentation.pipeline import block_map, block_map_for
-    from uavseg.segmentation.segments import StateLimits
     from uavseg.segmentation.source import GreySource
 
     grid = _grid()

@@ -157,8 +157,8 @@ def _again(raster: str, blocks: str) -> tuple[float, float]:
     from uavseg.raster.dataset import Dataset
     from uavseg.regions.extract import ExtractParams, extract, extract_from_blocks
     from uavseg.segmentation.blockfile import load
+    from uavseg.segmentation.cuts import IntensityRange
     from uavseg.segmentation.params import SegmentParams
-    from uavseg.segmentation.segments import IntensityRange
 
     saved, dataset = load(blocks), Dataset.open(raster)
     params = ExtractParams(SegmentParams(refine="none"))
@@ -180,9 +180,9 @@ def _segment(raster: str, count: str) -> tuple[float]:
     from uavseg.raster.stretch import fit
     from uavseg.regions.extract import windows_of
     from uavseg.regions.tilewise import outline_regions
+    from uavseg.segmentation.cuts import IntensityRange
     from uavseg.segmentation.params import SegmentParams
     from uavseg.segmentation.pipeline import block_map_for, cells_to_refine
-    from uavseg.segmentation.segments import IntensityRange
     from uavseg.segmentation.source import GreySource
 
     dataset, interval, how, work = (

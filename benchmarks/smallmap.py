@@ -76,7 +76,7 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     from uavseg.occupancy.maps import stretch_of
     from uavseg.occupancy.ways import find_way
     from uavseg.regions.extract import ExtractParams
-    from uavseg.segmentation.segments import IntensityRange
+    from uavseg.segmentation.cuts import IntensityRange
     from uavseg.segmentation.source import GreySource
 
     dataset, interval = grid.dataset(), IntensityRange(*RANGE)

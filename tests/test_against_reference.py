@@ -23,9 +23,10 @@ from uavseg.regions.extract import ExtractParams, extract
 from uavseg.regions.joining import Outlined
 from uavseg.regions.painting import rasterise
 from uavseg.regions.tilewise import outline_regions
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map_for
-from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.segments import in_range
 from uavseg.segmentation.source import GreySource
 
 CHUNK = 20

@@ -19,8 +19,8 @@ from uavseg.occupancy.tighten import is_visible
 from uavseg.raster.tiling import Window
 from uavseg.raster.write import write_geotiff
 from uavseg.regions.extract import ExtractParams
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import IntensityRange
 
 CELL = 0.25
 RANGE = (0, 0.45)

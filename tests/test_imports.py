@@ -106,13 +106,15 @@ PHASES = {
     "texture": set(),
     "division": {"texture"},  # its kernel takes the symbols of a block as they are made
     "blockmap": {"division"},
-    "segments": {"blockmap"},
+    "cuts": {"blockmap"},  # the largest grey
+    "segments": {"blockmap", "cuts"},
     "unsettled": {"blockmap"},
     "denoising": {"noise", "specks", "variation"},
     "leafmeans": {"blockmap"},
     "refinement": set(),
     "statescans": set(),
     "components": set(),
+    "sums": set(),
     "chance": set(),
     "likeness": {"texture", "chance"},
     "pixelwise": {"likeness", "texture"},

@@ -21,8 +21,8 @@ from uavseg.regions.extract import ExtractParams
 from uavseg.regions.extraction import Extraction
 from uavseg.regions.levels import extract_levels
 from uavseg.regions.painting import rasterise
+from uavseg.segmentation.cuts import Levels, StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import Levels, StateLimits
 from uavseg.segmentation.source import GreySource
 
 MAPS = 220

@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as arrays
 from uavseg.raster.tiling import Window
 from uavseg.regions.tracing import Chains
 from uavseg.resultfile import DamagedResultError, dump, load
-from uavseg.segmentation.components import Sums
+from uavseg.segmentation.sums import Sums
 
 KINDS = ["u1", "b1", "<u4", ">i2", "<i8", "<f4", "<f8"]
 plain = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text())

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from uavseg.raster.dataset import Dataset as Dataset
     from uavseg.raster.geobox import GeoBox as GeoBox
     from uavseg.regions.outline import trace as trace
-    from uavseg.segmentation.segments import IntensityRange as IntensityRange
-    from uavseg.segmentation.segments import StateLimits as StateLimits
+    from uavseg.segmentation.cuts import IntensityRange as IntensityRange
+    from uavseg.segmentation.cuts import StateLimits as StateLimits
 
 _HOMES = {
     "extract": "uavseg.api.rasters",
@@ -41,8 +41,8 @@ _HOMES = {
     "PlanParams": "uavseg.flight.planner",
     "Dataset": "uavseg.raster.dataset",
     "GeoBox": "uavseg.raster.geobox",
-    "IntensityRange": "uavseg.segmentation.segments",
-    "StateLimits": "uavseg.segmentation.segments",
+    "IntensityRange": "uavseg.segmentation.cuts",
+    "StateLimits": "uavseg.segmentation.cuts",
     "OccupancyGrid": "uavseg.occupancy.grid",
     "Pose": "uavseg.occupancy.rangefinder",
     "Scan": "uavseg.occupancy.rangefinder",

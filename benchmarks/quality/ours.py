@@ -12,8 +12,8 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.extract import ExtractParams, extract
 from uavseg.regions.painting import Painter
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import IntensityRange
 
 DEFAULT = "default"
 SETTINGS = {

@@ -24,7 +24,7 @@ from uavseg.occupancy.grid import upright
 from uavseg.occupancy.rosmap import write_ros_map
 from uavseg.raster.dataset import Dataset
 from uavseg.regions.extract import ExtractParams, extract
-from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.cuts import IntensityRange
 
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"

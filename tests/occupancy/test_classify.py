@@ -17,8 +17,8 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.extract import ExtractParams
+from uavseg.segmentation.cuts import StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import StateLimits
 from uavseg.segmentation.source import GreySource
 
 SCAN, NONE = (ExtractParams(SegmentParams("paper", refine=refine)) for refine in ("scan", "none"))

@@ -20,17 +20,10 @@ from uavseg.occupancy.scene import Scene
 from uavseg.raster.grey import to_grey
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
+from uavseg.segmentation.cuts import Cut, IntensityRange, Levels, StateLimits
 from uavseg.segmentation.division import block_ratios, wanted_ratios
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import (
-    Cut,
-    IntensityRange,
-    Levels,
-    StateLimits,
-    in_range,
-    levels_of,
-    states_of,
-)
+from uavseg.segmentation.segments import in_range, levels_of, states_of
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
 
 PAPER = SegmentParams(method="paper")

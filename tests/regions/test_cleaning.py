@@ -16,7 +16,7 @@ from uavseg.regions.cleaning import Area, parse_area, without_small_holes, witho
 from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import trace
 from uavseg.regions.painting import rasterise
-from uavseg.segmentation.components import Sums
+from uavseg.segmentation.sums import Sums
 
 Labels = NDArray[np.uint32]
 

@@ -21,7 +21,7 @@ from uavseg.regions.eliminate import eliminate
 from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import trace
 from uavseg.regions.painting import rasterise
-from uavseg.segmentation.components import component_sums
+from uavseg.segmentation.sums import component_sums
 
 Image = NDArray[np.integer]
 

@@ -31,8 +31,8 @@ from uavseg.regions.extract import (
 from uavseg.regions.extraction import Extraction
 from uavseg.regions.labels import painted
 from uavseg.segmentation.blockfile import Origin, SavedBlocks
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import IntensityRange
 
 Image = NDArray[Any]
 Opened = Callable[..., Dataset]

@@ -18,8 +18,9 @@ from uavseg.regions.extract import ExtractParams, divide, extract_from_blocks
 from uavseg.regions.ranges import Cuts
 from uavseg.regions.suggest import Suggestions, suggest, suggest_from_blocks
 from uavseg.segmentation.blockfile import Origin, SavedBlocks, is_block_map
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.segments import in_range
 
 NONE = SegmentParams(refine="none")
 

@@ -22,8 +22,8 @@ from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import Rings, trace
 from uavseg.regions.painting import rasterise
 from uavseg.regions.tilewise import outline_regions, summed
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.pipeline import UNSETTLED, measure
-from uavseg.segmentation.segments import IntensityRange
 from uavseg.segmentation.source import GreySource
 
 Image = NDArray[np.uint8]

@@ -7,7 +7,7 @@ import pytest
 
 from uavseg.errors import IntensityRangeError
 from uavseg.segmentation import arrays
-from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.cuts import IntensityRange
 
 
 @pytest.mark.parametrize("seed", range(0, 40, 2))

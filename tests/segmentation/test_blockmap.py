@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, leaves, undecided
+from uavseg.segmentation.cuts import IntensityRange, Levels, StateLimits
 from uavseg.segmentation.division import RATIOS, block_ratios
-from uavseg.segmentation.segments import IntensityRange, Levels, StateLimits, in_range, levels_of, states_of
+from uavseg.segmentation.segments import in_range, levels_of, states_of
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
 
 INF = np.inf

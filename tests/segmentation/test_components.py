@@ -10,14 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from skimage import measure
 
-from uavseg.segmentation.components import (
-    cell_totals,
-    component_sums,
-    components,
-    equal_components,
-    united,
-    words_of,
-)
+from uavseg.segmentation.components import components, equal_components, united, words_of
+from uavseg.segmentation.sums import cell_totals, component_sums
 
 seeds = st.integers(0, 100_000)
 shapes = st.tuples(st.integers(1, 45), st.integers(1, 45))

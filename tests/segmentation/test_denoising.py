@@ -13,9 +13,9 @@ from scipy import ndimage
 
 from uavseg.segmentation import variation
 from uavseg.segmentation.blockmap import BlockMap
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.denoising import denoised
 from uavseg.segmentation.refinement import REACH
-from uavseg.segmentation.segments import IntensityRange
 from uavseg.segmentation.unsettled import unsettled
 
 Image = NDArray[np.uint8]

@@ -17,6 +17,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.stretch import Stretch
 from uavseg.raster.tiling import Window, tiles
 from uavseg.segmentation.blockmap import undecided
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import (
     block_map,
@@ -28,7 +29,7 @@ from uavseg.segmentation.pipeline import (
     stages,
 )
 from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.segments import in_range
 from uavseg.segmentation.source import GreySource
 
 INTERVAL = IntensityRange(0.4, 0.7)

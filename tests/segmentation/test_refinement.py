@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import IntensityRange
 
 Image = NDArray[np.uint8]
 seeds = st.integers(0, 100_000)

@@ -7,15 +7,8 @@ from hypothesis import strategies as st
 
 from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.segmentation.blockmap import BlockMap, leaves
-from uavseg.segmentation.segments import (
-    IntensityRange,
-    Levels,
-    StateLimits,
-    in_range,
-    levels_of,
-    pixels_of,
-    states_of,
-)
+from uavseg.segmentation.cuts import IntensityRange, Levels, StateLimits
+from uavseg.segmentation.segments import in_range, levels_of, pixels_of, states_of
 
 V = np.arange(65536) / 65535
 ends = st.one_of(

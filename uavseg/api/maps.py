@@ -19,8 +19,8 @@ from uavseg.parallel import threads as workers
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.stretch import Stretch, StretchSpec, fit, parse_stretch
 from uavseg.regions.extract import ExtractParams, windows_of
+from uavseg.segmentation.cuts import IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import IntensityRange, StateLimits
 from uavseg.segmentation.source import GreySource
 
 

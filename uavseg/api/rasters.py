@@ -13,8 +13,8 @@ from uavseg.regions.extract import ExtractParams, Small
 from uavseg.regions.extract import divide as _divide
 from uavseg.regions.extract import extract as _extract
 from uavseg.regions.levels import extract_levels
+from uavseg.segmentation.cuts import IntensityRange, Levels
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import IntensityRange, Levels
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from uavseg.occupancy.classify import Classification
     from uavseg.parallel import Map
     from uavseg.regions.extract import ExtractParams
-    from uavseg.segmentation.segments import StateLimits
+    from uavseg.segmentation.cuts import StateLimits
     from uavseg.segmentation.source import GreySource
 
 
@@ -103,7 +103,7 @@ def command(
     """
     from uavseg.occupancy.classify import classify
     from uavseg.occupancy.rosmap import is_ros_map
-    from uavseg.segmentation.segments import StateLimits
+    from uavseg.segmentation.cuts import StateLimits
 
     reporter = running.reporter
     target = output or f"{Path(path).stem}.states.tif"

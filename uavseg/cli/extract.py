@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from uavseg.regions.extract import ExtractParams
     from uavseg.regions.extraction import Extraction
     from uavseg.segmentation.blockfile import SavedBlocks
-    from uavseg.segmentation.segments import IntensityRange
+    from uavseg.segmentation.cuts import IntensityRange
 
 
 @click.command("extract")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from uavseg.regions.extract import ExtractParams
     from uavseg.regions.extraction import Extraction
     from uavseg.segmentation.blockfile import SavedBlocks
-    from uavseg.segmentation.segments import Levels
+    from uavseg.segmentation.cuts import Levels
 
 
 @click.command("levels", short_help="Divide a raster into levels of equal width, and each into segments.")
@@ -78,7 +78,7 @@ def command(
     """
     from uavseg.occupancy.rosmap import is_ros_map
     from uavseg.regions import export
-    from uavseg.segmentation.segments import Levels
+    from uavseg.segmentation.cuts import Levels
 
     reporter = running.reporter
     target = output or f"{Path(rasters[0]).stem}.levels.geojson"

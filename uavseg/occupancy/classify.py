@@ -20,9 +20,10 @@ from uavseg.regions.extraction import About, Extraction, measured
 from uavseg.regions.outline import Rings
 from uavseg.regions.segmentwise import outline_state
 from uavseg.segmentation.classification import Classified, StateRefinement, classified, strips_of
+from uavseg.segmentation.cuts import OCCUPIED, StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map_for, stages
-from uavseg.segmentation.segments import OCCUPIED, StateLimits, states_of
+from uavseg.segmentation.segments import states_of
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.stateimage import StateImage
 

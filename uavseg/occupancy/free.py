@@ -20,7 +20,7 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.extract import ExtractParams, extract
 from uavseg.regions.outline import Rings
 from uavseg.regions.painting import Painter
-from uavseg.segmentation.segments import IntensityRange
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.source import GreySource
 
 _STRIPE = 1 << 22  # cells that are looked at together

@@ -19,8 +19,8 @@ from uavseg.occupancy.rangefinder import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
+from uavseg.segmentation.cuts import Cut
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.segments import Cut
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,10 +15,10 @@ from uavseg.occupancy.blockwise import Places, decide, undecided_at
 from uavseg.occupancy.ground import Ground, Mask
 from uavseg.raster.tiling import BLOCK, CELL
 from uavseg.segmentation.blockmap import BlockMap
+from uavseg.segmentation.cuts import Cut, IntensityRange, StateLimits
 from uavseg.segmentation.division import block_ratios, wanted_ratios
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import Question
-from uavseg.segmentation.segments import Cut, IntensityRange, StateLimits
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
 
 MOST_INTERVALS = 255

@@ -12,7 +12,8 @@ from uavseg.regions.joining import Outlined
 from uavseg.regions.outline import trace
 from uavseg.regions.painting import rasterise
 from uavseg.segmentation.blockmap import BlockMap
-from uavseg.segmentation.components import Sums, equal_components
+from uavseg.segmentation.components import equal_components
+from uavseg.segmentation.sums import Sums
 
 
 def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> Outlined:

@@ -11,7 +11,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground import ring_areas
 from uavseg.regions.joining import Outlined, taken
 from uavseg.regions.outline import Rings
-from uavseg.segmentation.components import Sums
+from uavseg.segmentation.sums import Sums
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from uavseg.regions.cleaning import Area, region_areas
 from uavseg.regions.joining import Outlined, merged_sums, taken
 from uavseg.regions.outline import trace
 from uavseg.regions.painting import Canvas, Painter
-from uavseg.segmentation.components import Sums
+from uavseg.segmentation.sums import Sums
 
 Integers = NDArray[np.int64]
 

@@ -20,9 +20,10 @@ from uavseg.regions.joining import Outlined
 from uavseg.regions.tilewise import outline_regions, summed
 from uavseg.segmentation.blockfile import SavedBlocks
 from uavseg.segmentation.blockmap import BlockMap
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine, stages
-from uavseg.segmentation.segments import IntensityRange, in_range
+from uavseg.segmentation.segments import in_range
 from uavseg.segmentation.source import GreySource
 
 Small = Literal["drop", "merge"]

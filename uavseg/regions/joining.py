@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from uavseg.raster.tiling import CELL, Window
 from uavseg.regions.outline import Rings, link
 from uavseg.regions.tracing import Chains, trace_tile
-from uavseg.segmentation.components import Sums, component_sums, equal_components, united
+from uavseg.segmentation.components import equal_components, united
+from uavseg.segmentation.sums import Sums, component_sums
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,10 @@ from uavseg.regions.extraction import About, Extraction, measured
 from uavseg.regions.joining import Outlined
 from uavseg.regions.segmentwise import outline_segments
 from uavseg.segmentation.blockfile import SavedBlocks
+from uavseg.segmentation.cuts import Levels
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map_for, stages
-from uavseg.segmentation.segments import Levels, levels_of
+from uavseg.segmentation.segments import levels_of
 from uavseg.segmentation.source import GreySource
 
 PARAMS = ExtractParams(SegmentParams(refine="none"), small="merge")

@@ -14,12 +14,13 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.joining import Outlined, Tile, joined, outlined_tile
 from uavseg.regions.painting import Sketch, Sketches
 from uavseg.segmentation.blockmap import BlockMap, cell_sums
-from uavseg.segmentation.components import Sums, component_sums, components
+from uavseg.segmentation.components import components
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.params import Refinement
 from uavseg.segmentation.pipeline import cells_around, refined, window_cells
 from uavseg.segmentation.refinement import REACH
-from uavseg.segmentation.segments import IntensityRange
 from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.sums import Sums, component_sums
 
 
 def outline_regions(

@@ -4,11 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.segmentation.blockmap import BlockMap, cell_sums
-from uavseg.segmentation.components import component_sums, components
+from uavseg.segmentation.components import components
+from uavseg.segmentation.cuts import IntensityRange
 from uavseg.segmentation.denoising import denoised
 from uavseg.segmentation.division import BLOCK, block_ratios
 from uavseg.segmentation.refinement import scan, smooth
-from uavseg.segmentation.segments import IntensityRange, in_range, matching, pixels_of
+from uavseg.segmentation.segments import in_range, matching, pixels_of
+from uavseg.segmentation.sums import component_sums
 from uavseg.segmentation.texture import contrast_cuts, contrast_histogram
 from uavseg.segmentation.unsettled import unsettled
 

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import BLOCK, Window, tile_side, tiles
+from uavseg.segmentation.cuts import FREE, OCCUPIED, UNKNOWN, StateLimits
 from uavseg.segmentation.pipeline import window_cells
-from uavseg.segmentation.segments import FREE, OCCUPIED, UNKNOWN, StateLimits, pixels_of
+from uavseg.segmentation.segments import pixels_of
 from uavseg.segmentation.source import GreySource, whole_blocks
 from uavseg.segmentation.stateimage import StateImage, packed, unpack
 from uavseg.segmentation.statescans import (

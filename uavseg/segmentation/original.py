@@ -15,8 +15,8 @@ from uavseg._jit import inlined, kernel
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.arrays import divided, padded
 from uavseg.segmentation.blockmap import leaves
-from uavseg.segmentation.components import component_sums
 from uavseg.segmentation.merging import likelihood_ratio, log_table, merged
+from uavseg.segmentation.sums import component_sums
 from uavseg.segmentation.texture import UNCOUNTED, contrast_cuts, contrast_histogram, symbols
 
 Labels = NDArray[np.uint32]

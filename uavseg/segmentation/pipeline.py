@@ -17,12 +17,13 @@ from numpy.typing import NDArray
 from uavseg.parallel import Map, Progress, serial
 from uavseg.raster.tiling import BLOCK, CELL, Window
 from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
+from uavseg.segmentation.cuts import Cut, IntensityRange
 from uavseg.segmentation.denoising import denoised
 from uavseg.segmentation.division import EVERY, block_ratios, wanted_ratios
 from uavseg.segmentation.params import Refinement, SegmentParams
 from uavseg.segmentation.patches import SIDE, Patches
 from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import Cut, IntensityRange, in_range, matching, pixels_of
+from uavseg.segmentation.segments import in_range, matching, pixels_of
 from uavseg.segmentation.source import GreySource, GreyTile, whole_blocks
 from uavseg.segmentation.texture import GREYS, contrast_cuts, contrast_histogram
 from uavseg.segmentation.unsettled import unsettled
