@@ -48,6 +48,15 @@ def test_weights_are_logarithms_of_ratios() -> None:
     assert not weights[:, 40:].any()  # the raster has none of them
 
 
+def test_what_a_sample_lacks_speaks_against_it_the_more_the_larger_it_is() -> None:
+    whole = np.zeros((2, 2048), np.int64)
+    whole[:, :2] = 50_000
+    for pixels, expected in ((1_000, 0.5), (9_000, 0.1)):  # 1000 of the raster's are thought to be in it
+        sample = np.zeros_like(whole)
+        sample[:, 0] = pixels
+        assert (weights_of(sample, whole)[:, 1] == round(1024 * log(expected))).all()
+
+
 def test_a_sample_with_the_rasters_proportions_has_no_evidence() -> None:
     counts = frequencies(drawn(2, 64, 64))
     assert not weights_of(counts, 7 * counts).any()
