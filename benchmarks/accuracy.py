@@ -78,7 +78,7 @@ def scores(seeds: int = SEEDS) -> Iterator[Score]:
     """Every method on both maps."""
     import numpy as np
 
-    from uavseg.occupancy.scenes import BUILT_IN
+    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
 
     for scene, build in BUILT_IN.items():
         simulation = build()
@@ -104,7 +104,7 @@ def overlaps(states: Any, truth: Any) -> list[float]:
 
 def by_threshold(grid: Any) -> Any:
     """Each cell by its own v."""
-    from uavseg.segmentation.cuts import StateLimits
+    from uavseg.segmentation.intervals import StateLimits
 
     return StateLimits().of(grid.probabilities)
 
@@ -113,8 +113,8 @@ def by_original(grid: Any) -> Any:
     """The original LBP/C, which knows no states: each of its segments by its mean v."""
     import numpy as np
 
-    from uavseg.segmentation.cuts import StateLimits
-    from uavseg.segmentation.original import original
+    from uavseg.segmentation.baseline.lbpc import original
+    from uavseg.segmentation.intervals import StateLimits
 
     labels = original(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
     sums = np.bincount(labels.ravel(), grid.probabilities.ravel())
@@ -126,7 +126,7 @@ def by_segments(method: str, refine: str) -> Callable[[Any], Any]:
     """`uavseg classify`."""
 
     def find(grid: Any) -> Any:
-        from uavseg.occupancy.maps import stretch_of
+        from uavseg.occupancy.probability_map import stretch_of
 
         dataset = grid.dataset()
         return _classified(dataset, stretch_of(dataset), method, refine).image.read()
@@ -154,7 +154,7 @@ def hazards(folder: Path = MAPS) -> Iterator[Hazard]:
 def _hazard(picture: Path) -> Hazard:
     import tempfile
 
-    from uavseg.occupancy.maps import open_map
+    from uavseg.occupancy.probability_map import open_map
     from uavseg.raster.tiling import Window
 
     metres, occupied, free = REAL[picture.name]
@@ -175,8 +175,8 @@ def _hazard(picture: Path) -> Hazard:
 
 
 def _classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
-    from uavseg.occupancy.classify import LIMITS, classify
-    from uavseg.regions.extract import ExtractParams
+    from uavseg.jobs.classify import LIMITS, classify
+    from uavseg.jobs.extract import ExtractParams
     from uavseg.segmentation.params import SegmentParams
     from uavseg.segmentation.source import GreySource
 

@@ -64,17 +64,17 @@ def _cases() -> Iterator[_Case]:
     import numpy as np
     import rasterio.features
 
-    from uavseg.raster.stretch import Stretch
-    from uavseg.regions.outline import trace
-    from uavseg.regions.tracing import trace_tile
-    from uavseg.segmentation.blockmap import cell_sums
-    from uavseg.segmentation.components import components
-    from uavseg.segmentation.cuts import IntensityRange
-    from uavseg.segmentation.denoising import denoised
-    from uavseg.segmentation.division import BLOCK, block_ratios
-    from uavseg.segmentation.refinement import scan
-    from uavseg.segmentation.sums import component_sums
-    from uavseg.segmentation.texture import contrast_cuts, contrast_histogram, symbols
+    from uavseg.raster.intensity.stretch import Stretch
+    from uavseg.regions.outline.chains import trace_tile
+    from uavseg.regions.outline.trace import trace
+    from uavseg.segmentation.blocks.block_map import cell_sums
+    from uavseg.segmentation.blocks.division import BLOCK, block_ratios
+    from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram, symbols
+    from uavseg.segmentation.intervals import IntensityRange
+    from uavseg.segmentation.labels.component_sums import component_sums
+    from uavseg.segmentation.labels.components import components
+    from uavseg.segmentation.refine.range_scans import scan
+    from uavseg.segmentation.refine.tv import denoised
 
     tile = _tile()
     stretch = Stretch(0.0, 255.0, "dtype")

@@ -96,12 +96,12 @@ def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
     def find(scene: Scene) -> Any:
         from affine import Affine
 
+        from uavseg.jobs.match import MatchParams, match
         from uavseg.raster.dataset import Dataset
         from uavseg.raster.geobox import GeoBox
         from uavseg.raster.tiling import Window
-        from uavseg.regions.like import Disc
-        from uavseg.regions.match import MatchParams, match
-        from uavseg.regions.painting import rasterise
+        from uavseg.regions.outline.rasterise import rasterise
+        from uavseg.regions.sample.place import Disc
 
         box = GeoBox(scene.image.shape, Affine.identity(), None)
         row, col, radius = scene.sample

@@ -111,7 +111,7 @@ def maze(side: int, seed: int = 0) -> Any:
 
 def ours(field: Field) -> Callable[[], float]:
     """Our own search."""
-    from uavseg.occupancy.astar import shortest_path
+    from uavseg.occupancy.paths.astar import shortest_path
 
     return lambda: shortest_path(field.mask, field.start, field.goal).cost
 

@@ -60,11 +60,11 @@ def _measured(raster: str) -> list[tuple[str, float]]:
     from uavseg.__main__ import Absent
 
     sys.meta_path.insert(0, Absent())  # as the program does
+    from uavseg.jobs.extract import ExtractParams, extract
     from uavseg.raster.dataset import Dataset
-    from uavseg.regions import export
-    from uavseg.regions.cleaning import Area
-    from uavseg.regions.extract import ExtractParams, extract
-    from uavseg.segmentation.cuts import IntensityRange
+    from uavseg.regions.edit.small import Area
+    from uavseg.regions.formats import export
+    from uavseg.segmentation.intervals import IntensityRange
 
     profile = cProfile.Profile()
     imported = time.perf_counter()

@@ -59,7 +59,7 @@ def steps() -> list[Step]:
 
 def room() -> Any:
     """A room of 26 x 18 m with things in it: a sensor near its middle sees walls at 3 to 20 m."""
-    from uavseg.occupancy.scene import Scene
+    from uavseg.occupancy.simulation.scene import Scene
 
     walls = [(36, 41, 37, 61), (63, 41, 64, 61), (37, 41, 63, 42), (37, 60, 63, 61)]
     boxes = [(42, 45, 44, 47), (55, 55, 58, 57)]
@@ -71,7 +71,7 @@ def scans(scene: Any, count: int) -> list[Any]:
     """Scans of a robot that drives 4 cm and turns a little from one to the next."""
     import numpy as np
 
-    from uavseg.occupancy.rangefinder import Pose, RangeFinder
+    from uavseg.occupancy.simulation.range_finder import Pose, RangeFinder
 
     sensor = RangeFinder(sigma_m=0.03, max_range_m=30.0, fov_deg=360.0, step_deg=0.5)
     poses = [Pose(46.013 + 0.04 * k, 50.987 + math.sin(0.05 * k), 0.7 * k) for k in range(count)]
@@ -79,7 +79,7 @@ def scans(scene: Any, count: int) -> list[Any]:
 
 
 def _grid() -> Any:
-    from uavseg.occupancy.grid import OccupancyGrid
+    from uavseg.occupancy.mapping.grid import OccupancyGrid
 
     return OccupancyGrid.empty((SIDE, SIDE), CELL_M)
 
@@ -119,9 +119,9 @@ def _update(title: str, scene: Any, forget: bool, remark: str) -> Step:
 
 def _whole_map(scene: Any) -> Iterator[Step]:
     """The same map segmented as a whole, with what the states need and with all R."""
-    from uavseg.occupancy.maps import stretch_of
+    from uavseg.occupancy.probability_map import stretch_of
     from uavseg.raster.tiling import tiles
-    from uavseg.segmentation.cuts import StateLimits
+    from uavseg.segmentation.intervals import StateLimits
     from uavseg.segmentation.params import SegmentParams
     from uavseg.segmentation.pipeline import block_map, block_map_for
     from uavseg.segmentation.source import GreySource
@@ -141,7 +141,7 @@ def _whole_map(scene: Any) -> Iterator[Step]:
 
 
 def _measured() -> Iterator[Step]:
-    from uavseg.occupancy.scene import Scene
+    from uavseg.occupancy.simulation.scene import Scene
 
     yield _update("update in a room", room(), False, "walls at 3 to 20 m, the map known already")
     yield _update("update in a room, all new", room(), True, "the map forgotten before each scan")

@@ -153,11 +153,11 @@ def _again(raster: str, blocks: str) -> tuple[float, float]:
 
     import numpy as np
 
-    from uavseg.parallel import threads
+    from uavseg.execution.executors import threads
+    from uavseg.jobs.extract import ExtractParams, extract, extract_from_blocks
     from uavseg.raster.dataset import Dataset
-    from uavseg.regions.extract import ExtractParams, extract, extract_from_blocks
-    from uavseg.segmentation.blockfile import load
-    from uavseg.segmentation.cuts import IntensityRange
+    from uavseg.segmentation.blocks.block_file import load
+    from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
 
     saved, dataset = load(blocks), Dataset.open(raster)
@@ -175,12 +175,12 @@ def _segment(raster: str, count: str) -> tuple[float]:
     """Division, segments, refinement and outlines of a raster that is in the system's cache."""
     import time
 
-    from uavseg.parallel import threads
+    from uavseg.execution.executors import threads
+    from uavseg.jobs.extract import windows_of
     from uavseg.raster.dataset import Dataset
-    from uavseg.raster.stretch import fit
-    from uavseg.regions.extract import windows_of
-    from uavseg.regions.tilewise import outline_regions
-    from uavseg.segmentation.cuts import IntensityRange
+    from uavseg.raster.intensity.stretch import fit
+    from uavseg.regions.tiles.range_tiles import outline_regions
+    from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
     from uavseg.segmentation.pipeline import block_map_for, cells_to_refine
     from uavseg.segmentation.source import GreySource
@@ -206,8 +206,8 @@ def _compute(count: str) -> tuple[float]:
 
     import numpy as np
 
-    from uavseg.parallel import threads
-    from uavseg.segmentation.texture import contrast_histogram
+    from uavseg.execution.executors import threads
+    from uavseg.segmentation.blocks.lbp import contrast_histogram
 
     dice = np.random.default_rng(1)
     pieces = [dice.integers(0, 65536, (2048, 2048), np.uint16) for _ in range(2)]

@@ -50,7 +50,7 @@ def tasks() -> list[Task]:
 
 def measured(runs: int = RUNS) -> list[Task]:
     """Medians of every task on both maps."""
-    from uavseg.occupancy.scenes import BUILT_IN
+    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
 
     found = [_medians(_calls(BUILT_IN[scene]().run(), *ENDS[scene]), runs) for scene in ("lens", "circles")]
     return [Task(who, 1e3 * found[0][who], 1e3 * found[1][who]) for who in found[0]]
@@ -71,12 +71,12 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     from skimage.segmentation import felzenszwalb
 
     import uavseg
-    from uavseg.occupancy.classify import classify
-    from uavseg.occupancy.free import FreeCells
-    from uavseg.occupancy.maps import stretch_of
-    from uavseg.occupancy.ways import find_way
-    from uavseg.regions.extract import ExtractParams
-    from uavseg.segmentation.cuts import IntensityRange
+    from uavseg.jobs.classify import classify
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.occupancy.paths.find_path import find_way
+    from uavseg.occupancy.paths.free_cells import FreeCells
+    from uavseg.occupancy.probability_map import stretch_of
+    from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.source import GreySource
 
     dataset, interval = grid.dataset(), IntensityRange(*RANGE)

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from benchmarks.classscenes import FAMILIES, HELD_OUT, Labels, Scene
-from uavseg.raster.otsu import Classes, multi_otsu, number_of_classes
-from uavseg.segmentation.arrays import divided
-from uavseg.segmentation.leafmeans import histogram_of_means
-from uavseg.segmentation.segments import intervals_of
+from uavseg.raster.intensity.otsu import Classes, multi_otsu, number_of_classes
+from uavseg.segmentation.blocks.leaf_means import histogram_of_means
+from uavseg.segmentation.blocks.leaves import intervals_of
+from uavseg.segmentation.in_memory import divided
 
 SEEDS, BINS, MOST = 5, 256, 6
 X, TAU = 1.2, 0.05

@@ -82,8 +82,8 @@ def _measured(side: int, rounds: int) -> Vectorised:
     import shapely.geometry
     from affine import Affine
 
-    from uavseg.parallel import serial, threads
-    from uavseg.regions.outline import trace
+    from uavseg.execution.executors import serial, threads
+    from uavseg.regions.outline.trace import trace
     from uavseg.regions.shapes import Shapes
 
     labels = np.unique(cells(side), return_inverse=True)[1].reshape(side, side).astype(np.uint32) + np.uint32(

@@ -14,19 +14,19 @@ import rasterio
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.parallel import Map, serial, threads
+from uavseg.execution.executors import Map, serial, threads
+from uavseg.jobs.extract import ExtractParams, extract
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.stretch import Stretch, StretchSpec
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.tiling import Window, tiles
-from uavseg.regions.extract import ExtractParams, extract
-from uavseg.regions.joining import Outlined
-from uavseg.regions.painting import rasterise
-from uavseg.regions.tilewise import outline_regions
-from uavseg.segmentation.cuts import IntensityRange
+from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.tiles.range_tiles import outline_regions
+from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map_for
-from uavseg.segmentation.segments import in_range
 from uavseg.segmentation.source import GreySource
 
 CHUNK = 20

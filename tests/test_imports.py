@@ -73,66 +73,67 @@ def room_of(module: str) -> str:
     return parts[1] if len(parts) > 1 else "uavseg"
 
 
-# Rooms, and the rooms that each may import. Data walks through them in one direction.
+# Folders, and the folders that each may import. Data passes through them in one direction.
 
-GROUND = {"errors", "_jit", "_memory", "parallel", "cluster", "atomic"}
-GROUND |= {"fingerprint", "resultfile", "resuming"}
+GROUND = {"errors", "_jit", "_memory", "atomic", "execution"}
 TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
 MAY_IMPORT = {
     "errors": set(),
     "_jit": set(),
     "_memory": set(),
-    "parallel": {"errors"},
-    "cluster": {"errors", "parallel"},
     "atomic": {"errors"},
-    "fingerprint": set(),
-    "resultfile": set(),
-    "resuming": {"errors", "parallel", "atomic", "fingerprint", "resultfile", "uavseg"},  # for the version
+    "execution": {"errors", "atomic", "uavseg"},  # the version
     "raster": GROUND,
     "segmentation": GROUND | {"raster"},
     "regions": GROUND | {"raster", "segmentation"},
-    "occupancy": TO_REGIONS,
+    "occupancy": TO_REGIONS | {"jobs"},
     "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
-    "look": TO_REGIONS - {"segmentation"} | {"occupancy", "flight"},  # it draws what the others made
-    "api": TO_REGIONS | {"occupancy"},
-    "uavseg": TO_REGIONS | {"occupancy", "flight", "api"},  # by name, on first use
-    "cli": TO_REGIONS | {"occupancy", "flight", "look", "api", "uavseg"},
+    "jobs": TO_REGIONS | {"occupancy", "flight"},
+    "plot": TO_REGIONS - {"segmentation"} | {"occupancy", "flight", "jobs"},  # it draws what the others made
+    "api": TO_REGIONS | {"occupancy", "jobs"},
+    "uavseg": TO_REGIONS | {"occupancy", "flight", "jobs", "api"},  # by name, on first use
+    "cli": TO_REGIONS | {"occupancy", "flight", "plot", "jobs", "api", "uavseg"},
     "__main__": {"cli"},
 }
 
 # Within segmentation, the phases take arrays: they import neither raster nor each other, except for these.
 
 PHASES = {
-    "texture": set(),
-    "division": {"texture"},  # its kernel takes the symbols of a block as they are made
-    "blockmap": {"division"},
-    "cuts": {"blockmap"},  # the largest grey
-    "segments": {"blockmap", "cuts"},
-    "unsettled": {"blockmap"},
-    "denoising": {"noise", "specks", "variation"},
-    "leafmeans": {"blockmap"},
-    "refinement": set(),
-    "statescans": set(),
-    "components": set(),
-    "sums": set(),
-    "chance": set(),
-    "likeness": {"texture", "chance"},
-    "pixelwise": {"likeness", "texture"},
-    "coarser": {"texture"},
-    "evidence": {"likeness", "texture"},
+    "blocks.lbp": set(),
+    "blocks.division": {"blocks.lbp"},  # its kernel takes the symbols of a block as they are made
+    "blocks.block_map": {"blocks.division"},
+    "intervals": {"blocks.block_map"},  # the largest grey
+    "blocks.leaves": {"blocks.block_map", "intervals"},
+    "blocks.mixed_cells": {"blocks.block_map"},
+    "refine.noise": set(),
+    "refine.specks": set(),
+    "refine.total_variation": set(),
+    "refine.tv": {"refine.noise", "refine.specks", "refine.total_variation"},
+    "blocks.leaf_means": {"blocks.block_map"},
+    "refine.range_scans": set(),
+    "states.state_scans": set(),
+    "labels.components": set(),
+    "labels.component_sums": set(),
+    "blocks.g_statistic": set(),
+    "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
+    "sample.pixel_decision": {"sample.g_scores", "blocks.lbp"},
+    "sample.coarse_lbp": {"blocks.lbp"},
+    "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
+    "params": set(),
 }
 EVERY_PHASE = set(PHASES)
-PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks
-PHASES["merging"] = {"components"}  # of the original algorithm
-PHASES["original"] = EVERY_PHASE | {"arrays", "merging"}  # a method of its own, made of them
-ON_RASTERS = {
+PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks
+PHASES["baseline.merging"] = {"labels.components"}
+PHASES["baseline.lbpc"] = EVERY_PHASE | {"in_memory", "baseline.merging"}  # a method of its own, made of them
+ON_RASTERS = {  # these may import raster, and all phases
     "source",
-    "patches",
+    "blocks.block_cache",
     "pipeline",
-    "blockfile",
-    "stateimage",
-    "classification",
-}  # these may import raster, and all phases
+    "blocks.block_file",
+    "states.state_image",
+    "states.classify_strips",
+    "range_candidates",
+}
 
 # Packages, and the only places that import them (for more than types).
 
@@ -143,10 +144,10 @@ ONLY_IN = {
     "geopandas": {"regions"},
     "pandas": {"regions"},
     "pymavlink": {"flight.files", "flight.link"},
-    "dask": {"cluster"},
-    "distributed": {"cluster"},
+    "dask": {"execution.cluster"},
+    "distributed": {"execution.cluster"},
     "click": {"cli"},
-    "matplotlib": {"look"},
+    "matplotlib": {"plot"},
 }
 
 
@@ -165,8 +166,8 @@ def test_rooms_import_only_what_comes_before_them(room: str) -> None:
 def test_phases_of_segmentation_stand_alone() -> None:
     wrong = set()
     for found in imports():
-        phase = found.importer.rpartition(".")[2]
-        if room_of(found.importer) != "segmentation" or phase in ON_RASTERS | {"segmentation"}:
+        phase = found.importer.removeprefix("uavseg.segmentation.")
+        if room_of(found.importer) != "segmentation" or phase in ON_RASTERS:
             continue
         allowed = {f"uavseg.segmentation.{name}" for name in PHASES.get(phase, set())} | {
             "uavseg.errors",
@@ -213,8 +214,11 @@ def test_commands_import_only_click_before_they_are_called() -> None:
 def test_the_imports_are_seen() -> None:
     seen = {(found.importer, found.imported) for found in imports()}
     assert ("uavseg.cli.info", "uavseg.raster.dataset") in seen  # in a function
-    assert ("uavseg.segmentation.pipeline", "uavseg.parallel") in seen
-    assert ("uavseg.raster.stretch", "uavseg.raster.histogram") in seen  # from a package import a module
+    assert ("uavseg.segmentation.pipeline", "uavseg.execution.executors") in seen
+    assert (
+        "uavseg.raster.intensity.stretch",
+        "uavseg.raster.intensity.histogram",
+    ) in seen  # from a package import a module
 
 
 def loaded_by(program: str) -> set[str]:

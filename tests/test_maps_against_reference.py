@@ -9,19 +9,19 @@ import pytest
 from affine import Affine
 from numpy.typing import NDArray
 
-import uavseg.segmentation.classification as classification
-from uavseg.occupancy.classify import classify
-from uavseg.occupancy.maps import open_map, stretch_of
-from uavseg.parallel import Map, serial, threads
+import uavseg.segmentation.states.classify_strips as classification
+from uavseg.execution.executors import Map, serial, threads
+from uavseg.jobs.classify import classify
+from uavseg.jobs.extract import ExtractParams
+from uavseg.jobs.levels import extract_levels
+from uavseg.jobs.result import Extraction
+from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.raster.write import write_geotiff
-from uavseg.regions.extract import ExtractParams
-from uavseg.regions.extraction import Extraction
-from uavseg.regions.levels import extract_levels
-from uavseg.regions.painting import rasterise
-from uavseg.segmentation.cuts import Levels, StateLimits
+from uavseg.regions.outline.rasterise import rasterise
+from uavseg.segmentation.intervals import Levels, StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.source import GreySource
 

@@ -17,7 +17,7 @@ from affine import Affine
 from rasterio.windows import Window
 
 from uavseg.cli import main
-from uavseg.occupancy.rosmap import write_ros_map
+from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.geobox import GeoBox
 
 ROOT = Path(__file__).resolve().parents[1]

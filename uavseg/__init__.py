@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.planner import PlanParams as PlanParams
     from uavseg.flight.planner import plan as plan
-    from uavseg.occupancy.grid import OccupancyGrid as OccupancyGrid
-    from uavseg.occupancy.rangefinder import Pose as Pose
-    from uavseg.occupancy.rangefinder import Scan as Scan
+    from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
+    from uavseg.occupancy.simulation.range_finder import Pose as Pose
+    from uavseg.occupancy.simulation.range_finder import Scan as Scan
     from uavseg.raster.dataset import Dataset as Dataset
     from uavseg.raster.geobox import GeoBox as GeoBox
-    from uavseg.regions.outline import trace as trace
-    from uavseg.segmentation.cuts import IntensityRange as IntensityRange
-    from uavseg.segmentation.cuts import StateLimits as StateLimits
+    from uavseg.regions.outline.trace import trace as trace
+    from uavseg.segmentation.intervals import IntensityRange as IntensityRange
+    from uavseg.segmentation.intervals import StateLimits as StateLimits
 
 _HOMES = {
     "extract": "uavseg.api.rasters",
@@ -41,12 +41,12 @@ _HOMES = {
     "PlanParams": "uavseg.flight.planner",
     "Dataset": "uavseg.raster.dataset",
     "GeoBox": "uavseg.raster.geobox",
-    "IntensityRange": "uavseg.segmentation.cuts",
-    "StateLimits": "uavseg.segmentation.cuts",
-    "OccupancyGrid": "uavseg.occupancy.grid",
-    "Pose": "uavseg.occupancy.rangefinder",
-    "Scan": "uavseg.occupancy.rangefinder",
-    "trace": "uavseg.regions.outline",
+    "IntensityRange": "uavseg.segmentation.intervals",
+    "StateLimits": "uavseg.segmentation.intervals",
+    "OccupancyGrid": "uavseg.occupancy.mapping.grid",
+    "Pose": "uavseg.occupancy.simulation.range_finder",
+    "Scan": "uavseg.occupancy.simulation.range_finder",
+    "trace": "uavseg.regions.outline.trace",
     "UavsegError": "uavseg.errors",
 }
 __all__ = ["__version__", *_HOMES]

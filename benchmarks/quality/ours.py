@@ -7,12 +7,12 @@ from affine import Affine
 
 from benchmarks.quality.camera import Mask
 from benchmarks.quality.scenes import RANGE, Scene
+from uavseg.jobs.extract import ExtractParams, extract
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.extract import ExtractParams, extract
-from uavseg.regions.painting import Painter
-from uavseg.segmentation.cuts import IntensityRange
+from uavseg.regions.outline.rasterise import Painter
+from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 
 DEFAULT = "default"

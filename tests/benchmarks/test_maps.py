@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks import accuracy, smallmap, table
-from uavseg.occupancy.grid import OccupancyGrid
-from uavseg.occupancy.rosmap import write_ros_map
-from uavseg.occupancy.scenes import lens
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.occupancy.simulation.paper_scenes import lens
 from uavseg.raster.geobox import GeoBox
 
 

@@ -12,12 +12,12 @@ from affine import Affine
 from click.testing import CliRunner, Result
 
 from uavseg.cli import main
-from uavseg.occupancy.maps import open_map
-from uavseg.occupancy.rosmap import write_ros_map
+from uavseg.occupancy.probability_map import open_map
+from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions import export
-from uavseg.segmentation.cuts import StateLimits
+from uavseg.regions.formats import export
+from uavseg.segmentation.intervals import StateLimits
 
 BOX = GeoBox((100, 150), Affine(0.05, 0, -2, 0, -0.05, 6), None)
 MODES = ["trinary", "scale", "raw"]
@@ -285,7 +285,7 @@ def test_overwriting_is_allowed_when_asked() -> None:
 
 
 def test_a_disk_that_fills_up_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    import uavseg.segmentation.stateimage as stateimage
+    import uavseg.segmentation.states.state_image as stateimage
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")

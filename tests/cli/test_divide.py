@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from pandas.testing import assert_frame_equal
 
 from uavseg.cli import main
-from uavseg.segmentation.blockfile import load
+from uavseg.segmentation.blocks.block_file import load
 
 RANGE = ("--range", "0.55,1")
 

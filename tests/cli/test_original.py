@@ -10,7 +10,7 @@ from affine import Affine
 from click.testing import CliRunner, Result
 
 from uavseg.cli import main
-from uavseg.segmentation.original import OriginalParams, original
+from uavseg.segmentation.baseline.lbpc import OriginalParams, original
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from uavseg.errors import ParameterError, RasterError, RasterReadError, UavsegError
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.formats.png import write_png
 from uavseg.raster.opening import MAX_OPEN, in_full
-from uavseg.raster.pictures import write_png
 from uavseg.raster.tiling import Window, tiles
 
 RAMP = np.arange(150 * 170, dtype=np.uint16).reshape(150, 170)

@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.parallel import Map, serial, threads
+from uavseg.execution.executors import Map, serial, threads
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.stretch import Stretch
+from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import Window, tiles
-from uavseg.segmentation.blockmap import undecided
-from uavseg.segmentation.cuts import IntensityRange
+from uavseg.segmentation.blocks.block_map import undecided
+from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import (
     block_map,
@@ -28,8 +29,7 @@ from uavseg.segmentation.pipeline import (
     refined,
     stages,
 )
-from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import in_range
+from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
 from uavseg.segmentation.source import GreySource
 
 INTERVAL = IntensityRange(0.4, 0.7)

@@ -13,13 +13,13 @@ import numpy as np
 from affine import Affine
 
 from uavseg.errors import ParameterError
-from uavseg.parallel import Map
-from uavseg.parallel import threads as workers
+from uavseg.execution.checkpoint import kept
+from uavseg.execution.executors import Map
+from uavseg.execution.executors import threads as workers
+from uavseg.raster.bad_blocks import BadBlock, listing
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.skipping import BadBlock, listing
-from uavseg.regions.cleaning import Area, parse_area
-from uavseg.resuming import kept
+from uavseg.regions.edit.small import Area, parse_area
 
 
 def dataset_of(

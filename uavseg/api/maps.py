@@ -7,19 +7,19 @@ from typing import Any
 
 from uavseg.api.given import area_of, dataset_of, working
 from uavseg.errors import ParameterError
-from uavseg.occupancy.classify import Classification
-from uavseg.occupancy.classify import classify as _classify
-from uavseg.occupancy.free import FreeCells
-from uavseg.occupancy.grid import OccupancyGrid
-from uavseg.occupancy.maps import open_map, stretch_of
-from uavseg.occupancy.rosmap import is_ros_map
-from uavseg.occupancy.ways import Way, WayParams, find_way
-from uavseg.parallel import Progress
-from uavseg.parallel import threads as workers
+from uavseg.execution.executors import Progress
+from uavseg.execution.executors import threads as workers
+from uavseg.jobs.classify import Classification
+from uavseg.jobs.classify import classify as _classify
+from uavseg.jobs.extract import ExtractParams, windows_of
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.paths.find_path import Way, WayParams, find_way
+from uavseg.occupancy.paths.free_cells import FreeCells
+from uavseg.occupancy.probability_map import open_map, stretch_of
+from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.stretch import Stretch, StretchSpec, fit, parse_stretch
-from uavseg.regions.extract import ExtractParams, windows_of
-from uavseg.segmentation.cuts import IntensityRange, StateLimits
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit, parse_stretch
+from uavseg.segmentation.intervals import IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.source import GreySource
 
@@ -158,7 +158,7 @@ def path(
     Examples
     --------
     >>> import uavseg
-    >>> from uavseg.occupancy.scenes import lens
+    >>> from uavseg.occupancy.simulation.paper_scenes import lens
     >>> way = uavseg.path(lens().run(), range=(0, 0.45), start=(1.605, 2.805), goal=(2.305, 0.705))
     >>> [round(float(number), 3) for number in way.xy[-1]]
     [2.305, 0.705]

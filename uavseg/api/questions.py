@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from uavseg.api.given import area_of, dataset_of, warn_that, working
 from uavseg.errors import ParameterError
-from uavseg.parallel import Progress
-from uavseg.regions.extract import ExtractParams
-from uavseg.regions.like import Disc, parse_like
-from uavseg.regions.match import MatchParams
-from uavseg.regions.match import match as _match
-from uavseg.regions.suggest import Suggestion, suggest_from_blocks
-from uavseg.regions.suggest import suggest as _suggest
-from uavseg.segmentation.blockfile import is_block_map, load
+from uavseg.execution.executors import Progress
+from uavseg.jobs.extract import ExtractParams
+from uavseg.jobs.match import MatchParams
+from uavseg.jobs.match import match as _match
+from uavseg.jobs.suggest import Suggestion, suggest_from_blocks
+from uavseg.jobs.suggest import suggest as _suggest
+from uavseg.regions.sample.place import Disc, parse_like
+from uavseg.segmentation.blocks.block_file import is_block_map, load
 from uavseg.segmentation.params import SegmentParams
 
 if TYPE_CHECKING:

@@ -6,20 +6,20 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from uavseg.api.given import area_of, dataset_of, working
-from uavseg.occupancy.maps import open_map
-from uavseg.occupancy.rosmap import is_ros_map
-from uavseg.parallel import Progress
-from uavseg.regions.extract import ExtractParams, Small
-from uavseg.regions.extract import divide as _divide
-from uavseg.regions.extract import extract as _extract
-from uavseg.regions.levels import extract_levels
-from uavseg.segmentation.cuts import IntensityRange, Levels
+from uavseg.execution.executors import Progress
+from uavseg.jobs.extract import ExtractParams, Small
+from uavseg.jobs.extract import divide as _divide
+from uavseg.jobs.extract import extract as _extract
+from uavseg.jobs.levels import extract_levels
+from uavseg.occupancy.probability_map import open_map
+from uavseg.occupancy.ros.ros_map import is_ros_map
+from uavseg.segmentation.intervals import IntensityRange, Levels
 from uavseg.segmentation.params import SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-    from uavseg.segmentation.blockmap import BlockMap
+    from uavseg.segmentation.blocks.block_map import BlockMap
 
 
 def extract(

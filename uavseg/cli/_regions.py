@@ -12,10 +12,10 @@ from uavseg.cli._running import Reporter, Running
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.parallel import Map
-    from uavseg.regions.cleaning import Area
-    from uavseg.regions.extraction import Extraction
-    from uavseg.segmentation.blockfile import SavedBlocks
+    from uavseg.execution.executors import Map
+    from uavseg.jobs.result import Extraction
+    from uavseg.regions.edit.small import Area
+    from uavseg.segmentation.blocks.block_file import SavedBlocks
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -45,7 +45,7 @@ def drawing_options(command: Command) -> Command:
 
 def area(text: str | None) -> Area | None:
     """The area that an option names, if it was given."""
-    from uavseg.regions.cleaning import parse_area
+    from uavseg.regions.edit.small import parse_area
 
     return None if text is None else parse_area(text)
 
@@ -53,11 +53,11 @@ def area(text: str | None) -> Area | None:
 def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
     """Nothing that is there is touched, and nothing is computed that could not be written."""
     if output is not None and output != "-":
-        from uavseg.regions.export import check
+        from uavseg.regions.formats.export import check
 
         check(output, overwrite)
     if labels is not None:
-        from uavseg.regions.labels import check_labels
+        from uavseg.regions.formats.label_raster import check_labels
 
         check_labels(labels, overwrite)
 
@@ -67,7 +67,7 @@ def opened(
 ) -> tuple[SavedBlocks | None, Any]:
     """A block map and its raster if that is at hand, or a raster alone; no pixel is read."""
     from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blockfile import is_block_map, load
+    from uavseg.segmentation.blocks.block_file import is_block_map, load
 
     if len(rasters) > 1 or not is_block_map(rasters[0]):
         how = (options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"])
@@ -87,7 +87,7 @@ def opened(
 
 def opened_ros_map(paths: tuple[str, ...], options: dict[str, Any], resume: str | None) -> Any:
     """The dataset of a ROS map, to which options of rasters mean nothing."""
-    from uavseg.occupancy.maps import open_map
+    from uavseg.occupancy.probability_map import open_map
 
     if len(paths) > 1:
         raise ParameterError("a ROS map is no part of a mosaic; name it alone")
@@ -102,17 +102,19 @@ def opened_ros_map(paths: tuple[str, ...], options: dict[str, Any], resume: str 
 
 def write_regions(found: Extraction, target: str, overwrite: bool) -> None:
     """Write regions to a file, or to stdout where it is called -."""
-    from uavseg.regions import export
+    from uavseg.regions.formats import export
 
     export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
 
 
 def write_labels(found: Extraction, path: str, run: Map, running: Running) -> None:
     """Write the labels of regions; whoever runs the work writes where they are many tiles."""
-    from uavseg.regions import labels
+    from uavseg.regions.formats import label_raster
 
-    here = run if labels.is_tiled(path) else running.local_workers()  # a single file is painted where it is
-    labels.write_labels(path, found, here, running.overwrite)
+    here = (
+        run if label_raster.is_tiled(path) else running.local_workers()
+    )  # a single file is painted where it is
+    label_raster.write_labels(path, found, here, running.overwrite)
 
 
 def shown(target: str) -> str:

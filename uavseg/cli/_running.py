@@ -14,7 +14,7 @@ import click
 from uavseg.cli._progress import Amount, bar
 
 if TYPE_CHECKING:
-    from uavseg.parallel import Map
+    from uavseg.execution.executors import Map
     from uavseg.raster.dataset import Dataset
 
 Command = Callable[..., Any]
@@ -64,7 +64,7 @@ class Running:
             raise click.UsageError(
                 "--threads are this machine's, --scheduler has its own; give one of the two"
             )
-        from uavseg.cluster import dask
+        from uavseg.execution.cluster import dask
 
         cluster = dask(self.scheduler)
         click.get_current_context().call_on_close(cluster.close)
@@ -72,15 +72,15 @@ class Running:
 
     def local_workers(self) -> Map:
         """Threads of this process, whoever else works."""
-        from uavseg import parallel
+        from uavseg.execution import executors
 
-        return parallel.threads(self.threads)
+        return executors.threads(self.threads)
 
     def resuming(self, run: Map) -> Map:
         """A map that keeps finished tiles in the folder, if one was given."""
         if self.resume is None:
             return run
-        from uavseg.resuming import kept
+        from uavseg.execution.checkpoint import kept
 
         return kept(run, self.resume, self.reporter.resumed)
 
@@ -166,7 +166,7 @@ class Reporter:
     def begin(self, dataset: Dataset, tile: int | None) -> None:
         """The work on a raster begins, cut into tiles."""
         if self._bar:
-            from uavseg.regions.extract import windows_of
+            from uavseg.jobs.extract import windows_of
 
             rows, cols = dataset.geobox.shape
             self._amount = Amount(len(windows_of(dataset, tile)), rows * cols)

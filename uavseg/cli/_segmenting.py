@@ -10,7 +10,7 @@ import click
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.segmentation.cuts import IntensityRange
+    from uavseg.segmentation.intervals import IntensityRange
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -50,7 +50,7 @@ def segmenting_options(command: Command, method: str = "adaptive") -> Command:
 
 def parsed_range(text: str) -> IntensityRange:
     """LO,HI of --range as a range of v."""
-    from uavseg.segmentation.cuts import IntensityRange
+    from uavseg.segmentation.intervals import IntensityRange
 
     try:
         low, high = (float(part) for part in text.split(","))

@@ -24,10 +24,10 @@ from uavseg.cli._segmenting import segmenting_options
 from uavseg.errors import OutputError, ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.occupancy.classify import Classification
-    from uavseg.parallel import Map
-    from uavseg.regions.extract import ExtractParams
-    from uavseg.segmentation.cuts import StateLimits
+    from uavseg.execution.executors import Map
+    from uavseg.jobs.classify import Classification
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.segmentation.intervals import StateLimits
     from uavseg.segmentation.source import GreySource
 
 
@@ -101,9 +101,9 @@ def command(
     the YAML file of a ROS map, read as Nav2 reads it. Objects have their area, bounding box and mean. A ROS
     map knows no nodata: such cells are written as unknown.
     """
-    from uavseg.occupancy.classify import classify
-    from uavseg.occupancy.rosmap import is_ros_map
-    from uavseg.segmentation.cuts import StateLimits
+    from uavseg.jobs.classify import classify
+    from uavseg.occupancy.ros.ros_map import is_ros_map
+    from uavseg.segmentation.intervals import StateLimits
 
     reporter = running.reporter
     target = output or f"{Path(path).stem}.states.tif"
@@ -131,7 +131,7 @@ def command(
 
 
 def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.regions.extract import ExtractParams
+    from uavseg.jobs.extract import ExtractParams
     from uavseg.segmentation.params import SegmentParams
 
     return ExtractParams(
@@ -156,9 +156,9 @@ def _check(target: str, objects: str | None, labels: str | None, overwrite: bool
 
 
 def _opened(path: str, options: dict[str, Any], resume: str | None) -> GreySource:
-    from uavseg.occupancy.maps import open_map, stretch_of
-    from uavseg.occupancy.rosmap import is_ros_map
-    from uavseg.segmentation.blockfile import is_block_map
+    from uavseg.occupancy.probability_map import open_map, stretch_of
+    from uavseg.occupancy.ros.ros_map import is_ros_map
+    from uavseg.segmentation.blocks.block_file import is_block_map
     from uavseg.segmentation.source import GreySource
 
     if is_ros_map(path):
@@ -173,8 +173,8 @@ def _opened(path: str, options: dict[str, Any], resume: str | None) -> GreySourc
 
 def _stretched(source: GreySource, stretch: str | None, tile: int | None, map: Map) -> GreySource:
     """The map as probabilities, where it holds something else."""
-    from uavseg.raster.stretch import fit
-    from uavseg.regions.extract import windows_of
+    from uavseg.jobs.extract import windows_of
+    from uavseg.raster.intensity.stretch import fit
     from uavseg.segmentation.source import GreySource
 
     if stretch is None:
@@ -185,8 +185,8 @@ def _stretched(source: GreySource, stretch: str | None, tile: int | None, map: M
 
 def _check_place(target: str, mode: str, objects: str | None, source: GreySource, overwrite: bool) -> None:
     """Nothing is computed that has no place where it is to be written."""
-    from uavseg.occupancy.rosmap import check_ros_map, is_ros_map
-    from uavseg.regions import export
+    from uavseg.occupancy.ros.ros_map import check_ros_map, is_ros_map
+    from uavseg.regions.formats import export
 
     if is_ros_map(target):
         check_ros_map(target, source.dataset.geobox, overwrite, mode)
@@ -195,8 +195,8 @@ def _check_place(target: str, mode: str, objects: str | None, source: GreySource
 
 
 def _write_states(found: Classification, target: str, mode: str, overwrite: bool, reporter: Reporter) -> None:
-    from uavseg.occupancy.classify import write_states
-    from uavseg.occupancy.rosmap import is_ros_map
+    from uavseg.jobs.classify import write_states
+    from uavseg.occupancy.ros.ros_map import is_ros_map
 
     write_states(target, found, overwrite, mode)
     if is_ros_map(target) and found.cells[0]:

@@ -29,10 +29,10 @@ def command(
     each leaf. `uavseg extract` answers any range from it, without the raster or refined with it.
     """
     from uavseg.atomic import check_target
+    from uavseg.jobs.extract import divide
+    from uavseg.raster.bad_blocks import BadBlock, listing
     from uavseg.raster.dataset import Dataset
-    from uavseg.raster.skipping import BadBlock, listing
-    from uavseg.regions.extract import divide
-    from uavseg.segmentation.blockfile import Origin, SavedBlocks, save
+    from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, save
     from uavseg.segmentation.params import SegmentParams
 
     reporter = running.reporter

@@ -25,12 +25,12 @@ from uavseg.cli._segmenting import parsed_range, segmenting_options
 from uavseg.cli.plan import mission_options
 
 if TYPE_CHECKING:
+    from uavseg.execution.executors import Map
     from uavseg.flight.mission import Mission
-    from uavseg.parallel import Map
-    from uavseg.regions.extract import ExtractParams
-    from uavseg.regions.extraction import Extraction
-    from uavseg.segmentation.blockfile import SavedBlocks
-    from uavseg.segmentation.cuts import IntensityRange
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.jobs.result import Extraction
+    from uavseg.segmentation.blocks.block_file import SavedBlocks
+    from uavseg.segmentation.intervals import IntensityRange
 
 
 @click.command("extract")
@@ -104,8 +104,8 @@ def command(
 
 
 def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.raster.stretch import parse_stretch
-    from uavseg.regions.extract import ExtractParams
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.raster.intensity.stretch import parse_stretch
     from uavseg.segmentation.params import SegmentParams
 
     return ExtractParams(
@@ -143,7 +143,8 @@ def _check_targets(output: str, labels: str | None, mission: str | None, overwri
 def _check_place(output: str, mission: str | None, wkt: str | None) -> None:
     """Nothing is computed that has no place where it is to be written or flown."""
     from uavseg.errors import MissionError
-    from uavseg.regions import export, wgs84
+    from uavseg.regions.formats import export
+    from uavseg.regions.wgs84 import to_wgs84
 
     export.check_crs(output, wkt)
     if mission is None:
@@ -152,7 +153,7 @@ def _check_place(output: str, mission: str | None, wkt: str | None) -> None:
         raise MissionError(
             "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
         )
-    wgs84.check_crs(wkt)
+    to_wgs84.check_crs(wkt)
 
 
 def _extracted(
@@ -163,8 +164,8 @@ def _extracted(
     run: Map,
     reporter: Reporter,
 ) -> Extraction:
-    from uavseg.raster.skipping import BadBlock, listing
-    from uavseg.regions.extract import extract, extract_from_blocks
+    from uavseg.jobs.extract import extract, extract_from_blocks
+    from uavseg.raster.bad_blocks import BadBlock, listing
 
     if saved is None:
         bad: set[BadBlock] = set()
@@ -175,7 +176,7 @@ def _extracted(
 
 def _planned(found: Extraction, flight: Any, home: str | None) -> Mission:
     from uavseg.cli.plan import planned
-    from uavseg.regions.wgs84 import geometries
+    from uavseg.regions.wgs84.to_wgs84 import geometries
 
     return planned(found.regions, list(geometries(found.regions)), flight, home)
 

@@ -28,10 +28,10 @@ def command(
 
     Every pixel is counted up to 100 megapixels; a larger raster is looked at from afar, and it is said so.
     """
-    from uavseg.look.summary import summarize
-    from uavseg.parallel import threads as workers
+    from uavseg.execution.executors import threads as workers
+    from uavseg.raster.bad_blocks import BadBlock, listening, listing
     from uavseg.raster.dataset import Dataset
-    from uavseg.raster.skipping import BadBlock, listening, listing
+    from uavseg.raster.summary import summarize
 
     dataset = Dataset.open(rasters, band=band, rgb=rgb, nodata=nodata, skip_bad_tiles=skip_bad_tiles)
     bad: set[BadBlock] = set()
@@ -43,7 +43,7 @@ def command(
 
         click.echo(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
         return
-    from uavseg.look.summarytext import summary_text
+    from uavseg.cli._summary_text import summary_text
 
     click.echo(_printable(summary_text(summary)))
 

@@ -25,11 +25,11 @@ from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import segmenting_options
 
 if TYPE_CHECKING:
-    from uavseg.parallel import Map
-    from uavseg.regions.extract import ExtractParams
-    from uavseg.regions.extraction import Extraction
-    from uavseg.segmentation.blockfile import SavedBlocks
-    from uavseg.segmentation.cuts import Levels
+    from uavseg.execution.executors import Map
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.jobs.result import Extraction
+    from uavseg.segmentation.blocks.block_file import SavedBlocks
+    from uavseg.segmentation.intervals import Levels
 
 
 @click.command("levels", short_help="Divide a raster into levels of equal width, and each into segments.")
@@ -76,9 +76,9 @@ def command(
     those of blocks. RASTER may also be a block map from `uavseg divide`, which answers by itself, or the YAML
     file of a ROS map, which is never stretched. For another map of probabilities, say --stretch none.
     """
-    from uavseg.occupancy.rosmap import is_ros_map
-    from uavseg.regions import export
-    from uavseg.segmentation.cuts import Levels
+    from uavseg.occupancy.ros.ros_map import is_ros_map
+    from uavseg.regions.formats import export
+    from uavseg.segmentation.intervals import Levels
 
     reporter = running.reporter
     target = output or f"{Path(rasters[0]).stem}.levels.geojson"
@@ -107,8 +107,8 @@ def command(
 
 
 def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.raster.stretch import parse_stretch
-    from uavseg.regions.extract import ExtractParams
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.raster.intensity.stretch import parse_stretch
     from uavseg.segmentation.params import SegmentParams
 
     return ExtractParams(
@@ -130,8 +130,8 @@ def _found(
     run: Map,
     reporter: Reporter,
 ) -> Extraction:
-    from uavseg.raster.skipping import BadBlock, listing
-    from uavseg.regions.levels import extract_levels, levels_from_blocks
+    from uavseg.jobs.levels import extract_levels, levels_from_blocks
+    from uavseg.raster.bad_blocks import BadBlock, listing
 
     if saved is not None:
         return levels_from_blocks(saved, levels, params)

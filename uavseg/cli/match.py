@@ -14,10 +14,10 @@ from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.parallel import Map
+    from uavseg.execution.executors import Map
+    from uavseg.jobs.match import Match, MatchParams
     from uavseg.raster.dataset import Dataset
-    from uavseg.regions.like import Disc
-    from uavseg.regions.match import Match, MatchParams
+    from uavseg.regions.sample.place import Disc
 
 
 @click.command("match", short_help="Find regions whose texture and intensity are like a sample's.")
@@ -93,8 +93,8 @@ def command(
     whole than like the sample is left out. Each region has its similarity, 1 where it is as like the sample
     as the sample is to itself.
     """
-    from uavseg.regions import export
-    from uavseg.regions.like import parse_like
+    from uavseg.regions.formats import export
+    from uavseg.regions.sample.place import parse_like
 
     reporter = running.reporter
     target = output or f"{Path(rasters[0]).stem}.match.geojson"
@@ -117,8 +117,8 @@ def command(
 
 
 def _params(tile: int | None, options: dict[str, Any]) -> MatchParams:
-    from uavseg.raster.stretch import parse_stretch
-    from uavseg.regions.match import MatchParams
+    from uavseg.jobs.match import MatchParams
+    from uavseg.raster.intensity.stretch import parse_stretch
 
     return MatchParams(
         options["window"],
@@ -135,7 +135,7 @@ def _params(tile: int | None, options: dict[str, Any]) -> MatchParams:
 
 def _opened(rasters: tuple[str, ...], options: dict[str, Any]) -> Dataset:
     from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blockfile import is_block_map
+    from uavseg.segmentation.blocks.block_file import is_block_map
 
     if any(is_block_map(raster) for raster in rasters):
         raise ParameterError("a block map holds no texture to be compared; name the raster itself")
@@ -144,8 +144,8 @@ def _opened(rasters: tuple[str, ...], options: dict[str, Any]) -> Dataset:
 
 
 def _found(dataset: Dataset, like: Disc | str, params: MatchParams, run: Map, reporter: Reporter) -> Match:
-    from uavseg.raster.skipping import BadBlock, listing
-    from uavseg.regions.match import match
+    from uavseg.jobs.match import match
+    from uavseg.raster.bad_blocks import BadBlock, listing
 
     bad: set[BadBlock] = set()
     found = match(dataset, like, params, listing(run, bad), reporter.progress)

@@ -12,7 +12,7 @@ from uavseg.cli._running import Running, running_options
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.parallel import Map
+    from uavseg.execution.executors import Map
     from uavseg.raster.dataset import Dataset
     from uavseg.segmentation.source import GreyTile
 
@@ -63,11 +63,11 @@ def command(
     by one. All of the image is held in memory, at most 4096 x 4096 pixels.
     """
     from uavseg.atomic import check_target
+    from uavseg.raster.bad_blocks import BadBlock, listening, listing
     from uavseg.raster.dataset import Dataset
-    from uavseg.raster.skipping import BadBlock, listening, listing
+    from uavseg.raster.formats.geotiff import write_labels
     from uavseg.raster.tiling import Window
-    from uavseg.raster.write import write_labels
-    from uavseg.segmentation.original import OriginalParams, check_size, original
+    from uavseg.segmentation.baseline.lbpc import OriginalParams, check_size, original
 
     reporter = running.reporter
     params = OriginalParams(
@@ -104,9 +104,9 @@ def _read(
     dataset: Dataset, stretch: str, tile: int | None, run: Map
 ) -> tuple[GreyTile, tuple[str, ...], str]:
     """The whole raster as grey, what there is to tell, and the stretch that was used."""
-    from uavseg.raster.stretch import fit
+    from uavseg.jobs.extract import windows_of
+    from uavseg.raster.intensity.stretch import fit
     from uavseg.raster.tiling import Window
-    from uavseg.regions.extract import windows_of
     from uavseg.segmentation.source import GreySource
 
     fitted = fit(dataset, stretch, run, windows_of(dataset, tile))

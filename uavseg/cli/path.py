@@ -19,11 +19,11 @@ from uavseg.errors import MissionError, OutputError, ParameterError
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
     from uavseg.flight.params import PlanParams
-    from uavseg.occupancy.ways import Way
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.occupancy.paths.find_path import Way
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.geobox import GeoBox
-    from uavseg.raster.stretch import Stretch, StretchSpec
-    from uavseg.regions.extract import ExtractParams
+    from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 
 _LINES = (".geojson", ".json")
 
@@ -75,9 +75,9 @@ def command(
     with the same --range. The path never enters a cell whose own value is outside of the range, and cuts no
     corner.
     """
-    from uavseg.occupancy.free import FreeCells
-    from uavseg.occupancy.rosmap import is_ros_map
-    from uavseg.occupancy.ways import WayParams, find_way
+    from uavseg.occupancy.paths.find_path import WayParams, find_way
+    from uavseg.occupancy.paths.free_cells import FreeCells
+    from uavseg.occupancy.ros.ros_map import is_ros_map
 
     reporter = running.reporter
     places = _parsed_place("--start", start), _parsed_place("--goal", goal)
@@ -107,9 +107,9 @@ def command(
 
 def _opened(path: str, options: dict[str, Any], resume: str | None) -> tuple[Dataset, Stretch | StretchSpec]:
     """The map, and the stretch that was named; its own if none was, and always that of a ROS map."""
-    from uavseg.occupancy.maps import open_map, stretch_of
-    from uavseg.occupancy.rosmap import is_ros_map
-    from uavseg.raster.stretch import parse_stretch
+    from uavseg.occupancy.probability_map import open_map, stretch_of
+    from uavseg.occupancy.ros.ros_map import is_ros_map
+    from uavseg.raster.intensity.stretch import parse_stretch
 
     if is_ros_map(path):
         dataset = opened_ros_map((path,), options, resume)
@@ -154,9 +154,9 @@ def _check_target(output: str, overwrite: bool) -> None:
 
 def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
     """Nothing is computed that has no place where it is to be written or flown."""
-    from uavseg.occupancy import wayfile
+    from uavseg.occupancy.paths import path_geojson
 
-    wayfile.check_crs(geobox)
+    path_geojson.check_crs(geobox)
     if flight is not None and geobox.crs is None:
         raise MissionError(
             "the map has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
@@ -164,7 +164,7 @@ def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
 
 
 def _params(stretch: Stretch | StretchSpec, tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.regions.extract import ExtractParams
+    from uavseg.jobs.extract import ExtractParams
     from uavseg.segmentation.params import SegmentParams
 
     segment = SegmentParams(options["method"], options["threshold"], options["intensity_step"], "scan")
@@ -173,7 +173,7 @@ def _params(stretch: Stretch | StretchSpec, tile: int | None, options: dict[str,
 
 def _flown(way: Way, flight: PlanParams, home: str | None) -> Mission:
     from uavseg.flight.along import fly_along
-    from uavseg.occupancy.wayfile import lonlat
+    from uavseg.occupancy.paths.path_geojson import lonlat
 
     lon, lat = lonlat(way)
     return fly_along(lon, lat, flight, home_position(home, [(float(lon[0]), float(lat[0]))]))
@@ -182,7 +182,7 @@ def _flown(way: Way, flight: PlanParams, home: str | None) -> Mission:
 def _write(way: Way, mission: Mission | None, output: str, overwrite: bool) -> None:
     from uavseg.atomic import whole_file
     from uavseg.flight import files
-    from uavseg.occupancy.wayfile import geojson
+    from uavseg.occupancy.paths.path_geojson import geojson
 
     if mission is not None:
         files.write(mission, output, overwrite)

@@ -93,8 +93,8 @@ def command(
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
-    from uavseg.regions.choose import choose
-    from uavseg.regions.load import load
+    from uavseg.regions.formats.read import load
+    from uavseg.regions.select.choose import choose
 
     files.check_format(output)
     check_target(output, overwrite)

@@ -11,7 +11,7 @@ from uavseg.cli._reading import reading_options
 
 if TYPE_CHECKING:
     from uavseg.raster.dataset import Dataset
-    from uavseg.raster.stretch import Stretch
+    from uavseg.raster.intensity.stretch import Stretch
 
 _LAYERS = ("levels", "states", "leaves", "regions", "path", "mission")
 
@@ -45,8 +45,8 @@ def command(
     drawn with free cells black and occupied ones white (--stretch none, where it holds floats and neither
     --states nor --path are given).
     """
-    from uavseg.look.preview import preview
-    from uavseg.raster.skipping import BadBlock, listening
+    from uavseg.plot.preview import preview
+    from uavseg.raster.bad_blocks import BadBlock, listening
 
     dataset, grey = _opened(rasters, stretch, options)
     out = output or f"{Path(dataset.source).stem}.preview.png"
@@ -63,8 +63,8 @@ def command(
 
 def _opened(rasters: tuple[str, ...], stretch: str, options: dict[str, Any]) -> tuple[Dataset, Stretch | str]:
     """The raster and its stretch; a ROS map has its own unless one is named."""
-    from uavseg.occupancy.maps import open_map
-    from uavseg.occupancy.rosmap import is_ros_map
+    from uavseg.occupancy.probability_map import open_map
+    from uavseg.occupancy.ros.ros_map import is_ros_map
     from uavseg.raster.dataset import Dataset
 
     if len(rasters) == 1 and is_ros_map(rasters[0]):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from uavseg.occupancy.grid import OccupancyGrid
-    from uavseg.occupancy.simulate import Simulation
+    from uavseg.occupancy.mapping.grid import OccupancyGrid
+    from uavseg.occupancy.simulation.simulate import Simulation
 
 _SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
 
@@ -47,9 +47,9 @@ def command(scene: str, output: str, seed: int, quiet: bool, **options: Any) -> 
     The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
     and visible (the sensor could see it, into what is solid as deep as 3 σ).
     """
-    from uavseg.occupancy.grid import grey_picture
-    from uavseg.raster.pictures import write_png
-    from uavseg.raster.write import write_geotiff
+    from uavseg.occupancy.mapping.grid import grey_picture
+    from uavseg.raster.formats.geotiff import write_geotiff
+    from uavseg.raster.formats.png import write_png
 
     _check_targets([output, options["png"], options["truth"]], options["overwrite"])
     simulation = _simulation(scene, options)
@@ -68,8 +68,8 @@ def command(scene: str, output: str, seed: int, quiet: bool, **options: Any) -> 
 
 def _simulation(scene: str, options: dict[str, Any]) -> Simulation:
     from uavseg.errors import SceneError
-    from uavseg.occupancy.scenefile import load_scene
-    from uavseg.occupancy.scenes import BUILT_IN
+    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
+    from uavseg.occupancy.simulation.scene_file import load_scene
 
     found = BUILT_IN[scene]() if scene in BUILT_IN else load_scene(scene)
     changed = {name: options[key] for key, name in _SENSOR.items() if options[key] is not None}
@@ -93,7 +93,7 @@ def _check_targets(paths: list[str | None], overwrite: bool) -> None:
 
 
 def _write_truth(path: str, simulation: Simulation, overwrite: bool) -> None:
-    from uavseg.raster.write import write_geotiff
+    from uavseg.raster.formats.geotiff import write_geotiff
 
     truth = simulation.truth()
     bands = [truth.states, truth.solid.view("uint8"), truth.visible.view("uint8")]

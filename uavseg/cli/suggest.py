@@ -17,10 +17,10 @@ from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import segmenting_options
 
 if TYPE_CHECKING:
-    from uavseg.parallel import Map
-    from uavseg.regions.extract import ExtractParams
-    from uavseg.regions.suggest import Suggestion, Suggestions
-    from uavseg.segmentation.blockfile import SavedBlocks
+    from uavseg.execution.executors import Map
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.jobs.suggest import Suggestion, Suggestions
+    from uavseg.segmentation.blocks.block_file import SavedBlocks
 
 _MOST_NAMED = 8  # rasters of a command that is printed
 
@@ -66,7 +66,7 @@ def command(
     reporter = running.reporter
     params = _params(running.tile, options)
     if output is not None:
-        from uavseg.look.page import check_picture
+        from uavseg.plot.page import check_picture
 
         check_picture(output, running.overwrite)
     saved, dataset = opened(rasters, options, "none", reporter)
@@ -75,7 +75,7 @@ def command(
         reporter.begin(dataset, running.tile)
     found = _found(saved, dataset, classes, params, running.resuming(run), reporter)
     if output is not None:
-        from uavseg.look.suggestpicture import draw_suggestions
+        from uavseg.plot.suggestions import draw_suggestions
 
         draw_suggestions(found, output, dataset, running.overwrite)
     reporter.finish()
@@ -87,8 +87,8 @@ def command(
 
 
 def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.raster.stretch import parse_stretch
-    from uavseg.regions.extract import ExtractParams
+    from uavseg.jobs.extract import ExtractParams
+    from uavseg.raster.intensity.stretch import parse_stretch
     from uavseg.segmentation.params import SegmentParams
 
     return ExtractParams(
@@ -106,8 +106,8 @@ def _found(
     run: Map,
     reporter: Reporter,
 ) -> Suggestions:
-    from uavseg.raster.skipping import BadBlock, listing
-    from uavseg.regions.suggest import suggest, suggest_from_blocks
+    from uavseg.jobs.suggest import suggest, suggest_from_blocks
+    from uavseg.raster.bad_blocks import BadBlock, listing
 
     if saved is not None:
         return suggest_from_blocks(saved, classes, params)
@@ -129,7 +129,7 @@ def _command(
 def _suffix(found: Suggestions) -> str:
     """GeoJSON where it can hold the regions."""
     from uavseg.errors import OutputError
-    from uavseg.regions import export
+    from uavseg.regions.formats import export
 
     try:
         export.check_crs("regions.geojson", found.about.geobox.wkt)

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.raster.arrays import from_array, from_values, is_array
+from uavseg.raster.array_source import from_array, from_values, is_array
+from uavseg.raster.bad_blocks import Missing, note, read_around, read_or_blame
 from uavseg.raster.bands import BandChoice, choose
-from uavseg.raster.facts import inspect
-from uavseg.raster.files import RasterFile
 from uavseg.raster.geobox import GeoBox, scaled
+from uavseg.raster.inspect_file import inspect
 from uavseg.raster.mosaic import Mosaic, Source, lay_out
 from uavseg.raster.opening import Handles
-from uavseg.raster.skipping import Missing, note, read_around, read_or_blame
+from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import usable_nodata
 

@@ -8,9 +8,9 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.errors import MosaicError
-from uavseg.raster.arrays import ArraySource
-from uavseg.raster.files import RasterFile
+from uavseg.raster.array_source import ArraySource
 from uavseg.raster.geobox import GeoBox, shifted
+from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window
 
 GRID_TOLERANCE = 1e-3  # pixels: how far corners may lie off the common grid

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.ground import ring_areas, ring_perimeters
-from uavseg.regions.outline import Rings
+from uavseg.raster.geodesy.ground import ring_areas, ring_perimeters
+from uavseg.regions.outline.trace import Rings
 from uavseg.regions.shapes import Polygons, Shapes, batches
 
 if TYPE_CHECKING:

@@ -14,19 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.parallel import Map, Progress, serial
+from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.tiling import BLOCK, CELL, Window
-from uavseg.segmentation.blockmap import BlockMap, cell_sums, undecided
-from uavseg.segmentation.cuts import Cut, IntensityRange
-from uavseg.segmentation.denoising import denoised
-from uavseg.segmentation.division import EVERY, block_ratios, wanted_ratios
+from uavseg.segmentation.blocks.block_cache import SIDE, Patches
+from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
+from uavseg.segmentation.blocks.division import EVERY, block_ratios, wanted_ratios
+from uavseg.segmentation.blocks.lbp import GREYS, contrast_cuts, contrast_histogram
+from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
+from uavseg.segmentation.blocks.mixed_cells import unsettled
+from uavseg.segmentation.intervals import Cut, IntensityRange
 from uavseg.segmentation.params import Refinement, SegmentParams
-from uavseg.segmentation.patches import SIDE, Patches
-from uavseg.segmentation.refinement import REACH, scan, smooth
-from uavseg.segmentation.segments import in_range, matching, pixels_of
+from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
+from uavseg.segmentation.refine.tv import denoised
 from uavseg.segmentation.source import GreySource, GreyTile, whole_blocks
-from uavseg.segmentation.texture import GREYS, contrast_cuts, contrast_histogram
-from uavseg.segmentation.unsettled import unsettled
 
 IN_RANGE, UNSETTLED = np.uint8(1), np.uint8(2)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.stretch import Stretch
+from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import BLOCK, Window
 
 

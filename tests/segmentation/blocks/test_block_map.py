@@ -1,0 +1,248 @@
+"""Leaves cover every cell, coarser where more is allowed; what a range decides by itself needs no texture."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, leaves, undecided
+from uavseg.segmentation.blocks.division import RATIOS, block_ratios
+from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
+from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
+from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
+
+INF = np.inf
+seeds = st.integers(0, 10_000)
+thresholds = st.sampled_from([0.0, 1.0, 1.1, 1.2, 2.0, INF])
+steps = st.sampled_from([0.0, 0.01, 0.05, 0.3, 1.0, INF])
+
+
+def random_map(seed: int, shape: tuple[int, int] = (150, 190)) -> BlockMap:
+    """Sums, counts and ratios of no image in particular: plains, steps and noise, and empty cells."""
+    rng = np.random.default_rng(seed)
+    blocks = BlockMap.empty(shape)
+    rows, cols = blocks.counts.shape
+    blocks.counts[:] = rng.choice([0, 1, 31, 64, 64, 64, 64, 64], (rows, cols))
+    side = int(rng.choice([1, 2, 4, 8, 16]))
+    greys = rng.choice([0, 13107, 26214, 30000, 65535], int(rng.choice([2, 5])))
+    levels = rng.choice(greys, (rows // side + 1, cols // side + 1))
+    noise = rng.integers(0, 1 + int(rng.choice([0, 3000])), (rows, cols))
+    mean = levels.repeat(side, 0).repeat(side, 1)[:rows, :cols] + noise
+    blocks.sums[:] = (
+        np.clip(mean + (rng.random((rows, cols)) < rng.choice([0, 0.1])) * 9000, 0, 65535) * blocks.counts
+    )
+    blocks.ratios[:] = rng.choice([0.0, 1.0, 1.15, 1.2, 1.21, 3.0, INF], blocks.ratios.shape)
+    return blocks
+
+
+def mean_of(blocks: BlockMap, row: int, col: int, many: int) -> float:
+    part = np.s_[row : row + many, col : col + many]
+    count = int(blocks.counts[part].sum())
+    return int(blocks.sums[part].sum()) / (65535 * count) if count else -1.0
+
+
+def plain_leaves(blocks: BlockMap, X: float, tau: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """The division as it is told: from a block of 64 down to cells."""
+    side = np.zeros(blocks.counts.shape, np.uint8)
+    mean = np.zeros(blocks.counts.shape)
+
+    def divide(block: NDArray[np.float64], top: int, left: int, down: int, right: int, many: int) -> None:
+        half, row, col = many // 2, top + down, left + right
+        if many > 1:
+            first = {8: 0, 4: 1, 2: 5}[many]
+            ratio = block[first + down // many * (8 // many) + right // many]
+            means = [mean_of(blocks, row + r, col + c, half) for r in (0, half) for c in (0, half)]
+            means = [m for m in means if m >= 0]
+            if ratio > X or (means and max(means) - min(means) > tau):
+                for r in (0, half):
+                    for c in (0, half):
+                        divide(block, top, left, down + r, right + c, half)
+                return
+        side[row : row + many, col : col + many] = 8 * many
+        mean[row : row + many, col : col + many] = mean_of(blocks, row, col, many)
+
+    for b, c in np.ndindex(blocks.blocks):
+        divide(blocks.ratios[b, c], 8 * b, 8 * c, 0, 0, 8)
+    return side, mean
+
+
+def number_of_leaves(side: NDArray[np.uint8]) -> float:
+    return float(((8.0 / side) ** 2).sum())
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, thresholds, steps)
+def test_leaves_are_those_of_the_division_as_it_is_told(seed: int, X: float, tau: float) -> None:
+    blocks = random_map(seed, (130, 70))
+    side, mean = leaves(blocks, X, tau)
+    plain_side, plain_mean = plain_leaves(blocks, X, tau)
+    assert np.array_equal(side, plain_side)
+    assert np.array_equal(mean, plain_mean)
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, thresholds, steps)
+def test_leaves_cover_every_cell_once_with_the_mean_of_their_pixels(seed: int, X: float, tau: float) -> None:
+    blocks = random_map(seed)
+    side, mean = leaves(blocks, X, tau)
+    assert set(np.unique(side)) <= {8, 16, 32, 64}
+    for many in (1, 2, 4, 8):
+        rows, cols = np.nonzero(side == 8 * many)
+        for row, col in {(r // many * many, c // many * many) for r, c in zip(rows, cols, strict=True)}:
+            part = np.s_[row : row + many, col : col + many]
+            assert (side[part] == 8 * many).all()
+            assert (mean[part] == mean_of(blocks, row, col, many)).all()
+
+
+@given(seeds)
+@settings(deadline=None, max_examples=10)
+def test_a_division_without_tests_is_of_whole_blocks(seed: int) -> None:
+    side, _ = leaves(random_map(seed), INF, INF)
+    assert (side == 64).all()
+
+
+def test_a_threshold_below_every_ratio_divides_to_cells() -> None:
+    blocks = random_map(1)
+    blocks.ratios[:] = 1.0
+    assert (leaves(blocks, 0.0, INF)[0] == 8).all()
+    assert (leaves(blocks, 1.0, INF)[0] == 64).all()  # R > X divides, R = X does not
+
+
+def test_means_that_differ_by_just_the_step_do_not_divide() -> None:
+    blocks = BlockMap.empty((64, 64))
+    blocks.counts[:] = 64
+    blocks.sums[:, 4:] = 64 * 65535 // 5  # 0.2 against 0
+    assert (leaves(blocks, INF, 0.2)[0] == 64).all()
+    assert (leaves(blocks, INF, 0.2 - 1e-12)[0] == 32).all()
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, thresholds, thresholds, steps, steps)
+def test_more_allowed_never_makes_more_leaves(
+    seed: int, X1: float, X2: float, tau1: float, tau2: float
+) -> None:
+    blocks = random_map(seed)
+    finer, _ = leaves(blocks, min(X1, X2), min(tau1, tau2))
+    coarser, _ = leaves(blocks, max(X1, X2), max(tau1, tau2))
+    assert (coarser >= finer).all()
+    assert number_of_leaves(coarser) <= number_of_leaves(finer)
+
+
+@pytest.mark.parametrize("rows", [slice(0, 1), slice(1, 3), slice(2, 99), slice(1, None), slice(3, 3)])
+def test_a_strip_of_leaves_is_that_part_of_all(rows: slice) -> None:
+    blocks = random_map(7, (250, 100))
+    for part, whole in zip(leaves(blocks, 1.2, 0.05, rows), leaves(blocks, 1.2, 0.05), strict=True):
+        first, last, _ = rows.indices(4)
+        assert np.array_equal(part, whole[8 * first : 8 * last])
+
+
+@pytest.mark.parametrize("margin", [0, 1, 64])
+def test_cells_add_up_their_own_pixels(margin: int) -> None:
+    rng = np.random.default_rng(margin)
+    valid = (rng.random((64 + 2 * margin, 128 + 2 * margin)) > 0.2).astype(np.uint8)
+    grey = rng.integers(0, 65536, valid.shape).astype(np.uint16) * valid
+    sums, counts = cell_sums(grey, valid, margin)
+    inner = np.s_[margin : 64 + margin, margin : 128 + margin]
+    assert np.array_equal(counts, valid[inner].reshape(8, 8, 16, 8).sum(axis=(1, 3)))
+    assert np.array_equal(sums, grey[inner].astype(np.int64).reshape(8, 8, 16, 8).sum(axis=(1, 3)))
+
+
+def test_a_white_cell_of_64_pixels_does_not_overflow() -> None:
+    sums, counts = cell_sums(np.full((8, 8), 65535, np.uint16), np.ones((8, 8), np.uint8))
+    assert (sums.item(), counts.item()) == (64 * 65535, 64)
+
+
+def known_only_where(blocks: BlockMap, wanted: NDArray[np.uint32], otherwise: float) -> BlockMap:
+    bits = wanted[..., None] >> np.arange(RATIOS, dtype=np.uint32) & 1
+    ratios = np.where(bits, blocks.ratios, otherwise)
+    return BlockMap(blocks.shape, blocks.sums, blocks.counts, ratios)
+
+
+def assert_texture_elsewhere_is_of_no_use(
+    blocks: BlockMap, interval: IntensityRange, X: float, tau: float
+) -> None:
+    wanted = undecided(blocks.sums, blocks.counts, interval.edges, tau)
+    full = cells_in_range(blocks, interval, X, tau)
+    for otherwise in (0.0, INF):
+        some = known_only_where(blocks, wanted, otherwise)
+        assert np.array_equal(cells_in_range(some, interval, X, tau), full)
+
+
+def cells_in_range(blocks: BlockMap, interval: IntensityRange, X: float, tau: float) -> NDArray[np.uint8]:
+    """Cells in range that have a pixel."""
+    return in_range(blocks, interval, X, tau) & (blocks.counts > 0)
+
+
+ends = st.tuples(
+    st.sampled_from([0.0, 0.1, 0.2, 0.4, 0.45777065, 0.6]), st.sampled_from([0.2, 0.3, 0.4, 0.5, 0.99, 1.0])
+).filter(lambda pair: pair[0] < pair[1])
+
+
+@settings(deadline=None, max_examples=200)
+@given(seeds, ends, thresholds, steps)
+def test_a_range_is_answered_by_the_texture_of_undecided_blocks_alone(
+    seed: int, pair: tuple[float, float], X: float, tau: float
+) -> None:
+    assert_texture_elsewhere_is_of_no_use(random_map(seed), IntensityRange(*pair), X, tau)
+
+
+@settings(deadline=None, max_examples=60)
+@given(seeds, st.sampled_from([0.1, 0.3, 0.001, 1.0]), thresholds, steps)
+def test_levels_and_states_are_answered_by_it_too(seed: int, width: float, X: float, tau: float) -> None:
+    blocks, levels, limits = random_map(seed), Levels(width), StateLimits()
+    there = blocks.counts > 0
+    for cut, answer in ((levels, levels_of), (limits, states_of)):
+        wanted = undecided(blocks.sums, blocks.counts, cut.edges, tau)
+        full = answer(blocks, cut, X, tau)[there]
+        for otherwise in (0.0, INF):
+            some = known_only_where(blocks, wanted, otherwise)
+            assert np.array_equal(answer(some, cut, X, tau)[there], full)
+
+
+def block_map_of(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> BlockMap:
+    """Sums, counts and R of an image whose sides are multiples of 64."""
+    blocks = BlockMap.empty(grey.shape)
+    blocks.sums[:], blocks.counts[:] = cell_sums(grey, valid)
+    around, known = np.pad(grey, 1), np.pad(valid, 1)
+    corners = np.ascontiguousarray(np.argwhere(np.ones(blocks.blocks))) * 64
+    found = block_ratios(around, known, contrast_cuts(contrast_histogram(around, known)), corners)
+    blocks.ratios[:] = found.reshape(blocks.ratios.shape)
+    return blocks
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_of_images_too_the_texture_of_undecided_blocks_is_enough(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    coarse = rng.random((192 // 24, 256 // 32)).repeat(24, 0).repeat(32, 1)
+    image = coarse * rng.choice([0.2, 1]) + rng.normal(0, rng.choice([0.001, 0.05]), coarse.shape)
+    valid = (rng.random(coarse.shape) > rng.choice([0, 0.5])).astype(np.uint8)
+    grey = (np.clip(image, 0, 1) * 65535).astype(np.uint16) * valid
+    blocks = block_map_of(grey, valid)
+    for low, high in ((0.0, 0.3), (0.4, 0.6), (0.25, 1.0)):
+        for X in (1.05, 1.2, 2.0):
+            for tau in (0.05, 0.2, INF):
+                assert_texture_elsewhere_is_of_no_use(blocks, IntensityRange(low, high), X, tau)
+
+
+def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
+    blocks = BlockMap.empty((64, 3 * 64))
+    blocks.counts[:] = 64
+    blocks.sums[:] = 64 * 65535 // 2
+    blocks.sums[0, 8] = 0  # one cell of the second block
+    blocks.counts[:, 16:] = 0
+    blocks.sums[:, 16:] = 0
+    # the block itself, its first quarter, and the first quarter of that
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [
+        [0, 0b100011, 0]
+    ]
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.6, 0.9).edges, INF).tolist() == [[0, 0, 0]]
+
+
+def test_a_block_that_intensity_divides_all_the_way_needs_no_texture() -> None:
+    blocks = BlockMap.empty((64, 64))
+    blocks.counts[:] = 64
+    blocks.sums[0, 0] = 64 * 65535
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.06).item() == 0
+    # the means of its quarters are 1/16, 0, 0 and 0
+    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.07).item() == 1

@@ -1,0 +1,67 @@
+"""Cuts that one would type leave no range empty and lie on no mean."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavseg.segmentation.range_candidates import beside_means, cuts_of
+
+GREYS = 65536
+
+
+@st.composite
+def histograms(draw: st.DrawFn) -> np.ndarray:
+    """Some greys, near each other or far apart."""
+    first = draw(st.integers(0, GREYS - 1))
+    reach = draw(st.sampled_from([3, 40, 300, 5000, GREYS]))
+    steps = draw(st.lists(st.integers(0, reach), min_size=1, max_size=40))
+    histogram = np.zeros(GREYS, np.int64)
+    greys = np.minimum(first % max(GREYS - reach, 1) + np.array(steps), GREYS - 1)
+    np.add.at(histogram, greys, draw(st.integers(1, 10**9)))
+    return histogram
+
+
+@settings(deadline=None, max_examples=200)
+@given(histograms(), st.sampled_from([None, 2, 3, 5, 8]))
+def test_every_range_holds_something(histogram: np.ndarray, wanted: int | None) -> None:
+    cuts = cuts_of(histogram, wanted)
+    bounds = (0.0, *cuts.edges, 1.0)
+    assert cuts.classes.count == len(cuts.edges) + 1 <= (wanted or 6)
+    assert list(bounds) == sorted(set(bounds))
+    v = np.flatnonzero(histogram) / (GREYS - 1)
+    assert len(set(np.searchsorted(cuts.edges, v).tolist())) == len(cuts.edges) + 1 if cuts.edges else True
+    assert all(round(edge, 6) == edge for edge in cuts.edges)
+
+
+def test_a_wide_gap_is_cut_by_a_number_of_two_digits() -> None:
+    histogram = np.zeros(GREYS, np.int64)
+    histogram[[16448, 51400]] = 9, 3
+    assert cuts_of(histogram).edges == (0.52,)
+    histogram[16448:51400] = 1
+    [edge] = cuts_of(histogram, 2).edges
+    assert round(edge, 3) == edge and edge == pytest.approx((16448 + 51400) / 2 / 65535, abs=0.01)
+
+
+def test_cuts_lie_within_half_a_bin_of_the_best_ones() -> None:
+    v = np.random.default_rng(3).normal([0.3, 0.62], 0.05, (40000, 2)).ravel()
+    histogram = np.bincount(np.round(np.clip(v, 0, 1) * 65535).astype(int), minlength=GREYS)
+    [edge] = cuts_of(histogram, 2).edges
+    assert edge == pytest.approx(0.46, abs=0.004) and len(repr(edge)) <= 5
+
+
+def test_one_mean_is_one_class() -> None:
+    histogram = np.zeros(GREYS, np.int64)
+    histogram[1234] = 50
+    assert cuts_of(histogram).edges == () and cuts_of(histogram, 4).edges == ()
+
+
+@given(st.integers(1, 999_999), st.integers(1, 4096), st.integers(-1, 1))
+def test_a_number_beside_an_edge_is_no_mean(millionths: int, pixels: int, off: int) -> None:
+    edge = millionths / 10**6
+    beside = beside_means(edge)
+    assert edge < beside < edge + 2e-5
+    total = round(Fraction(beside) * 65535 * pixels) + off
+    assert total / (65535.0 * pixels) != beside

@@ -1,0 +1,221 @@
+"""The main job: regions of a raster whose mean intensity lies in a range."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._memory import give_back
+from uavseg.errors import ParameterError
+from uavseg.execution.executors import Map, Progress, serial
+from uavseg.jobs.result import About, Drawing, Extraction, measured
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
+from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
+from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
+from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
+from uavseg.regions.tiles.range_tiles import outline_regions, summed
+from uavseg.segmentation.blocks.block_file import SavedBlocks
+from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine, stages
+from uavseg.segmentation.source import GreySource
+
+Small = Literal["drop", "merge"]
+
+
+@dataclass(frozen=True, slots=True)
+class ExtractParams:
+    """How regions are extracted, beyond how pixels are segmented.
+
+    Parameters
+    ----------
+    segment : SegmentParams
+    stretch : Stretch, StretchSpec or str
+        How intensity becomes v.
+    fill_holes : Area, optional
+        Holes of less are filled, and regions within them become part of what surrounds them; this comes
+        first.
+    min_area : Area, optional
+        Regions of less are dropped, after holes are filled; of levels see `small`.
+    simplify_m : float, optional
+        Outlines keep within about this many metres; shared borders stay shared.
+    tile : int, optional
+        Side of a tile in pixels, a multiple of 64; what comes out does not depend on it.
+    smooth_m : float, optional
+        Outlines are drawn without stairs, within this many metres of the pixel edges, before they are
+        simplified; shared borders stay shared.
+    small : {"drop", "merge"}
+        What becomes of segments of less than `min_area`: levels can also be merged, see `eliminate`.
+    """
+
+    segment: SegmentParams = field(default_factory=SegmentParams)
+    stretch: Stretch | StretchSpec | str = "auto"
+    fill_holes: Area | None = None
+    min_area: Area | None = None
+    simplify_m: float | None = None
+    tile: int | None = None
+    smooth_m: float | None = None
+    small: Small = "drop"
+
+    def __post_init__(self) -> None:
+        _ = self.drawing  # sees to its parameters
+        if self.small not in get_args(Small):
+            raise ParameterError(f"small segments are merged or dropped: merge or drop, not {self.small!r}")
+
+    @property
+    def drawing(self) -> Drawing:
+        """How outlines are drawn."""
+        return Drawing(self.smooth_m, self.simplify_m)
+
+
+def extract(
+    dataset: Dataset,
+    interval: IntensityRange,
+    params: ExtractParams = ExtractParams(),
+    map: Map = serial,
+    progress: Progress | None = None,
+) -> Extraction:
+    """Regions of a raster whose mean intensity lies in a range.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    interval : IntensityRange
+        Of v, after the stretch.
+    params : ExtractParams
+    map : Map
+        Who runs the work.
+    progress : callable, optional
+
+    Raises
+    ------
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    windows = windows_of(dataset, params.tile)
+    first, second, third = _three(progress)
+    source = GreySource(dataset, fit(dataset, params.stretch, map, windows, first))
+    how = params.segment
+    blocks = block_map_for(source, interval, how, windows, map, second)
+    inside = cells_to_refine(blocks, interval, how)
+    del blocks  # all that is left to do is done with its cells in range
+    give_back()
+    outlined = _outlined(source, inside, interval, params, windows, map, third)
+    return _extraction(source, outlined, interval, params, windows, map)
+
+
+def extract_from_blocks(
+    saved: SavedBlocks,
+    dataset: Dataset | None,
+    interval: IntensityRange,
+    params: ExtractParams = ExtractParams(),
+    map: Map = serial,
+    progress: Progress | None = None,
+) -> Extraction:
+    """Regions answered from a block map, refined where its raster is at hand.
+
+    Parameters
+    ----------
+    saved : SavedBlocks
+    dataset : Dataset or None
+        The raster that the block map was made from. Without it, and with ``refine="none"``, regions are made
+        of whole cells, and `std` is not known.
+
+    Raises
+    ------
+    RasterError
+        If the raster is not as it was.
+    """
+    if dataset is None or params.segment.refine == "none":
+        return _at_block_edges(saved, interval, params)
+    if dataset.geobox.shape != saved.geobox.shape:
+        raise ParameterError(
+            f"{dataset.source} has not the size of the raster that the block map was made from"
+        )
+    windows = windows_of(dataset, params.tile)
+    source = GreySource(dataset, saved.stretch)
+    how = params.segment
+    inside = cells_to_refine(saved.blocks, interval, how)
+    outlined = _outlined(source, inside, interval, params, windows, map, progress, saved.blocks)
+    return _extraction(source, outlined, interval, params, windows, map)
+
+
+def divide(
+    dataset: Dataset,
+    stretch: Stretch | StretchSpec | str = "auto",
+    tile: int | None = None,
+    map: Map = serial,
+    progress: Progress | None = None,
+) -> tuple[BlockMap, Stretch]:
+    """The whole block map of a raster, and the stretch that made its grey."""
+    windows = windows_of(dataset, tile)
+    first, second = (None, None) if progress is None else stages(progress, 2)
+    source = GreySource(dataset, fit(dataset, stretch, map, windows, first))
+    return block_map(source, windows, map, second), source.stretch
+
+
+def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
+    """The tiles of a dataset, in the order of reading: squares of this side, else what suits its files."""
+    shape = dataset.geobox.shape
+    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))
+
+
+def _outlined(
+    source: GreySource,
+    inside: NDArray[np.uint8],
+    interval: IntensityRange,
+    params: ExtractParams,
+    windows: Sequence[Window],
+    map: Map,
+    progress: Progress | None,
+    expected: BlockMap | None = None,
+) -> Outlined:
+    refine = params.segment.refine
+    found = outline_regions(source, inside, interval, refine, windows, map, progress, expected)
+    give_back()
+    return found
+
+
+def _extraction(
+    source: GreySource,
+    outlined: Outlined,
+    interval: IntensityRange,
+    params: ExtractParams,
+    windows: Sequence[Window],
+    map: Map,
+) -> Extraction:
+    if params.fill_holes is not None:
+        filled = without_small_holes(outlined, source.dataset.geobox, params.fill_holes)
+        if filled is not outlined:  # what was in the holes counts now
+            outlined = replace(filled, sums=summed(source, filled, windows, map))
+    return _measured(outlined, About.source(source), interval, params)
+
+
+def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: ExtractParams) -> Extraction:
+    """Regions of whole cells with valid pixels, from the block map alone."""
+    blocks, how = saved.blocks, params.segment
+    outlined = outline_cells(blocks, in_range(blocks, interval, how.threshold, how.step))
+    if params.fill_holes is not None:
+        outlined = summed_cells(blocks, without_small_holes(outlined, saved.geobox, params.fill_holes))
+    return _measured(outlined, About.saved(saved), interval, params)
+
+
+def _measured(
+    outlined: Outlined, about: About, interval: IntensityRange, params: ExtractParams
+) -> Extraction:
+    """Regions with their attributes, the small ones dropped."""
+    if params.small != "drop":
+        raise ParameterError("regions of a range have nothing around them to be merged into; drop small ones")
+    if params.min_area is not None:
+        outlined = without_small_regions(outlined, about.geobox, params.min_area)
+    return measured(outlined, about, interval.low, interval.high, params.drawing)
+
+
+def _three(progress: Progress | None) -> list[Progress] | list[None]:
+    return [None, None, None] if progress is None else stages(progress, 3)

@@ -1,0 +1,116 @@
+"""Levels: a raster divided into intervals of equal width, each segment with its level."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._memory import give_back
+from uavseg.errors import ParameterError
+from uavseg.execution.executors import Map, Progress, serial
+from uavseg.jobs.extract import ExtractParams, windows_of
+from uavseg.jobs.result import About, Extraction, measured
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity.stretch import fit
+from uavseg.raster.tiling import CELL
+from uavseg.regions.edit.eliminate import eliminate
+from uavseg.regions.edit.small import without_small_regions
+from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.tiles.block_map_regions import outline_cells
+from uavseg.regions.tiles.kind_tiles import outline_segments
+from uavseg.segmentation.blocks.block_file import SavedBlocks
+from uavseg.segmentation.blocks.leaves import levels_of
+from uavseg.segmentation.intervals import Levels
+from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.pipeline import block_map_for, stages
+from uavseg.segmentation.source import GreySource
+
+PARAMS = ExtractParams(SegmentParams(refine="none"), small="merge")
+"""How levels are found unless something else is said."""
+
+
+def extract_levels(
+    dataset: Dataset,
+    levels: Levels,
+    params: ExtractParams = PARAMS,
+    map: Map = serial,
+    progress: Progress | None = None,
+) -> Extraction:
+    """The segments of all levels: adjacent leaves whose means lie in the same interval.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    levels : Levels
+        Of v, after the stretch.
+    params : ExtractParams
+        Levels are not refined, and their holes are other segments: `segment.refine` is "none" and
+        `fill_holes` is not given. Segments of less than `min_area` become part of their neighbours, or are
+        dropped, as `small` says.
+    map : Map
+        Who runs the work.
+    progress : callable, optional
+
+    Returns
+    -------
+    Extraction
+        Its regions have the column `level`, from 0, and `range_low` and `range_high` of that level.
+
+    Raises
+    ------
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    _check(params)
+    windows = windows_of(dataset, params.tile)
+    first, second, third = [None] * 3 if progress is None else stages(progress, 3)
+    source = GreySource(dataset, fit(dataset, params.stretch, map, windows, first))
+    how = params.segment
+    blocks = block_map_for(source, levels, how, windows, map, second)
+    kinds = levels_of(blocks, levels, how.threshold, how.step)
+    del blocks
+    give_back()
+    outlined = outline_segments(source, kinds, windows, map, third)
+    give_back()
+    return _extraction(outlined, About.source(source), levels, kinds, CELL, params)
+
+
+def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams = PARAMS) -> Extraction:
+    """Levels answered from a block map alone: segments are whole cells, and `std` is not known.
+
+    Parameters
+    ----------
+    saved : SavedBlocks
+    levels, params
+        As of `extract_levels`.
+    """
+    _check(params)
+    how = params.segment
+    kinds = levels_of(saved.blocks, levels, how.threshold, how.step)
+    outlined = outline_cells(saved.blocks, kinds)
+    return _extraction(outlined, About.saved(saved), levels, kinds, 1, params)
+
+
+def _check(params: ExtractParams) -> None:
+    if params.segment.refine != "none":
+        raise ParameterError(f"levels end at block edges: refine is none, not {params.segment.refine}")
+    if params.fill_holes is not None:
+        raise ParameterError("holes in a level are segments of other levels; leave fill_holes out")
+
+
+def _extraction(
+    outlined: Outlined,
+    about: About,
+    levels: Levels,
+    kinds: NDArray[np.uint8] | NDArray[np.uint32],
+    side: int,
+    params: ExtractParams,
+) -> Extraction:
+    """Segments with their levels; the first place of each counts in units that make cells of `side`."""
+    if params.min_area is not None and params.small == "drop":
+        outlined = without_small_regions(outlined, about.geobox, params.min_area)
+    row, col = outlined.sums.firsts.T // side
+    level = kinds[row, col].astype(np.int64) - 1
+    if params.min_area is not None and params.small == "merge":
+        outlined, level = eliminate(outlined, level, about.geobox, params.min_area)
+    bounds = np.array(levels.bounds)
+    columns = {"level": level}
+    return measured(outlined, about, bounds[level], bounds[level + 1], params.drawing, columns)

@@ -1,0 +1,206 @@
+"""Texture as a question: regions of a raster whose texture and intensity are like those of a sample.
+
+stretch -> measured: cuts of contrast       (one pass over all tiles)
+        -> looked at: the sample's histograms, and how unlike each other its own windows are
+        -> scored: G of a moving window     (one pass over all tiles)
+        -> confirmed: windows that the raster as a whole explains better than the sample are refused
+                                            (one pass over the tiles with matches)
+        -> matched: cells with a window that is like the sample; those near a boundary are open
+        -> outlined: open cells decided pixel by pixel (one pass over the tiles with matches)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._memory import give_back
+from uavseg.errors import ParameterError
+from uavseg.execution.executors import Map, Progress, serial
+from uavseg.jobs.extract import windows_of
+from uavseg.jobs.result import About, Drawing, Extraction, measured
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
+from uavseg.raster.tiling import CELL, Window
+from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
+from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.sample.model import Sample, evidence_of, sample_of
+from uavseg.regions.sample.place import Disc, place_of
+from uavseg.regions.sample.reject import confirmed
+from uavseg.regions.sample.scores import Criterion, Scored, mean_scores, outline_matches, scored
+from uavseg.regions.tiles.kind_tiles import outline_segments
+from uavseg.regions.tiles.range_tiles import summed
+from uavseg.segmentation.pipeline import measure, stages
+from uavseg.segmentation.sample.g_scores import EVEN, UNITS
+from uavseg.segmentation.sample.pixel_decision import Weights, open_cells
+from uavseg.segmentation.source import GreySource
+
+WINDOWS = (16, 24, 32, 48, 64, 96, 128)
+
+
+@dataclass(frozen=True, slots=True)
+class MatchParams:
+    """How regions like a sample are found.
+
+    Parameters
+    ----------
+    window : int
+        Side in pixels of the window whose texture is compared.
+    similarity : float
+        How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`, and by how much
+        the raster as a whole may explain it better, see `evidence.Evidence.least`. A smaller one finds more.
+    intensity : float
+        By how many of the sample's standard deviations the mean of a window may differ from the sample's;
+        infinite for texture alone.
+    refine : {"pixel", "none"}
+        Whether pixels near boundaries are decided one by one, or regions end at cells of 8 pixels.
+    stretch, fill_holes, min_area, simplify_m, tile
+        As of `ExtractParams`.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is not what it may be.
+    """
+
+    window: int = 32
+    similarity: float = 0.9
+    intensity: float = 1.0
+    refine: str = "pixel"
+    stretch: Stretch | StretchSpec | str = "auto"
+    fill_holes: Area | None = None
+    min_area: Area | None = None
+    simplify_m: float | None = None
+    tile: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.window not in WINDOWS:
+            known = ", ".join(map(str, WINDOWS))
+            raise ParameterError(f"the side of a window is one of {known} pixels, not {self.window}")
+        if not 0 < self.similarity <= 1:
+            raise ParameterError(f"a similarity is above 0 and at most 1, not {self.similarity:g}")
+        if not self.intensity >= 0:
+            raise ParameterError(
+                f"an intensity is a number of deviations that is not negative, not {self.intensity:g}"
+            )
+        if self.refine not in ("pixel", "none"):
+            raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
+        if self.simplify_m is not None and not 0 <= self.simplify_m < float("inf"):
+            raise ParameterError(
+                f"outlines are simplified by metres that are not negative, not {self.simplify_m:g}"
+            )
+
+    @property
+    def side(self) -> int:
+        """Of a window, in cells."""
+        return self.window // CELL
+
+
+@dataclass(frozen=True)
+class Match:
+    """Regions like a sample, and what "like" meant.
+
+    Parameters
+    ----------
+    found : Extraction
+        Its regions have the column `similarity`, 1 where they are as like the sample as it is itself.
+    sample : Sample
+    limit : float
+        The largest G per pixel, beyond chance, of a window that is like the sample.
+    """
+
+    found: Extraction
+    sample: Sample
+    limit: float
+
+    @property
+    def own(self) -> float:
+        """G per pixel beyond chance that nineteen of twenty of the sample's own windows do not exceed."""
+        return (self.sample.own - EVEN) / UNITS
+
+
+def match(
+    dataset: Dataset,
+    like: Disc | str,
+    params: MatchParams = MatchParams(),
+    map: Map = serial,
+    progress: Progress | None = None,
+) -> Match:
+    """Regions of a raster whose texture and intensity are like those of a sample.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    like : Disc or str
+        The sample: a disc on the map, or a file of polygons.
+    params : MatchParams
+    map : Map
+        Who runs the work.
+    progress : callable, optional
+
+    Raises
+    ------
+    SampleError
+        If the sample is not on the raster, too small, or on nodata.
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    place = place_of(like, dataset.geobox)
+    windows = windows_of(dataset, params.tile)
+    parts = [None] * 5 if progress is None else stages(progress, 5)
+    source = GreySource(dataset, fit(dataset, params.stretch, map, windows, parts[0]))
+    known = measure(source, windows, map, parts[1])
+    sample = sample_of(source, known.cuts, place, params.side, map)
+    criterion = Criterion.of(sample, known.cuts, params.side, params.similarity, params.intensity)
+    scores = scored(source, criterion, windows, map, parts[2])
+    evidence = evidence_of(source, known.cuts, place, scores.whole, params.side, map)
+    least = evidence.least(params.similarity)
+    scores = confirmed(source, criterion, scores, evidence.weights, least, windows, map, parts[3])
+    valid = known.blocks.counts > 0
+    del known
+    give_back()
+    outlined = _outlined(source, scores, valid, criterion, params, windows, map, parts[4])
+    give_back()
+    found = _extraction(source, outlined, scores, sample, params, windows, map)
+    return Match(found, sample, (criterion.limit - EVEN) / UNITS)
+
+
+def _outlined(
+    source: GreySource,
+    scores: Scored,
+    valid: NDArray[np.bool_],
+    criterion: Criterion,
+    params: MatchParams,
+    windows: Sequence[Window],
+    map: Map,
+    progress: Progress | None,
+) -> Outlined:
+    matched = scores.best <= criterion.limit
+    if params.refine == "none":
+        return outline_segments(source, matched.view(np.uint8), windows, map, progress)
+    cells = open_cells(matched, valid & ~matched, params.side // 2)
+    weights = Weights.between(criterion.model, scores.rest, np.isfinite(params.intensity))
+    return outline_matches(source, cells, criterion.cuts, weights, windows, map, progress)
+
+
+def _extraction(
+    source: GreySource,
+    outlined: Outlined,
+    scores: Scored,
+    sample: Sample,
+    params: MatchParams,
+    windows: Sequence[Window],
+    map: Map,
+) -> Extraction:
+    """Regions with their attributes; holes are filled before small ones are dropped."""
+    geobox, bounds = source.dataset.geobox, sample.bounds(params.intensity)
+    if params.fill_holes is not None:
+        filled = without_small_holes(outlined, geobox, params.fill_holes)
+        if filled is not outlined:
+            outlined = replace(filled, sums=summed(source, filled, windows, map))
+    if params.min_area is not None:
+        outlined = without_small_regions(outlined, geobox, params.min_area)
+    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, windows, map))}
+    low, high = bounds.low / 65535, bounds.high / 65535
+    return measured(outlined, About.source(source), low, high, Drawing(simplify_m=params.simplify_m), more)

@@ -1,0 +1,237 @@
+"""Summary: what a raster is, what intensity it holds, and what to try with it."""
+
+import math
+import shlex
+from dataclasses import asdict, dataclass
+from functools import partial, reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.execution.executors import Map, Progress, serial
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.ground import ground_resolution
+from uavseg.raster.intensity.otsu import multi_otsu
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
+from uavseg.raster.mosaic import Source
+from uavseg.raster.overview import Coarse
+from uavseg.raster.tiling import Window, tile_side, tiles
+
+EXACT_PIXELS = 100_000_000  # larger rasters are counted from afar
+COARSE_SIDE = 4096
+BINS = 20
+GREYS = 1 << 16
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a person wants to know of a raster before asking it for regions.
+
+    Parameters
+    ----------
+    paths : tuple of str
+    driver : str
+    rows, cols : int
+    crs : str or None
+        Name of the CRS.
+    epsg : int or None
+    located : bool
+        Whether the raster has a place on the map at all.
+    resolution : (float, float)
+        Ground metres of a pixel along a row and along a column (units of the map without a CRS).
+    bounds : (float, float, float, float)
+        left, bottom, right, top in map coordinates.
+    center : (float, float) or None
+        lon, lat in degrees.
+    bands : tuple of (dtype, colour interpretation, nodata)
+    used : str
+        The bands that become intensity.
+    exact : bool
+        Whether every pixel was counted; otherwise what follows comes from `counted` pixels.
+    counted, valid : int
+        Pixels looked at, and how many of them are valid.
+    stretch : str
+        The stretch and what it found.
+    histogram : tuple of BINS ints
+        Valid pixels by v, in equal steps from 0 to 1.
+    mean, std : float
+        Of v; NaN where no pixel is valid.
+    cut : float
+        The v that splits the histogram best into dark and bright (Otsu's).
+    overviews : tuple of int
+    warnings : tuple of str
+    """
+
+    paths: tuple[str, ...]
+    driver: str
+    rows: int
+    cols: int
+    crs: str | None
+    epsg: int | None
+    located: bool
+    resolution: tuple[float, float]
+    bounds: tuple[float, float, float, float]
+    center: tuple[float, float] | None
+    bands: tuple[tuple[str, str, float | None], ...]
+    used: str
+    exact: bool
+    counted: int
+    valid: int
+    stretch: str
+    histogram: tuple[int, ...]
+    mean: float
+    std: float
+    cut: float
+    overviews: tuple[int, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def nodata_share(self) -> float:
+        """Share of the pixels looked at that are invalid."""
+        return 1 - self.valid / self.counted
+
+    @property
+    def command(self) -> str:
+        """A command to try next: the rarer of dark and bright.
+
+        Otsu's threshold of the pixels in steps of 0.05, found without dividing the raster. `suggest` cuts the
+        means of leaves instead, which noise hardly moves, into as many ranges as they have.
+        """
+        edge = round(self.cut * BINS)
+        bright = 0 < 2 * sum(self.histogram[edge:]) <= self.valid
+        interval = f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
+        return f"uavseg extract {shlex.join(self.paths[:3])} --range {interval}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as plain values, for JSON; None in the place of NaN."""
+        found = asdict(self)
+        found["bands"] = [
+            dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
+        ]
+        more = {"nodata_share": self.nodata_share, "command": self.command}
+        return {key: _plain(value) for key, value in (found | more).items()}
+
+
+def summarize(
+    dataset: Dataset,
+    stretch: StretchSpec | str = "auto",
+    map: Map = serial,
+    progress: Progress | None = None,
+) -> Summary:
+    """Look a dataset over.
+
+    Every pixel of a raster of up to 100 megapixels is counted, tile by tile; a larger one is looked at in
+    at most 4096 rows and columns.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    stretch : StretchSpec or str
+    map : Map
+        Who runs the work.
+    progress : callable, optional
+    """
+    box, first = dataset.geobox, dataset.mosaic.files[0]
+    exact = math.prod(box.shape) <= EXACT_PIXELS
+    seen = dataset if exact else Coarse.of(dataset, COARSE_SIDE)
+    fitted, greys = _count(seen, stretch, map, progress)
+    mean, std = _moments(greys)
+    return Summary(
+        paths=dataset.paths,
+        driver=first.driver,
+        rows=box.shape[0],
+        cols=box.shape[1],
+        crs=_crs_name(box),
+        epsg=None if box.crs is None else box.crs.to_epsg(),
+        located=first.located,
+        resolution=ground_resolution(box),
+        bounds=_bounds(box),
+        center=_center(box),
+        bands=_bands(first),
+        used=dataset.band_names,
+        exact=exact,
+        counted=math.prod(seen.geobox.shape),
+        valid=int(greys.sum()),
+        stretch=fitted.name,
+        histogram=tuple(_binned(greys).tolist()),
+        mean=mean,
+        std=std,
+        cut=_cut(greys),
+        overviews=first.overviews,
+        warnings=(*dataset.warnings, *fitted.warnings),
+    )
+
+
+def _count(
+    dataset: Dataset,
+    stretch: StretchSpec | str,
+    map: Map,
+    progress: Progress | None,
+) -> tuple[Stretch, NDArray[np.int64]]:
+    """The stretch, and how often each grey occurs under it."""
+    shape = dataset.geobox.shape
+    windows = tiles(shape, tile_side(shape, dataset.file_block))
+    fitted = fit(dataset, stretch, map, windows)
+    counts = map(partial(_greys_of_tile, dataset, fitted), windows, progress)
+    return fitted, reduce(np.add, counts, np.zeros(GREYS, np.int64))
+
+
+def _greys_of_tile(dataset: Dataset, stretch: Stretch, window: Window) -> NDArray[np.int64]:
+    values, valid = dataset.read(window)
+    grey = stretch.apply(values, valid)
+    return np.bincount((grey if valid is None else grey[valid]).reshape(-1), minlength=GREYS)
+
+
+def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Counts of greys in equal steps of v; v = 1 belongs to the last."""
+    bins = np.minimum(np.arange(GREYS) * BINS // (GREYS - 1), BINS - 1)
+    return np.bincount(bins, weights=greys, minlength=BINS).astype(np.int64)
+
+
+def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
+    """Mean and standard deviation of v."""
+    if not greys.any():
+        return math.nan, math.nan
+    v = np.arange(GREYS) / (GREYS - 1)
+    mean = float(np.average(v, weights=greys))
+    return mean, float(np.sqrt(np.average((v - mean) ** 2, weights=greys)))
+
+
+def _cut(greys: NDArray[np.int64]) -> float:
+    """Otsu's threshold between the steps of v; the middle one where some of them are empty."""
+    classes = multi_otsu(_binned(greys), 2)
+    if len(classes) < 2:
+        return 0.5
+    [below], [above] = classes[1].ends, classes[1].starts
+    return round((below + above + 1) // 2 / BINS, 2)
+
+
+def _crs_name(box: GeoBox) -> str | None:
+    if box.wkt is None:
+        return None
+    import pyproj
+
+    return str(pyproj.CRS.from_wkt(box.wkt).name)
+
+
+def _bounds(box: GeoBox) -> tuple[float, float, float, float]:
+    rows, cols = box.shape
+    x, y = box.xy_from_pixel(np.array([0, 0, rows, rows]), np.array([0, cols, 0, cols]))
+    return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+
+
+def _center(box: GeoBox) -> tuple[float, float] | None:
+    if box.crs is None:
+        return None
+    lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(box.shape[0] / 2, box.shape[1] / 2))
+    return (float(lon), float(lat)) if np.isfinite(lon) and np.isfinite(lat) else None
+
+
+def _bands(file: Source) -> tuple[tuple[str, str, float | None], ...]:
+    return tuple(zip(file.layout.dtypes, file.layout.roles, file.nodatas, strict=True))
+
+
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and math.isnan(value) else value

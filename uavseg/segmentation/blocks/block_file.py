@@ -1,0 +1,151 @@
+"""Block maps as GeoTIFF: what QGIS shows of them, and all that is needed to load them back."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import RasterError, RasterReadError
+from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff
+from uavseg.raster.geobox import GeoBox, scaled
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.opening import GDAL_ERRORS, gdal, is_remote, quiet_open
+from uavseg.raster.tiling import CELL
+from uavseg.segmentation.blocks.block_map import CELLS, BlockMap, leaves
+
+_TAG = "UAVSEG_BLOCK_MAP"
+_LOOKED_AT = ("mean v", "side of the leaf in pixels")
+_RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k}" for k in range(16)))
+_SUMS, _COUNTS, _RATIOS = 2, 3, 4  # pages of the file
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a block map was made from.
+
+    Parameters
+    ----------
+    rasters : tuple of str
+        Paths as they were given.
+    folder : str
+        The folder that relative paths start from.
+    band, rgb, nodata
+        What the user chose, or None.
+    """
+
+    rasters: tuple[str, ...]
+    folder: str
+    band: int | None = None
+    rgb: tuple[int, int, int] | None = None
+    nodata: float | None = None
+
+    def found(self, beside: str | os.PathLike[str]) -> list[str] | None:
+        """Paths of the rasters where all are still there: as they were, or beside the block map's file."""
+        for folder in (Path(self.folder), Path(beside).resolve().parent):
+            paths = [raster if is_remote(raster) else str(folder / raster) for raster in self.rasters]
+            if all(is_remote(path) or Path(path).exists() for path in paths):
+                return paths
+        return None
+
+
+@dataclass(frozen=True)
+class SavedBlocks:
+    """A block map with its place on the map, the stretch that made its grey, and its origin."""
+
+    blocks: BlockMap
+    geobox: GeoBox
+    stretch: Stretch
+    band_names: str
+    origin: Origin
+
+
+def is_block_map(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a block map rather than a raster of its own."""
+    try:
+        with gdal(), quiet_open(path) as file:
+            return _TAG in file.tags()
+    except GDAL_ERRORS:
+        return False  # whatever is wrong with it is told when it is opened as a raster
+
+
+def save(
+    path: str | os.PathLike[str], saved: SavedBlocks, threshold: float, step: float, overwrite: bool = False
+) -> None:
+    """Write a block map; a pixel of the file is a cell of 8 x 8 pixels.
+
+    What one sees is the mean v and the side of each leaf, for the given X and tau. Further pages of the file
+    hold the block map itself: sums and counts of the cells, and R of all blocks, a pixel for each of 64.
+    """
+    blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
+    side, mean = leaves(blocks, threshold, step)
+    seen = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
+    write_geotiff(
+        path,
+        [_within(band, cells) for band in seen],
+        cells,
+        _LOOKED_AT,
+        _tags(saved),
+        overwrite,
+        nodata=float("nan"),
+        pages=[
+            Page([_within(blocks.sums, cells)], cells, ["sum of grey"]),
+            Page([_within(blocks.counts, cells)], cells, ["valid pixels"]),
+            Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
+        ],
+    )
+
+
+def _within(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
+    """The part of a band of cells that the raster reaches."""
+    return band[: cells.shape[0], : cells.shape[1]]
+
+
+def load(path: str | os.PathLike[str]) -> SavedBlocks:
+    """Read a block map back.
+
+    Raises
+    ------
+    RasterReadError, RasterError
+        If the file cannot be read or is no block map.
+    """
+    _, cells, _, tags = read_geotiff(path)
+    try:
+        facts = json.loads(tags[_TAG])
+        shape = (int(facts["rows"]), int(facts["cols"]))
+        blocks = BlockMap.empty(shape)
+        rows, cols = cells.shape
+        blocks.sums[:rows, :cols] = read_geotiff(path, _SUMS)[0][0]
+        blocks.counts[:rows, :cols] = read_geotiff(path, _COUNTS)[0][0]
+        blocks.ratios[:] = read_geotiff(path, _RATIOS)[0].transpose(1, 2, 0)
+        geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
+        rgb = facts["rgb"] and tuple(facts["rgb"])
+        nodata = None if facts["nodata"] is None else float(facts["nodata"])
+        origin = Origin(tuple(facts["rasters"]), facts["folder"], facts["band"], rgb, nodata)
+        stretch = Stretch(facts["low"], facts["high"], facts["stretch"])
+        return SavedBlocks(blocks, geobox, stretch, facts["bands"], origin)
+    except (KeyError, ValueError, TypeError, IndexError, RasterReadError) as error:
+        raise RasterError(
+            f"{path} is not a block map that this version reads; make it again with uavseg divide"
+        ) from error
+
+
+def _tags(saved: SavedBlocks) -> dict[str, str]:
+    origin = saved.origin
+    facts = {
+        "rows": saved.geobox.shape[0],
+        "cols": saved.geobox.shape[1],
+        "low": saved.stretch.low,
+        "high": saved.stretch.high,
+        "stretch": saved.stretch.name,
+        "bands": saved.band_names,
+        "rasters": list(origin.rasters),
+        "folder": origin.folder,
+        "band": origin.band,
+        "rgb": origin.rgb,
+        "nodata": None if origin.nodata is None else repr(origin.nodata),
+    }
+    return {_TAG: json.dumps(facts)}

@@ -1,0 +1,170 @@
+"""Which leaves, and which pixels, belong together: by a range of intensity, by state, by level."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import kernel
+from uavseg.segmentation.blocks.block_map import BlockMap, strips_of_means
+from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
+
+
+def states_of(
+    blocks: BlockMap, limits: StateLimits, threshold: float, intensity_step: float
+) -> NDArray[np.uint8]:
+    """The state of each cell: that of the mean of the leaf which it lies in.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    limits : StateLimits
+    threshold, intensity_step : float
+        X and tau of the division, see `blockmap.leaves`; an infinite tau is the paper's method.
+
+    Returns
+    -------
+    states : (8 B, 8 C) uint8 array
+        1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
+    """
+    return intervals_of(blocks, limits.edges, threshold, intensity_step)
+
+
+def levels_of(
+    blocks: BlockMap, levels: Levels, threshold: float, intensity_step: float
+) -> NDArray[np.uint8] | NDArray[np.uint32]:
+    """The level of each cell, counted from 1: that of the mean of the leaf which it lies in.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    levels : Levels
+    threshold, intensity_step : float
+        As of `states_of`.
+
+    Returns
+    -------
+    levels : (8 B, 8 C) array
+        0 where the leaf has no valid pixel; uint8 where 255 levels are enough, else uint32.
+    """
+    dtype = np.uint8 if levels.count < 256 else np.uint32
+    return intervals_of(blocks, levels.edges, threshold, intensity_step, dtype)
+
+
+def intervals_of(
+    blocks: BlockMap,
+    edges: Sequence[float],
+    threshold: float,
+    intensity_step: float,
+    dtype: Any = np.uint8,
+) -> NDArray[Any]:
+    """The interval of each cell, counted from 1: that of the mean of the leaf which it lies in.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    edges : sequence of float
+        Between the intervals, increasing; a mean on an edge lies in the interval below it.
+    threshold, intensity_step : float
+        As of `states_of`.
+    dtype
+        An unsigned integer that holds the number of intervals.
+
+    Returns
+    -------
+    intervals : (8 B, 8 C) array
+        0 where the leaf has no valid pixel.
+    """
+    bounds = np.array([-0.5, *edges])  # a leaf without valid pixels has the mean -1
+    found = np.empty(blocks.counts.shape, dtype)
+    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
+        found[rows] = np.searchsorted(bounds, mean)
+    return found
+
+
+def in_range(
+    blocks: BlockMap, interval: IntensityRange, threshold: float, intensity_step: float
+) -> NDArray[np.uint8]:
+    """Cells of the leaves whose mean lies in a range.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    interval : IntensityRange
+    threshold, intensity_step : float
+        X and tau of the division, see `blockmap.leaves`.
+
+    Returns
+    -------
+    inside : (8 B, 8 C) uint8 array, 1 in range
+    """
+    inside = np.zeros(blocks.counts.shape, np.uint8)
+    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
+        inside[rows] = (mean >= interval.low) & (mean <= interval.high)
+    return inside
+
+
+def pixels_of(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+    """What cells hold, at their valid pixels.
+
+    Parameters
+    ----------
+    cells : (m, n) uint8 or uint32 array
+        Such as 1 where a cell is in range.
+    valid : (8 m, 8 n) uint8 array
+
+    Returns
+    -------
+    pixels : (8 m, 8 n) array of the type of the cells
+        0 where a pixel is not valid.
+    """
+    pixels = np.empty(valid.shape, cells.dtype)
+    spread = _spread_u1 if cells.dtype == np.uint8 else _spread_u4
+    spread(cells, valid, pixels)
+    return pixels
+
+
+def matching(grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int) -> NDArray[np.uint8]:
+    """The valid pixels whose own grey lies in low..high, both ends in it.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+    valid : (M, N) uint8 array
+    low, high : int
+        See `IntensityRange.greys`; low is larger than high where no grey lies in the range.
+
+    Returns
+    -------
+    matching : (M, N) uint8 array
+    """
+    fits = np.empty_like(valid)
+    _match(grey.reshape(-1), valid.reshape(-1), low, high, fits.reshape(-1))
+    return fits
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
+def _spread_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
+    for r in range(pixels.shape[0]):
+        for cell in range(cells.shape[1]):
+            own = cells[r // 8, cell]
+            for c in range(8 * cell, 8 * cell + 8):
+                pixels[r, c] = own & (np.uint8(0) - valid[r, c])  # faster than a product of bytes
+
+
+@kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")
+def _spread_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
+    for r in range(pixels.shape[0]):
+        for cell in range(cells.shape[1]):
+            own = cells[r // 8, cell]
+            for c in range(8 * cell, 8 * cell + 8):
+                pixels[r, c] = own * valid[r, c]
+
+
+@kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")
+def _match(grey, valid, low, high, fits):  # type: ignore[no-untyped-def]
+    least = np.uint16(max(low, 0))
+    most = np.uint16(max(high, 0))
+    for i in range(grey.size):
+        fits[i] = np.uint8(grey[i] >= least) & np.uint8(grey[i] <= most) & valid[i]
