@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.occupancy.test_evidence import random_scan
+from tests.occupancy.mapping.test_apply_pending import random_scan
 
 from uavseg.errors import ParameterError, SceneError
 from uavseg.occupancy.mapping.grid import OccupancyGrid, upright
