@@ -219,7 +219,7 @@ def test_commands_import_only_click_before_they_are_called() -> None:
 def test_the_imports_are_seen() -> None:
     seen = {(found.importer, found.imported) for found in imports()}
     assert ("uavseg.cli.info", "uavseg.raster.dataset") in seen  # in a function
-    assert ("uavseg.segmentation.pipeline", "uavseg.execution.executors") in seen
+    assert ("uavseg.raster.tile_pass", "uavseg.execution.executors") in seen
     assert (
         "uavseg.raster.intensity.stretch",
         "uavseg.raster.intensity.histogram",
