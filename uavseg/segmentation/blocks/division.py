@@ -17,7 +17,7 @@ from uavseg.segmentation.blocks.lbp import (
     contrast,
     contrast_bin,
     counted,
-    given,
+    or_empty,
     lbp_code,
 )
 from uavseg.units import BLOCK
@@ -54,7 +54,7 @@ def block_ratios(
     ratios = np.empty((len(corners), RATIOS))
     scratch = np.zeros((6, SYMBOLS), np.uint64)
     texture = np.empty(BLOCK * BLOCK, np.uint16)
-    _ratios(grey, given(valid), valid is None, cuts, corners, _N_LN_N, scratch, texture, ratios)
+    _ratios(grey, or_empty(valid), valid is None, cuts, corners, _N_LN_N, scratch, texture, ratios)
     return ratios
 
 
@@ -87,7 +87,18 @@ def wanted_ratios(
     texture = np.empty(BLOCK * BLOCK, np.uint16)
     every = valid is None
     _wanted_ratios(
-        grey, given(valid), every, cuts, corners, wanted, threshold, _N_LN_N, table, listed, texture, ratios
+        grey,
+        or_empty(valid),
+        every,
+        cuts,
+        corners,
+        wanted,
+        threshold,
+        _N_LN_N,
+        table,
+        listed,
+        texture,
+        ratios,
     )
     return ratios
 

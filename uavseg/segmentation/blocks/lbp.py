@@ -41,7 +41,7 @@ def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None
     counts = np.zeros(GREY_LEVELS, np.uint32)
     if rows > 0 and cols > 0:
         line = np.empty(cols, np.int32)
-        _count_contrasts(grey, given(valid), valid is None, line, counts)
+        _count_contrasts(grey, or_empty(valid), valid is None, line, counts)
     return counts.astype(np.int64)
 
 
@@ -83,11 +83,11 @@ def symbols(
     """
     rows, cols = grey.shape[0] - 2, grey.shape[1] - 2
     found = np.empty((rows, cols), np.uint16)
-    _symbols(grey, given(valid), valid is None, cuts, found)
+    _symbols(grey, or_empty(valid), valid is None, cuts, found)
     return found
 
 
-def given(valid: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+def or_empty(valid: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
     """The array, or an empty one in its place: kernels want a value of one type."""
     return np.empty((0, 0), np.uint8) if valid is None else valid
 
