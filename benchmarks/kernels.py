@@ -70,7 +70,7 @@ def _cases() -> Iterator[_Case]:
     from uavseg.regions.outline.trace import trace
     from uavseg.segmentation.blocks.block_map import cell_sums
     from uavseg.segmentation.blocks.division import block_ratios
-    from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram, symbols
+    from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, symbols
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.labels.component_sums import component_sums
     from uavseg.segmentation.labels.components import components
@@ -87,7 +87,7 @@ def _cases() -> Iterator[_Case]:
     sums, counts = cell_sums(grey, valid, 1)
     yield _Case("`blockmap.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
 
-    cuts = contrast_cuts(contrast_histogram(grey))
+    cuts = contrast_bin_edges(contrast_histogram(grey))
     yield _Case("`texture.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
     yield _Case("`texture.symbols`", lambda: symbols(grey, None, cuts), (grey, inner))
 

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.blocks.division import block_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
 from uavseg.segmentation.blocks.mixed_cells import unsettled
 from uavseg.segmentation.intervals import IntensityRange
@@ -36,7 +36,7 @@ def divided(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) ->
     image, known = padded(grey, valid)
     sums, counts = cell_sums(image, known, margin=1)
     blocks = BlockMap(grey.shape, sums, counts, BlockMap.empty(grey.shape).ratios)
-    cuts = contrast_cuts(contrast_histogram(image, known))
+    cuts = contrast_bin_edges(contrast_histogram(image, known))
     rows, cols = np.indices(blocks.blocks).reshape(2, -1) * BLOCK
     ratios = block_ratios(image, known, cuts, np.stack([rows, cols], axis=1))
     blocks.ratios[:] = ratios.reshape(blocks.ratios.shape)

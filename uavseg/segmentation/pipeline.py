@@ -17,7 +17,7 @@ from uavseg.raster.tiling import Window, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_cache import SIDE, Patches
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
 from uavseg.segmentation.blocks.division import EVERY, block_ratios, wanted_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
 from uavseg.segmentation.blocks.mixed_cells import unsettled
 from uavseg.segmentation.intervals import Cut, IntensityRange
@@ -130,7 +130,7 @@ def measure(
         cells = window_cells(window)
         blocks.sums[cells], blocks.counts[cells] = sums, counts
         histogram += contrasts
-    return Measured(blocks, contrast_cuts(histogram))
+    return Measured(blocks, contrast_bin_edges(histogram))
 
 
 def divide(

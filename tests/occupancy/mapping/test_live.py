@@ -23,7 +23,7 @@ from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
 from uavseg.segmentation.blocks.division import block_ratios, wanted_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
 from uavseg.segmentation.intervals import Cut, IntensityRange, Levels, StateLimits
 from uavseg.segmentation.params import SegmentParams
@@ -135,7 +135,7 @@ def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
             assert (told.blocks >= seen).all() and (waiting or (told.blocks == seen).all())
             assert waiting or step != "away" or (told.window == Window(0, 0, 0, 0) and not told.blocks.any())
         if step == "refit":
-            assert (live.cuts == contrast_cuts(contrast_histogram(*framed(grid)))).all()
+            assert (live.cuts == contrast_bin_edges(contrast_histogram(*framed(grid)))).all()
         else:
             assert (live.cuts == cuts).all()
         waiting = step == "merge"  # for the next step, or the end

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, leaves, undecided
 from uavseg.segmentation.blocks.division import RATIOS, block_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
 
@@ -206,7 +206,7 @@ def block_map_of(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> BlockMap
     blocks.sums[:], blocks.counts[:] = cell_sums(grey, valid)
     around, known = np.pad(grey, 1), np.pad(valid, 1)
     corners = np.ascontiguousarray(np.argwhere(np.ones(blocks.blocks))) * 64
-    found = block_ratios(around, known, contrast_cuts(contrast_histogram(around, known)), corners)
+    found = block_ratios(around, known, contrast_bin_edges(contrast_histogram(around, known)), corners)
     blocks.ratios[:] = found.reshape(blocks.ratios.shape)
     return blocks
 

@@ -15,7 +15,7 @@ from uavseg.occupancy.mapping.grey_map import Ground, Mask
 from uavseg.occupancy.mapping.live_blocks import Places, decide, undecided_at
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.division import block_ratios, wanted_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.intervals import Cut, IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import Question
@@ -145,7 +145,7 @@ class LiveSegmentation:
 
     def refit(self) -> None:
         """Fit the cuts of contrast to the whole map as it is now, and divide every block again."""
-        self.cuts = contrast_cuts(contrast_histogram(self._ground.grey, self._ground.valid))
+        self.cuts = contrast_bin_edges(contrast_histogram(self._ground.grey, self._ground.valid))
         self._ground.hand_out()
         self._watch.taken()
         self._settle(*np.ones((2, *self._stale.shape), bool))

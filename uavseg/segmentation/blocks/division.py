@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.g_statistic import _N_LN_N, SMALLEST_G
 from uavseg.segmentation.blocks.lbp import (
-    BINS,
+    CONTRAST_BINS,
     SYMBOLS,
     UNCOUNTED,
     contrast,
@@ -257,7 +257,7 @@ def fill_texture(grey, valid, every, cuts, top, left, texture):  # type: ignore[
         row = top + r
         for c in range(BLOCK):
             level = contrast_bin(contrast(grey, row, left + c), cuts)
-            texture[r * BLOCK + c] = lbp_code(grey, row, left + c) * BINS + level
+            texture[r * BLOCK + c] = lbp_code(grey, row, left + c) * CONTRAST_BINS + level
         if not every:
             for c in range(BLOCK):
                 if not counted(valid, row, left + c):

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.units import GREY_LEVELS
 
-BINS = 8  # bins of contrast
-SYMBOLS = 256 * BINS  # pairs of LBP code and bin of contrast
+CONTRAST_BINS = 8  # bins of contrast
+SYMBOLS = 256 * CONTRAST_BINS  # pairs of LBP code and bin of contrast
 UNCOUNTED = 0xFFFF
 
 
@@ -45,7 +45,7 @@ def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None
     return counts.astype(np.int64)
 
 
-def contrast_cuts(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
+def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
     """The seven values that cut counted pixels into eight bins of contrast, as even as ties allow.
 
     Cut k is the smallest contrast with at least ceil(k N / 8) of the N counted pixels at or below it; a
@@ -60,7 +60,7 @@ def contrast_cuts(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
     cuts : (7,) int32 array, ascending; zeros where nothing was counted
     """
     below = np.cumsum(histogram)
-    ranks = [-(-k * int(below[-1]) // BINS) for k in range(1, BINS)]
+    ranks = [-(-k * int(below[-1]) // CONTRAST_BINS) for k in range(1, CONTRAST_BINS)]
     return np.searchsorted(below, ranks).astype(np.int32)
 
 
@@ -180,7 +180,7 @@ def _symbols(grey, valid, every, cuts, found):  # type: ignore[no-untyped-def]
     for r in range(found.shape[0]):
         for c in range(found.shape[1]):
             level = contrast_bin(contrast(grey, r + 1, c + 1), seven)
-            found[r, c] = lbp_code(grey, r + 1, c + 1) * BINS + level
+            found[r, c] = lbp_code(grey, r + 1, c + 1) * CONTRAST_BINS + level
         if not every:
             for c in range(found.shape[1]):
                 if not counted(valid, r + 1, c + 1):
