@@ -70,7 +70,7 @@ def _cases() -> Iterator[_Case]:
     from uavseg.regions.outline.trace import trace
     from uavseg.segmentation.blocks.block_map import cell_sums
     from uavseg.segmentation.blocks.division import block_ratios
-    from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, symbols
+    from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.labels.component_sums import component_sums
     from uavseg.segmentation.labels.components import components
@@ -89,7 +89,7 @@ def _cases() -> Iterator[_Case]:
 
     cuts = contrast_bin_edges(contrast_histogram(grey))
     yield _Case("`texture.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
-    yield _Case("`texture.symbols`", lambda: symbols(grey, None, cuts), (grey, inner))
+    yield _Case("`texture.symbols`", lambda: lbp_symbols(grey, None, cuts), (grey, inner))
 
     starts = np.arange(0, SIDE, BLOCK)
     corners = np.stack(np.meshgrid(starts, starts, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -11,7 +11,7 @@ from scipy.stats import chi2_contingency
 
 from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.g_statistic import likelihood_ratio
-from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, symbols
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
 
 FIRST = np.zeros((1, 2), np.int64)
 counts = st.lists(st.tuples(st.integers(0, 90), st.integers(0, 90)), min_size=2, max_size=20)
@@ -136,7 +136,7 @@ def test_g_is_symmetric_and_0_between_multiples(pairs: list[tuple[int, int]], ti
 def test_the_kernel_and_the_formula_agree(seed: int) -> None:
     grey = noise(seed + 10, (66, 66))
     cuts = contrast_bin_edges(contrast_histogram(grey))
-    texture = symbols(grey, None, cuts)
+    texture = lbp_symbols(grey, None, cuts)
     halves = [texture[r : r + 32, c : c + 32].ravel() for r in (0, 32) for c in (0, 32)]
     histograms = [np.bincount(half, minlength=2048) for half in halves]
     G = [likelihood_ratio(histograms[i], histograms[j]) for i in range(4) for j in range(i)]

@@ -13,7 +13,7 @@ from uavseg.errors import SampleError
 from uavseg.execution.executors import Map
 from uavseg.raster.geodesy.ellipsoid import pixel_on_ground
 from uavseg.regions.sample.place import Place
-from uavseg.segmentation.blocks.lbp import UNCOUNTED, symbols
+from uavseg.segmentation.blocks.lbp import UNCOUNTED, lbp_symbols
 from uavseg.segmentation.sample.coarse_lbp import MARGIN, coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
     EVEN,
@@ -126,7 +126,7 @@ def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> Names:
     inner = np.s_[MARGIN - 1 : 1 - MARGIN, MARGIN - 1 : 1 - MARGIN]
     known = None if tile.every else tile.valid
     near = None if known is None else np.ascontiguousarray(known[inner])
-    fine = symbols(np.ascontiguousarray(tile.grey[inner]), near, cuts)
+    fine = lbp_symbols(np.ascontiguousarray(tile.grey[inner]), near, cuts)
     return fine, coarse_symbols(tile.grey, known, cuts)
 
 

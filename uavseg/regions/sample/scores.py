@@ -15,7 +15,7 @@ from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.regions.sample.model import Sample
 from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.lbp import SYMBOLS, symbols
+from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
 from uavseg.segmentation.blocks.leaves import pixels_of
 from uavseg.segmentation.labels.components import components
 from uavseg.segmentation.sample import coarse_lbp
@@ -199,7 +199,7 @@ def _score_tile(
     if source.dataset.is_empty(window):
         return None
     tile = source.read(window, halo + 1)
-    names = symbols(tile.grey, None if tile.every else tile.valid, criterion.cuts)
+    names = lbp_symbols(tile.grey, None if tile.every else tile.valid, criterion.cuts)
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
     unlike = ((best > criterion.limit) & (best != UNKNOWN)).view(np.uint8)
@@ -226,7 +226,7 @@ def _outline_match(
     tile = source.read(window, MARGIN)
     if (cells == 2).any():
         known = None if tile.every else tile.valid
-        names = symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
+        names = lbp_symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
         pixels = decide(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = pixels_of(cells, tile.valid)

@@ -15,7 +15,7 @@ from uavseg._jit import inlined, kernel
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.baseline.merging import likelihood_ratio, log_table, merged
 from uavseg.segmentation.blocks.block_map import leaves
-from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_bin_edges, contrast_histogram, symbols
+from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_bin_edges, contrast_histogram, lbp_symbols
 from uavseg.segmentation.in_memory import divided, padded
 from uavseg.segmentation.labels.component_sums import component_sums
 from uavseg.units import CELL
@@ -117,7 +117,7 @@ def original(
     check_size(grey.shape)
     known = np.ones(grey.shape, np.bool_) if valid is None else valid
     image, around = padded(grey, known)
-    texels = symbols(image, around, contrast_bin_edges(contrast_histogram(image, around)))
+    texels = lbp_symbols(image, around, contrast_bin_edges(contrast_histogram(image, around)))
     texels = np.ascontiguousarray(texels[: grey.shape[0], : grey.shape[1]])
     labels, models = merged(_leaf_labels(grey, known, params.threshold), texels, params.stop, params.untested)
     _classify_boundaries(labels, texels, models, params)

@@ -16,7 +16,7 @@ from uavseg.segmentation.blocks.lbp import (
     UNCOUNTED,
     contrast,
     contrast_bin,
-    counted,
+    is_counted,
     or_empty,
     lbp_code,
 )
@@ -260,7 +260,7 @@ def fill_texture(grey, valid, every, cuts, top, left, texture):  # type: ignore[
             texture[r * BLOCK + c] = lbp_code(grey, row, left + c) * CONTRAST_BINS + level
         if not every:
             for c in range(BLOCK):
-                if not counted(valid, row, left + c):
+                if not is_counted(valid, row, left + c):
                     texture[r * BLOCK + c] = UNCOUNTED
 
 

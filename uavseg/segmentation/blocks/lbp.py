@@ -64,7 +64,7 @@ def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
     return np.searchsorted(below, ranks).astype(np.int32)
 
 
-def symbols(
+def lbp_symbols(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None, cuts: NDArray[np.int32]
 ) -> NDArray[np.uint16]:
     """LBP code and bin of contrast of every pixel, as ``8 * code + bin``.
@@ -83,7 +83,7 @@ def symbols(
     """
     rows, cols = grey.shape[0] - 2, grey.shape[1] - 2
     found = np.empty((rows, cols), np.uint16)
-    _symbols(grey, or_empty(valid), valid is None, cuts, found)
+    _lbp_symbols(grey, or_empty(valid), valid is None, cuts, found)
     return found
 
 
@@ -93,7 +93,7 @@ def or_empty(valid: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
 
 
 @inlined
-def counted(valid, r, c):  # type: ignore[no-untyped-def]
+def is_counted(valid, r, c):  # type: ignore[no-untyped-def]
     """1 where the 3x3 pixels around (r, c) are all valid."""
     return (
         valid[r - 1, c - 1]
@@ -171,11 +171,11 @@ def _count_contrasts(grey, valid, every, line, counts):  # type: ignore[no-untyp
                 counts[line[c]] += 1
         else:
             for c in range(line.shape[0]):
-                counts[line[c]] += counted(valid, r, c + 1)
+                counts[line[c]] += is_counted(valid, r, c + 1)
 
 
 @kernel("void(u2[:,::1], u1[:,::1], b1, i4[::1], u2[:,::1])")
-def _symbols(grey, valid, every, cuts, found):  # type: ignore[no-untyped-def]
+def _lbp_symbols(grey, valid, every, cuts, found):  # type: ignore[no-untyped-def]
     seven = (cuts[0], cuts[1], cuts[2], cuts[3], cuts[4], cuts[5], cuts[6])
     for r in range(found.shape[0]):
         for c in range(found.shape[1]):
@@ -183,5 +183,5 @@ def _symbols(grey, valid, every, cuts, found):  # type: ignore[no-untyped-def]
             found[r, c] = lbp_code(grey, r + 1, c + 1) * CONTRAST_BINS + level
         if not every:
             for c in range(found.shape[1]):
-                if not counted(valid, r + 1, c + 1):
+                if not is_counted(valid, r + 1, c + 1):
                     found[r, c] = UNCOUNTED

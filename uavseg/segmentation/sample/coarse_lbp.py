@@ -9,7 +9,7 @@ classification with local binary patterns", IEEE Transactions on Pattern Analysi
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.lbp import symbols
+from uavseg.segmentation.blocks.lbp import lbp_symbols
 
 MARGIN = 3  # pixels: how far from a pixel its means may reach
 
@@ -44,7 +44,7 @@ def coarse_symbols(
         if own.size:
             part = np.s_[row : row + 2 * own.shape[0] + 3 : 2, col : col + 2 * own.shape[1] + 3 : 2]
             known = None if whole is None else np.ascontiguousarray(whole[part])
-            own[:] = symbols(np.ascontiguousarray(means[part]), known, cuts)
+            own[:] = lbp_symbols(np.ascontiguousarray(means[part]), known, cuts)
     return found
 
 
