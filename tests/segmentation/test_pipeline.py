@@ -17,7 +17,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, tiles
-from uavseg.segmentation.blocks.block_map import undecided
+from uavseg.segmentation.blocks.block_map import required_ratios
 from uavseg.segmentation.blocks.leaves import in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
@@ -165,7 +165,7 @@ def test_texture_is_looked_at_only_where_a_range_does_not_decide() -> None:
     source = source_of(dataset)
     windows = tiles(source.shape, 64)
     blocks = block_map_for(source, INTERVAL, SegmentParams("paper"), TilePass(windows))
-    wanted = undecided(blocks.sums, blocks.counts, INTERVAL.edges, np.inf) > 0
+    wanted = required_ratios(blocks.sums, blocks.counts, INTERVAL.edges, np.inf) > 0
     assert 0 < wanted.sum() < 16
     assert len(dataset.reads) == 16  # mixed blocks are kept from the first pass
     assert not blocks.ratios[~wanted].any()

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_cache import SIDE, Patches
-from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
-from uavseg.segmentation.blocks.division import EVERY, block_ratios, wanted_ratios
+from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
+from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
 from uavseg.segmentation.blocks.mixed_cells import unsettled
@@ -52,7 +52,7 @@ def block_map(
     """
     measuring, dividing = tile_pass.stages(2)
     measured = measure(source, measuring)
-    everywhere = np.where(_any_valid(measured.blocks), EVERY, np.uint32(0))
+    everywhere = np.where(_any_valid(measured.blocks), ALL_RATIOS, np.uint32(0))
     divide(source, measured, everywhere, dividing)
     return measured.blocks
 
@@ -93,7 +93,7 @@ class Question:
 
     def open_in(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
         """Which R the cells leave open, see `blockmap.undecided`."""
-        return undecided(sums, counts, self.edges, self.step)
+        return required_ratios(sums, counts, self.edges, self.step)
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ def _divide_tile(
         corners = corners - (part.row - window.row, part.col - window.col)
     if question is None:
         return block_ratios(grey, valid, cuts, corners)
-    return wanted_ratios(grey, valid, cuts, corners, bits[bits > 0], question.threshold)
+    return selected_ratios(grey, valid, cuts, corners, bits[bits > 0], question.threshold)
 
 
 def _corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:

@@ -21,8 +21,8 @@ from uavseg.occupancy.simulation.scene import Scene
 from uavseg.raster.geobox import upright
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
-from uavseg.segmentation.blocks.division import block_ratios, wanted_ratios
+from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
+from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
 from uavseg.segmentation.intervals import Cut, IntensityRange, Levels, StateLimits
@@ -50,8 +50,8 @@ def afresh(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> BlockMap
     if every:
         ratios = block_ratios(grey, valid, live.cuts, corners)
     else:
-        wanted = undecided(sums, counts, live.cut.edges, live.params.step)[rows, cols]
-        ratios = wanted_ratios(grey, valid, live.cuts, corners, wanted, live.params.threshold)
+        wanted = required_ratios(sums, counts, live.cut.edges, live.params.step)[rows, cols]
+        ratios = selected_ratios(grey, valid, live.cuts, corners, wanted, live.params.threshold)
     blocks.ratios[rows, cols] = ratios
     return blocks
 
@@ -165,7 +165,7 @@ def test_only_what_a_scan_changes_is_divided_again(
     from uavseg.occupancy.mapping import live as module
 
     asked: list[NDArray[np.int64]] = []
-    measuring = module.wanted_ratios
+    measuring = module.selected_ratios
 
     def spy(grey: Grey, valid: object, cuts: object, corners: NDArray[np.int64], *rest: object) -> object:
         asked.append(corners // 64)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, leaves, undecided
+from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, leaves, required_ratios
 from uavseg.segmentation.blocks.division import RATIOS, block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
@@ -162,7 +162,7 @@ def known_only_where(blocks: BlockMap, wanted: NDArray[np.uint32], otherwise: fl
 def assert_texture_elsewhere_is_of_no_use(
     blocks: BlockMap, interval: IntensityRange, X: float, tau: float
 ) -> None:
-    wanted = undecided(blocks.sums, blocks.counts, interval.edges, tau)
+    wanted = required_ratios(blocks.sums, blocks.counts, interval.edges, tau)
     full = cells_in_range(blocks, interval, X, tau)
     for otherwise in (0.0, INF):
         some = known_only_where(blocks, wanted, otherwise)
@@ -193,7 +193,7 @@ def test_levels_and_states_are_answered_by_it_too(seed: int, width: float, X: fl
     blocks, levels, limits = random_map(seed), Levels(width), StateLimits()
     there = blocks.counts > 0
     for cut, answer in ((levels, levels_of), (limits, states_of)):
-        wanted = undecided(blocks.sums, blocks.counts, cut.edges, tau)
+        wanted = required_ratios(blocks.sums, blocks.counts, cut.edges, tau)
         full = answer(blocks, cut, X, tau)[there]
         for otherwise in (0.0, INF):
             some = known_only_where(blocks, wanted, otherwise)
@@ -233,16 +233,18 @@ def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
     blocks.counts[:, 16:] = 0
     blocks.sums[:, 16:] = 0
     # the block itself, its first quarter, and the first quarter of that
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [
+    assert required_ratios(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [
         [0, 0b100011, 0]
     ]
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.6, 0.9).edges, INF).tolist() == [[0, 0, 0]]
+    assert required_ratios(blocks.sums, blocks.counts, IntensityRange(0.6, 0.9).edges, INF).tolist() == [
+        [0, 0, 0]
+    ]
 
 
 def test_a_block_that_intensity_divides_all_the_way_needs_no_texture() -> None:
     blocks = BlockMap.empty((64, 64))
     blocks.counts[:] = 64
     blocks.sums[0, 0] = 64 * 65535
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.06).item() == 0
+    assert required_ratios(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.06).item() == 0
     # the means of its quarters are 1/16, 0, 0 and 0
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.07).item() == 1
+    assert required_ratios(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.07).item() == 1

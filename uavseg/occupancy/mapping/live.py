@@ -14,7 +14,7 @@ from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.grey_map import Ground, Mask
 from uavseg.occupancy.mapping.live_blocks import Places, decide, undecided_at
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.division import block_ratios, wanted_ratios
+from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.intervals import Cut, IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams
@@ -187,7 +187,7 @@ class LiveSegmentation:
         """R of blocks, where they are open."""
         for some, valid in self._by_validity(_places(divided)):
             rows, cols = some.T
-            self._blocks.ratios[rows, cols] = wanted_ratios(
+            self._blocks.ratios[rows, cols] = selected_ratios(
                 self._ground.grey,
                 valid,
                 self.cuts,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_of, undecided_in_block
+from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_of, required_ratios_of_block
 
 Places = NDArray[np.int64]
 
@@ -62,7 +62,7 @@ def decide(
 def _undecided_at(sums, counts, edges, step, places, found):  # type: ignore[no-untyped-def]
     for k in range(places.shape[0]):
         row, col = max(places[k, 0], 0), max(places[k, 1], 0)
-        found[k] = undecided_in_block(sums, counts, row, col, edges, step)
+        found[k] = required_ratios_of_block(sums, counts, row, col, edges, step)
 
 
 _DECIDE = (

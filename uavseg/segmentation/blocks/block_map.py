@@ -204,7 +204,7 @@ def _leaves(sums, counts, ratios, threshold, step, side, mean):  # type: ignore[
             leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
 
 
-def undecided(
+def required_ratios(
     sums: NDArray[np.uint32], counts: NDArray[np.uint8], edges: Sequence[float], intensity_step: float
 ) -> NDArray[np.uint32]:
     """Which R must be known before it is known in which of some intervals the mean of every leaf lies.
@@ -227,12 +227,12 @@ def undecided(
         Bit k is set where ratio k of a block must be known, unless a larger block around it stays whole.
     """
     found = np.zeros((sums.shape[0] // CELLS, sums.shape[1] // CELLS), np.uint32)
-    _undecided(sums, counts, np.array(edges, np.float64), intensity_step, found)
+    _required_ratios(sums, counts, np.array(edges, np.float64), intensity_step, found)
     return found
 
 
 @inlined
-def is_mixed(sums, counts, row, col, many, edges):  # type: ignore[no-untyped-def]
+def straddles_edge(sums, counts, row, col, many, edges):  # type: ignore[no-untyped-def]
     """Whether the means of the cells lie in more than one interval: an edge lies between them."""
     low = 2.0
     high = -1.0
@@ -254,7 +254,7 @@ def is_mixed(sums, counts, row, col, many, edges):  # type: ignore[no-untyped-de
 
 
 @inlined
-def undecided_in_block(sums, counts, row, col, edges, step):  # type: ignore[no-untyped-def]
+def required_ratios_of_block(sums, counts, row, col, edges, step):  # type: ignore[no-untyped-def]
     """The bits of `undecided` of one block of 64."""
     bits = np.uint32(0)
     place = 0  # of a block's ratio: side 64, then four of 32, then sixteen of 16
@@ -263,7 +263,7 @@ def undecided_in_block(sums, counts, row, col, edges, step):  # type: ignore[no-
         mixed = 0
         for r in range(8 * row, 8 * row + 8, many):
             for c in range(8 * col, 8 * col + 8, many):
-                if is_mixed(sums, counts, r, c, many, edges):
+                if straddles_edge(sums, counts, r, c, many, edges):
                     mixed += 1
                     if spread_of_children(sums, counts, r, c, many) <= step:
                         bits |= np.uint32(1) << np.uint32(place)
@@ -275,7 +275,7 @@ def undecided_in_block(sums, counts, row, col, edges, step):  # type: ignore[no-
 
 
 @kernel("void(u4[:,::1], u1[:,::1], f8[::1], f8, u4[:,::1])")
-def _undecided(sums, counts, edges, step, found):  # type: ignore[no-untyped-def]
+def _required_ratios(sums, counts, edges, step, found):  # type: ignore[no-untyped-def]
     for row in range(found.shape[0]):
         for col in range(found.shape[1]):
-            found[row, col] = undecided_in_block(sums, counts, row, col, edges, step)
+            found[row, col] = required_ratios_of_block(sums, counts, row, col, edges, step)

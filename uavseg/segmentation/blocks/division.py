@@ -23,7 +23,7 @@ from uavseg.segmentation.blocks.lbp import (
 from uavseg.units import BLOCK
 
 RATIOS = 21  # of one block: side 64, then four of side 32, then sixteen of side 16, each row by row
-EVERY = np.uint32((1 << RATIOS) - 1)  # all of them are wanted
+ALL_RATIOS = np.uint32((1 << RATIOS) - 1)  # all of them are wanted
 
 
 def block_ratios(
@@ -58,7 +58,7 @@ def block_ratios(
     return ratios
 
 
-def wanted_ratios(
+def selected_ratios(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8] | None,
     cuts: NDArray[np.int32],
@@ -86,7 +86,7 @@ def wanted_ratios(
     table, listed = np.zeros(SYMBOLS, np.uint64), np.zeros(SYMBOLS, np.uint64)
     texture = np.empty(BLOCK * BLOCK, np.uint16)
     every = valid is None
-    _wanted_ratios(
+    _selected_ratios(
         grey,
         or_empty(valid),
         every,
@@ -104,7 +104,7 @@ def wanted_ratios(
 
 
 @inlined
-def pack_sums(packed, width):  # type: ignore[no-untyped-def]
+def sum_of_packed(packed, width):  # type: ignore[no-untyped-def]
     """Sum of the four counts packed into one word, each `width` bits wide."""
     mask = (np.uint64(1) << width) - np.uint64(1)
     return (
@@ -201,7 +201,9 @@ def ratios_of_block(texture, n_ln_n, scratch, ratios, b):  # type: ignore[no-unt
                 if scratch[sixteens, name] == 0:
                     scratch[sixteens_listed, many_sixteens] = name
                     many_sixteens += 1
-                scratch[sixteens, name] += pack_sums(scratch[cells, name], eight) << np.uint64(16 * quarter)
+                scratch[sixteens, name] += sum_of_packed(scratch[cells, name], eight) << np.uint64(
+                    16 * quarter
+                )
                 scratch[cells, name] = 0
         ratios[b, 1 + half] = ratio_of_children(
             scratch[sixteens], scratch[sixteens_listed], many_sixteens, sixteen, n_ln_n
@@ -211,7 +213,7 @@ def ratios_of_block(texture, n_ln_n, scratch, ratios, b):  # type: ignore[no-unt
             if scratch[halves, name] == 0:
                 scratch[halves_listed, many_halves] = name
                 many_halves += 1
-            scratch[halves, name] += pack_sums(scratch[sixteens, name], sixteen) << np.uint64(16 * half)
+            scratch[halves, name] += sum_of_packed(scratch[sixteens, name], sixteen) << np.uint64(16 * half)
             scratch[sixteens, name] = 0
     ratios[b, 0] = ratio_of_children(scratch[halves], scratch[halves_listed], many_halves, sixteen, n_ln_n)
     for k in range(many_halves):
@@ -222,7 +224,7 @@ def ratios_of_block(texture, n_ln_n, scratch, ratios, b):  # type: ignore[no-unt
 def _ratios(grey, valid, every, cuts, corners, n_ln_n, scratch, texture, ratios):  # type: ignore[no-untyped-def]
     seven = (cuts[0], cuts[1], cuts[2], cuts[3], cuts[4], cuts[5], cuts[6])
     for b in range(corners.shape[0]):
-        fill_texture(grey, valid, every, seven, corners[b, 0] + 1, corners[b, 1] + 1, texture)
+        fill_symbols(grey, valid, every, seven, corners[b, 0] + 1, corners[b, 1] + 1, texture)
         ratios_of_block(texture, n_ln_n, scratch, ratios, b)
 
 
@@ -250,7 +252,7 @@ def ratio_of_block(texture, row, col, side, n_ln_n, table, listed):  # type: ign
 
 
 @inlined
-def fill_texture(grey, valid, every, cuts, top, left, texture):  # type: ignore[no-untyped-def]
+def fill_symbols(grey, valid, every, cuts, top, left, texture):  # type: ignore[no-untyped-def]
     """The symbols of a block of 64 whose first pixel is grey[top, left]."""
     top, left = max(top, 1), max(left, 1)  # they are; the compiler does not know, and counts from the end
     for r in range(BLOCK):
@@ -264,14 +266,14 @@ def fill_texture(grey, valid, every, cuts, top, left, texture):  # type: ignore[
                     texture[r * BLOCK + c] = UNCOUNTED
 
 
-_WANTED = (
+_SELECTED_RATIOS_SIGNATURE = (
     "void(u2[:,::1], u1[:,::1], b1, i4[::1], i8[:,::1], u4[::1], f8, f8[::1], u8[::1], u8[::1], u2[::1], "
     "f8[:,::1])"
 )
 
 
-@kernel(_WANTED)
-def _wanted_ratios(  # type: ignore[no-untyped-def]
+@kernel(_SELECTED_RATIOS_SIGNATURE)
+def _selected_ratios(  # type: ignore[no-untyped-def]
     grey, valid, every, cuts, corners, wanted, threshold, n_ln_n, table, listed, texture, ratios
 ):
     seven = (cuts[0], cuts[1], cuts[2], cuts[3], cuts[4], cuts[5], cuts[6])
@@ -279,7 +281,7 @@ def _wanted_ratios(  # type: ignore[no-untyped-def]
         bits = wanted[b]
         if bits == 0:
             continue
-        fill_texture(grey, valid, every, seven, corners[b, 0] + 1, corners[b, 1] + 1, texture)
+        fill_symbols(grey, valid, every, seven, corners[b, 0] + 1, corners[b, 1] + 1, texture)
         if bits & np.uint32(1):
             ratios[b, 0] = ratio_of_block(texture, 0, 0, 64, n_ln_n, table, listed)
             if ratios[b, 0] <= threshold:
