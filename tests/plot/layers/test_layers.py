@@ -30,7 +30,7 @@ from uavseg.raster.intensity.stretch import fit
 from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation import in_memory
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, save
-from uavseg.segmentation.blocks.block_map import leaves
+from uavseg.segmentation.blocks.block_map import find_leaves
 
 UTM = rasterio.crs.CRS.from_epsg(32618)
 BOX = GeoBox((128, 192), Affine(0.5, 0, 4e5, 0, -0.5, 5e6), UTM)
@@ -124,7 +124,7 @@ def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
     rng = np.random.default_rng(seed)
     blocks = in_memory.divided(rng.choice([100, 60000], (rows, cols)).astype(np.uint16))
     blocks.ratios[:] = rng.choice([0.0, 2.0], blocks.ratios.shape)
-    side, _ = leaves(blocks, 1.2, np.inf)
+    side, _ = find_leaves(blocks, 1.2, np.inf)
     cells = -(-rows // 8), -(-cols // 8)
     corners, sides = leaves_layer.squares_of(side[: cells[0], : cells[1]].astype(np.int64), (rows, cols))
     painted = np.zeros((rows, cols), int)

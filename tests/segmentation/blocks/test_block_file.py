@@ -18,7 +18,7 @@ from uavseg.errors import OutputExistsError, RasterError, RasterReadError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map, load, save
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 
 TAG = "UAVSEG_BLOCK_MAP"
 UTM = Affine(0.3, 0, 500000.1, 0, -0.3, 4649776.7)
@@ -94,7 +94,9 @@ def test_the_same_leaves_come_from_the_file(tmp_path: Path) -> None:
     save(tmp_path / "a.tif", saved_map(), 1.2, 0.05)
     for X, tau in ((1.2, 0.05), (1.6, np.inf), (np.inf, 0.3)):
         for one, other in zip(
-            leaves(load(tmp_path / "a.tif").blocks, X, tau), leaves(saved_map().blocks, X, tau), strict=True
+            find_leaves(load(tmp_path / "a.tif").blocks, X, tau),
+            find_leaves(saved_map().blocks, X, tau),
+            strict=True,
         ):
             assert np.array_equal(one, other)
 
@@ -102,7 +104,7 @@ def test_the_same_leaves_come_from_the_file(tmp_path: Path) -> None:
 def test_the_file_shows_a_cell_of_8_pixels_as_one_with_named_bands(tmp_path: Path) -> None:
     saved = saved_map(1, (150, 77))
     save(tmp_path / "a.tif", saved, 1.3, 0.05)
-    side, mean = leaves(saved.blocks, 1.3, 0.05)
+    side, mean = find_leaves(saved.blocks, 1.3, 0.05)
     with rasterio.open(tmp_path / "a.tif") as file:
         assert file.shape == (19, 10) and file.crs.to_epsg() == 32631
         assert file.transform.almost_equals(Affine(2.4, 0, 500000.1, 0, -2.4, 4649776.7), 1e-9)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks import block_map
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
 from uavseg.segmentation.in_memory import divided
 
@@ -25,7 +25,7 @@ def scene(seed: int, shape: tuple[int, int] = (200, 150)) -> BlockMap:
 def test_it_is_that_of_the_leaves(seed: int, step: float) -> None:
     blocks = scene(seed)
     found = histogram_of_means(blocks, 1.2, step)
-    _, mean = leaves(blocks, 1.2, step)
+    _, mean = find_leaves(blocks, 1.2, step)
     wanted = np.zeros(65536, np.int64)
     for v, count in zip(mean.flat, blocks.counts.flat, strict=True):
         if count:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.leaves import in_range, levels_of, pixels_of, states_of
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
 
@@ -77,7 +77,7 @@ def test_a_tall_map_is_answered_as_its_leaves_are() -> None:
     blocks.counts[:] = rng.integers(0, 65, blocks.counts.shape)
     blocks.sums[:] = rng.random(blocks.counts.shape) * 65535 * blocks.counts
     blocks.ratios[:] = rng.random(blocks.ratios.shape) * 2
-    _, mean = leaves(blocks, 1.2, 0.4)
+    _, mean = find_leaves(blocks, 1.2, 0.4)
     assert np.array_equal(in_range(blocks, IntensityRange(0.3, 0.6), 1.2, 0.4), (mean >= 0.3) & (mean <= 0.6))
 
 

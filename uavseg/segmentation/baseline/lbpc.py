@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.baseline.merging import likelihood_ratio, log_table, merged
-from uavseg.segmentation.blocks.block_map import leaves
+from uavseg.segmentation.blocks.block_map import find_leaves
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_bin_edges, contrast_histogram, lbp_symbols
 from uavseg.segmentation.in_memory import divided, padded
 from uavseg.segmentation.labels.component_sums import component_sums
@@ -126,7 +126,7 @@ def original(
 
 def _leaf_labels(grey: NDArray[np.uint16], known: NDArray[np.bool_], threshold: float) -> Labels:
     """The leaf of each valid pixel, 1..n in raster order of the leaves' corners; 0 where invalid."""
-    sides, _ = leaves(divided(grey, known), threshold, np.inf)
+    sides, _ = find_leaves(divided(grey, known), threshold, np.inf)
     side = np.maximum(sides, SMALLEST).astype(np.int64)
     rows, cols = np.indices(side.shape) * CELL
     corners = 1 + rows // side * side * grey.shape[1] + cols // side * side

@@ -14,7 +14,7 @@ from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.opening import GDAL_ERRORS, gdal, is_remote, quiet_open
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.units import CELL, CELLS
 
 _TAG = "UAVSEG_BLOCK_MAP"
@@ -81,7 +81,7 @@ def save(
     hold the block map itself: sums and counts of the cells, and R of all blocks, a pixel for each of 64.
     """
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
-    side, mean = leaves(blocks, threshold, step)
+    side, mean = find_leaves(blocks, threshold, step)
     seen = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
     write_geotiff(
         path,

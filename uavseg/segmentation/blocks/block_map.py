@@ -15,7 +15,7 @@ from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.division import RATIOS
 from uavseg.units import CELLS
 
-_STRIP = 64  # rows of blocks looked at together
+_STRIP_BLOCKS = 64  # rows of blocks looked at together
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class BlockMap:
         return self.ratios.shape[0], self.ratios.shape[1]
 
 
-def leaves(
+def find_leaves(
     blocks: BlockMap, threshold: float, intensity_step: float, rows: slice = slice(None)
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """The leaf that each cell belongs to: its side, and the mean of its valid pixels.
@@ -84,12 +84,12 @@ def leaves(
     return side, mean
 
 
-def strips_of_means(
+def leaf_means_by_strip(
     blocks: BlockMap, threshold: float, intensity_step: float
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
     """The means of `leaves`, some rows of a large map at a time: rows of cells, and what those hold."""
-    for top in range(0, blocks.blocks[0], _STRIP):
-        _, mean = leaves(blocks, threshold, intensity_step, slice(top, top + _STRIP))
+    for top in range(0, blocks.blocks[0], _STRIP_BLOCKS):
+        _, mean = find_leaves(blocks, threshold, intensity_step, slice(top, top + _STRIP_BLOCKS))
         yield slice(CELLS * top, CELLS * top + len(mean)), mean
 
 
@@ -133,7 +133,7 @@ def _cell_sums(grey, valid, margin, sums, counts):  # type: ignore[no-untyped-de
 
 
 @inlined
-def mean_of(sums, counts, row, col, many):  # type: ignore[no-untyped-def]
+def mean_v(sums, counts, row, col, many):  # type: ignore[no-untyped-def]
     """Mean v over many x many cells; -1 where no pixel is valid."""
     total = np.int64(0)
     number = np.int64(0)
@@ -147,13 +147,13 @@ def mean_of(sums, counts, row, col, many):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def spread_of_children(sums, counts, row, col, many):  # type: ignore[no-untyped-def]
+def range_of_child_means(sums, counts, row, col, many):  # type: ignore[no-untyped-def]
     """How far the means of the four children of many x many cells lie apart; 0 with fewer than two."""
     low = 2.0
     high = -1.0
     half = many // 2
     for child in range(4):
-        mean = mean_of(sums, counts, row + child // 2 * half, col + child % 2 * half, half)
+        mean = mean_v(sums, counts, row + child // 2 * half, col + child % 2 * half, half)
         if mean >= 0.0:
             low = min(low, mean)
             high = max(high, mean)
@@ -161,7 +161,7 @@ def spread_of_children(sums, counts, row, col, many):  # type: ignore[no-untyped
 
 
 @inlined
-def mark(side, mean, row, col, many, value):  # type: ignore[no-untyped-def]
+def write_leaf(side, mean, row, col, many, value):  # type: ignore[no-untyped-def]
     """Write a leaf into its cells."""
     for r in range(row, row + many):
         for c in range(col, col + many):
@@ -174,27 +174,27 @@ def leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
     """Write the leaves of one block of 64 into its cells."""
     r64 = 8 * row
     c64 = 8 * col
-    if not (ratios[row, col, 0] > threshold or spread_of_children(sums, counts, r64, c64, 8) > step):
-        mark(side, mean, r64, c64, 8, mean_of(sums, counts, r64, c64, 8))
+    if not (ratios[row, col, 0] > threshold or range_of_child_means(sums, counts, r64, c64, 8) > step):
+        write_leaf(side, mean, r64, c64, 8, mean_v(sums, counts, r64, c64, 8))
         return
     for half in range(4):
         r32 = r64 + half // 2 * 4
         c32 = c64 + half % 2 * 4
         texture = ratios[row, col, 1 + half]
-        if not (texture > threshold or spread_of_children(sums, counts, r32, c32, 4) > step):
-            mark(side, mean, r32, c32, 4, mean_of(sums, counts, r32, c32, 4))
+        if not (texture > threshold or range_of_child_means(sums, counts, r32, c32, 4) > step):
+            write_leaf(side, mean, r32, c32, 4, mean_v(sums, counts, r32, c32, 4))
             continue
         for quarter in range(4):
             r16 = r32 + quarter // 2 * 2
             c16 = c32 + quarter % 2 * 2
             texture = ratios[row, col, 5 + (r16 - r64) // 2 * 4 + (c16 - c64) // 2]
-            if not (texture > threshold or spread_of_children(sums, counts, r16, c16, 2) > step):
-                mark(side, mean, r16, c16, 2, mean_of(sums, counts, r16, c16, 2))
+            if not (texture > threshold or range_of_child_means(sums, counts, r16, c16, 2) > step):
+                write_leaf(side, mean, r16, c16, 2, mean_v(sums, counts, r16, c16, 2))
                 continue
             for cell in range(4):
                 r8 = r16 + cell // 2
                 c8 = c16 + cell % 2
-                mark(side, mean, r8, c8, 1, mean_of(sums, counts, r8, c8, 1))
+                write_leaf(side, mean, r8, c8, 1, mean_v(sums, counts, r8, c8, 1))
 
 
 @kernel("void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, u1[:,::1], f8[:,::1])")
@@ -238,7 +238,7 @@ def straddles_edge(sums, counts, row, col, many, edges):  # type: ignore[no-unty
     high = -1.0
     for r in range(row, row + many):
         for c in range(col, col + many):
-            mean = mean_of(sums, counts, r, c, 1)
+            mean = mean_v(sums, counts, r, c, 1)
             if mean >= 0.0:
                 low = min(low, mean)
                 high = max(high, mean)
@@ -265,7 +265,7 @@ def required_ratios_of_block(sums, counts, row, col, edges, step):  # type: igno
             for c in range(8 * col, 8 * col + 8, many):
                 if straddles_edge(sums, counts, r, c, many, edges):
                     mixed += 1
-                    if spread_of_children(sums, counts, r, c, many) <= step:
+                    if range_of_child_means(sums, counts, r, c, many) <= step:
                         bits |= np.uint32(1) << np.uint32(place)
                 place += 1
         if mixed == 0:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.block_map import BlockMap, strips_of_means
+from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
 from uavseg.units import GREY_MAX
 
 
@@ -24,7 +24,7 @@ def histogram_of_means(blocks: BlockMap, threshold: float, intensity_step: float
         By the grey that is nearest to the mean; those of parts of a raster merge by adding.
     """
     found = np.zeros(GREY_MAX + 1, np.int64)
-    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
+    for rows, mean in leaf_means_by_strip(blocks, threshold, intensity_step):
         greys = np.floor(np.maximum(mean, 0.0) * GREY_MAX + 0.5).astype(np.int64)
         counts = np.bincount(greys.reshape(-1), blocks.counts[rows].reshape(-1), GREY_MAX + 1)
         found += counts.astype(np.int64)
@@ -45,6 +45,6 @@ def means_among(
         As of `histogram_of_means`.
     """
     found: set[float] = set()
-    for _, mean in strips_of_means(blocks, threshold, intensity_step):
+    for _, mean in leaf_means_by_strip(blocks, threshold, intensity_step):
         found.update(value for value in values if value not in found and (mean == value).any())
     return found

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, strips_of_means
+from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
 
 
@@ -78,7 +78,7 @@ def intervals_of(
     """
     bounds = np.array([-0.5, *edges])  # a leaf without valid pixels has the mean -1
     found = np.empty(blocks.counts.shape, dtype)
-    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
+    for rows, mean in leaf_means_by_strip(blocks, threshold, intensity_step):
         found[rows] = np.searchsorted(bounds, mean)
     return found
 
@@ -100,7 +100,7 @@ def in_range(
     inside : (8 B, 8 C) uint8 array, 1 in range
     """
     inside = np.zeros(blocks.counts.shape, np.uint8)
-    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
+    for rows, mean in leaf_means_by_strip(blocks, threshold, intensity_step):
         inside[rows] = (mean >= interval.low) & (mean <= interval.high)
     return inside
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, mean_of
+from uavseg.segmentation.blocks.block_map import BlockMap, mean_v
 
 _MARGIN = 2.0  # how much farther the mean of a part of a cell may lie away than those of cells do
 
@@ -39,7 +39,7 @@ def _unsettled(sums, counts, inside, low, high, ends, margin, found):  # type: i
     rows, cols = counts.shape
     for row in range(rows):
         for col in range(cols):
-            own = mean_of(sums, counts, row, col, 1)
+            own = mean_v(sums, counts, row, col, 1)
             if own < 0.0:
                 continue
             differs = (low <= own and own <= high) != (inside[row, col] != 0)
@@ -47,7 +47,7 @@ def _unsettled(sums, counts, inside, low, high, ends, margin, found):  # type: i
             most = own
             for r in range(max(row - 1, 0), min(row + 2, rows)):
                 for c in range(max(col - 1, 0), min(col + 2, cols)):
-                    mean = mean_of(sums, counts, r, c, 1)
+                    mean = mean_v(sums, counts, r, c, 1)
                     if mean >= 0.0:
                         least = min(least, mean)
                         most = max(most, mean)
