@@ -19,7 +19,7 @@ from scipy import ndimage
 from benchmarks.classscenes import FAMILIES, HELD_OUT, Labels, Scene
 from uavseg.raster.intensity.otsu import Classes, multi_otsu, number_of_classes
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means
-from uavseg.segmentation.blocks.leaves import intervals_of
+from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.in_memory import divided
 
 SEEDS, BINS, MOST = 5, 256, 6
@@ -171,7 +171,7 @@ def _scored(scene: Scene) -> Iterator[tuple[str, tuple[float, float, bool]]]:
         answers = []
         for wanted in (classes, None):
             edges = [(held[0] + cut * width - 0.5) / 65535 for cut in find(bins, wanted)]
-            cells = intervals_of(blocks, edges, X, TAU)
+            cells = cell_intervals(blocks, edges, X, TAU)
             answers.append((overlap(np.kron(cells, np.ones((8, 8), np.uint8)), scene.truth), len(edges) + 1))
         (told, _), (found, count) = answers
         yield who, (told, found, count == classes)

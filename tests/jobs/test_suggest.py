@@ -17,7 +17,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.range_candidates import Cuts
@@ -65,7 +65,7 @@ def test_regions_and_pixels_are_those_of_extracting_each_range(
     for chosen in found.ranges:
         interval = IntensityRange(*chosen.range)
         regions = extract_from_blocks(blocks, None, interval, ExtractParams(segment)).regions
-        inside = in_range(blocks.blocks, interval, segment.threshold, segment.step)
+        inside = cells_in_range(blocks.blocks, interval, segment.threshold, segment.step)
         assert (len(regions), int(blocks.blocks.counts[inside > 0].sum())) == (chosen.regions, chosen.pixels)
 
 

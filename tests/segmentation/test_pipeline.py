@@ -18,7 +18,7 @@ from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, tiles
 from uavseg.segmentation.blocks.block_map import required_ratios
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine, measure, refined
@@ -146,7 +146,7 @@ def test_a_block_map_made_for_a_range_answers_it_as_the_whole_one(seed: int, par
     source = source_of(field_of(seed, (201, 170)))
     windows = tiles(source.shape, 128)
     answers = [
-        in_range(blocks, INTERVAL, params.threshold, params.step) & (blocks.counts > 0)
+        cells_in_range(blocks, INTERVAL, params.threshold, params.step) & (blocks.counts > 0)
         for blocks in (
             block_map(source, TilePass(windows)),
             block_map_for(source, INTERVAL, params, TilePass(windows)),

@@ -19,7 +19,7 @@ from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import without_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
-from uavseg.segmentation.blocks.leaves import states_of
+from uavseg.segmentation.blocks.leaves import cell_states
 from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map_for
@@ -129,7 +129,7 @@ def classify(
     windows = [tile for strip in strips for tile in strip]
     first, second, *third = TilePass(windows, map, progress).stages(2 + objects)
     blocks = block_map_for(source, limits, how, first)
-    cells = states_of(blocks, limits, how.threshold, how.step)
+    cells = cell_states(blocks, limits, how.threshold, how.step)
     del blocks
     give_back()
     if not cells.any():

@@ -19,7 +19,7 @@ from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine
@@ -188,7 +188,7 @@ def _extraction(
 def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: ExtractParams) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone."""
     blocks, how = saved.blocks, params.segment
-    outlined = outline_cells(blocks, in_range(blocks, interval, how.threshold, how.step))
+    outlined = outline_cells(blocks, cells_in_range(blocks, interval, how.threshold, how.step))
     if params.fill_holes is not None:
         outlined = summed_cells(blocks, without_small_holes(outlined, saved.geobox, params.fill_holes))
     return _measured(outlined, About.saved(saved), interval, params)

@@ -14,7 +14,7 @@ from uavseg.regions.tiles.block_map_regions import count_segments
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
-from uavseg.segmentation.blocks.leaves import intervals_of
+from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.range_candidates import MOST_CLASSES, Cuts, beside_means, cuts_of
 from uavseg.segmentation.source import GreySource
@@ -143,7 +143,7 @@ def _suggestions(blocks: BlockMap, about: About, classes: int | None, how: Segme
     cuts = cuts_of(histogram, classes)
     taken = means_among(blocks, cuts.edges, how.threshold, how.step)
     edges = tuple(beside_means(edge) if edge in taken else edge for edge in cuts.edges)
-    intervals = intervals_of(blocks, edges, how.threshold, how.step)
+    intervals = cell_intervals(blocks, edges, how.threshold, how.step)
     ranges = _ranges(blocks, edges, intervals) if edges else ()
     warnings = (*about.warnings, *_doubts(cuts, classes, histogram))
     return Suggestions(ranges, cuts.classes.explained, histogram, intervals, blocks, about, warnings)

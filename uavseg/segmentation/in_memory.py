@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
+from uavseg.segmentation.blocks.leaves import cells_in_range, pixels_in_range, cells_to_pixels
 from uavseg.segmentation.blocks.mixed_cells import unsettled
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import component_sums
@@ -70,9 +70,9 @@ def regions(
     """
     blocks = divided(grey, valid)
     image, known = padded(grey, valid, 0)
-    cells = in_range(blocks, interval, threshold, intensity_step)
-    inside = pixels_of(cells, known)
-    fits = matching(image, known, *interval.greys)
+    cells = cells_in_range(blocks, interval, threshold, intensity_step)
+    inside = cells_to_pixels(cells, known)
+    fits = pixels_in_range(image, known, *interval.greys)
     if refine == "tv":
         open_cells = unsettled(blocks, cells, interval.low, interval.high)
         denoised(inside, open_cells, known, image, fits, interval.greys)

@@ -18,7 +18,7 @@ from uavseg.segmentation.blocks.block_cache import SIDE, Patches
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
+from uavseg.segmentation.blocks.leaves import cells_in_range, pixels_in_range, cells_to_pixels
 from uavseg.segmentation.blocks.mixed_cells import unsettled
 from uavseg.segmentation.intervals import Cut, IntensityRange
 from uavseg.segmentation.params import Refinement, SegmentParams
@@ -152,7 +152,7 @@ def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentP
     """What the block map says of each cell: 1 where its leaf is in range, 2 more where its pixels are to be
     decided one by one (with total variation).
     """
-    cells = in_range(blocks, interval, params.threshold, params.step)
+    cells = cells_in_range(blocks, interval, params.threshold, params.step)
     if params.refine == "tv":
         cells |= UNSETTLED * unsettled(blocks, cells, interval.low, interval.high)
     return cells
@@ -182,13 +182,13 @@ def refined(
     if not inside.any():
         return None
     tile = source.read(window, REACH)
-    pixels = pixels_of(inside & IN_RANGE, tile.valid)
+    pixels = cells_to_pixels(inside & IN_RANGE, tile.valid)
     if refine == "scan" and not inside.all():
-        scan(pixels, tile.valid, matching(tile.grey, tile.valid, *interval.greys))
+        scan(pixels, tile.valid, pixels_in_range(tile.grey, tile.valid, *interval.greys))
     elif refine == "smooth" and not inside.all():
         pixels = smooth(pixels, tile.valid, tile.grey, interval.low, interval.high)
     elif refine == "tv":
-        fits = matching(tile.grey, tile.valid, *interval.greys)
+        fits = pixels_in_range(tile.grey, tile.valid, *interval.greys)
         denoised(pixels, inside & UNSETTLED, tile.valid, tile.grey, fits, interval.greys)
     return pixels, tile
 

@@ -24,7 +24,7 @@ from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
+from uavseg.segmentation.blocks.leaves import cells_in_range, cell_levels, cell_states
 from uavseg.segmentation.intervals import Cut, IntensityRange, Levels, StateLimits
 from uavseg.segmentation.params import SegmentParams
 
@@ -59,11 +59,11 @@ def afresh(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> BlockMap
 def intervals_of(blocks: BlockMap, cut: Cut, params: SegmentParams) -> NDArray[np.uint8]:
     how = (params.threshold, params.step)
     if isinstance(cut, StateLimits):
-        return states_of(blocks, cut, *how)
+        return cell_states(blocks, cut, *how)
     if isinstance(cut, Levels):
-        return levels_of(blocks, cut, *how).astype(np.uint8)
+        return cell_levels(blocks, cut, *how).astype(np.uint8)
     assert isinstance(cut, IntensityRange)
-    return in_range(blocks, cut, *how)
+    return cells_in_range(blocks, cut, *how)
 
 
 def assert_as_afresh(live: LiveSegmentation, grid: OccupancyGrid) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, find_leaves, required_ratios
 from uavseg.segmentation.blocks.division import RATIOS, block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
+from uavseg.segmentation.blocks.leaves import cells_in_range, cell_levels, cell_states
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
 
 INF = np.inf
@@ -171,7 +171,7 @@ def assert_texture_elsewhere_is_of_no_use(
 
 def cells_in_range(blocks: BlockMap, interval: IntensityRange, X: float, tau: float) -> NDArray[np.uint8]:
     """Cells in range that have a pixel."""
-    return in_range(blocks, interval, X, tau) & (blocks.counts > 0)
+    return cells_in_range(blocks, interval, X, tau) & (blocks.counts > 0)
 
 
 ends = st.tuples(
@@ -192,7 +192,7 @@ def test_a_range_is_answered_by_the_texture_of_undecided_blocks_alone(
 def test_levels_and_states_are_answered_by_it_too(seed: int, width: float, X: float, tau: float) -> None:
     blocks, levels, limits = random_map(seed), Levels(width), StateLimits()
     there = blocks.counts > 0
-    for cut, answer in ((levels, levels_of), (limits, states_of)):
+    for cut, answer in ((levels, cell_levels), (limits, cell_states)):
         wanted = required_ratios(blocks.sums, blocks.counts, cut.edges, tau)
         full = answer(blocks, cut, X, tau)[there]
         for otherwise in (0.0, INF):

@@ -16,7 +16,7 @@ from uavseg.regions.sample.model import Sample
 from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
-from uavseg.segmentation.blocks.leaves import pixels_of
+from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.labels.components import components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
@@ -229,5 +229,5 @@ def _outline_match(
         names = lbp_symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
         pixels = decide(cells, tile.valid, tile.grey, *names, weights)
     else:
-        pixels = pixels_of(cells, tile.valid)
+        pixels = cells_to_pixels(cells, tile.valid)
     return outlined_tile(pixels, *components(pixels, MARGIN), tile.grey, window, source.shape[1])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, whole_blocks
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
-from uavseg.segmentation.blocks.leaves import pixels_of
+from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.labels.components import components, equal_components
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage
@@ -105,7 +105,7 @@ def _outline_cells(source: GreySource, job: _Job) -> Tile | None:
     if not cells.any():
         return None
     tile = source.read(window, CELL)
-    kinds = pixels_of(cells, tile.valid)
+    kinds = cells_to_pixels(cells, tile.valid)
     return outlined_tile(kinds, *equal_components(kinds, CELL), tile.grey, window, source.shape[1])
 
 

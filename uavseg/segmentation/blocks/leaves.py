@@ -11,7 +11,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
 
 
-def states_of(
+def cell_states(
     blocks: BlockMap, limits: StateLimits, threshold: float, intensity_step: float
 ) -> NDArray[np.uint8]:
     """The state of each cell: that of the mean of the leaf which it lies in.
@@ -28,10 +28,10 @@ def states_of(
     states : (8 B, 8 C) uint8 array
         1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
     """
-    return intervals_of(blocks, limits.edges, threshold, intensity_step)
+    return cell_intervals(blocks, limits.edges, threshold, intensity_step)
 
 
-def levels_of(
+def cell_levels(
     blocks: BlockMap, levels: Levels, threshold: float, intensity_step: float
 ) -> NDArray[np.uint8] | NDArray[np.uint32]:
     """The level of each cell, counted from 1: that of the mean of the leaf which it lies in.
@@ -49,10 +49,10 @@ def levels_of(
         0 where the leaf has no valid pixel; uint8 where 255 levels are enough, else uint32.
     """
     dtype = np.uint8 if levels.count < 256 else np.uint32
-    return intervals_of(blocks, levels.edges, threshold, intensity_step, dtype)
+    return cell_intervals(blocks, levels.edges, threshold, intensity_step, dtype)
 
 
-def intervals_of(
+def cell_intervals(
     blocks: BlockMap,
     edges: Sequence[float],
     threshold: float,
@@ -83,7 +83,7 @@ def intervals_of(
     return found
 
 
-def in_range(
+def cells_in_range(
     blocks: BlockMap, interval: IntensityRange, threshold: float, intensity_step: float
 ) -> NDArray[np.uint8]:
     """Cells of the leaves whose mean lies in a range.
@@ -105,7 +105,7 @@ def in_range(
     return inside
 
 
-def pixels_of(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
     """What cells hold, at their valid pixels.
 
     Parameters
@@ -120,12 +120,14 @@ def pixels_of(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
         0 where a pixel is not valid.
     """
     pixels = np.empty(valid.shape, cells.dtype)
-    spread = _spread_u1 if cells.dtype == np.uint8 else _spread_u4
+    spread = _upsample_u1 if cells.dtype == np.uint8 else _upsample_u4
     spread(cells, valid, pixels)
     return pixels
 
 
-def matching(grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int) -> NDArray[np.uint8]:
+def pixels_in_range(
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int
+) -> NDArray[np.uint8]:
     """The valid pixels whose own grey lies in low..high, both ends in it.
 
     Parameters
@@ -140,12 +142,12 @@ def matching(grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high:
     matching : (M, N) uint8 array
     """
     fits = np.empty_like(valid)
-    _match(grey.reshape(-1), valid.reshape(-1), low, high, fits.reshape(-1))
+    _pixels_in_range(grey.reshape(-1), valid.reshape(-1), low, high, fits.reshape(-1))
     return fits
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
-def _spread_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
+def _upsample_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
             own = cells[r // 8, cell]
@@ -154,7 +156,7 @@ def _spread_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")
-def _spread_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
+def _upsample_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
             own = cells[r // 8, cell]
@@ -163,7 +165,7 @@ def _spread_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")
-def _match(grey, valid, low, high, fits):  # type: ignore[no-untyped-def]
+def _pixels_in_range(grey, valid, low, high, fits):  # type: ignore[no-untyped-def]
     least = np.uint16(max(low, 0))
     most = np.uint16(max(high, 0))
     for i in range(grey.size):

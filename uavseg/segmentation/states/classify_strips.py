@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.tiling import Window, tile_side, tiles, whole_blocks, window_cells
-from uavseg.segmentation.blocks.leaves import pixels_of
+from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage, packed, unpack
@@ -213,7 +213,7 @@ def _codes_tile(source: GreySource, limits: StateLimits, job: _Job) -> NDArray[n
     if not job.cells.any():
         return None
     tile = source.read(job.window, 0)
-    return packed(codes_of(pixels_of(job.cells, tile.valid), _own_states(limits)[tile.grey]))
+    return packed(codes_of(cells_to_pixels(job.cells, tile.valid), _own_states(limits)[tile.grey]))
 
 
 @lru_cache(maxsize=8)
