@@ -7,7 +7,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cells_in_range, pixels_in_range, cells_to_pixels
-from uavseg.segmentation.blocks.mixed_cells import unsettled
+from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import component_sums
 from uavseg.segmentation.labels.components import components
@@ -74,7 +74,7 @@ def regions(
     inside = cells_to_pixels(cells, known)
     fits = pixels_in_range(image, known, *interval.greys)
     if refine == "tv":
-        open_cells = unsettled(blocks, cells, interval.low, interval.high)
+        open_cells = mixed_cells(blocks, cells, interval.low, interval.high)
         denoised(inside, open_cells, known, image, fits, interval.greys)
     elif refine == "scan":
         scan(inside, known, fits)

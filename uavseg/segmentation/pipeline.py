@@ -19,7 +19,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_r
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cells_in_range, pixels_in_range, cells_to_pixels
-from uavseg.segmentation.blocks.mixed_cells import unsettled
+from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import Cut, IntensityRange
 from uavseg.segmentation.params import Refinement, SegmentParams
 from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
@@ -154,7 +154,7 @@ def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentP
     """
     cells = cells_in_range(blocks, interval, params.threshold, params.step)
     if params.refine == "tv":
-        cells |= UNSETTLED * unsettled(blocks, cells, interval.low, interval.high)
+        cells |= UNSETTLED * mixed_cells(blocks, cells, interval.low, interval.high)
     return cells
 
 

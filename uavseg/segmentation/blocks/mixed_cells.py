@@ -9,7 +9,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap, mean_v
 _MARGIN = 2.0  # how much farther the mean of a part of a cell may lie away than those of cells do
 
 
-def unsettled(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: float) -> NDArray[np.uint8]:
+def mixed_cells(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: float) -> NDArray[np.uint8]:
     """Cells whose pixels may lie on both sides of an end of the range.
 
     A cell is settled where its leaf and the leaves of the eight cells around are on the same side, and the
@@ -30,12 +30,12 @@ def unsettled(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: flo
     """
     found = np.zeros_like(inside)
     ends = np.array([end for end in (low, high) if 0 < end < 1])  # nothing lies beyond 0 and 1
-    _unsettled(blocks.sums, blocks.counts, inside, low, high, ends, _MARGIN, found)
+    _mixed_cells(blocks.sums, blocks.counts, inside, low, high, ends, _MARGIN, found)
     return found
 
 
 @kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], f8, f8, f8[::1], f8, u1[:,::1])")
-def _unsettled(sums, counts, inside, low, high, ends, margin, found):  # type: ignore[no-untyped-def]
+def _mixed_cells(sums, counts, inside, low, high, ends, margin, found):  # type: ignore[no-untyped-def]
     rows, cols = counts.shape
     for row in range(rows):
         for col in range(cols):
