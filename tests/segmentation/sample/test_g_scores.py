@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.g_statistic import chance, likelihood_ratio
+from uavseg.segmentation.blocks.g_statistic import expected_g, likelihood_ratio
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import (
     EVEN,
@@ -109,7 +109,7 @@ def test_a_score_is_g_between_blocks_beyond_chance() -> None:
     [[score]] = window_scores(names, grey, model, 2)
     g = likelihood_ratio(own.texture, model.texture)
     both = own.texture + model.texture
-    by_chance = chance(int(both.max()), 256 / (256 + model.count))[both].sum()
+    by_chance = expected_g(int(both.max()), 256 / (256 + model.count))[both].sum()
     assert (score - EVEN) / UNITS == pytest.approx((g - by_chance) / own.count, abs=0.002)
 
 
@@ -133,8 +133,8 @@ def test_windows_of_the_models_own_source_score_what_chance_makes(many: int) -> 
 @given(most=st.integers(1, 900), share=st.floats(0.001, 0.5))
 @settings(max_examples=30, deadline=None)
 def test_chance_is_interpolated_closely(most: int, share: float) -> None:
-    assert chance(most, share)[most] == pytest.approx(plain_chance([most], share), rel=1e-6, abs=1e-9)
-    assert chance(5000, share)[most] == pytest.approx(chance(most, share)[most], rel=0.01)
+    assert expected_g(most, share)[most] == pytest.approx(plain_chance([most], share), rel=1e-6, abs=1e-9)
+    assert expected_g(5000, share)[most] == pytest.approx(expected_g(most, share)[most], rel=0.01)
 
 
 @settings(max_examples=20, deadline=None)
@@ -151,7 +151,7 @@ def test_where_a_window_begins_to_move_changes_nothing(seed: int, row: int, col:
 def test_a_window_with_the_proportions_of_the_model_scores_less_than_chance() -> None:
     names, grey = drawn(3, 16, 16, missing=0)
     model = everything(np.tile(names, (2, 3)), np.tile(grey, (2, 3)))
-    by_chance = chance(2000, 256 / (256 + model.count))[model.texture * 7 // 6].sum()
+    by_chance = expected_g(2000, 256 / (256 + model.count))[model.texture * 7 // 6].sum()
     [[score]] = window_scores(names, grey, model, 2)
     assert (int(score) - EVEN) / UNITS == pytest.approx(-by_chance / 256, abs=0.002)
 

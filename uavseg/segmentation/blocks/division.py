@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.blocks.g_statistic import _N_LN_N, SMALLEST_G
+from uavseg.segmentation.blocks.g_statistic import _N_LN_N, MIN_G_PER_PIXEL
 from uavseg.segmentation.blocks.lbp import (
     CONTRAST_BINS,
     SYMBOLS,
@@ -158,7 +158,7 @@ def ratio_of_children(packed, listed, many, width, n_ln_n):  # type: ignore[no-u
     ):
         if first and second:
             g = 2.0 * (n_ln_n[first + second] - n_ln_n[first] - n_ln_n[second] - shared)
-            if g < SMALLEST_G * (first + second):
+            if g < MIN_G_PER_PIXEL * (first + second):
                 g = 0.0
             smallest = min(smallest, g)
             largest = max(largest, g)

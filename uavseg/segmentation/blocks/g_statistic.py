@@ -8,7 +8,7 @@ from uavseg.units import BLOCK
 _DENSE = 64  # pixels of a symbol up to which chance is computed for every number, and then for each 5 % more
 
 
-def chance(most: int, share: float) -> NDArray[np.float64]:
+def expected_g(most: int, share: float) -> NDArray[np.float64]:
     """What chance makes of G: the part of a symbol, by how many pixels of it both histograms have together.
 
     If both come from one source, each pixel of a symbol is the window's with a probability of `share`, apart
@@ -37,27 +37,29 @@ def chance(most: int, share: float) -> NDArray[np.float64]:
     ln_factorial: NDArray[np.float64] = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, most + 1)))])
     steps = np.rint(_DENSE * 1.05 ** np.arange(np.log(max(most / _DENSE, 1)) / np.log(1.05) + 1))
     grid = np.unique(np.minimum(np.concatenate([np.arange(_DENSE), steps]), most)).astype(np.int64)
-    return np.interp(np.arange(most + 1), grid, [_part(n, share, ln_factorial) for n in grid.tolist()])
+    return np.interp(
+        np.arange(most + 1), grid, [_expected_g_of_symbol(n, share, ln_factorial) for n in grid.tolist()]
+    )
 
 
-def _part(n: int, share: float, ln_factorial: NDArray[np.float64]) -> float:
+def _expected_g_of_symbol(n: int, share: float, ln_factorial: NDArray[np.float64]) -> float:
     """What chance makes of G in a symbol of n pixels."""
     middle, width = n * share, 12 * np.sqrt(n * share * (1 - share)) + 30
     f = np.arange(max(int(middle - width), 0), min(int(middle + width), n) + 1)
     ways = ln_factorial[n] - ln_factorial[f] - ln_factorial[n - f]
     likely = np.exp(ways + f * np.log(share) + (n - f) * np.log1p(-share))
     entropy = -share * np.log(share) - (1 - share) * np.log1p(-share)
-    both = x_ln_x(np.array([n])) - x_ln_x(f) - x_ln_x(n - f)
+    both = n_ln_n(np.array([n])) - n_ln_n(f) - n_ln_n(n - f)
     return float(2 * (n * entropy - (likely * both).sum()))
 
 
-def x_ln_x(x: NDArray[np.int64]) -> NDArray[np.float64]:
+def n_ln_n(x: NDArray[np.int64]) -> NDArray[np.float64]:
     """x ln x; 0 of 0."""
     product: NDArray[np.float64] = x.astype(np.float64) * np.log(np.maximum(x, 1))
     return product
 
 
-SMALLEST_G = 1e-9  # per pixel of the pair; below it a G is what rounding left of 0
+MIN_G_PER_PIXEL = 1e-9  # per pixel of the pair; below it a G is what rounding left of 0
 
 
 _N_LN_N = np.concatenate([[0.0], np.arange(1, BLOCK * BLOCK + 1) * np.log(np.arange(1, BLOCK * BLOCK + 1))])
@@ -82,7 +84,7 @@ def likelihood_ratio(first: NDArray[np.integer], second: NDArray[np.integer]) ->
     shared = (first > 0) & (second > 0)
     both = _joined(first[shared], second[shared]).sum()
     g = 2 * float(_joined(np.array([first.sum()]), np.array([second.sum()]))[0] - both)
-    return g if g >= SMALLEST_G * total else 0.0
+    return g if g >= MIN_G_PER_PIXEL * total else 0.0
 
 
 def _joined(first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.blocks.g_statistic import chance, x_ln_x
+from uavseg.segmentation.blocks.g_statistic import expected_g, n_ln_n
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.units import CELL
 
@@ -190,12 +190,12 @@ def _tables(
     rest = np.maximum(total - n, 0) if left_out else np.full_like(n, total)
     most = int(model.texture.max()) + (0 if left_out else largest + 1)
     share = min(largest / total, 0.5) if left_out else largest / (total + largest)
-    by_chance = _fixed(chance(most, share) / 2)
-    above: NDArray[np.int64] = np.diff(_fixed(x_ln_x(np.arange(most + 1))))
+    by_chance = _fixed(expected_g(most, share) / 2)
+    above: NDArray[np.int64] = np.diff(_fixed(n_ln_n(np.arange(most + 1))))
     if not left_out:  # else the pixels of both are those of the model, whatever the window
         above += np.diff(by_chance)
-    below = np.diff(_fixed(x_ln_x(np.arange(largest + 2))))
-    whole = _fixed(x_ln_x(rest + n)) - _fixed(x_ln_x(rest)) - _fixed(x_ln_x(n))
+    below = np.diff(_fixed(n_ln_n(np.arange(largest + 2))))
+    whole = _fixed(n_ln_n(rest + n)) - _fixed(n_ln_n(rest)) - _fixed(n_ln_n(n))
     return above, below, whole - by_chance[model.texture].sum()
 
 
