@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, window_blocks, window_cells
-from uavseg.segmentation.blocks.block_cache import SIDE, Patches
+from uavseg.segmentation.blocks.block_cache import CACHED_SIDE, BlockCache
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
@@ -89,7 +89,7 @@ class Question:
     edges: tuple[float, ...]
     step: float
     threshold: float
-    patches: Patches = field(default_factory=Patches, repr=False, compare=False)
+    patches: BlockCache = field(default_factory=BlockCache, repr=False, compare=False)
 
     def open_in(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
         """Which R the cells leave open, see `blockmap.undecided`."""
@@ -215,7 +215,7 @@ def _divide_tile(
     patch = None if question is None else question.patches.take(window)
     if patch is not None:
         grey, valid = patch.grey, patch.valid
-        corners = np.stack([np.arange(len(corners)) * SIDE, np.zeros(len(corners), np.int64)], axis=1)
+        corners = np.stack([np.arange(len(corners)) * CACHED_SIDE, np.zeros(len(corners), np.int64)], axis=1)
     else:
         part = _around(window, corners)
         tile = source.read(part, 1)

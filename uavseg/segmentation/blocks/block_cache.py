@@ -14,12 +14,12 @@ from uavseg.raster.tiling import Window
 from uavseg.segmentation.source import GreyTile
 from uavseg.units import BLOCK
 
-ROOM = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
-SIDE = BLOCK + 2  # a block with the pixels around it
+CAPACITY = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
+CACHED_SIDE = BLOCK + 2  # a block with the pixels around it
 
 
 @dataclass(frozen=True, slots=True)
-class Patch:
+class CachedBlocks:
     """Blocks of one tile, one under the other.
 
     Parameters
@@ -34,16 +34,16 @@ class Patch:
     valid: NDArray[np.uint8] | None
 
 
-class Patches:
+class BlockCache:
     """Patches by the tile that they are from; pickled, it arrives empty and keeps nothing."""
 
-    def __init__(self, room: int = ROOM) -> None:
+    def __init__(self, room: int = CAPACITY) -> None:
         self._room = room
-        self._kept: dict[Window, Patch] = {}
+        self._kept: dict[Window, CachedBlocks] = {}
         self._lock = threading.Lock()
 
     def __reduce__(self) -> tuple[type["Patches"], tuple[int]]:
-        return Patches, (0,)
+        return BlockCache, (0,)
 
     def fingerprint(self) -> tuple[()]:
         """Nothing: no result depends on what is here."""
@@ -60,21 +60,21 @@ class Patches:
         corners : (k, 2) int64 array
             Row and column of each block's first pixel within the window.
         """
-        size = len(corners) * SIDE * SIDE * (2 if tile.every else 3)
+        size = len(corners) * CACHED_SIDE * CACHED_SIDE * (2 if tile.every else 3)
         with self._lock:
             if size == 0 or size > self._room:
                 return
             self._room -= size
-        valid = None if tile.every else _cut(tile.valid, corners)
-        self._kept[window] = Patch(_cut(tile.grey, corners), valid)
+        valid = None if tile.every else _crop_blocks(tile.valid, corners)
+        self._kept[window] = CachedBlocks(_crop_blocks(tile.grey, corners), valid)
 
-    def take(self, window: Window) -> Patch | None:
+    def take(self, window: Window) -> CachedBlocks | None:
         """The blocks kept of a tile, which are then no longer here; None if there are none."""
         return self._kept.pop(window, None)
 
 
-def _cut(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any]:
-    patches = np.empty((len(corners), SIDE, SIDE), image.dtype)
+def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any]:
+    patches = np.empty((len(corners), CACHED_SIDE, CACHED_SIDE), image.dtype)
     for patch, (row, col) in zip(patches, corners, strict=True):
-        patch[:] = image[row : row + SIDE, col : col + SIDE]
-    return patches.reshape(-1, SIDE)
+        patch[:] = image[row : row + CACHED_SIDE, col : col + CACHED_SIDE]
+    return patches.reshape(-1, CACHED_SIDE)
