@@ -156,11 +156,11 @@ def _again(raster: str, blocks: str) -> tuple[float, float]:
     from uavseg.execution.executors import threads
     from uavseg.jobs.extract import ExtractParams, extract, extract_from_blocks
     from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blocks.block_file import load
+    from uavseg.segmentation.blocks.block_file import read_block_map
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
 
-    saved, dataset = load(blocks), Dataset.open(raster)
+    saved, dataset = read_block_map(blocks), Dataset.open(raster)
     params = ExtractParams(SegmentParams(refine="none"))
     extract_from_blocks(saved, None, IntensityRange(0.7, 1), params)  # loads all that is needed
     begun = time.perf_counter()

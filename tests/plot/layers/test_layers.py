@@ -29,7 +29,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import fit
 from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation import in_memory
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, save
+from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, write_block_map
 from uavseg.segmentation.blocks.block_map import find_leaves
 
 UTM = rasterio.crs.CRS.from_epsg(32618)
@@ -137,7 +137,9 @@ def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
 def saved_blocks(path: Path, values: np.ndarray, box: GeoBox = BOX) -> Path:
     blocks = in_memory.divided((values * 65535).astype(np.uint16))
     stretch = fit(Dataset.of_values(values, box, "map"), "none", TilePass([]))
-    save(path, SavedBlocks(blocks, box, stretch, "band 1", Origin(("map.tif",), ".")), 1.2, np.inf, True)
+    write_block_map(
+        path, SavedBlocks(blocks, box, stretch, "band 1", Origin(("map.tif",), ".")), 1.2, np.inf, True
+    )
     return path
 
 

@@ -18,7 +18,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.units import CELL, CELLS
 
 _TAG = "UAVSEG_BLOCK_MAP"
-_LOOKED_AT = ("mean v", "side of the leaf in pixels")
+_BAND_NAMES = ("mean v", "side of the leaf in pixels")
 _RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k}" for k in range(16)))
 _SUMS, _COUNTS, _RATIOS = 2, 3, 4  # pages of the file
 
@@ -43,7 +43,7 @@ class Origin:
     rgb: tuple[int, int, int] | None = None
     nodata: float | None = None
 
-    def found(self, beside: str | os.PathLike[str]) -> list[str] | None:
+    def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
         """Paths of the rasters where all are still there: as they were, or beside the block map's file."""
         for folder in (Path(self.folder), Path(beside).resolve().parent):
             paths = [raster if is_remote(raster) else str(folder / raster) for raster in self.rasters]
@@ -72,7 +72,7 @@ def is_block_map(path: str | os.PathLike[str]) -> bool:
         return False  # whatever is wrong with it is told when it is opened as a raster
 
 
-def save(
+def write_block_map(
     path: str | os.PathLike[str], saved: SavedBlocks, threshold: float, step: float, overwrite: bool = False
 ) -> None:
     """Write a block map; a pixel of the file is a cell of 8 x 8 pixels.
@@ -85,26 +85,26 @@ def save(
     seen = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
     write_geotiff(
         path,
-        [_within(band, cells) for band in seen],
+        [_crop(band, cells) for band in seen],
         cells,
-        _LOOKED_AT,
+        _BAND_NAMES,
         _tags(saved),
         overwrite,
         nodata=float("nan"),
         pages=[
-            Page([_within(blocks.sums, cells)], cells, ["sum of grey"]),
-            Page([_within(blocks.counts, cells)], cells, ["valid pixels"]),
+            Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
+            Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
             Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
         ],
     )
 
 
-def _within(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
+def _crop(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
     """The part of a band of cells that the raster reaches."""
     return band[: cells.shape[0], : cells.shape[1]]
 
 
-def load(path: str | os.PathLike[str]) -> SavedBlocks:
+def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     """Read a block map back.
 
     Raises
