@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.units import FREE, GREY_MAX
 
-_MOST_LEVELS = 65535  # v has 65536 values
+_MAX_LEVELS = 65535  # v has 65536 values
 
 
-class Cut(Protocol):
+class Intervals(Protocol):
     """What cuts 0..1 into intervals."""
 
     @property
@@ -133,9 +133,9 @@ class Levels:
     def __post_init__(self) -> None:
         if not 0 < self.width <= 1:
             raise ParameterError(f"the width of a level is above 0 and at most 1, not {self.width:g}")
-        if 1 / self.width > _MOST_LEVELS:
+        if 1 / self.width > _MAX_LEVELS:
             raise ParameterError(
-                f"levels of {self.width:g} are finer than grey is, which has {_MOST_LEVELS + 1} values; "
+                f"levels of {self.width:g} are finer than grey is, which has {_MAX_LEVELS + 1} values; "
                 "give a larger width"
             )
 

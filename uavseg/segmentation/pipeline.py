@@ -20,7 +20,7 @@ from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, select
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cells_in_range, pixels_in_range, cells_to_pixels
 from uavseg.segmentation.blocks.mixed_cells import mixed_cells
-from uavseg.segmentation.intervals import Cut, IntensityRange
+from uavseg.segmentation.intervals import Intervals, IntensityRange
 from uavseg.segmentation.params import Refinement, SegmentParams
 from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
 from uavseg.segmentation.refine.tv import denoised
@@ -59,7 +59,7 @@ def block_map(
 
 def block_map_for(
     source: GreySource,
-    cut: Cut,
+    cut: Intervals,
     params: SegmentParams,
     tile_pass: TilePass,
 ) -> BlockMap:

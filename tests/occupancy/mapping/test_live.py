@@ -25,11 +25,11 @@ from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_r
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cells_in_range, cell_levels, cell_states
-from uavseg.segmentation.intervals import Cut, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.intervals import Intervals, IntensityRange, Levels, StateLimits
 from uavseg.segmentation.params import SegmentParams
 
 PAPER = SegmentParams(method="paper")
-CUTS: list[Cut] = [StateLimits(), IntensityRange(0.0, 0.45), IntensityRange(0.3, 0.7), Levels(0.1)]
+CUTS: list[Intervals] = [StateLimits(), IntensityRange(0.0, 0.45), IntensityRange(0.3, 0.7), Levels(0.1)]
 Grey = NDArray[np.uint16]
 
 
@@ -56,7 +56,7 @@ def afresh(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> BlockMap
     return blocks
 
 
-def intervals_of(blocks: BlockMap, cut: Cut, params: SegmentParams) -> NDArray[np.uint8]:
+def intervals_of(blocks: BlockMap, cut: Intervals, params: SegmentParams) -> NDArray[np.uint8]:
     how = (params.threshold, params.step)
     if isinstance(cut, StateLimits):
         return cell_states(blocks, cut, *how)
@@ -107,7 +107,7 @@ steps = st.lists(
     steps,
 )
 def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
-    seed: int, rows: int, cols: int, cut: Cut, params: SegmentParams, known: bool, sequence: list[str]
+    seed: int, rows: int, cols: int, cut: Intervals, params: SegmentParams, known: bool, sequence: list[str]
 ) -> None:
     rng = np.random.default_rng(seed)
     grid = OccupancyGrid.empty((rows, cols), 0.5)

@@ -16,7 +16,7 @@ from uavseg.occupancy.mapping.live_blocks import Places, decide, undecided_at
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.intervals import Cut, IntensityRange, StateLimits
+from uavseg.segmentation.intervals import Intervals, IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import Question
 from uavseg.units import BLOCK, CELL, GREY_MAX
@@ -47,7 +47,9 @@ class LiveSegmentation:
         If there are more than 255 intervals.
     """
 
-    def __init__(self, ground: Ground, cut: Cut | None = None, params: SegmentParams | None = None) -> None:
+    def __init__(
+        self, ground: Ground, cut: Intervals | None = None, params: SegmentParams | None = None
+    ) -> None:
         self.cut = StateLimits() if cut is None else cut
         self.params = SegmentParams(method="paper") if params is None else params
         self._question = Question(self.cut.edges, self.params.step, self.params.threshold)
