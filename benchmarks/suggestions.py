@@ -20,7 +20,7 @@ from benchmarks.classscenes import FAMILIES, HELD_OUT, Labels, Scene
 from uavseg.raster.intensity.otsu import Classes, multi_otsu, number_of_classes
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means
 from uavseg.segmentation.blocks.leaves import cell_intervals
-from uavseg.segmentation.in_memory import divided
+from uavseg.segmentation.in_memory import block_map_of_array
 
 SEEDS, BINS, MOST = 5, 256, 6
 X, TAU = 1.2, 0.05
@@ -159,7 +159,7 @@ def scores(families: Mapping[str, Callable[[int], Scene]], seeds: Iterable[int])
 
 
 def _scored(scene: Scene) -> Iterator[tuple[str, tuple[float, float, bool]]]:
-    blocks = divided(np.floor(scene.v * 65535 + 0.5).astype(np.uint16))
+    blocks = block_map_of_array(np.floor(scene.v * 65535 + 0.5).astype(np.uint16))
     histogram = histogram_of_means(blocks, X, TAU)
     held = np.flatnonzero(histogram)
     width = -(-(held[-1] - held[0] + 1) // BINS)

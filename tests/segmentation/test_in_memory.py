@@ -17,7 +17,7 @@ def test_regions_of_an_array_are_those_of_the_reference(reference, seed, refine)
     lo, hi, threshold, tau = reference.random_choices(seed)
     grey = reference.grey(values, valid, low, high)
     step = inf if tau is None else tau
-    labels = in_memory.regions(grey, IntensityRange(lo, hi), valid, threshold, step, refine)
+    labels = in_memory.label_regions(grey, IntensityRange(lo, hi), valid, threshold, step, refine)
     if refine == "scan":
         expected = reference.extract(values, valid, low, high, lo, hi, X=threshold, tau=tau)
         assert np.array_equal(labels, expected)
@@ -27,7 +27,7 @@ def test_regions_of_an_array_are_those_of_the_reference(reference, seed, refine)
 def test_ratios_of_an_array_are_those_of_the_reference(reference):
     values, valid, low, high = reference.random_raster(3)
     grey = reference.grey(values, valid, low, high)
-    blocks = in_memory.divided(grey, valid)
+    blocks = in_memory.block_map_of_array(grey, valid)
     for (row, col, side), ratio in reference.ratios(grey, valid).items():
         many = 64 // side
         first = {64: 0, 32: 1, 16: 5}[side]

@@ -16,7 +16,7 @@ from uavseg.segmentation.refine.tv import denoised
 from uavseg.units import BLOCK
 
 
-def divided(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:
+def block_map_of_array(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:
     """The block map of an image.
 
     Parameters
@@ -33,7 +33,7 @@ def divided(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) ->
     >>> float(divided(halves).ratios[0, 0, 0])  # texture differs along the middle only
     inf
     """
-    image, known = padded(grey, valid)
+    image, known = pad_to_blocks(grey, valid)
     sums, counts = cell_sums(image, known, margin=1)
     blocks = BlockMap(grey.shape, sums, counts, BlockMap.empty(grey.shape).ratios)
     cuts = contrast_bin_edges(contrast_histogram(image, known))
@@ -43,7 +43,7 @@ def divided(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) ->
     return blocks
 
 
-def regions(
+def label_regions(
     grey: NDArray[np.uint16],
     interval: IntensityRange,
     valid: NDArray[np.bool_] | None = None,
@@ -68,8 +68,8 @@ def regions(
     labels : (M, N) uint32 array
         1..n, most pixels first; 0 nothing.
     """
-    blocks = divided(grey, valid)
-    image, known = padded(grey, valid, 0)
+    blocks = block_map_of_array(grey, valid)
+    image, known = pad_to_blocks(grey, valid, 0)
     cells = cells_in_range(blocks, interval, threshold, intensity_step)
     inside = cells_to_pixels(cells, known)
     fits = pixels_in_range(image, known, *interval.greys)
@@ -87,7 +87,7 @@ def regions(
     return np.asarray(number[labels[: grey.shape[0], : grey.shape[1]]])
 
 
-def padded(
+def pad_to_blocks(
     grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None, border: int = 1
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
     """An image filled up to whole blocks, with a border of some pixels; and 1 where its pixels are valid."""

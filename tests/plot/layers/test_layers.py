@@ -122,7 +122,7 @@ def test_contours_are_as_long_as_the_edges_of_segments(seed: int) -> None:
 @given(st.integers(0, 2**32), st.integers(1, 150), st.integers(1, 150))
 def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
     rng = np.random.default_rng(seed)
-    blocks = in_memory.divided(rng.choice([100, 60000], (rows, cols)).astype(np.uint16))
+    blocks = in_memory.block_map_of_array(rng.choice([100, 60000], (rows, cols)).astype(np.uint16))
     blocks.ratios[:] = rng.choice([0.0, 2.0], blocks.ratios.shape)
     side, _ = find_leaves(blocks, 1.2, np.inf)
     cells = -(-rows // 8), -(-cols // 8)
@@ -135,7 +135,7 @@ def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
 
 
 def saved_blocks(path: Path, values: np.ndarray, box: GeoBox = BOX) -> Path:
-    blocks = in_memory.divided((values * 65535).astype(np.uint16))
+    blocks = in_memory.block_map_of_array((values * 65535).astype(np.uint16))
     stretch = fit(Dataset.of_values(values, box, "map"), "none", TilePass([]))
     write_block_map(
         path, SavedBlocks(blocks, box, stretch, "band 1", Origin(("map.tif",), ".")), 1.2, np.inf, True

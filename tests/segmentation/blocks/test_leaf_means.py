@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from uavseg.segmentation.blocks import block_map
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
-from uavseg.segmentation.in_memory import divided
+from uavseg.segmentation.in_memory import block_map_of_array
 
 
 def scene(seed: int, shape: tuple[int, int] = (200, 150)) -> BlockMap:
     rng = np.random.default_rng(seed)
     coarse = rng.integers(0, 65536, (shape[0] // 20 + 1, shape[1] // 20 + 1))
     grey = np.kron(coarse, np.ones((20, 20)))[: shape[0], : shape[1]] + rng.normal(0, 2000, shape)
-    return divided(np.clip(grey, 0, 65535).astype(np.uint16), rng.random(shape) < 0.8)
+    return block_map_of_array(np.clip(grey, 0, 65535).astype(np.uint16), rng.random(shape) < 0.8)
 
 
 @settings(deadline=None, max_examples=15)
@@ -53,6 +53,6 @@ def test_parts_merge_by_adding(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_values_that_are_means_are_known() -> None:
     grey = np.full((64, 64), 26214, np.uint16)  # v = 0.4
     grey[:, 32:] = 52428
-    blocks = divided(grey)
+    blocks = block_map_of_array(grey)
     assert means_among(blocks, (0.2, 0.4, 0.400001, 0.8), 1.2, 0.05) == {0.4, 0.8}
     assert means_among(blocks, (), 1.2, 0.05) == set()

@@ -16,7 +16,7 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.baseline.merging import likelihood_ratio, log_table, merged
 from uavseg.segmentation.blocks.block_map import find_leaves
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_bin_edges, contrast_histogram, lbp_symbols
-from uavseg.segmentation.in_memory import divided, padded
+from uavseg.segmentation.in_memory import block_map_of_array, pad_to_blocks
 from uavseg.segmentation.labels.component_sums import component_sums
 from uavseg.units import CELL
 
@@ -116,7 +116,7 @@ def original(
     """
     check_size(grey.shape)
     known = np.ones(grey.shape, np.bool_) if valid is None else valid
-    image, around = padded(grey, known)
+    image, around = pad_to_blocks(grey, known)
     texels = lbp_symbols(image, around, contrast_bin_edges(contrast_histogram(image, around)))
     texels = np.ascontiguousarray(texels[: grey.shape[0], : grey.shape[1]])
     labels, models = merged(_leaf_labels(grey, known, params.threshold), texels, params.stop, params.untested)
@@ -126,7 +126,7 @@ def original(
 
 def _leaf_labels(grey: NDArray[np.uint16], known: NDArray[np.bool_], threshold: float) -> Labels:
     """The leaf of each valid pixel, 1..n in raster order of the leaves' corners; 0 where invalid."""
-    sides, _ = find_leaves(divided(grey, known), threshold, np.inf)
+    sides, _ = find_leaves(block_map_of_array(grey, known), threshold, np.inf)
     side = np.maximum(sides, SMALLEST).astype(np.int64)
     rows, cols = np.indices(side.shape) * CELL
     corners = 1 + rows // side * side * grey.shape[1] + cols // side * side
