@@ -73,7 +73,7 @@ def _cases() -> Iterator[_Case]:
     from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.labels.component_sums import component_sums
-    from uavseg.segmentation.labels.components import components
+    from uavseg.segmentation.labels.components import label_components
     from uavseg.segmentation.refine.range_scans import scan
     from uavseg.segmentation.refine.tv import denoised
 
@@ -112,8 +112,8 @@ def _cases() -> Iterator[_Case]:
     )
 
     refined = scan(inside.copy(), whole, matching)
-    labels, count = components(refined)
-    yield _Case("`components.components`", lambda: components(refined), (refined, labels))
+    labels, count = label_components(refined)
+    yield _Case("`components.components`", lambda: label_components(refined), (refined, labels))
     yield _Case("`sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
 
     sizes = np.bincount(labels.ravel())

@@ -10,7 +10,7 @@ from uavseg.segmentation.blocks.leaves import cells_in_range, pixels_in_range, c
 from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import component_sums
-from uavseg.segmentation.labels.components import components
+from uavseg.segmentation.labels.components import label_components
 from uavseg.segmentation.refine.range_scans import scan, smooth
 from uavseg.segmentation.refine.tv import denoised
 from uavseg.units import BLOCK
@@ -80,7 +80,7 @@ def label_regions(
         scan(inside, known, fits)
     elif refine == "smooth":
         inside = smooth(inside, known, image, interval.low, interval.high)
-    labels, count = components(inside)
+    labels, count = label_components(inside)
     order = np.argsort(-component_sums(labels, count, image).counts, kind="stable")
     number = np.zeros(count + 1, np.uint32)
     number[order + 1] = np.arange(1, count + 1)

@@ -17,7 +17,7 @@ from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.labels.components import components
+from uavseg.segmentation.labels.components import label_components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
@@ -230,4 +230,4 @@ def _outline_match(
         pixels = decide(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
-    return outlined_tile(pixels, *components(pixels, MARGIN), tile.grey, window, source.shape[1])
+    return outlined_tile(pixels, *label_components(pixels, MARGIN), tile.grey, window, source.shape[1])

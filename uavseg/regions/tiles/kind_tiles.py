@@ -11,7 +11,7 @@ from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, whole_blocks
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.labels.components import components, equal_components
+from uavseg.segmentation.labels.components import label_components, label_equal_values
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.segmentation.states.state_scans import states_in
@@ -106,7 +106,7 @@ def _outline_cells(source: GreySource, job: _Job) -> Tile | None:
         return None
     tile = source.read(window, CELL)
     kinds = cells_to_pixels(cells, tile.valid)
-    return outlined_tile(kinds, *equal_components(kinds, CELL), tile.grey, window, source.shape[1])
+    return outlined_tile(kinds, *label_equal_values(kinds, CELL), tile.grey, window, source.shape[1])
 
 
 def _outline_pixels(source: GreySource, job: _Job) -> Tile | None:
@@ -115,4 +115,4 @@ def _outline_pixels(source: GreySource, job: _Job) -> Tile | None:
         return None
     tile = source.read(window, CELL)
     pixels = np.unpackbits(bits, axis=1, count=tile.grey.shape[1])
-    return outlined_tile(pixels, *components(pixels, CELL), tile.grey, window, source.shape[1])
+    return outlined_tile(pixels, *label_components(pixels, CELL), tile.grey, window, source.shape[1])

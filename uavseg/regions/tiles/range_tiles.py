@@ -16,7 +16,7 @@ from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
-from uavseg.segmentation.labels.components import components
+from uavseg.segmentation.labels.components import label_components
 from uavseg.segmentation.params import Refinement
 from uavseg.segmentation.pipeline import refined
 from uavseg.segmentation.refine.range_scans import REACH
@@ -94,7 +94,7 @@ def _outline_tile(source: GreySource, interval: IntensityRange, refine: Refineme
             f"{source.dataset.source} is not as it was when its block map was made; make the block map again "
             "with uavseg divide, or give --refine none"
         )
-    return outlined_tile(pixels, *components(pixels, REACH), tile.grey, job.window, source.shape[1])
+    return outlined_tile(pixels, *label_components(pixels, REACH), tile.grey, job.window, source.shape[1])
 
 
 def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> bool:

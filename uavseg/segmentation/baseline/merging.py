@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.labels.components import united
+from uavseg.segmentation.labels.components import union_roots
 
 SYMBOLS = 2048
 SMALLEST_G = 1e-9  # per pixel of the pair, as in the division
@@ -50,7 +50,7 @@ def merged(
     count = int(labels.max(initial=0))
     regions = _Regions.of(labels, texels, count)
     pairs = _adjacent(labels)
-    possible = count - len(np.unique(united(pairs, count + 1)[1:]))
+    possible = count - len(np.unique(union_roots(pairs, count + 1)[1:]))
     parents = _merge(regions, pairs, stop, untested * possible)
     roots, numbers = np.unique(parents, return_inverse=True)
     return numbers.astype(np.uint32)[labels], np.ascontiguousarray(regions.histograms[roots])

@@ -10,7 +10,7 @@ from uavseg._jit import inlined, kernel
 WORD = 8  # pixels of an image of bytes that are looked at together
 
 
-def components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
+def label_components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
     """Number the components of an image in raster order of their first pixels.
 
     Parameters
@@ -34,11 +34,11 @@ def components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.u
     """
     labels = np.zeros((inside.shape[0] - 2 * margin, inside.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size // 2 + 2, np.uint32)
-    words = words_of(inside) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
+    words = view_as_words(inside) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
     return labels, _label_u1(inside, words, margin, labels, parents)
 
 
-def equal_components(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
+def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
     """Number the connected pixels of equal value, 0 left out, in raster order of their first pixels.
 
     Parameters
@@ -63,11 +63,11 @@ def equal_components(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.u
     parents = np.empty(labels.size + 1, np.uint32)
     if image.dtype != np.uint8:
         return labels, _label_u4(image, np.empty((0, 0), np.uint64), margin, labels, parents)
-    words = words_of(image) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
+    words = view_as_words(image) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
     return labels, _label_u1(image, words, margin, labels, parents)
 
 
-def values_of(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
+def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
     """The value of each component 1..count of an image, (count,) int64.
 
     Parameters
@@ -77,18 +77,18 @@ def values_of(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int)
     count : int
     """
     values = np.empty(count, np.int64)
-    _name(image, labels, values)
+    _component_values(image, labels, values)
     return values
 
 
-def words_of(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
+def view_as_words(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
     """Eight pixels of a row in one number, so that they are compared at once; empty where they do not fit."""
     if image.shape[1] % WORD or not image.flags.c_contiguous or image.ctypes.data % WORD:
         return np.empty((0, 0), np.uint64)
     return image.view(np.uint64)
 
 
-def united(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def union_roots(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """The smallest of all items that pairs connect each item with.
 
     Parameters
@@ -108,7 +108,7 @@ def united(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     array([0, 1, 2, 1, 1])
     """
     parents = np.arange(count)
-    _unite(np.ascontiguousarray(pairs), parents)
+    _union(np.ascontiguousarray(pairs), parents)
     return parents
 
 
@@ -189,7 +189,7 @@ _label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
 
 
 @kernel("void(u4[:,::1], u4[:,::1], i8[::1])")
-def _name(image, labels, values):  # type: ignore[no-untyped-def]
+def _component_values(image, labels, values):  # type: ignore[no-untyped-def]
     named = 0  # components are numbered in the order in which they are met
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
@@ -199,7 +199,7 @@ def _name(image, labels, values):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(i8[:,::1], i8[::1])")
-def _unite(pairs, parents):  # type: ignore[no-untyped-def]
+def _union(pairs, parents):  # type: ignore[no-untyped-def]
     for k in range(pairs.shape[0]):
         first = root_of(parents, pairs[k, 0])
         second = root_of(parents, pairs[k, 1])
