@@ -74,8 +74,8 @@ def _cases() -> Iterator[_Case]:
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.labels.component_sums import component_sums
     from uavseg.segmentation.labels.components import label_components
-    from uavseg.segmentation.refine.range_scans import scan
-    from uavseg.segmentation.refine.tv import denoised
+    from uavseg.segmentation.refine.range_scans import refine_by_scans
+    from uavseg.segmentation.refine.tv import refine_by_tv
 
     tile = _tile()
     stretch = Stretch(0.0, 255.0, "dtype")
@@ -100,18 +100,21 @@ def _cases() -> Iterator[_Case]:
     whole = np.ones_like(inside)
     matching = (inner >= LOW * 65535).astype(np.uint8)
     yield _Case(
-        "`refinement.scan`", lambda mask: scan(mask, whole, matching), (inside, whole, matching), (inside,)
+        "`refinement.scan`",
+        lambda mask: refine_by_scans(mask, whole, matching),
+        (inside, whole, matching),
+        (inside,),
     )
     every = np.ones_like(bright, dtype=np.uint8)
     greys = IntensityRange(LOW, 1).greys
     yield _Case(
         "`denoising.denoised`, all cells",
-        lambda mask: denoised(mask, every, whole, inner, matching, greys),
+        lambda mask: refine_by_tv(mask, every, whole, inner, matching, greys),
         (inside, whole, inner, matching),
         (inside,),
     )
 
-    refined = scan(inside.copy(), whole, matching)
+    refined = refine_by_scans(inside.copy(), whole, matching)
     labels, count = label_components(refined)
     yield _Case("`components.components`", lambda: label_components(refined), (refined, labels))
     yield _Case("`sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))

@@ -22,7 +22,7 @@ from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine, measure, refined
-from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
+from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_scans, refine_by_local_mean
 from uavseg.segmentation.source import GreySource
 
 INTERVAL = IntensityRange(0.4, 0.7)
@@ -76,7 +76,7 @@ shapes = st.tuples(st.integers(1, 200), st.integers(1, 200))
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 999), shapes, st.sampled_from([64, 128]), st.sampled_from([0, 1, REACH]))
+@given(st.integers(0, 999), shapes, st.sampled_from([64, 128]), st.sampled_from([0, 1, REFINE_HALO]))
 def test_a_tile_is_the_raster_with_nothing_around_it(
     seed: int, shape: tuple[int, int], side: int, margin: int
 ) -> None:
@@ -202,9 +202,9 @@ def test_tiles_are_refined_as_the_whole_would_be(how: Any, seed: int) -> None:
     for side in (64, 128, 192):
         found = np.zeros(source.shape, np.uint8)
         for window in tiles(source.shape, side):
-            answer = refined(source, cells_around(inside, window, REACH), INTERVAL, how, window)
+            answer = refined(source, cells_around(inside, window, REFINE_HALO), INTERVAL, how, window)
             if answer is not None:
-                found[window.slices] = answer[0][REACH:, REACH:][: window.rows, : window.cols]
+                found[window.slices] = answer[0][REFINE_HALO:, REFINE_HALO:][: window.rows, : window.cols]
         assert np.array_equal(found, expected)
 
 
@@ -212,9 +212,11 @@ def refined_whole(dataset: InMemory, inside: NDArray[np.uint8], how: str) -> NDA
     if how == "tv":
         source = source_of(dataset)
         window = Window(0, 0, *source.shape)
-        answer = refined(source, cells_around(inside, window, REACH), INTERVAL, "tv", window)
+        answer = refined(source, cells_around(inside, window, REFINE_HALO), INTERVAL, "tv", window)
         return (
-            answer[0][REACH:, REACH:][: window.rows, : window.cols] if answer else dataset.valid * np.uint8(0)
+            answer[0][REFINE_HALO:, REFINE_HALO:][: window.rows, : window.cols]
+            if answer
+            else dataset.valid * np.uint8(0)
         )
     rows, cols = dataset.valid.shape
     valid = dataset.valid.astype(np.uint8)
@@ -222,8 +224,12 @@ def refined_whole(dataset: InMemory, inside: NDArray[np.uint8], how: str) -> NDA
     pixels = np.kron(inside, np.ones((8, 8), np.uint8))[:rows, :cols] & valid
     v = grey / 65535
     if how == "scan":
-        return scan(pixels, valid, ((v >= INTERVAL.low) & (v <= INTERVAL.high)).astype(np.uint8) & valid)
-    return smooth(pixels, valid, grey, INTERVAL.low, INTERVAL.high) if how == "smooth" else pixels
+        return refine_by_scans(
+            pixels, valid, ((v >= INTERVAL.low) & (v <= INTERVAL.high)).astype(np.uint8) & valid
+        )
+    return (
+        refine_by_local_mean(pixels, valid, grey, INTERVAL.low, INTERVAL.high) if how == "smooth" else pixels
+    )
 
 
 def test_a_tile_with_nothing_in_range_around_it_is_not_read() -> None:
@@ -242,12 +248,12 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
 ) -> None:
     cells = tuple(-(-length // 64) * 8 for length in shape)
     inside = np.random.default_rng(shape).integers(0, 2, cells).astype(np.uint8)
-    padded = np.pad(inside, REACH // 8)
+    padded = np.pad(inside, REFINE_HALO // 8)
     for window in tiles(shape, side):
-        around = cells_around(inside, window, REACH)
+        around = cells_around(inside, window, REFINE_HALO)
         row, col = window.row // 8, window.col // 8
         assert np.array_equal(around, padded[row : row + len(around), col : col + around.shape[1]])
-        assert around.shape == tuple(-(-n // 64) * 8 + REACH // 4 for n in (window.rows, window.cols))
+        assert around.shape == tuple(-(-n // 64) * 8 + REFINE_HALO // 4 for n in (window.rows, window.cols))
 
 
 # Parameters and progress

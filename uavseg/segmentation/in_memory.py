@@ -11,8 +11,8 @@ from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import component_sums
 from uavseg.segmentation.labels.components import label_components
-from uavseg.segmentation.refine.range_scans import scan, smooth
-from uavseg.segmentation.refine.tv import denoised
+from uavseg.segmentation.refine.range_scans import refine_by_scans, refine_by_local_mean
+from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.units import BLOCK
 
 
@@ -75,11 +75,11 @@ def label_regions(
     fits = pixels_in_range(image, known, *interval.greys)
     if refine == "tv":
         open_cells = mixed_cells(blocks, cells, interval.low, interval.high)
-        denoised(inside, open_cells, known, image, fits, interval.greys)
+        refine_by_tv(inside, open_cells, known, image, fits, interval.greys)
     elif refine == "scan":
-        scan(inside, known, fits)
+        refine_by_scans(inside, known, fits)
     elif refine == "smooth":
-        inside = smooth(inside, known, image, interval.low, interval.high)
+        inside = refine_by_local_mean(inside, known, image, interval.low, interval.high)
     labels, count = label_components(inside)
     order = np.argsort(-component_sums(labels, count, image).counts, kind="stable")
     number = np.zeros(count + 1, np.uint32)

@@ -22,8 +22,8 @@ from uavseg.segmentation.blocks.leaves import cells_in_range, pixels_in_range, c
 from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import Intervals, IntensityRange
 from uavseg.segmentation.params import Refinement, SegmentParams
-from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
-from uavseg.segmentation.refine.tv import denoised
+from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_scans, refine_by_local_mean
+from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import BLOCK, GREY_LEVELS
 
@@ -181,15 +181,15 @@ def refined(
     """
     if not inside.any():
         return None
-    tile = source.read(window, REACH)
+    tile = source.read(window, REFINE_HALO)
     pixels = cells_to_pixels(inside & IN_RANGE, tile.valid)
     if refine == "scan" and not inside.all():
-        scan(pixels, tile.valid, pixels_in_range(tile.grey, tile.valid, *interval.greys))
+        refine_by_scans(pixels, tile.valid, pixels_in_range(tile.grey, tile.valid, *interval.greys))
     elif refine == "smooth" and not inside.all():
-        pixels = smooth(pixels, tile.valid, tile.grey, interval.low, interval.high)
+        pixels = refine_by_local_mean(pixels, tile.valid, tile.grey, interval.low, interval.high)
     elif refine == "tv":
         fits = pixels_in_range(tile.grey, tile.valid, *interval.greys)
-        denoised(pixels, inside & UNSETTLED, tile.valid, tile.grey, fits, interval.greys)
+        refine_by_tv(pixels, inside & UNSETTLED, tile.valid, tile.grey, fits, interval.greys)
     return pixels, tile
 
 

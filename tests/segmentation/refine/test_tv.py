@@ -15,8 +15,8 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.refine import total_variation
-from uavseg.segmentation.refine.range_scans import REACH
-from uavseg.segmentation.refine.tv import denoised
+from uavseg.segmentation.refine.range_scans import REFINE_HALO
+from uavseg.segmentation.refine.tv import refine_by_tv
 
 Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
@@ -47,7 +47,7 @@ def refined(
     inside: Image, open_cells: Image, valid: Image, grey: Grey, interval: IntensityRange = MIDDLE
 ) -> Image:
     fits = matching(valid, grey, interval)
-    return denoised(inside, open_cells, valid, grey, fits, interval.greys)
+    return refine_by_tv(inside, open_cells, valid, grey, fits, interval.greys)
 
 
 @settings(deadline=None, max_examples=60)
@@ -108,7 +108,7 @@ def test_u_stays_between_black_and_white(seed: int) -> None:
 @settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_a_cut_out_with_reach_around_it_is_decided_as_the_whole(seed: int) -> None:
-    assert cut_out_agrees(seed, REACH // 8)
+    assert cut_out_agrees(seed, REFINE_HALO // 8)
 
 
 def test_a_cut_out_with_less_around_it_may_not_be() -> None:

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-REACH = 80  # pixels: an image cut with this much around it is refined as the whole would be
-_RUN = 8  # pixels: where a run of changes stops
+REFINE_HALO = 80  # pixels: an image cut with this much around it is refined as the whole would be
+_MAX_RUN = 8  # pixels: where a run of changes stops
 _SCALE = 16  # the local mean's weights are the binomial coefficients of 16: sigma = 2 pixels
 _WEIGHTS = np.array([1, 16, 120, 560, 1820, 4368, 8008, 11440, 12870], np.int64)  # 16 over k, k = 0..8
 
 
-def scan(
+def refine_by_scans(
     inside: NDArray[np.uint8], valid: NDArray[np.uint8], matching: NDArray[np.uint8]
 ) -> NDArray[np.uint8]:
     """Shrink regions by pixels that do not match, then grow them by pixels that do.
@@ -35,7 +35,7 @@ def scan(
     inside : (M, N) uint8 array, the same array
     """
     cols = inside.shape[1]
-    lines = np.zeros((4, cols + 2 * _RUN), np.uint8)
+    lines = np.zeros((4, cols + 2 * _MAX_RUN), np.uint8)
     for grow in (0, 1):
         for before in (1, -1):  # right to left, left to right
             _scan_rows(inside, valid, matching, grow, before, *lines)
@@ -44,7 +44,7 @@ def scan(
     return inside
 
 
-def smooth(
+def refine_by_local_mean(
     inside: NDArray[np.uint8], valid: NDArray[np.uint8], grey: NDArray[np.uint16], low: float, high: float
 ) -> NDArray[np.uint8]:
     """Decide the pixels near a boundary again, by the mean of v around them.
@@ -65,7 +65,7 @@ def smooth(
     -------
     inside : (M, N) uint8 array, a new one
     """
-    near = _spread(inside) & _spread(valid & (1 - inside)) & valid
+    near = _dilate_pixels(inside) & _dilate_pixels(valid & (1 - inside)) & valid
     refined = inside.copy()
     sums = np.empty(inside.shape, np.int64)
     weights = np.empty(inside.shape, np.int64)
@@ -74,11 +74,11 @@ def smooth(
     return refined
 
 
-def _spread(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _dilate_pixels(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The largest value within 8 pixels, along rows and then along columns."""
     spread = image
     for axis in (0, 1):
-        padded = np.pad(spread, [(_RUN, _RUN) if k == axis else (0, 0) for k in (0, 1)])
+        padded = np.pad(spread, [(_MAX_RUN, _MAX_RUN) if k == axis else (0, 0) for k in (0, 1)])
         for step in (1, 2, 4, 8, 1):  # windows of 2, 4, 8, 16 and 17
             length = padded.shape[axis] - step
             padded = np.maximum(
@@ -89,7 +89,7 @@ def _spread(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 @inlined
-def eligible(own, fits, grow):  # type: ignore[no-untyped-def]
+def can_change(own, fits, grow):  # type: ignore[no-untyped-def]
     """1 where a pixel would change its side if the one before it asked: it does not fit, or (grow) it
     does.
     """
@@ -97,28 +97,28 @@ def eligible(own, fits, grow):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def asks(own, valid, grow):  # type: ignore[no-untyped-def]
+def is_source(own, valid, grow):  # type: ignore[no-untyped-def]
     """1 where a pixel asks the next one over: it is valid and outside, or (grow) inside."""
     return (own ^ grow ^ np.uint8(1)) & (valid | grow)
 
 
 @inlined
-def joined(first, second, ahead, result):  # type: ignore[no-untyped-def]
+def and_shifted(first, second, ahead, result):  # type: ignore[no-untyped-def]
     """first & second, the latter `ahead` pixels on. (Unsigned indices and one result a loop keep it
     vectorised.)
     """
-    margin = np.uintp(_RUN)
-    moved = np.uintp(_RUN + ahead)
-    for c in range(np.uintp(result.shape[0] - 2 * _RUN)):
+    margin = np.uintp(_MAX_RUN)
+    moved = np.uintp(_MAX_RUN + ahead)
+    for c in range(np.uintp(result.shape[0] - 2 * _MAX_RUN)):
         result[c + margin] = first[c + margin] & second[c + moved]
 
 
 @inlined
-def extended(change, fits, ahead, result):  # type: ignore[no-untyped-def]
+def or_and_shifted(change, fits, ahead, result):  # type: ignore[no-untyped-def]
     """change | fits & change, the last `ahead` pixels on."""
-    margin = np.uintp(_RUN)
-    moved = np.uintp(_RUN + ahead)
-    for c in range(np.uintp(result.shape[0] - 2 * _RUN)):
+    margin = np.uintp(_MAX_RUN)
+    moved = np.uintp(_MAX_RUN + ahead)
+    for c in range(np.uintp(result.shape[0] - 2 * _MAX_RUN)):
         result[c + margin] = change[c + margin] | (fits[c + margin] & change[c + moved])
 
 
@@ -130,17 +130,17 @@ def _scan_rows(inside, valid, matching, grow, before, fits, change, fits_2, chan
     cols = inside.shape[1]
     for r in range(inside.shape[0]):
         for c in range(cols):
-            fits[c + _RUN] = eligible(inside[r, c], matching[r, c], grow)
+            fits[c + _MAX_RUN] = can_change(inside[r, c], matching[r, c], grow)
         for c in range(cols):
-            change_2[c + _RUN] = asks(inside[r, c], valid[r, c], grow)
-        joined(fits, change_2, before, change)
-        extended(change, fits, before, change_2)
-        joined(fits, fits, before, fits_2)
-        extended(change_2, fits_2, 2 * before, change)
-        joined(fits_2, fits_2, 2 * before, fits)
-        extended(change, fits, 4 * before, change_2)
+            change_2[c + _MAX_RUN] = is_source(inside[r, c], valid[r, c], grow)
+        and_shifted(fits, change_2, before, change)
+        or_and_shifted(change, fits, before, change_2)
+        and_shifted(fits, fits, before, fits_2)
+        or_and_shifted(change_2, fits_2, 2 * before, change)
+        and_shifted(fits_2, fits_2, 2 * before, fits)
+        or_and_shifted(change, fits, 4 * before, change_2)
         for c in range(cols):
-            inside[r, c] ^= change_2[c + _RUN]
+            inside[r, c] ^= change_2[c + _MAX_RUN]
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1, i8, u1[::1])")
@@ -151,9 +151,9 @@ def _scan_columns(inside, valid, matching, grow, before, run):  # type: ignore[n
     for k in range(1, rows):
         r = rows - 1 - k if before > 0 else k
         for c in range(cols):
-            change = eligible(inside[r, c], matching[r, c], grow)
-            change &= asks(inside[r + before, c], valid[r + before, c], grow)
-            change &= np.uint8(run[c] < _RUN)
+            change = can_change(inside[r, c], matching[r, c], grow)
+            change &= is_source(inside[r + before, c], valid[r + before, c], grow)
+            change &= np.uint8(run[c] < _MAX_RUN)
             inside[r, c] ^= change
             run[c] = (run[c] + np.uint8(1)) * change
 

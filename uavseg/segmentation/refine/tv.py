@@ -11,10 +11,10 @@ from uavseg.segmentation.refine.noise import SIDE, grown, noise_around
 from uavseg.segmentation.refine.specks import drop_specks
 from uavseg.segmentation.refine.total_variation import MOST, decide_evened
 
-_WEIGHT = 0.34  # of a pair of neighbours, over the standard deviation of the noise
+_WEIGHT_PER_NOISE = 0.34  # of a pair of neighbours, over the standard deviation of the noise
 
 
-def denoised(
+def refine_by_tv(
     inside: NDArray[np.uint8],
     unsettled: NDArray[np.uint8],
     valid: NDArray[np.uint8],
@@ -46,7 +46,7 @@ def denoised(
     """
     active = grown((unsettled > 0).view(np.uint8))
     mixed = np.empty_like(active)
-    _follow(matching, valid, active, np.empty((3, inside.shape[1]), np.uint8), inside, mixed)
+    _apply_own_values(matching, valid, active, np.empty((3, inside.shape[1]), np.uint8), inside, mixed)
     active &= grown(mixed)
     if active.any():
         weights = _weights(noise_around(grey, valid, active), active)
@@ -57,7 +57,7 @@ def denoised(
 
 def _weights(noise: NDArray[np.float64], active: NDArray[np.uint8]) -> NDArray[np.int16]:
     """Of the pixels of each cell, in half grey; 0 in cells that are not active."""
-    weights = np.minimum(np.rint(_WEIGHT / 2 * noise), MOST).astype(np.int16)
+    weights = np.minimum(np.rint(_WEIGHT_PER_NOISE / 2 * noise), MOST).astype(np.int16)
     return weights.repeat(SIDE // 8, axis=0).repeat(SIDE // 8, axis=1) * active
 
 
@@ -73,7 +73,7 @@ def add_row(matching, valid, chosen, inside, some, others):  # type: ignore[no-u
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
-def _follow(matching, valid, active, lines, inside, mixed):  # type: ignore[no-untyped-def]
+def _apply_own_values(matching, valid, active, lines, inside, mixed):  # type: ignore[no-untyped-def]
     """Decide the pixels of active cells by their own v, and tell which of them have pixels on both sides."""
     chosen, some, others = lines[0], lines[1], lines[2]
     for row in range(active.shape[0]):
