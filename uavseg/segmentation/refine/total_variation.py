@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 
 SWEEPS = 5
-HALO = 32  # columns, whole cells: a sweep looks six farther, two along rows, two in each pair of rows
-MOST = 16000  # a weight in half grey: gap and flow together stay within 16 bits
+TV_HALO = 32  # columns, whole cells: a sweep looks six farther, two along rows, two in each pair of rows
+MAX_WEIGHT = 16000  # a weight in half grey: gap and flow together stay within 16 bits
 _CORNER = 45  # 64ths of a weight across corners
 _PANEL = 2304  # columns: lines that are in work stay in the cache
 _LINES = 2 * SWEEPS + 2  # that are in work
@@ -28,7 +28,7 @@ _GROUPS = 8  # of pairs of neighbours: two within a line, two down, four across 
 _GAP = 16  # pixels of no weight behind those of even and of odd columns
 
 
-def decide_evened(
+def threshold_tv(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8],
     weights: NDArray[np.int16],
@@ -52,15 +52,17 @@ def decide_evened(
     low, high = (greys[0] + 1) // 2, greys[1] // 2  # in half grey
     for begin in range(0, grey.shape[1], _PANEL):
         end = min(begin + _PANEL, grey.shape[1])
-        first, last = max(begin - HALO, 0), min(end + HALO, grey.shape[1])
+        first, last = max(begin - TV_HALO, 0), min(end + TV_HALO, grey.shape[1])
         caps = weights[:, first // 8 : last // 8].repeat(4, axis=1)  # of even columns, and of odd ones
         busy = caps.any(axis=1).view(np.uint8)
         if busy.any():
             panel = np.array([first, begin, end])
-            _decide(grey, valid, caps, busy, panel, low, high, *_lines((last - first) // 2), inside)
+            _threshold_tv(
+                grey, valid, caps, busy, panel, low, high, *_line_buffers((last - first) // 2), inside
+            )
 
 
-def _lines(half: int) -> tuple[NDArray[Any], ...]:
+def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
     """What each line in work has: u and weights of its pixels, weights across corners, what flows between the
     eight groups of pairs of neighbours; then where groups begin.
 
@@ -79,7 +81,7 @@ def _lines(half: int) -> tuple[NDArray[Any], ...]:
 
 
 @inlined
-def entered(grey, valid, weights, first, tones, caps, corners, even, odd):  # type: ignore[no-untyped-def]
+def load_row(grey, valid, weights, first, tones, caps, corners, even, odd):  # type: ignore[no-untyped-def]
     """Take a row of pixels into a line."""
     one, two = np.uintp(1), np.uintp(2)
     for k in range(np.uintp(weights.shape[0])):
@@ -93,7 +95,7 @@ def entered(grey, valid, weights, first, tones, caps, corners, even, odd):  # ty
 
 
 @inlined
-def evened(tones, caps, a, b, flows, at, length):  # type: ignore[no-untyped-def]
+def relax_pairs(tones, caps, a, b, flows, at, length):  # type: ignore[no-untyped-def]
     """Let half of the gap between two pixels flow, as far as the smaller weight lets it."""
     for k in range(length):
         half = np.int16(np.int16(tones[b + k] - tones[a + k]) >> 1)
@@ -107,36 +109,36 @@ def evened(tones, caps, a, b, flows, at, length):  # type: ignore[no-untyped-def
 
 
 @inlined
-def even_groups(begin, end, groups, tones, caps, flows, upper, lower, length):  # type: ignore[no-untyped-def]
+def relax_groups(begin, end, groups, tones, caps, flows, upper, lower, length):  # type: ignore[no-untyped-def]
     """Even out some groups of two lines."""
     for k in range(begin, end):
         a = np.uintp(upper * 2 * (length + _GAP) + groups[k, 0])
         b = np.uintp(lower * 2 * (length + _GAP) + groups[k, 1])
-        evened(tones, caps, a, b, flows, np.uintp((upper * _GROUPS + k) * length), np.uintp(length))
+        relax_pairs(tones, caps, a, b, flows, np.uintp((upper * _GROUPS + k) * length), np.uintp(length))
 
 
 @inlined
-def side(tone, grey, valid, low, high, inside):  # type: ignore[no-untyped-def]
+def threshold_pixel(tone, grey, valid, low, high, inside):  # type: ignore[no-untyped-def]
     """Where a pixel lies, 0 or 1."""
     found = np.uint8(low <= tone) & np.uint8(tone <= high) & valid
     return found if tone != np.int16(grey >> 1) else inside
 
 
 @inlined
-def decided(tones, even, odd, grey, valid, low, high, begin, half, inside):  # type: ignore[no-untyped-def]
+def threshold_row(tones, even, odd, grey, valid, low, high, begin, half, inside):  # type: ignore[no-untyped-def]
     """Decide a row of pixels."""
     for k in range(half):
         c = begin + np.uintp(2) * k
         d = c + np.uintp(1)
-        inside[c] = side(tones[even + k], grey[c], valid[c], low, high, inside[c])
-        inside[d] = side(tones[odd + k], grey[d], valid[d], low, high, inside[d])
+        inside[c] = threshold_pixel(tones[even + k], grey[c], valid[c], low, high, inside[c])
+        inside[d] = threshold_pixel(tones[odd + k], grey[d], valid[d], low, high, inside[d])
 
 
 @kernel(
     "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], i2, i2, i2[::1], i2[::1], i2[::1], i2[::1],"
     " i8[:,::1], u1[:,::1])"
 )
-def _decide(  # type: ignore[no-untyped-def]
+def _threshold_tv(  # type: ignore[no-untyped-def]
     grey, valid, weights, busy, panel, low, high, tones, caps, corners, flows, groups, inside
 ):
     # All sweeps go over the rows at once, each a pair of rows behind the one before: few lines are in work.
@@ -149,22 +151,22 @@ def _decide(  # type: ignore[no-untyped-def]
             if busy[row // 8]:
                 line = row % _LINES
                 even, odd = np.uintp(2 * line * width), np.uintp((2 * line + 1) * width)
-                entered(grey[row], valid[row], weights[row // 8], first, tones, caps, corners, even, odd)
+                load_row(grey[row], valid[row], weights[row // 8], first, tones, caps, corners, even, odd)
                 flows[line * _GROUPS * length : (line + 1) * _GROUPS * length] = 0
         for sweep in range(SWEEPS):
             row = 2 * (time - sweep)
             if 0 <= row < rows and busy[row // 8]:
                 above, line, below = (row - 1) % _LINES, row % _LINES, (row + 1) % _LINES
-                even_groups(0, 2, groups, tones, caps, flows, line, line, length)
-                even_groups(0, 2, groups, tones, caps, flows, below, below, length)
-                even_groups(2, 4, groups, tones, caps, flows, line, below, length)
-                even_groups(4, 8, groups, tones, corners, flows, line, below, length)
+                relax_groups(0, 2, groups, tones, caps, flows, line, line, length)
+                relax_groups(0, 2, groups, tones, caps, flows, below, below, length)
+                relax_groups(2, 4, groups, tones, caps, flows, line, below, length)
+                relax_groups(4, 8, groups, tones, corners, flows, line, below, length)
                 if row > 0 and busy[(row - 1) // 8]:
-                    even_groups(2, 4, groups, tones, caps, flows, above, line, length)
-                    even_groups(4, 8, groups, tones, corners, flows, above, line, length)
+                    relax_groups(2, 4, groups, tones, caps, flows, above, line, length)
+                    relax_groups(4, 8, groups, tones, corners, flows, above, line, length)
         done = 2 * (time - SWEEPS + 1)
         for row in range(max(done - 1, 0), min(done + 1, rows)):
             if busy[row // 8]:
                 even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
                 odd = even + np.uintp(width)
-                decided(tones, even, odd, grey[row], valid[row], low, high, begin, half, inside[row])
+                threshold_row(tones, even, odd, grey[row], valid[row], low, high, begin, half, inside[row])

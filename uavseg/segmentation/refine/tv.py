@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.refine.noise import SIDE, grown, noise_around
 from uavseg.segmentation.refine.specks import drop_specks
-from uavseg.segmentation.refine.total_variation import MOST, decide_evened
+from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, threshold_tv
 
 _WEIGHT_PER_NOISE = 0.34  # of a pair of neighbours, over the standard deviation of the noise
 
@@ -50,14 +50,14 @@ def refine_by_tv(
     active &= grown(mixed)
     if active.any():
         weights = _weights(noise_around(grey, valid, active), active)
-        decide_evened(grey, valid, weights, greys, inside)
+        threshold_tv(grey, valid, weights, greys, inside)
         drop_specks(inside, valid, (weights > 0).view(np.uint8))
     return inside
 
 
 def _weights(noise: NDArray[np.float64], active: NDArray[np.uint8]) -> NDArray[np.int16]:
     """Of the pixels of each cell, in half grey; 0 in cells that are not active."""
-    weights = np.minimum(np.rint(_WEIGHT_PER_NOISE / 2 * noise), MOST).astype(np.int16)
+    weights = np.minimum(np.rint(_WEIGHT_PER_NOISE / 2 * noise), MAX_WEIGHT).astype(np.int16)
     return weights.repeat(SIDE // 8, axis=0).repeat(SIDE // 8, axis=1) * active
 
 
