@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-SIDE = 16  # pixels of a square
-_FOUR = 4  # pixels on a side of a mean, and means on a side of a square
+NOISE_SIDE = 16  # pixels of a square
+_COARSE = 4  # pixels on a side of a mean, and means on a side of a square
 
 
 def grown(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -27,7 +27,7 @@ def grown(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return found
 
 
-def noise_around(
+def estimate_noise(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], active: NDArray[np.uint8]
 ) -> NDArray[np.float64]:
     """Deviation of the noise around each square with active cells, in grey; 0 elsewhere.
@@ -47,10 +47,10 @@ def noise_around(
     -------
     noise : (M / 16, N / 16) float64 array
     """
-    rows, cols = (n // SIDE for n in grey.shape)
+    rows, cols = (n // NOISE_SIDE for n in grey.shape)
     squares = active[::2, ::2] | active[::2, 1::2] | active[1::2, ::2] | active[1::2, 1::2]
     found = np.full((2, rows, cols), -1.0)
-    lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_FOUR, _FOUR * cols), np.int32)
+    lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_COARSE, _COARSE * cols), np.int32)
     flags = np.empty(grey.shape[1], np.uint8), np.empty(means.shape, np.uint8)
     _measure_squares(grey, valid, grown(squares), lines, flags[0], means, flags[1], *found)
     noise = np.zeros((rows, cols))
@@ -59,7 +59,7 @@ def noise_around(
 
 
 @inlined
-def respond(grey, valid, row, begin, end, bend, whole, total, number):  # type: ignore[no-untyped-def]
+def add_responses(grey, valid, row, begin, end, bend, whole, total, number):  # type: ignore[no-untyped-def]
     """Add |responses| in a row to those of rows before, where all that is looked at is valid."""
     above = row - np.uintp(1)
     below = row + np.uintp(1)
@@ -77,7 +77,7 @@ def respond(grey, valid, row, begin, end, bend, whole, total, number):  # type: 
 
 
 @inlined
-def keep_means(total, number, side, scale, wanted, found):  # type: ignore[no-untyped-def]
+def store_mean_responses(total, number, side, scale, wanted, found):  # type: ignore[no-untyped-def]
     """Mean |responses| that look at nothing outside their square; and zeros for the next."""
     for col in range(np.uintp(wanted.shape[0])):
         size = np.int32(0)
@@ -92,14 +92,14 @@ def keep_means(total, number, side, scale, wanted, found):  # type: ignore[no-un
 
 
 @inlined
-def take_means(grey, valid, row, begin, end, sums, every, means, whole):  # type: ignore[no-untyped-def]
+def mean_of_4x4(grey, valid, row, begin, end, sums, every, means, whole):  # type: ignore[no-untyped-def]
     """Means of 4 x 4 pixels, and which of them are of valid pixels alone."""
     a, b, c, d = row, row + np.uintp(1), row + np.uintp(2), row + np.uintp(3)
     for x in range(begin, end):
         sums[x] = np.int32(grey[a, x]) + np.int32(grey[b, x]) + np.int32(grey[c, x]) + np.int32(grey[d, x])
     for x in range(begin, end):
         every[x] = valid[a, x] & valid[b, x] & valid[c, x] & valid[d, x]
-    one, two, three, four = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(_FOUR)
+    one, two, three, four = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(_COARSE)
     for k in range(begin // four, end // four):
         f = four * k
         means[k] = (sums[f] + sums[f + one] + sums[f + two] + sums[f + three] + np.int32(8)) >> np.int32(4)
@@ -109,7 +109,7 @@ def take_means(grey, valid, row, begin, end, sums, every, means, whole):  # type
 
 
 @inlined
-def wanted_part(wanted):  # type: ignore[no-untyped-def]
+def extent_of_nonzero(wanted):  # type: ignore[no-untyped-def]
     """The first of what is wanted, and the one after the last; 0 if nothing is."""
     first = wanted.shape[0]
     last = 0
@@ -125,27 +125,27 @@ def wanted_part(wanted):  # type: ignore[no-untyped-def]
 )
 def _measure_squares(grey, valid, wanted, lines, line, means, whole, fine, coarse):  # type: ignore[no-untyped-def]
     sums, total, number = lines[0], lines[1], lines[2]
-    side = np.uintp(SIDE)
-    four = np.uintp(_FOUR)
+    side = np.uintp(NOISE_SIDE)
+    four = np.uintp(_COARSE)
     total[:] = 0
     number[:] = 0
     for row in range(np.uintp(wanted.shape[0])):
-        first, last = wanted_part(wanted[row])
+        first, last = extent_of_nonzero(wanted[row])
         if last == 0:
             continue
-        begin, end = np.uintp(first * SIDE), np.uintp(last * SIDE)
+        begin, end = np.uintp(first * NOISE_SIDE), np.uintp(last * NOISE_SIDE)
         for r in range(np.uintp(2), side, four):
-            respond(grey, valid, row * side + r, begin, end, sums, line, total, number)
-        keep_means(total, number, side, 1, wanted[row], fine[row])
+            add_responses(grey, valid, row * side + r, begin, end, sums, line, total, number)
+        store_mean_responses(total, number, side, 1, wanted[row], fine[row])
         for k in range(four):
-            take_means(grey, valid, row * side + four * k, begin, end, sums, line, means[k], whole[k])
+            mean_of_4x4(grey, valid, row * side + four * k, begin, end, sums, line, means[k], whole[k])
         for r in range(np.uintp(1), four - np.uintp(1)):
-            respond(means, whole, r, begin // four, end // four, sums, line, total, number)
-        keep_means(total, number, four, _FOUR, wanted[row], coarse[row])
+            add_responses(means, whole, r, begin // four, end // four, sums, line, total, number)
+        store_mean_responses(total, number, four, _COARSE, wanted[row], coarse[row])
 
 
 @inlined
-def median_around(values, row, col, some):  # type: ignore[no-untyped-def]
+def median_of_known(values, row, col, some):  # type: ignore[no-untyped-def]
     """The upper median of what is known of the squares around; 0 if nothing is."""
     many = 0
     for r in range(max(row - 1, 0), min(row + 2, values.shape[0])):
@@ -162,7 +162,7 @@ def median_around(values, row, col, some):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def middle(a, b, c):  # type: ignore[no-untyped-def]
+def median_of_three(a, b, c):  # type: ignore[no-untyped-def]
     """The median of three."""
     return max(min(a, b), min(max(a, b), c))
 
@@ -183,12 +183,12 @@ def medians_of_nine(above, line, below, least, median):  # type: ignore[no-untyp
             max(above[b], line[b], below[b]),
             max(above[d], line[d], below[d]),
         )
-        middles = middle(
-            middle(above[a], line[a], below[a]),
-            middle(above[b], line[b], below[b]),
-            middle(above[d], line[d], below[d]),
+        middles = median_of_three(
+            median_of_three(above[a], line[a], below[a]),
+            median_of_three(above[b], line[b], below[b]),
+            median_of_three(above[d], line[d], below[d]),
         )
-        median[c] = middle(max(low_a, low_b, low_d), middles, high)
+        median[c] = median_of_three(max(low_a, low_b, low_d), middles, high)
 
 
 @kernel("void(f8[:,::1], u1[:,::1], f8[::1], f8[:,::1], f8[:,::1])")
@@ -202,4 +202,4 @@ def _take_medians(found, wanted, some, lines, noise):  # type: ignore[no-untyped
             medians_of_nine(found[row - 1], found[row], found[row + 1], least, median)
         for col in range(cols):
             if wanted[row, col]:
-                noise[row, col] = median[col] if least[col] >= 0.0 else median_around(found, row, col, some)
+                noise[row, col] = median[col] if least[col] >= 0.0 else median_of_known(found, row, col, some)

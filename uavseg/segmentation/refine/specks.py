@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-SPECK = 12  # pixels: thin pieces that are smaller, and thin holes, are drawn by nobody
-_NOWHERE = np.uint8(2)  # not valid, or outside
+MIN_PIECE = 12  # pixels: thin pieces that are smaller, and thin holes, are drawn by nobody
+_NO_DATA = np.uint8(2)  # not valid, or outside
 
 
 def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDArray[np.uint8]) -> None:
@@ -24,21 +24,21 @@ def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDA
         Not 0 for cells whose pixels may change.
     """
     sides = np.empty((inside.shape[0] + 2, inside.shape[1] + 2), np.uint8)
-    _frame(inside, valid, sides)
+    _pad_sides(inside, valid, sides)
     lines = np.ones((8, sides.shape[1]), np.uint8)
-    listed, seen = np.empty((SPECK, 2), np.int64), np.empty(2 * SPECK + 1, np.uint32)
+    listed, seen = np.empty((MIN_PIECE, 2), np.int64), np.empty(2 * MIN_PIECE + 1, np.uint32)
     _drop_specks(sides, active, lines, listed, seen, inside)
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
-def _frame(inside, valid, sides):  # type: ignore[no-untyped-def]
-    sides[0] = _NOWHERE
-    sides[-1] = _NOWHERE
+def _pad_sides(inside, valid, sides):  # type: ignore[no-untyped-def]
+    sides[0] = _NO_DATA
+    sides[-1] = _NO_DATA
     for r in range(inside.shape[0]):
-        sides[r + 1, 0] = _NOWHERE
-        sides[r + 1, -1] = _NOWHERE
+        sides[r + 1, 0] = _NO_DATA
+        sides[r + 1, -1] = _NO_DATA
         for c in range(np.uintp(inside.shape[1])):
-            sides[r + 1, c + np.uintp(1)] = inside[r, c] if valid[r, c] else _NOWHERE
+            sides[r + 1, c + np.uintp(1)] = inside[r, c] if valid[r, c] else _NO_DATA
 
 
 @inlined
@@ -46,7 +46,7 @@ def changes_across(line, result):  # type: ignore[no-untyped-def]
     """Not 0 where a pixel is nowhere, or not on the side of those left and right of it."""
     for c in range(np.uintp(result.shape[0] - 2)):
         here = line[c + np.uintp(1)]
-        result[c + np.uintp(1)] = (line[c] ^ here) | (here ^ line[c + np.uintp(2)]) | (here & _NOWHERE)
+        result[c + np.uintp(1)] = (line[c] ^ here) | (here ^ line[c + np.uintp(2)]) | (here & _NO_DATA)
 
 
 @inlined
@@ -59,7 +59,7 @@ def changes_around(above, line, below, across_above, across, across_below, resul
 
 
 @inlined
-def thin(above, line, below, narrow, result):  # type: ignore[no-untyped-def]
+def mark_thin(above, line, below, narrow, result):  # type: ignore[no-untyped-def]
     """1 where no 3 x 3 pixels on one side have this one among them."""
     for c in range(np.uintp(narrow.shape[0])):
         narrow[c] = above[c] & line[c] & below[c]
@@ -73,7 +73,7 @@ def is_speck(sides, r, c, listed, seen):  # type: ignore[no-untyped-def]
     one = np.uint32(1)
     own = sides[r, c]
     seen[:] = 0
-    seen[SPECK] = one << np.uint32(SPECK)  # a bit for each pixel that is listed
+    seen[MIN_PIECE] = one << np.uint32(MIN_PIECE)  # a bit for each pixel that is listed
     listed[0, 0] = r
     listed[0, 1] = c
     many = 1
@@ -84,13 +84,13 @@ def is_speck(sides, r, c, listed, seen):  # type: ignore[no-untyped-def]
         col = listed[k, 1]
         for y in range(row - 1, row + 2):
             for x in range(col - 1, col + 2):
-                bit = one << np.uint32(x - c + SPECK)
+                bit = one << np.uint32(x - c + MIN_PIECE)
                 if sides[y, x] != own:
-                    touches |= sides[y, x] != _NOWHERE
-                elif (own == 0 or y == row or x == col) and not seen[y - r + SPECK] & bit:
-                    if many == SPECK - 1:
+                    touches |= sides[y, x] != _NO_DATA
+                elif (own == 0 or y == row or x == col) and not seen[y - r + MIN_PIECE] & bit:
+                    if many == MIN_PIECE - 1:
                         return False
-                    seen[y - r + SPECK] |= bit
+                    seen[y - r + MIN_PIECE] |= bit
                     listed[many, 0] = y
                     listed[many, 1] = x
                     many += 1
@@ -122,9 +122,9 @@ def _drop_specks(sides, active, lines, listed, seen, inside):  # type: ignore[no
         row = time - 2
         if row < 1 or row > rows:
             continue
-        thin(around[(row - 1) % 3], around[row % 3], around[(row + 1) % 3], narrow, result)
+        mark_thin(around[(row - 1) % 3], around[row % 3], around[(row + 1) % 3], narrow, result)
         for cell in range(active.shape[1]):
             if active[(row - 1) // 8, cell]:
                 for c in range(8 * cell + 1, 8 * cell + 9):
-                    if result[c] and sides[row, c] != _NOWHERE and is_speck(sides, row, c, listed, seen):
+                    if result[c] and sides[row, c] != _NO_DATA and is_speck(sides, row, c, listed, seen):
                         inside[row - 1, c - 1] = np.uint8(1) - inside[row - 1, c - 1]

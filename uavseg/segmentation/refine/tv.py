@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.refine.noise import SIDE, grown, noise_around
+from uavseg.segmentation.refine.noise import NOISE_SIDE, grown, estimate_noise
 from uavseg.segmentation.refine.specks import drop_specks
 from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, threshold_tv
 
@@ -49,7 +49,7 @@ def refine_by_tv(
     _apply_own_values(matching, valid, active, np.empty((3, inside.shape[1]), np.uint8), inside, mixed)
     active &= grown(mixed)
     if active.any():
-        weights = _weights(noise_around(grey, valid, active), active)
+        weights = _weights(estimate_noise(grey, valid, active), active)
         threshold_tv(grey, valid, weights, greys, inside)
         drop_specks(inside, valid, (weights > 0).view(np.uint8))
     return inside
@@ -58,7 +58,7 @@ def refine_by_tv(
 def _weights(noise: NDArray[np.float64], active: NDArray[np.uint8]) -> NDArray[np.int16]:
     """Of the pixels of each cell, in half grey; 0 in cells that are not active."""
     weights = np.minimum(np.rint(_WEIGHT_PER_NOISE / 2 * noise), MAX_WEIGHT).astype(np.int16)
-    return weights.repeat(SIDE // 8, axis=0).repeat(SIDE // 8, axis=1) * active
+    return weights.repeat(NOISE_SIDE // 8, axis=0).repeat(NOISE_SIDE // 8, axis=1) * active
 
 
 @inlined
