@@ -30,7 +30,7 @@ from uavseg.regions.sample.scores import Criterion, Scored, mean_scores, outline
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import summed
 from uavseg.segmentation.pipeline import measure
-from uavseg.segmentation.sample.g_scores import EVEN, UNITS
+from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
 from uavseg.segmentation.sample.pixel_decision import Weights, open_cells
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, GREY_MAX
@@ -116,7 +116,7 @@ class Match:
     @property
     def own(self) -> float:
         """G per pixel beyond chance that nineteen of twenty of the sample's own windows do not exceed."""
-        return (self.sample.own - EVEN) / UNITS
+        return (self.sample.own - NULL_SCORE) / SCORE_UNITS
 
 
 def match(
@@ -161,7 +161,7 @@ def match(
     outlined = _outlined(source, scores, valid, criterion, params, passes[4])
     give_back()
     found = _extraction(source, outlined, scores, sample, params, passes[4])
-    return Match(found, sample, (criterion.limit - EVEN) / UNITS)
+    return Match(found, sample, (criterion.limit - NULL_SCORE) / SCORE_UNITS)
 
 
 def _outlined(

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
-from uavseg.segmentation.sample.g_scores import smallest_count
+from uavseg.segmentation.sample.g_scores import min_count
 from uavseg.segmentation.sample.likelihood_weights import (
     PRIOR,
     UNITS,
@@ -86,7 +86,7 @@ def test_cells_have_the_best_mean_of_the_windows_around(seed: int, rows: int, co
     for row, col in np.ndindex(means.shape):
         part = np.s_[8 * row : 8 * (row + side), 8 * col : 8 * (col + side)]
         counts = frequencies((names[0][part], names[1][part]))
-        if counts[0].sum() >= smallest_count(side):
+        if counts[0].sum() >= min_count(side):
             means[row, col] = floor(int((weights * counts).sum()) / int(counts[0].sum()))
     for row, col in np.ndindex(found.shape):
         assert found[row, col] == means[row : row + side, col : col + side].max()
@@ -107,7 +107,7 @@ def test_a_samples_own_windows_are_weighed_by_the_rest_of_it(seed: int, side: in
                 window[scale, name] * plain_weight(rest[scale], whole[scale], name)
                 for scale, name in zip(*np.nonzero(window), strict=True)
             )
-            if window[0].sum() >= smallest_count(side):
+            if window[0].sum() >= min_count(side):
                 wanted.append(total / window[0].sum())
     assert own_evidence(names, whole, side) == pytest.approx(wanted)
 

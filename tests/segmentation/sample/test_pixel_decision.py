@@ -5,12 +5,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
-from uavseg.segmentation.sample.g_scores import Model
+from uavseg.segmentation.sample.g_scores import TextureModel
 from uavseg.segmentation.sample.pixel_decision import AROUND, MARGIN, Weights, decide, open_cells
 
 
-def model(rng: np.random.Generator) -> Model:
-    return Model(rng.integers(0, 9, 2048), rng.integers(0, 900, 64), rng.integers(0, 9, 2048))
+def model(rng: np.random.Generator) -> TextureModel:
+    return TextureModel(rng.integers(0, 9, 2048), rng.integers(0, 900, 64), rng.integers(0, 9, 2048))
 
 
 def picture(seed: int, rows: int, cols: int) -> tuple[np.ndarray, ...]:
@@ -71,7 +71,7 @@ def test_what_speaks_for_one_side_speaks_against_the_other() -> None:
 
 
 def test_weights_are_logarithms_of_ratios() -> None:
-    one, other = Model(), Model()
+    one, other = TextureModel(), TextureModel()
     one.greys[:2], other.greys[:2] = (30, 0), (10, 20)
     one.coarse[0] = one.texture[0] = 50
     [first, second, third] = Weights.between(one, other).greys[:3] / 1024

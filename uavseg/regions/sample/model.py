@@ -16,13 +16,13 @@ from uavseg.regions.sample.place import Place
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, lbp_symbols
 from uavseg.segmentation.sample.coarse_lbp import MARGIN, coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
-    EVEN,
-    UNITS,
-    UNKNOWN,
-    UNLIKE,
-    Bounds,
-    Model,
-    model_of,
+    NULL_SCORE,
+    SCORE_UNITS,
+    NO_SCORE,
+    MAX_SCORE,
+    GreyBounds,
+    TextureModel,
+    texture_model,
     window_scores,
 )
 from uavseg.segmentation.sample.likelihood_weights import Evidence, Names
@@ -47,14 +47,14 @@ class Sample:
         Of the grey of its counted pixels.
     """
 
-    model: Model
+    model: TextureModel
     own: int
     mean: float
     deviation: float
 
     def limit(self, similarity: float) -> int:
         """The largest score of what is like the sample to this degree, see `similarity`."""
-        return min(self.own + math.floor(-2 * UNITS * math.log(similarity)), UNLIKE - 1)
+        return min(self.own + math.floor(-2 * SCORE_UNITS * math.log(similarity)), MAX_SCORE - 1)
 
     def similarity(self, score: NDArray[np.float64]) -> NDArray[np.float64]:
         """How like the sample something of a mean score is, from 0 to 1.
@@ -62,16 +62,16 @@ class Sample:
         Half of G is a logarithm of a likelihood ratio. So this is by how much, for each pixel, one texture
         for both explains what is there less well than two, beyond what it does within the sample.
         """
-        beyond = np.maximum(score - self.own, 0) / UNITS
+        beyond = np.maximum(score - self.own, 0) / SCORE_UNITS
         like: NDArray[np.float64] = np.exp(-beyond / 2)
         return like
 
-    def bounds(self, deviations: float) -> Bounds:
+    def bounds(self, deviations: float) -> GreyBounds:
         """Greys within so many deviations of the sample's mean, and always within one step of 8 bits."""
         if math.isinf(deviations):
-            return Bounds()
+            return GreyBounds()
         half = max(deviations * self.deviation, _GREY_STEP)
-        return Bounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), GREY_MAX))
+        return GreyBounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), GREY_MAX))
 
 
 def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: int, map: Map) -> Sample:
@@ -102,7 +102,7 @@ def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: i
     count, total, squares = (int(moment) for moment in moments)
     rank = -(-len(own) * _OWN[0] // _OWN[1])
     variance = (squares * count - total * total) / count**2
-    return Sample(model, max(int(np.sort(own)[rank - 1]), EVEN), total / count, math.sqrt(variance))
+    return Sample(model, max(int(np.sort(own)[rank - 1]), NULL_SCORE), total / count, math.sqrt(variance))
 
 
 def evidence_of(
@@ -166,14 +166,14 @@ def _radius(source: GreySource, pixels: int) -> str:
 
 def _look(
     source: GreySource, cuts: NDArray[np.int32], side: int, place: Place
-) -> tuple[Model, NDArray[np.uint16], NDArray[np.uint64]]:
+) -> tuple[TextureModel, NDArray[np.uint16], NDArray[np.uint64]]:
     """Histograms of a sample, the scores of its windows, and number, sum and sum of squares of its greys."""
     tile = source.read(place.window, MARGIN)
     names, coarse = _own_names(tile, cuts, place)
     grey = np.ascontiguousarray(tile.grey[MARGIN:-MARGIN, MARGIN:-MARGIN])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
-    model = model_of(names, grey, cells, coarse=coarse)
+    model = texture_model(names, grey, cells, coarse=coarse)
     scores = window_scores(names, grey, model, side, left_out=True)
     counted = grey[names != UNCOUNTED].astype(np.uint64)
     moments = np.array([len(counted), counted.sum(), (counted * counted).sum()], np.uint64)
-    return model, scores[scores != UNKNOWN], moments
+    return model, scores[scores != NO_SCORE], moments

@@ -11,7 +11,7 @@ from uavseg.regions.sample.model import names_of
 from uavseg.regions.sample.scores import Criterion, Scored
 from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.sample.coarse_lbp import MARGIN
-from uavseg.segmentation.sample.g_scores import UNLIKE, Model, model_of
+from uavseg.segmentation.sample.g_scores import MAX_SCORE, TextureModel, texture_model
 from uavseg.segmentation.sample.likelihood_weights import best_evidence
 from uavseg.segmentation.sample.pixel_decision import spread
 from uavseg.segmentation.source import GreySource
@@ -49,7 +49,7 @@ def confirmed(
     best, rest = scores.best.copy(), scores.rest
     confirm = partial(_confirm_tile, source, criterion, weights, least)
     for window, (refused, unlike) in zip(concerned, tile_pass.run(confirm, jobs), strict=True):
-        best[window_cells(window)][refused] = UNLIKE
+        best[window_cells(window)][refused] = MAX_SCORE
         rest += unlike
     return Scored(best, rest, scores.whole)
 
@@ -60,7 +60,7 @@ def _confirm_tile(
     weights: NDArray[np.int64],
     least: int,
     job: tuple[Window, NDArray[np.uint8]],
-) -> tuple[NDArray[np.bool_], Model]:
+) -> tuple[NDArray[np.bool_], TextureModel]:
     """Which of a tile's matched cells are refused, and the histograms of those that touch none that is kept:
     the others lie on boundaries and are of both sides.
     """
@@ -74,4 +74,4 @@ def _confirm_tile(
     unlike = refused & ~spread(matched & convincing, 1)[inner]
     grey = np.ascontiguousarray(tile.grey[MARGIN:-MARGIN, MARGIN:-MARGIN])
     own = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
-    return refused, model_of(names[0], grey, unlike.view(np.uint8), halo, own)
+    return refused, texture_model(names[0], grey, unlike.view(np.uint8), halo, own)

@@ -21,12 +21,12 @@ from uavseg.segmentation.labels.components import label_components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
-    UNKNOWN,
-    UNLIKE,
-    Bounds,
-    Model,
+    NO_SCORE,
+    MAX_SCORE,
+    GreyBounds,
+    TextureModel,
     best_scores,
-    model_of,
+    texture_model,
     window_scores,
 )
 from uavseg.segmentation.sample.pixel_decision import MARGIN, Weights, decide
@@ -52,10 +52,10 @@ class Criterion:
         The largest score that is like the sample.
     """
 
-    model: Model
+    model: TextureModel
     cuts: NDArray[np.int32]
     side: int
-    bounds: Bounds
+    bounds: GreyBounds
     limit: int
 
     @classmethod
@@ -81,7 +81,7 @@ class Scored:
     """
 
     best: NDArray[np.uint16]
-    rest: Model
+    rest: TextureModel
     whole: NDArray[np.int64]
 
 
@@ -98,8 +98,8 @@ def scored(
     criterion : Criterion
     tile_pass : TilePass
     """
-    best = np.full(BlockMap.empty(source.shape).counts.shape, UNKNOWN, np.uint16)
-    rest, whole = Model(), np.zeros((2, SYMBOLS), np.int64)
+    best = np.full(BlockMap.empty(source.shape).counts.shape, NO_SCORE, np.uint16)
+    rest, whole = TextureModel(), np.zeros((2, SYMBOLS), np.int64)
     for window, found in zip(
         tile_pass.windows, tile_pass.run(partial(_score_tile, source, criterion)), strict=True
     ):
@@ -182,7 +182,7 @@ def _sum_scores(
     labels = sketch.paint()
     rows, cols = labels.shape
     scores = best.repeat(CELL, 0)[:rows].repeat(CELL, 1)[:, :cols].astype(np.int64)
-    labels[scores >= UNLIKE] = 0
+    labels[scores >= MAX_SCORE] = 0
     counts = np.bincount(labels.ravel())
     names = np.flatnonzero(counts[1:]) + 1
     sums = np.bincount(labels.ravel(), scores.ravel()).astype(np.int64)
@@ -191,7 +191,7 @@ def _sum_scores(
 
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], Model, NDArray[np.int64]] | None:
+) -> tuple[NDArray[np.uint16], TextureModel, NDArray[np.int64]] | None:
     """Scores of a tile's cells, the histograms of those that are unlike the sample, and how often each symbol
     occurs in the tile.
     """
@@ -202,10 +202,10 @@ def _score_tile(
     names = lbp_symbols(tile.grey, None if tile.every else tile.valid, criterion.cuts)
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
-    unlike = ((best > criterion.limit) & (best != UNKNOWN)).view(np.uint8)
+    unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
     coarse = coarse_symbols(*_cut(tile, halo + 1 - coarse_lbp.MARGIN), criterion.cuts)
-    whole = model_of(names, grey, np.ones_like(unlike), halo, coarse)
-    return best, model_of(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
+    whole = texture_model(names, grey, np.ones_like(unlike), halo, coarse)
+    return best, texture_model(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
 
 
 def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:

@@ -18,20 +18,22 @@ from uavseg.segmentation.blocks.g_statistic import expected_g, n_ln_n
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.units import CELL
 
-UNITS = 2048  # of a score: G for each counted pixel, in parts of this
-EVEN = 4 * UNITS  # the score where G is what chance makes of it
-UNLIKE = 0xFFFE  # the score of a window whose mean lies outside of what is asked for, and the largest score
-UNKNOWN = 0xFFFF  # the score where no window has enough counted pixels
+SCORE_UNITS = 2048  # of a score: G for each counted pixel, in parts of this
+NULL_SCORE = 4 * SCORE_UNITS  # the score where G is what chance makes of it
+MAX_SCORE = (
+    0xFFFE  # the score of a window whose mean lies outside of what is asked for, and the largest score
+)
+NO_SCORE = 0xFFFF  # the score where no window has enough counted pixels
 GREY_BINS = 64
 
-_FINE = 1 << 20  # fixed point of n ln n
-_FULL_SHARE = (7, 8)  # of a window's pixels that must be counted
+_LOG_SCALE = 1 << 20  # fixed point of n ln n
+_MIN_COVERAGE = (7, 8)  # of a window's pixels that must be counted
 
 T = TypeVar("T", bound=np.integer[Any])
 
 
 @dataclass(frozen=True)
-class Model:
+class TextureModel:
     """Histograms of counted pixels; those of parts merge by adding.
 
     Parameters
@@ -49,7 +51,9 @@ class Model:
     coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
     def __add__(self, other: "Model") -> "Model":
-        return Model(self.texture + other.texture, self.greys + other.greys, self.coarse + other.coarse)
+        return TextureModel(
+            self.texture + other.texture, self.greys + other.greys, self.coarse + other.coarse
+        )
 
     @property
     def count(self) -> int:
@@ -58,20 +62,20 @@ class Model:
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
+class GreyBounds:
     """The mean grey that a window must have, both ends in it."""
 
     low: int = 0
     high: int = 65535
 
 
-def model_of(
+def texture_model(
     symbols: NDArray[np.uint16],
     grey: NDArray[np.uint16],
     cells: NDArray[np.uint8],
     margin: int = 0,
     coarse: NDArray[np.uint16] | None = None,
-) -> Model:
+) -> TextureModel:
     """The histograms of some cells of an image.
 
     Parameters
@@ -86,24 +90,24 @@ def model_of(
     coarse : (M, N) uint16 array, optional
         From `coarser.coarse_symbols`, without the margin.
     """
-    found = Model()
+    found = TextureModel()
     _count(symbols, grey, cells, margin, found.texture, found.greys)
     if coarse is not None:
         _count_coarse(coarse, cells, found.coarse)
     return found
 
 
-def smallest_count(side: int) -> int:
+def min_count(side: int) -> int:
     """How many pixels of a window of `side` cells must be counted, that it has a score: seven eighths."""
-    return (side * CELL) ** 2 * _FULL_SHARE[0] // _FULL_SHARE[1]
+    return (side * CELL) ** 2 * _MIN_COVERAGE[0] // _MIN_COVERAGE[1]
 
 
 def window_scores(
     symbols: NDArray[np.uint16],
     grey: NDArray[np.uint16],
-    model: Model,
+    model: TextureModel,
     side: int,
-    bounds: Bounds = Bounds(),
+    bounds: GreyBounds = GreyBounds(),
     left_out: bool = False,
 ) -> NDArray[np.uint16]:
     """The score of every window: G against a model beyond chance, for each of its counted pixels.
@@ -128,10 +132,10 @@ def window_scores(
         are counted.
     """
     rows, cols = (length // CELL - side + 1 for length in symbols.shape)
-    scores = np.full((max(rows, 0), max(cols, 0)), UNKNOWN, np.uint16)
+    scores = np.full((max(rows, 0), max(cols, 0)), NO_SCORE, np.uint16)
     if scores.size and model.count:
         above, below, whole = _tables(model, (CELL * side) ** 2, left_out)
-        _slide(
+        _slide_window(
             symbols,
             grey,
             side,
@@ -140,7 +144,7 @@ def window_scores(
             below,
             whole,
             left_out,
-            smallest_count(side),
+            min_count(side),
             bounds.low,
             bounds.high,
             np.zeros(SYMBOLS, np.int64),
@@ -173,7 +177,7 @@ def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
 
 
 def _tables(
-    model: Model, largest: int, left_out: bool
+    model: TextureModel, largest: int, left_out: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """What windows of up to `largest` pixels are scored by, in fixed point; all of it is half of G.
 
@@ -200,12 +204,12 @@ def _tables(
 
 
 def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    fixed: NDArray[np.int64] = np.rint(values * _FINE).astype(np.int64)
+    fixed: NDArray[np.int64] = np.rint(values * _LOG_SCALE).astype(np.int64)
     return fixed
 
 
 @inlined
-def gain(frequency, count, above, below, left_out):  # type: ignore[no-untyped-def]
+def added_g(frequency, count, above, below, left_out):  # type: ignore[no-untyped-def]
     """What one more pixel of a symbol adds to J(f, n) = (f + n) ln (f + n) - f ln f - n ln n, and to chance.
 
     `count` pixels of the symbol are in the window; those of the model that are not are all `frequency`, or
@@ -218,7 +222,7 @@ def gain(frequency, count, above, below, left_out):  # type: ignore[no-untyped-d
 @kernel(
     "void(u2[:,::1], u2[:,::1], i8, i8[::1], i8[::1], i8[::1], i8[::1], b1, i8, i8, i8, i8[::1], u2[:,::1])",
 )
-def _slide(  # type: ignore[no-untyped-def]
+def _slide_window(  # type: ignore[no-untyped-def]
     symbols, grey, side, model, above, below, whole, left_out, least, low, high, table, scores
 ):
     # One row of windows after the other, from left to right: a column of cells enters, another one leaves.
@@ -233,7 +237,7 @@ def _slide(  # type: ignore[no-untyped-def]
                     for c in range(8 * entering, 8 * entering + 8):
                         name = symbols[r, c]
                         if name != UNCOUNTED:
-                            shared += gain(model[name], table[name], above, below, left_out)
+                            shared += added_g(model[name], table[name], above, below, left_out)
                             table[name] += 1
                             counted += 1
                             light += np.int64(grey[r, c])
@@ -242,17 +246,19 @@ def _slide(  # type: ignore[no-untyped-def]
                         name = symbols[r, c]
                         if name != UNCOUNTED:
                             table[name] -= 1
-                            shared -= gain(model[name], table[name], above, below, left_out)
+                            shared -= added_g(model[name], table[name], above, below, left_out)
                             counted -= 1
                             light -= np.int64(grey[r, c])
             first = entering - side + 1
             if first < 0 or first >= cols or counted < least:
                 continue
             if light < low * counted or light > high * counted:
-                scores[row, first] = UNLIKE
+                scores[row, first] = MAX_SCORE
             else:
-                score = EVEN + (whole[counted] - shared) // (256 * counted)  # 2 * UNITS / _FINE = 1 / 256
-                scores[row, first] = min(max(score, np.int64(0)), np.int64(UNLIKE))
+                score = NULL_SCORE + (whole[counted] - shared) // (
+                    256 * counted
+                )  # 2 * UNITS / _FINE = 1 / 256
+                scores[row, first] = min(max(score, np.int64(0)), np.int64(MAX_SCORE))
 
 
 @kernel("void(u2[:,::1], u2[:,::1], u1[:,::1], i8, i8[::1], i8[::1])")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
-from uavseg.segmentation.sample.g_scores import best_scores, smallest_count
+from uavseg.segmentation.sample.g_scores import best_scores, min_count
 from uavseg.units import CELL
 
 PRIOR = 1000  # pixels of the raster's own proportions that every sample is thought to have more
@@ -113,7 +113,7 @@ def own_evidence(sample: Names, whole: NDArray[np.int64], side: int) -> NDArray[
             part = np.s_[CELL * row : CELL * (row + side), CELL * col : CELL * (col + side)]
             window = frequencies((sample[0][part], sample[1][part]))
             count = int(window[0].sum())
-            if count >= smallest_count(side):
+            if count >= min_count(side):
                 found.append(float((window * _log_ratio(every - window, whole)).sum()) / count)
     return np.array(found)
 
@@ -139,7 +139,7 @@ def best_evidence(names: Names, weights: NDArray[np.int64], side: int) -> NDArra
     sums, counts = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
     _weigh(*names, weights, sums, counts)
     light, many = _in_windows(sums, side), _in_windows(counts, side)
-    means = np.where(many >= smallest_count(side), light // np.maximum(many, 1), _NEITHER)
+    means = np.where(many >= min_count(side), light // np.maximum(many, 1), _NEITHER)
     return -best_scores(-means, side)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
-from uavseg.segmentation.sample.g_scores import Model
+from uavseg.segmentation.sample.g_scores import TextureModel
 
 MARGIN = 16  # pixels: an image cut with this much around it is decided as the whole would be
 AROUND = 6  # pixels on every side of a pixel that decide with it
@@ -39,7 +39,7 @@ class Weights:
     coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
     @classmethod
-    def between(cls, one: Model, other: Model, by_grey: bool = True) -> "Weights":
+    def between(cls, one: TextureModel, other: TextureModel, by_grey: bool = True) -> "Weights":
         """Weights above 0 for what speaks for `one`.
 
         Parameters
