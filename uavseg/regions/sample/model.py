@@ -25,7 +25,7 @@ from uavseg.segmentation.sample.g_scores import (
     texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.likelihood_weights import Evidence, Names
+from uavseg.segmentation.sample.likelihood_weights import SampleWeights, SymbolPair
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL, GREY_MAX
 
@@ -107,7 +107,7 @@ def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: i
 
 def evidence_of(
     source: GreySource, cuts: NDArray[np.int32], place: Place, whole: NDArray[np.int64], side: int, map: Map
-) -> Evidence:
+) -> SampleWeights:
     """What tells a sample from the raster as a whole.
 
     Parameters
@@ -121,7 +121,7 @@ def evidence_of(
     return found
 
 
-def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> Names:
+def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> SymbolPair:
     """Symbols of a tile at both scales, without its margin of MARGIN pixels."""
     inner = np.s_[MARGIN - 1 : 1 - MARGIN, MARGIN - 1 : 1 - MARGIN]
     known = None if tile.every else tile.valid
@@ -132,11 +132,11 @@ def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> Names:
 
 def _weigh(
     source: GreySource, cuts: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: Place
-) -> Evidence:
-    return Evidence.of(_own_names(source.read(place.window, MARGIN), cuts, place), whole, side)
+) -> SampleWeights:
+    return SampleWeights.of(_own_names(source.read(place.window, MARGIN), cuts, place), whole, side)
 
 
-def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> Names:
+def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> SymbolPair:
     """Symbols of the pixels of a sample, in the whole blocks around it."""
     names = names_of(tile, cuts)
     mask = np.zeros(names[0].shape, bool)

@@ -12,7 +12,7 @@ from uavseg.regions.sample.scores import Criterion, Scored
 from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.sample.coarse_lbp import MARGIN
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, TextureModel, texture_model
-from uavseg.segmentation.sample.likelihood_weights import best_evidence
+from uavseg.segmentation.sample.likelihood_weights import best_mean_weights
 from uavseg.segmentation.sample.pixel_decision import spread
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
@@ -68,7 +68,7 @@ def _confirm_tile(
     halo = CELL * criterion.side
     tile = source.read(window, halo + MARGIN)
     names = names_of(tile, criterion.cuts)
-    convincing = best_evidence(names, weights, criterion.side) >= least
+    convincing = best_mean_weights(names, weights, criterion.side) >= least
     matched, inner = around.view(np.bool_), np.s_[1:-1, 1:-1]
     refused = (matched & ~convincing)[inner]
     unlike = refused & ~spread(matched & convincing, 1)[inner]

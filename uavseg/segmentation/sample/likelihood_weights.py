@@ -17,19 +17,21 @@ from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.segmentation.sample.g_scores import best_scores, min_count
 from uavseg.units import CELL
 
-PRIOR = 1000  # pixels of the raster's own proportions that every sample is thought to have more
-UNITS = 1024  # of a weight: parts of one in a natural logarithm
+PRIOR_PIXELS = 1000  # pixels of the raster's own proportions that every sample is thought to have more
+WEIGHT_UNITS = 1024  # of a weight: parts of one in a natural logarithm
 
-_NEITHER = -(1 << 31)  # where no window has enough counted pixels
-_MOST_WINDOWS = 1024  # about so many windows of a sample are looked at
-_OWN = (1, 20)  # the quantile of the evidence of the sample's own windows that counts as like
-_LEEWAY = 2  # a window may fall short by the logarithm of a similarity, over this
+_NO_WINDOW = -(1 << 31)  # where no window has enough counted pixels
+_MAX_WINDOWS = 1024  # about so many windows of a sample are looked at
+_OWN_QUANTILE = (1, 20)  # the quantile of the evidence of the sample's own windows that counts as like
+_SIMILARITY_DIVISOR = 2  # a window may fall short by the logarithm of a similarity, over this
 
-Names = tuple[NDArray[np.uint16], NDArray[np.uint16]]  # of the same pixels, from `texture` and from `coarser`
+SymbolPair = tuple[
+    NDArray[np.uint16], NDArray[np.uint16]
+]  # of the same pixels, from `texture` and from `coarser`
 
 
 @dataclass(frozen=True)
-class Evidence:
+class SampleWeights:
     """What pixels say for a sample, and how much its own windows say.
 
     Parameters
@@ -44,7 +46,7 @@ class Evidence:
     own: int
 
     @classmethod
-    def of(cls, sample: Names, whole: NDArray[np.int64], side: int) -> "Evidence":
+    def of(cls, sample: SymbolPair, whole: NDArray[np.int64], side: int) -> "Evidence":
         """The evidence for a sample.
 
         Parameters
@@ -56,22 +58,22 @@ class Evidence:
         side : int
             Of a window, in cells.
         """
-        own = np.sort(own_evidence(sample, whole, side))
-        lowest = own[len(own) * _OWN[0] // _OWN[1]] if len(own) else 0.0
-        return cls(weights_of(frequencies(sample), whole), min(math.floor(lowest * UNITS), 0))
+        own = np.sort(own_window_means(sample, whole, side))
+        lowest = own[len(own) * _OWN_QUANTILE[0] // _OWN_QUANTILE[1]] if len(own) else 0.0
+        return cls(log_ratio_weights(symbol_counts(sample), whole), min(math.floor(lowest * WEIGHT_UNITS), 0))
 
     def least(self, similarity: float) -> int:
         """The smallest mean weight of what is like the sample to a degree, see `Sample.similarity`."""
-        return self.own + math.floor(UNITS * math.log(similarity) / _LEEWAY)
+        return self.own + math.floor(WEIGHT_UNITS * math.log(similarity) / _SIMILARITY_DIVISOR)
 
 
-def frequencies(names: Names) -> NDArray[np.int64]:
+def symbol_counts(names: SymbolPair) -> NDArray[np.int64]:
     """How often each symbol occurs at each scale, a (2, 2048) array; those of parts add up."""
     counts = [np.bincount(each.ravel(), minlength=SYMBOLS)[:SYMBOLS] for each in names]
     return np.stack(counts).astype(np.int64)
 
 
-def weights_of(sample: NDArray[np.int64], whole: NDArray[np.int64]) -> NDArray[np.int64]:
+def log_ratio_weights(sample: NDArray[np.int64], whole: NDArray[np.int64]) -> NDArray[np.int64]:
     """What each symbol says for a sample, in parts of 1 / 1024; 0 where the raster has none of it.
 
     Parameters
@@ -79,20 +81,20 @@ def weights_of(sample: NDArray[np.int64], whole: NDArray[np.int64]) -> NDArray[n
     sample, whole : (2, 2048) int64 arrays
         Frequencies; what the sample has, the raster has too.
     """
-    weights: NDArray[np.int64] = np.rint(UNITS * _log_ratio(sample, whole)).astype(np.int64)
+    weights: NDArray[np.int64] = np.rint(WEIGHT_UNITS * _log_ratio(sample, whole)).astype(np.int64)
     return weights
 
 
 def _log_ratio(sample: NDArray[np.int64], whole: NDArray[np.int64]) -> NDArray[np.float64]:
     """ln of how much likelier symbols are, with a sample that has `PRIOR` pixels of the raster added."""
     share = whole / np.maximum(whole.sum(axis=-1, keepdims=True), 1)
-    expected = (sample.sum(axis=-1, keepdims=True) + PRIOR) * share
-    ratio = np.divide(sample + PRIOR * share, expected, out=np.ones_like(share), where=whole > 0)
+    expected = (sample.sum(axis=-1, keepdims=True) + PRIOR_PIXELS) * share
+    ratio = np.divide(sample + PRIOR_PIXELS * share, expected, out=np.ones_like(share), where=whole > 0)
     logarithm: NDArray[np.float64] = np.log(ratio)
     return logarithm
 
 
-def own_evidence(sample: Names, whole: NDArray[np.int64], side: int) -> NDArray[np.float64]:
+def own_window_means(sample: SymbolPair, whole: NDArray[np.int64], side: int) -> NDArray[np.float64]:
     """The mean weight of windows of a sample, each by the weights that the rest of the sample has.
 
     Parameters
@@ -106,19 +108,19 @@ def own_evidence(sample: Names, whole: NDArray[np.int64], side: int) -> NDArray[
         Of windows with seven eighths of their pixels counted; of a large sample about 1024, evenly spread.
     """
     rows, cols = (max(length // CELL - side + 1, 0) for length in sample[0].shape)
-    step = max(math.isqrt(rows * cols // _MOST_WINDOWS), 1)
-    every, found = frequencies(sample), []
+    step = max(math.isqrt(rows * cols // _MAX_WINDOWS), 1)
+    every, found = symbol_counts(sample), []
     for row in range(0, rows, step):
         for col in range(0, cols, step):
             part = np.s_[CELL * row : CELL * (row + side), CELL * col : CELL * (col + side)]
-            window = frequencies((sample[0][part], sample[1][part]))
+            window = symbol_counts((sample[0][part], sample[1][part]))
             count = int(window[0].sum())
             if count >= min_count(side):
                 found.append(float((window * _log_ratio(every - window, whole)).sum()) / count)
     return np.array(found)
 
 
-def best_evidence(names: Names, weights: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+def best_mean_weights(names: SymbolPair, weights: NDArray[np.int64], side: int) -> NDArray[np.int64]:
     """For each cell the largest mean weight of the windows that it lies in, see `likeness.best_scores`.
 
     Parameters
@@ -137,13 +139,13 @@ def best_evidence(names: Names, weights: NDArray[np.int64], side: int) -> NDArra
     """
     cells = tuple(length // CELL for length in names[0].shape)
     sums, counts = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
-    _weigh(*names, weights, sums, counts)
-    light, many = _in_windows(sums, side), _in_windows(counts, side)
-    means = np.where(many >= min_count(side), light // np.maximum(many, 1), _NEITHER)
+    _sum_weights(*names, weights, sums, counts)
+    light, many = _window_sums(sums, side), _window_sums(counts, side)
+    means = np.where(many >= min_count(side), light // np.maximum(many, 1), _NO_WINDOW)
     return -best_scores(-means, side)
 
 
-def _in_windows(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+def _window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
     """Sums over the cells of the window that begins at each."""
     for axis in (0, 1):
         length = sums.shape[axis] - side + 1
@@ -152,7 +154,7 @@ def _in_windows(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
 
 
 @kernel("void(u2[:,::1], u2[:,::1], i8[:,::1], i8[:,::1], i8[:,::1])")
-def _weigh(fine, coarse, weights, sums, counts):  # type: ignore[no-untyped-def]
+def _sum_weights(fine, coarse, weights, sums, counts):  # type: ignore[no-untyped-def]
     for r in range(8 * sums.shape[0]):
         for cell in range(sums.shape[1]):
             total = np.int64(0)
