@@ -31,7 +31,7 @@ from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import summed
 from uavseg.segmentation.pipeline import measure
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
-from uavseg.segmentation.sample.pixel_decision import Weights, open_cells
+from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, GREY_MAX
 
@@ -175,8 +175,8 @@ def _outlined(
     matched = scores.best <= criterion.limit
     if params.refine == "none":
         return outline_segments(source, matched.view(np.uint8), tile_pass)
-    cells = open_cells(matched, valid & ~matched, params.side // 2)
-    weights = Weights.between(criterion.model, scores.rest, np.isfinite(params.intensity))
+    cells = undecided_cells(matched, valid & ~matched, params.side // 2)
+    weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(params.intensity))
     return outline_matches(source, cells, criterion.cuts, weights, tile_pass)
 
 

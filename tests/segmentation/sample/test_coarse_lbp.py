@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_histogram, lbp_symbols
-from uavseg.segmentation.sample.coarse_lbp import MARGIN, coarse_symbols
+from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
 
 CUTS = np.array([0, 2000, 5000, 9000, 14000, 20000, 30000], np.int32)
 
@@ -20,7 +20,7 @@ def drawn(seed: int, rows: int, cols: int) -> tuple[NDArray[np.uint16], NDArray[
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10**6), rows=st.integers(0, 9), cols=st.integers(0, 9), every=st.booleans())
 def test_symbols_are_those_of_the_nine_means_around(seed: int, rows: int, cols: int, every: bool) -> None:
-    grey, valid = drawn(seed, rows + 2 * MARGIN, cols + 2 * MARGIN)
+    grey, valid = drawn(seed, rows + 2 * COARSE_HALO, cols + 2 * COARSE_HALO)
     found = coarse_symbols(grey, None if every else valid, CUTS)
     assert found.shape == (rows, cols)
     for row, col in np.ndindex(rows, cols):

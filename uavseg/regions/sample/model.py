@@ -14,7 +14,7 @@ from uavseg.execution.executors import Map
 from uavseg.raster.geodesy.ellipsoid import pixel_on_ground
 from uavseg.regions.sample.place import Place
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, lbp_symbols
-from uavseg.segmentation.sample.coarse_lbp import MARGIN, coarse_symbols
+from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
     NULL_SCORE,
     SCORE_UNITS,
@@ -123,7 +123,7 @@ def evidence_of(
 
 def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> SymbolPair:
     """Symbols of a tile at both scales, without its margin of MARGIN pixels."""
-    inner = np.s_[MARGIN - 1 : 1 - MARGIN, MARGIN - 1 : 1 - MARGIN]
+    inner = np.s_[COARSE_HALO - 1 : 1 - COARSE_HALO, COARSE_HALO - 1 : 1 - COARSE_HALO]
     known = None if tile.every else tile.valid
     near = None if known is None else np.ascontiguousarray(known[inner])
     fine = lbp_symbols(np.ascontiguousarray(tile.grey[inner]), near, cuts)
@@ -133,7 +133,7 @@ def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> SymbolPair:
 def _weigh(
     source: GreySource, cuts: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: Place
 ) -> SampleWeights:
-    return SampleWeights.of(_own_names(source.read(place.window, MARGIN), cuts, place), whole, side)
+    return SampleWeights.of(_own_names(source.read(place.window, COARSE_HALO), cuts, place), whole, side)
 
 
 def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> SymbolPair:
@@ -168,9 +168,9 @@ def _look(
     source: GreySource, cuts: NDArray[np.int32], side: int, place: Place
 ) -> tuple[TextureModel, NDArray[np.uint16], NDArray[np.uint64]]:
     """Histograms of a sample, the scores of its windows, and number, sum and sum of squares of its greys."""
-    tile = source.read(place.window, MARGIN)
+    tile = source.read(place.window, COARSE_HALO)
     names, coarse = _own_names(tile, cuts, place)
-    grey = np.ascontiguousarray(tile.grey[MARGIN:-MARGIN, MARGIN:-MARGIN])
+    grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
     model = texture_model(names, grey, cells, coarse=coarse)
     scores = window_scores(names, grey, model, side, left_out=True)

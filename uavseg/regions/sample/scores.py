@@ -29,7 +29,7 @@ from uavseg.segmentation.sample.g_scores import (
     texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.pixel_decision import MARGIN, Weights, decide
+from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights, classify_pixels
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL
 
@@ -114,7 +114,7 @@ def outline_matches(
     source: GreySource,
     cells: NDArray[np.uint8],
     cuts: NDArray[np.int32],
-    weights: Weights,
+    weights: PixelWeights,
     tile_pass: TilePass,
 ) -> Outlined:
     """Regions of cells that are in, and of those pixels of open cells that weigh enough.
@@ -130,7 +130,7 @@ def outline_matches(
         As of `tilewise.outline_regions`.
     """
     outline = partial(_outline_match, source, cuts, weights)
-    tiles = tile_pass.run(outline, CellJobs(cells, tile_pass.windows, MARGIN))
+    tiles = tile_pass.run(outline, CellJobs(cells, tile_pass.windows, DECISION_HALO))
     return joined(source.shape, tile_pass.windows, tiles).outlined()
 
 
@@ -203,7 +203,7 @@ def _score_tile(
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
     unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
-    coarse = coarse_symbols(*_cut(tile, halo + 1 - coarse_lbp.MARGIN), criterion.cuts)
+    coarse = coarse_symbols(*_cut(tile, halo + 1 - coarse_lbp.COARSE_HALO), criterion.cuts)
     whole = texture_model(names, grey, np.ones_like(unlike), halo, coarse)
     return best, texture_model(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
 
@@ -217,17 +217,17 @@ def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.ui
 def _outline_match(
     source: GreySource,
     cuts: NDArray[np.int32],
-    weights: Weights,
+    weights: PixelWeights,
     job: tuple[Window, NDArray[np.uint8]],
 ) -> Tile | None:
     window, cells = job
     if not cells.any():
         return None
-    tile = source.read(window, MARGIN)
+    tile = source.read(window, DECISION_HALO)
     if (cells == 2).any():
         known = None if tile.every else tile.valid
         names = lbp_symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
-        pixels = decide(cells, tile.valid, tile.grey, *names, weights)
+        pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
-    return outlined_tile(pixels, *label_components(pixels, MARGIN), tile.grey, window, source.shape[1])
+    return outlined_tile(pixels, *label_components(pixels, DECISION_HALO), tile.grey, window, source.shape[1])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.segmentation.blocks.lbp import lbp_symbols
 
-MARGIN = 3  # pixels: how far from a pixel its means may reach
+COARSE_HALO = 3  # pixels: how far from a pixel its means may reach
 
 
 def coarse_symbols(
@@ -35,9 +35,9 @@ def coarse_symbols(
     symbols : (M, N) uint16 array
         0 to 2047; 65535 where a pixel is not counted.
     """
-    rows, cols = (max(length - 2 * MARGIN, 0) for length in grey.shape)
+    rows, cols = (max(length - 2 * COARSE_HALO, 0) for length in grey.shape)
     found = np.empty((rows, cols), np.uint16)
-    means = _means(grey)
+    means = _means_of_2x2(grey)
     whole = None if valid is None else valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1] & valid[1:, 1:]
     for row, col in np.ndindex(2, 2):  # means that touch each other are two pixels apart
         own = found[row::2, col::2]
@@ -48,7 +48,7 @@ def coarse_symbols(
     return found
 
 
-def _means(grey: NDArray[np.uint16]) -> NDArray[np.uint16]:
+def _means_of_2x2(grey: NDArray[np.uint16]) -> NDArray[np.uint16]:
     """Of each 2 x 2 pixels, rounded down."""
     pairs = grey[:-1].astype(np.uint32) + grey[1:]
     means: NDArray[np.uint16] = ((pairs[:, :-1] + pairs[:, 1:]) >> 2).astype(np.uint16)

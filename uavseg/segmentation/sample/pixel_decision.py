@@ -14,14 +14,14 @@ from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.segmentation.sample.g_scores import TextureModel
 
-MARGIN = 16  # pixels: an image cut with this much around it is decided as the whole would be
-AROUND = 6  # pixels on every side of a pixel that decide with it
+DECISION_HALO = 16  # pixels: an image cut with this much around it is decided as the whole would be
+WINDOW_RADIUS = 6  # pixels on every side of a pixel that decide with it
 
-_FINE = 1024  # fixed point of a logarithm
+_WEIGHT_UNITS = 1024  # fixed point of a logarithm
 
 
 @dataclass(frozen=True)
-class Weights:
+class PixelWeights:
     """ln of how much likelier one side is than the other, in parts of 1 / 1024.
 
     Parameters
@@ -56,17 +56,17 @@ class Weights:
 def _log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
     """ln of the ratio of two probabilities, each after Krichevsky and Trofimov: half a count more."""
     first, second = ((counts + 0.5) / (counts.sum() + 0.5 * len(counts)) for counts in (one, other))
-    weights: NDArray[np.int64] = np.rint(np.log(first / second) * _FINE).astype(np.int64)
+    weights: NDArray[np.int64] = np.rint(np.log(first / second) * _WEIGHT_UNITS).astype(np.int64)
     return weights
 
 
-def decide(
+def classify_pixels(
     cells: NDArray[np.uint8],
     valid: NDArray[np.uint8],
     grey: NDArray[np.uint16],
     symbols: NDArray[np.uint16],
     coarse: NDArray[np.uint16],
-    weights: Weights,
+    weights: PixelWeights,
 ) -> NDArray[np.uint8]:
     """Pixels of cells that are in, and of those that are open where the 13 x 13 pixels around weigh above 0.
 
@@ -90,11 +90,11 @@ def decide(
     columns = np.zeros(valid.shape[1], np.int64)
     around = np.pad(coarse, 2, constant_values=UNCOUNTED)  # the border is that of the symbols
     tables = (weights.texture, weights.greys, weights.coarse)
-    _decide(cells, valid, grey, symbols, around, *tables, AROUND, columns, inside)
+    _classify_pixels(cells, valid, grey, symbols, around, *tables, WINDOW_RADIUS, columns, inside)
     return inside
 
 
-def open_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach: int) -> NDArray[np.uint8]:
+def undecided_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach: int) -> NDArray[np.uint8]:
     """Cells with those near a boundary left open.
 
     Parameters
@@ -128,7 +128,7 @@ def spread(cells: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
 
 
 @inlined
-def weight_of(symbols, above, grey, valid, r, c, texture, greys, coarse):  # type: ignore[no-untyped-def]
+def pixel_weight(symbols, above, grey, valid, r, c, texture, greys, coarse):  # type: ignore[no-untyped-def]
     """What a pixel says; 0 where it is not valid."""
     if valid[r, c] == 0:
         return np.int64(0)
@@ -142,18 +142,18 @@ def weight_of(symbols, above, grey, valid, r, c, texture, greys, coarse):  # typ
     "void(u1[:,::1], u1[:,::1], u2[:,::1], u2[:,::1], u2[:,::1], "
     "i8[::1], i8[::1], i8[::1], i8, i8[::1], u1[:,::1])",
 )
-def _decide(  # type: ignore[no-untyped-def]
+def _classify_pixels(  # type: ignore[no-untyped-def]
     cells, valid, grey, symbols, above, texture, greys, coarse, around, columns, inside
 ):
     rows, cols = valid.shape
     for ahead in range(1, rows + around):  # the row that enters the sums of columns
         if ahead < rows - 1:
             for c in range(1, cols - 1):
-                columns[c] += weight_of(symbols, above, grey, valid, ahead, c, texture, greys, coarse)
+                columns[c] += pixel_weight(symbols, above, grey, valid, ahead, c, texture, greys, coarse)
         behind = ahead - 2 * around - 1
         if behind >= 1:
             for c in range(1, cols - 1):
-                columns[c] -= weight_of(symbols, above, grey, valid, behind, c, texture, greys, coarse)
+                columns[c] -= pixel_weight(symbols, above, grey, valid, behind, c, texture, greys, coarse)
         r = ahead - around
         if r < 0:
             continue
