@@ -14,7 +14,7 @@ from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.labels.components import label_components, label_equal_values
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage
-from uavseg.segmentation.states.state_scans import states_in
+from uavseg.segmentation.states.state_scans import decode_states
 from uavseg.units import CELL
 
 _Job = tuple[Window, NDArray[Any]]
@@ -94,7 +94,7 @@ class _PixelJobs(Sequence[_Job]):
         window = self._windows[k]
         rows = (window.row - CELL, whole_blocks(window.rows) + 2 * CELL)
         if self._held[0] != rows:
-            inside = states_in(self._image.codes(*rows)) == self._state
+            inside = decode_states(self._image.codes(*rows)) == self._state
             self._held = rows, np.pad(inside, ((0, 0), (CELL, CELL)))
         part = self._held[1][:, window.col : window.col + whole_blocks(window.cols) + 2 * CELL]
         return window, np.packbits(part, axis=1)

@@ -24,16 +24,16 @@ from uavseg.raster.tiling import Window, tile_side, tiles, whole_blocks, window_
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.states.state_image import StateImage, packed, unpack
+from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 from uavseg.segmentation.states.state_scans import (
-    AHEAD,
+    LOOKAHEAD,
     Codes,
-    codes_of,
+    encode_states,
     compact_columns,
     compact_rows,
     count_codes,
-    settle_columns,
-    settle_rows,
+    resolve_columns,
+    resolve_rows,
 )
 from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
 
@@ -113,7 +113,7 @@ def classified(
             compact_columns(part, before, True)
         else:
             codes += count_codes(part)
-        image.put(strip[0].row, part)
+        image.write_codes(strip[0].row, part)
     next(found, None)  # lets the map end, and tell that it did
     return Classified(image, passes.settled() if refine == "scan" else codes)
 
@@ -160,24 +160,24 @@ class _Passes:
         for row, rows in self._rows:
             codes = self._image.codes(row, rows)
             compact_columns(codes, before, False)
-            settle_rows(codes)
+            resolve_rows(codes)
             self._image.put(row, codes)
 
     def _settle_up(self) -> None:
         before = np.zeros(self._image.cols, np.uint8)
         for row, rows in reversed(self._rows):
-            codes = self._image.codes(row - AHEAD, rows + AHEAD)
-            settle_columns(codes, before, True)
-            self._image.put(row, codes[AHEAD:])
+            codes = self._image.codes(row - LOOKAHEAD, rows + LOOKAHEAD)
+            resolve_columns(codes, before, True)
+            self._image.put(row, codes[LOOKAHEAD:])
 
     def _settle_down(self) -> NDArray[np.int64]:
         before = np.zeros(self._image.cols, np.uint8)
         counts = np.zeros(16, np.int64)
         for row, rows in self._rows:
-            codes = self._image.codes(row, rows + AHEAD)
-            settle_columns(codes, before, False)
-            self._image.put(row, codes[:-AHEAD])
-            counts += count_codes(codes[:-AHEAD])
+            codes = self._image.codes(row, rows + LOOKAHEAD)
+            resolve_columns(codes, before, False)
+            self._image.put(row, codes[:-LOOKAHEAD])
+            counts += count_codes(codes[:-LOOKAHEAD])
         return counts
 
 
@@ -213,7 +213,7 @@ def _codes_tile(source: GreySource, limits: StateLimits, job: _Job) -> NDArray[n
     if not job.cells.any():
         return None
     tile = source.read(job.window, 0)
-    return packed(codes_of(cells_to_pixels(job.cells, tile.valid), _own_states(limits)[tile.grey]))
+    return pack_codes(encode_states(cells_to_pixels(job.cells, tile.valid), _own_states(limits)[tile.grey]))
 
 
 @lru_cache(maxsize=8)
@@ -228,5 +228,5 @@ def _assembled(
     codes = np.zeros((whole_blocks(strip[0].rows), cols), np.uint8)
     for window, pairs in parts:
         if pairs is not None:
-            unpack(pairs, codes[:, window.col : window.col + 2 * pairs.shape[1]])
+            unpack_codes(pairs, codes[:, window.col : window.col + 2 * pairs.shape[1]])
     return codes

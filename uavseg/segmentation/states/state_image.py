@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
 from uavseg.raster.tiling import Window, whole_blocks
-from uavseg.segmentation.states.state_scans import Codes, states_in
+from uavseg.segmentation.states.state_scans import Codes, decode_states
 
-ROOM = 64 << 20  # bytes held in memory: the codes of 128 million pixels; more lie in a temporary file
+MAX_IN_MEMORY = (
+    64 << 20
+)  # bytes held in memory: the codes of 128 million pixels; more lie in a temporary file
 
-_FOUR = np.uint8(4)
-_LOW = np.uint8(15)
+_HALF_BYTE = np.uint8(4)
+_LOW_BITS = np.uint8(15)
 
 
 class StateImage:
@@ -38,29 +40,29 @@ class StateImage:
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
         self._rows, self._cols = (whole_blocks(length) for length in shape)
-        self._file = _room_for(self._rows * self._cols // 2)
+        self._file = _open_buffer(self._rows * self._cols // 2)
 
     @property
     def cols(self) -> int:
         """Columns of its whole blocks."""
         return self._cols
 
-    def put(self, row: int, codes: Codes) -> None:
+    def write_codes(self, row: int, codes: Codes) -> None:
         """Keep the codes of some rows from `row` on, (rows, cols) with the columns of whole blocks."""
         try:
             self._file.seek(row * self._cols // 2)
-            self._file.write(packed(codes).tobytes())
+            self._file.write(pack_codes(codes).tobytes())
         except OSError as error:
-            raise _no_room(error) from error
+            raise _disk_error(error) from error
 
-    def codes(self, row: int, rows: int) -> Codes:
+    def read_codes(self, row: int, rows: int) -> Codes:
         """Codes of some rows, (rows, cols) with the columns of whole blocks; 0 above and below the raster."""
         first, last = max(row, 0), min(row + rows, self._rows)
         found = np.zeros((rows, self._cols), np.uint8)
         if last > first:
             self._file.seek(first * self._cols // 2)
             content = self._file.read((last - first) * self._cols // 2)
-            unpack(
+            unpack_codes(
                 np.frombuffer(content, np.uint8).reshape(last - first, -1), found[first - row : last - row]
             )
         return found
@@ -74,8 +76,8 @@ class StateImage:
             0 invalid, 1 free, 2 unknown, 3 occupied.
         """
         part = Window(0, 0, *self.shape) if window is None else window
-        codes = self.codes(part.row, part.rows)
-        return np.ascontiguousarray(states_in(codes[:, part.col : part.col + part.cols]))
+        codes = self.read_codes(part.row, part.rows)
+        return np.ascontiguousarray(decode_states(codes[:, part.col : part.col + part.cols]))
 
     def strips(self, rows: int = 256) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
         """States of all rows, some at a time from the top."""
@@ -84,29 +86,29 @@ class StateImage:
             yield window, self.read(window)
 
 
-def packed(codes: Codes) -> NDArray[np.uint8]:
+def pack_codes(codes: Codes) -> NDArray[np.uint8]:
     """Codes two to a byte: (rows, cols / 2), the left half of each row in the low bits."""
     half = codes.shape[1] // 2
-    return codes[:, :half] | codes[:, half:] << _FOUR
+    return codes[:, :half] | codes[:, half:] << _HALF_BYTE
 
 
-def unpack(pairs: NDArray[np.uint8], codes: Codes) -> None:
+def unpack_codes(pairs: NDArray[np.uint8], codes: Codes) -> None:
     """`packed` undone, into an array."""
     half = pairs.shape[1]
-    np.bitwise_and(pairs, _LOW, out=codes[:, :half])
-    np.right_shift(pairs, _FOUR, out=codes[:, half:])
+    np.bitwise_and(pairs, _LOW_BITS, out=codes[:, :half])
+    np.right_shift(pairs, _HALF_BYTE, out=codes[:, half:])
 
 
-def _room_for(size: int) -> IO[bytes]:
-    if size <= ROOM:
+def _open_buffer(size: int) -> IO[bytes]:
+    if size <= MAX_IN_MEMORY:
         return io.BytesIO(bytes(size))
     try:
         return tempfile.TemporaryFile(prefix="uavseg-states-")
     except OSError as error:
-        raise _no_room(error) from error
+        raise _disk_error(error) from error
 
 
-def _no_room(error: OSError) -> OutputError:
+def _disk_error(error: OSError) -> OutputError:
     return OutputError(
         f"the states cannot be kept in {tempfile.gettempdir()} ({error.strerror or error}); name a folder "
         "with more room in the environment variable TMPDIR"

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-AHEAD = 2  # rows beyond a strip that a scan of free against occupied looks at
+LOOKAHEAD = 2  # rows beyond a strip that a scan of free against occupied looks at
 
 Codes = NDArray[np.uint8]
 
 
-def codes_of(states: NDArray[np.uint8], own: NDArray[np.uint8]) -> Codes:
+def encode_states(states: NDArray[np.uint8], own: NDArray[np.uint8]) -> Codes:
     """Codes of pixels.
 
     Parameters
@@ -37,7 +37,7 @@ def codes_of(states: NDArray[np.uint8], own: NDArray[np.uint8]) -> Codes:
     return np.where(states > 0, states | own << np.uint8(2), np.uint8(0))
 
 
-def states_in(codes: Codes) -> NDArray[np.uint8]:
+def decode_states(codes: Codes) -> NDArray[np.uint8]:
     """States of pixels: 0 invalid, 1 free, 2 unknown, 3 occupied."""
     return codes & np.uint8(3)
 
@@ -47,14 +47,14 @@ def compact_rows(codes: Codes) -> None:
     _compact_rows(codes)
 
 
-def settle_rows(codes: Codes) -> None:
+def resolve_rows(codes: Codes) -> None:
     """Right to left, then left to right: free pixels against occupied ones, in place.
 
     Where the previous pixel is A and this one is B, {A, B} = {free, occupied}, this pixel and at most two
     more are looked at, as long as they are B; the first that is not half decides. If its own state is A, all
     from this one through it become A.
     """
-    _settle_rows(codes)
+    _resolve_rows(codes)
 
 
 def compact_columns(codes: Codes, before: NDArray[np.uint8], upwards: bool) -> None:
@@ -72,7 +72,7 @@ def compact_columns(codes: Codes, before: NDArray[np.uint8], upwards: bool) -> N
     _compact_columns(codes, before, upwards)
 
 
-def settle_columns(codes: Codes, before: NDArray[np.uint8], upwards: bool) -> None:
+def resolve_columns(codes: Codes, before: NDArray[np.uint8], upwards: bool) -> None:
     """Free against occupied along columns, in place; see `settle_rows`.
 
     Parameters
@@ -83,7 +83,7 @@ def settle_columns(codes: Codes, before: NDArray[np.uint8], upwards: bool) -> No
     before, upwards
         As of `compact_columns`.
     """
-    _settle_columns(codes, before, upwards)
+    _resolve_columns(codes, before, upwards)
 
 
 def refine_states(codes: Codes) -> NDArray[np.uint8]:
@@ -109,30 +109,30 @@ def refine_states(codes: Codes) -> NDArray[np.uint8]:
     compact_rows(codes)
     for upwards in (True, False):
         compact_columns(codes, np.zeros(cols, np.uint8), upwards)
-    settle_rows(codes)
-    padded = np.zeros((rows + 2 * AHEAD, cols), np.uint8)
-    padded[AHEAD:-AHEAD] = codes
-    settle_columns(padded[:-AHEAD], np.zeros(cols, np.uint8), True)
-    settle_columns(padded[AHEAD:], np.zeros(cols, np.uint8), False)
-    codes[:] = padded[AHEAD:-AHEAD]
-    return states_in(codes)
+    resolve_rows(codes)
+    padded = np.zeros((rows + 2 * LOOKAHEAD, cols), np.uint8)
+    padded[LOOKAHEAD:-LOOKAHEAD] = codes
+    resolve_columns(padded[:-LOOKAHEAD], np.zeros(cols, np.uint8), True)
+    resolve_columns(padded[LOOKAHEAD:], np.zeros(cols, np.uint8), False)
+    codes[:] = padded[LOOKAHEAD:-LOOKAHEAD]
+    return decode_states(codes)
 
 
 def count_codes(codes: Codes) -> NDArray[np.int64]:
     """How many pixels have each code, a (16,) array."""
     counts = np.zeros(16, np.int64)
-    _count(codes, counts)
+    _count_codes(codes, counts)
     return counts
 
 
 @inlined
-def compacted(code, before):  # type: ignore[no-untyped-def]
+def compact_pixel(code, before):  # type: ignore[no-untyped-def]
     """A code after compaction: unknown where the pixel before is, and this one is valid and half."""
     return np.uint8(10) if before == np.uint8(2) and code >> np.uint8(2) == np.uint8(2) else code
 
 
 @inlined
-def settled(code, after, second, before):  # type: ignore[no-untyped-def]
+def resolve_pixel(code, after, second, before):  # type: ignore[no-untyped-def]
     """A code after free against occupied, from the two codes after it and the state of the pixel before.
 
     Pixels after this one are as they were before the scan: what changes together with this one changes when
@@ -159,17 +159,17 @@ def _compact_rows(codes):  # type: ignore[no-untyped-def]
         for k in range(cols):
             c = cols - 1 - k
             if codes[r, c] & np.uint8(3) != before:  # mostly not
-                codes[r, c] = compacted(codes[r, c], before)
+                codes[r, c] = compact_pixel(codes[r, c], before)
                 before = codes[r, c] & np.uint8(3)
         before = np.uint8(0)
         for c in range(cols):
             if codes[r, c] & np.uint8(3) != before:
-                codes[r, c] = compacted(codes[r, c], before)
+                codes[r, c] = compact_pixel(codes[r, c], before)
                 before = codes[r, c] & np.uint8(3)
 
 
 @kernel("void(u1[:,::1])")
-def _settle_rows(codes):  # type: ignore[no-untyped-def]
+def _resolve_rows(codes):  # type: ignore[no-untyped-def]
     rows, cols = codes.shape
     for r in range(rows):
         before = np.uint8(0)
@@ -178,14 +178,14 @@ def _settle_rows(codes):  # type: ignore[no-untyped-def]
             if codes[r, c] & np.uint8(3) != before:
                 after = codes[r, c - 1] if c > 0 else np.uint8(0)
                 second = codes[r, c - 2] if c > 1 else np.uint8(0)
-                codes[r, c] = settled(codes[r, c], after, second, before)
+                codes[r, c] = resolve_pixel(codes[r, c], after, second, before)
                 before = codes[r, c] & np.uint8(3)
         before = np.uint8(0)
         for c in range(cols):
             if codes[r, c] & np.uint8(3) != before:
                 after = codes[r, c + 1] if c + 1 < cols else np.uint8(0)
                 second = codes[r, c + 2] if c + 2 < cols else np.uint8(0)
-                codes[r, c] = settled(codes[r, c], after, second, before)
+                codes[r, c] = resolve_pixel(codes[r, c], after, second, before)
                 before = codes[r, c] & np.uint8(3)
 
 
@@ -195,23 +195,23 @@ def _compact_columns(codes, before, upwards):  # type: ignore[no-untyped-def]
     for k in range(rows):
         r = rows - 1 - k if upwards else k
         for c in range(cols):
-            codes[r, c] = compacted(codes[r, c], before[c])
+            codes[r, c] = compact_pixel(codes[r, c], before[c])
             before[c] = codes[r, c] & np.uint8(3)
 
 
 @kernel("void(u1[:,::1], u1[::1], b1)")
-def _settle_columns(codes, before, upwards):  # type: ignore[no-untyped-def]
+def _resolve_columns(codes, before, upwards):  # type: ignore[no-untyped-def]
     rows, cols = codes.shape
     step = -1 if upwards else 1
     for k in range(rows - 2):
         r = rows - 1 - k if upwards else k
         for c in range(cols):
-            codes[r, c] = settled(codes[r, c], codes[r + step, c], codes[r + 2 * step, c], before[c])
+            codes[r, c] = resolve_pixel(codes[r, c], codes[r + step, c], codes[r + 2 * step, c], before[c])
             before[c] = codes[r, c] & np.uint8(3)
 
 
 @kernel("void(u1[:,::1], i8[::1])")
-def _count(codes, counts):  # type: ignore[no-untyped-def]
+def _count_codes(codes, counts):  # type: ignore[no-untyped-def]
     for r in range(codes.shape[0]):
         for c in range(codes.shape[1]):
             counts[codes[r, c] & np.uint8(15)] += 1
