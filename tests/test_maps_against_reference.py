@@ -208,7 +208,7 @@ def test_very_wide_maps_are_cut_into_low_strips(monkeypatch: pytest.MonkeyPatch)
     values, _ = random_map(7)
     values = np.tile(values, (-(-200 // len(values)), 4))
     dataset = Dataset.of_values(values, GeoBox(values.shape, Affine.identity(), None), "map")
-    strips = classification.strips_of(values.shape, (512, 512))
+    strips = classification.state_strips(values.shape, (512, 512))
     assert {window.rows for strip in strips[:-1] for window in strip} == {64}
     low = classify(GreySource(dataset, stretch_of(dataset)))
     monkeypatch.undo()

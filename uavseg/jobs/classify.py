@@ -24,7 +24,12 @@ from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import block_map_for
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.states.classify_strips import Classified, StateRefinement, classified, strips_of
+from uavseg.segmentation.states.classify_strips import (
+    ClassifiedStates,
+    StateRefinement,
+    classify_states,
+    state_strips,
+)
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.units import OCCUPIED
 
@@ -125,7 +130,7 @@ def classify(
     """
     how = params.segment
     refine = _refinement(how)
-    strips = strips_of(source.shape, source.dataset.file_block, params.tile)
+    strips = state_strips(source.shape, source.dataset.file_block, params.tile)
     windows = [tile for strip in strips for tile in strip]
     first, second, *third = TilePass(windows, map, progress).stages(2 + objects)
     blocks = block_map_for(source, limits, how, first)
@@ -134,7 +139,7 @@ def classify(
     give_back()
     if not cells.any():
         raise MapError(f"{source.dataset.source} has no valid cell: all of it is nodata or NaN")
-    found = classified(source, cells, limits, refine, strips, map, second.progress)
+    found = classify_states(source, cells, limits, refine, strips, map, second.progress)
     leaves = cells if refine == "none" else None
     made = _objects(source, found, leaves, limits, params, third[0]) if objects else None
     hazard = found.occupied_in_free, found.occupied_by_value
@@ -183,7 +188,7 @@ def _refinement(how: SegmentParams) -> StateRefinement:
 
 def _objects(
     source: GreySource,
-    found: Classified,
+    found: ClassifiedStates,
     leaves: NDArray[np.uint8] | None,
     limits: StateLimits,
     params: ExtractParams,

@@ -39,11 +39,11 @@ from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
 
-_MOST = 1 << 25  # pixels of a strip, unless 64 rows have more
+_MAX_STRIP_PIXELS = 1 << 25  # pixels of a strip, unless 64 rows have more
 
 
 @dataclass(frozen=True)
-class Classified:
+class ClassifiedStates:
     """The states of a raster's pixels.
 
     Parameters
@@ -74,7 +74,7 @@ class Classified:
         return int(self.codes[OCCUPIED << 2 :].sum())
 
 
-def classified(
+def classify_states(
     source: GreySource,
     cells: NDArray[np.uint8],
     limits: StateLimits,
@@ -82,7 +82,7 @@ def classified(
     strips: Sequence[Sequence[Window]],
     map: Map = serial,
     progress: Progress | None = None,
-) -> Classified:
+) -> ClassifiedStates:
     """The state of every pixel.
 
     Parameters
@@ -99,15 +99,15 @@ def classified(
         Who reads the tiles, and who is told.
     """
     image = StateImage(source.shape)
-    passes = _Passes(image, [_rows_of(strip) for strip in strips])
+    passes = _Passes(image, [_strip_rows(strip) for strip in strips])
     upwards = [tile for strip in reversed(strips) for tile in strip]
     found = zip(
-        upwards, map(partial(_codes_tile, source, limits), _Jobs(cells, upwards), progress), strict=True
+        upwards, map(partial(_encode_tile, source, limits), _Jobs(cells, upwards), progress), strict=True
     )
     codes = np.zeros(16, np.int64)
     before = np.zeros(image.cols, np.uint8)
     for strip in reversed(strips):
-        part = _assembled(strip, [next(found) for _ in strip], image.cols)
+        part = _assemble_strip(strip, [next(found) for _ in strip], image.cols)
         if refine == "scan":
             compact_rows(part)
             compact_columns(part, before, True)
@@ -115,10 +115,10 @@ def classified(
             codes += count_codes(part)
         image.write_codes(strip[0].row, part)
     next(found, None)  # lets the map end, and tell that it did
-    return Classified(image, passes.settled() if refine == "scan" else codes)
+    return ClassifiedStates(image, passes.settled() if refine == "scan" else codes)
 
 
-def strips_of(
+def state_strips(
     shape: tuple[int, int], file_block: tuple[int, int], tile: int | None = None
 ) -> list[list[Window]]:
     """Tiles that cover a raster in strips of whole rows, from the top.
@@ -136,7 +136,7 @@ def strips_of(
         If the tile's side is not a positive multiple of 64.
     """
     rows, cols = tile_side(shape, file_block) if tile is None else (tile, tile)
-    most = max(_MOST // whole_blocks(shape[1]) // BLOCK, 1) * BLOCK
+    most = max(_MAX_STRIP_PIXELS // whole_blocks(shape[1]) // BLOCK, 1) * BLOCK
     windows = tiles(shape, (min(rows, most), cols))
     across = -(-shape[1] // cols)
     return [windows[k : k + across] for k in range(0, len(windows), across)]
@@ -181,7 +181,7 @@ class _Passes:
         return counts
 
 
-def _rows_of(strip: Sequence[Window]) -> tuple[int, int]:
+def _strip_rows(strip: Sequence[Window]) -> tuple[int, int]:
     return strip[0].row, whole_blocks(strip[0].rows)
 
 
@@ -208,7 +208,7 @@ class _Jobs(Sequence[_Job]):
         return _Job(window, np.ascontiguousarray(self._cells[window_cells(window)]))
 
 
-def _codes_tile(source: GreySource, limits: StateLimits, job: _Job) -> NDArray[np.uint8] | None:
+def _encode_tile(source: GreySource, limits: StateLimits, job: _Job) -> NDArray[np.uint8] | None:
     """The codes of a tile's whole blocks, packed; None where no pixel is valid."""
     if not job.cells.any():
         return None
@@ -221,7 +221,7 @@ def _own_states(limits: StateLimits) -> NDArray[np.uint8]:
     return limits.table
 
 
-def _assembled(
+def _assemble_strip(
     strip: Sequence[Window], parts: Sequence[tuple[Window, NDArray[np.uint8] | None]], cols: int
 ) -> Codes:
     """The codes of a strip from those of its tiles."""
