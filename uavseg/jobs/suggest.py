@@ -16,7 +16,12 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
 from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.range_candidates import MOST_CLASSES, Cuts, beside_means, cuts_of
+from uavseg.segmentation.range_candidates import (
+    MAX_CLASSES,
+    RangeCandidates,
+    edge_beside_means,
+    propose_ranges,
+)
 from uavseg.segmentation.source import GreySource
 
 PARAMS = ExtractParams(SegmentParams(refine="none"))
@@ -129,8 +134,8 @@ def suggest_from_blocks(
 
 
 def _check(classes: int | None) -> None:
-    if classes is not None and not 2 <= classes <= MOST_CLASSES:
-        raise ParameterError(f"ranges are 2 to {MOST_CLASSES} in number, not {classes}")
+    if classes is not None and not 2 <= classes <= MAX_CLASSES:
+        raise ParameterError(f"ranges are 2 to {MAX_CLASSES} in number, not {classes}")
 
 
 def _suggestions(blocks: BlockMap, about: About, classes: int | None, how: SegmentParams) -> Suggestions:
@@ -140,9 +145,9 @@ def _suggestions(blocks: BlockMap, about: About, classes: int | None, how: Segme
             f"no pixel of {about.name} is valid, so there is no range to choose; look at its nodata "
             "value with uavseg info"
         )
-    cuts = cuts_of(histogram, classes)
+    cuts = propose_ranges(histogram, classes)
     taken = means_among(blocks, cuts.edges, how.threshold, how.step)
-    edges = tuple(beside_means(edge) if edge in taken else edge for edge in cuts.edges)
+    edges = tuple(edge_beside_means(edge) if edge in taken else edge for edge in cuts.edges)
     intervals = cell_intervals(blocks, edges, how.threshold, how.step)
     ranges = _ranges(blocks, edges, intervals) if edges else ()
     warnings = (*about.warnings, *_doubts(cuts, classes, histogram))
@@ -163,7 +168,7 @@ def _ranges(
     )
 
 
-def _doubts(cuts: Cuts, wanted: int | None, histogram: NDArray[np.int64]) -> tuple[str, ...]:
+def _doubts(cuts: RangeCandidates, wanted: int | None, histogram: NDArray[np.int64]) -> tuple[str, ...]:
     """What the user should know of how far the ranges are to be trusted."""
     found = cuts.classes
     if found.count == 1:

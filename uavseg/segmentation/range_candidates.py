@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from uavseg.raster.intensity.otsu import Classes, are_parted, multi_otsu, number_of_classes
 from uavseg.units import GREY_MAX
 
-MOST_CLASSES = 8  # that may be asked for
-MOST_FOUND = 6  # that are proposed where nobody says how many
+MAX_CLASSES = 8  # that may be asked for
+MAX_PROPOSED = 6  # that are proposed where nobody says how many
 BINS = 256
 
 _DECIMALS = range(2, 7)
-_NO_MEAN = 5  # decimals, see `beside_means`
+_MIN_DECIMALS = 5  # decimals, see `beside_means`
 
 
 @dataclass(frozen=True, slots=True)
-class Cuts:
+class RangeCandidates:
     """Where a histogram of means is cut into ranges.
 
     Parameters
@@ -38,7 +38,7 @@ class Cuts:
     clear: bool
 
 
-def cuts_of(histogram: NDArray[np.int64], wanted: int | None = None) -> Cuts:
+def propose_ranges(histogram: NDArray[np.int64], wanted: int | None = None) -> RangeCandidates:
     """Cut a histogram into the classes that leave the least variance within.
 
     Parameters
@@ -53,13 +53,13 @@ def cuts_of(histogram: NDArray[np.int64], wanted: int | None = None) -> Cuts:
     width = -(-(int(last) - int(first) + 1) // BINS)
     held = histogram[first : last + 1]
     bins = np.add.reduceat(held, np.arange(0, held.size, width))
-    found = multi_otsu(bins, wanted or MOST_FOUND)
+    found = multi_otsu(bins, wanted or MAX_PROPOSED)
     classes = number_of_classes(bins, found) if wanted is None else found[-1]
     pairs = zip(classes.ends, classes.starts, strict=True)
     gaps = [
         (int(first) + low, int(first) + high) for low, high in (_gap(held, width, *pair) for pair in pairs)
     ]
-    return Cuts(_edges(histogram, gaps, width), classes, are_parted(bins, classes))
+    return RangeCandidates(_edges(histogram, gaps, width), classes, are_parted(bins, classes))
 
 
 def _gap(held: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:
@@ -70,7 +70,7 @@ def _gap(held: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int
     )
 
 
-def beside_means(edge: float) -> float:
+def edge_beside_means(edge: float) -> float:
     """The nearest number above an edge, and by decimals near it, that is no leaf's mean.
 
     A mean is sum / (65535 n) with n of at most 4096 valid pixels. A number of m decimals that ends with 1 is
@@ -83,7 +83,7 @@ def beside_means(edge: float) -> float:
     (0.40001, 0.4123451)
     """
     exact = Decimal(repr(edge))
-    decimals = max(-int(exact.as_tuple().exponent) + 1, _NO_MEAN)
+    decimals = max(-int(exact.as_tuple().exponent) + 1, _MIN_DECIMALS)
     return float(exact + Decimal(1).scaleb(-decimals))
 
 
