@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.errors import ParameterError, RasterError
-from uavseg.segmentation.baseline.merging import likelihood_ratio, log_table, merged
+from uavseg.segmentation.baseline.merging import likelihood_ratio, log_table, merge_regions
 from uavseg.segmentation.blocks.block_map import find_leaves
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_bin_edges, contrast_histogram, lbp_symbols
 from uavseg.segmentation.in_memory import block_map_of_array, pad_to_blocks
@@ -22,12 +22,12 @@ from uavseg.units import CELL
 
 Labels = NDArray[np.uint32]
 
-MOST_PIXELS = 4096 * 4096
-SMALLEST = 16  # pixels: side of the smallest leaf
+MAX_PIXELS = 4096 * 4096
+MIN_LEAF = 16  # pixels: side of the smallest leaf
 
 
 @dataclass(frozen=True, slots=True)
-class OriginalParams:
+class LbpcParams:
     """The parameters of LBP/C; the literature's usual values.
 
     Parameters
@@ -68,7 +68,7 @@ class OriginalParams:
             raise ParameterError(f"the number of sweeps is not negative, unlike {self.sweeps}")
 
 
-def check_size(shape: tuple[int, int]) -> None:
+def check_lbpc_size(shape: tuple[int, int]) -> None:
     """Whether an image is small enough for an algorithm that holds all of it.
 
     Raises
@@ -77,17 +77,17 @@ def check_size(shape: tuple[int, int]) -> None:
         If it has more than 4096 x 4096 pixels.
     """
     rows, cols = shape
-    if rows * cols > MOST_PIXELS:
+    if rows * cols > MAX_PIXELS:
         raise RasterError(
-            f"the original algorithm holds the whole image, at most {MOST_PIXELS:,} pixels, and this one has "
+            f"the original algorithm holds the whole image, at most {MAX_PIXELS:,} pixels, and this one has "
             f"{rows:,} x {cols:,}: cut a part out (gdal_translate -srcwin) or make it coarser (-outsize)"
         )
 
 
-def original(
+def segment_lbpc(
     grey: NDArray[np.uint16],
     valid: NDArray[np.bool_] | None = None,
-    params: OriginalParams = OriginalParams(),
+    params: LbpcParams = LbpcParams(),
 ) -> Labels:
     """Labels of the segments of an image by LBP/C.
 
@@ -114,20 +114,22 @@ def original(
     array([[1, 1, 1],
            [1, 1, 1]], dtype=uint32)
     """
-    check_size(grey.shape)
+    check_lbpc_size(grey.shape)
     known = np.ones(grey.shape, np.bool_) if valid is None else valid
     image, around = pad_to_blocks(grey, known)
     texels = lbp_symbols(image, around, contrast_bin_edges(contrast_histogram(image, around)))
     texels = np.ascontiguousarray(texels[: grey.shape[0], : grey.shape[1]])
-    labels, models = merged(_leaf_labels(grey, known, params.threshold), texels, params.stop, params.untested)
+    labels, models = merge_regions(
+        _leaf_labels(grey, known, params.threshold), texels, params.stop, params.untested
+    )
     _classify_boundaries(labels, texels, models, params)
-    return _by_size(labels, len(models) - 1, grey)
+    return _relabel_by_size(labels, len(models) - 1, grey)
 
 
 def _leaf_labels(grey: NDArray[np.uint16], known: NDArray[np.bool_], threshold: float) -> Labels:
     """The leaf of each valid pixel, 1..n in raster order of the leaves' corners; 0 where invalid."""
     sides, _ = find_leaves(block_map_of_array(grey, known), threshold, np.inf)
-    side = np.maximum(sides, SMALLEST).astype(np.int64)
+    side = np.maximum(sides, MIN_LEAF).astype(np.int64)
     rows, cols = np.indices(side.shape) * CELL
     corners = 1 + rows // side * side * grey.shape[1] + cols // side * side
     on_pixels = corners.repeat(CELL, 0).repeat(CELL, 1)[: grey.shape[0], : grey.shape[1]] * known
@@ -136,7 +138,7 @@ def _leaf_labels(grey: NDArray[np.uint16], known: NDArray[np.bool_], threshold: 
 
 
 def _classify_boundaries(
-    labels: Labels, texels: NDArray[np.uint16], models: NDArray[np.uint32], params: OriginalParams
+    labels: Labels, texels: NDArray[np.uint16], models: NDArray[np.uint32], params: LbpcParams
 ) -> None:
     """Give the pixels along boundaries to the region around them whose model is nearest, in place.
 
@@ -156,7 +158,7 @@ def _classify_boundaries(
             break
 
 
-def _by_size(labels: Labels, count: int, grey: NDArray[np.uint16]) -> Labels:
+def _relabel_by_size(labels: Labels, count: int, grey: NDArray[np.uint16]) -> Labels:
     """The labels in the order of their pixels, ties in raster order of the first one."""
     sums = component_sums(labels, count, np.ascontiguousarray(grey))
     order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -sums.counts))
@@ -166,7 +168,7 @@ def _by_size(labels: Labels, count: int, grey: NDArray[np.uint16]) -> Labels:
 
 
 @inlined
-def take_disc(texels, halves, row, col, counts, listed):  # type: ignore[no-untyped-def]
+def disc_histogram(texels, halves, row, col, counts, listed):  # type: ignore[no-untyped-def]
     """Count the symbols in a disc, and list which there are; how many of them."""
     rows, cols = texels.shape
     radius = halves.shape[0] // 2
@@ -205,7 +207,7 @@ def _sweep(before, texels, models, totals, halves, table, counts, listed, looked
             around = (north, south, west, east)
             if max(around) == own and min(around) == own:
                 continue
-            many = take_disc(texels, halves, row, col, counts, listed)
+            many = disc_histogram(texels, halves, row, col, counts, listed)
             found = own
             least = likelihood_ratio(models, totals, own, counts, listed, many, table)
             for label in around:

@@ -21,7 +21,7 @@ SMALLEST_G = 1e-9  # per pixel of the pair, as in the division
 _LONGEST_TABLE = 1 << 16
 
 
-def merged(
+def merge_regions(
     labels: NDArray[np.uint32], texels: NDArray[np.uint16], stop: float, untested: float
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     """Merge the regions of a label image.
@@ -49,7 +49,7 @@ def merged(
     """
     count = int(labels.max(initial=0))
     regions = _Regions.of(labels, texels, count)
-    pairs = _adjacent(labels)
+    pairs = _adjacent_pairs(labels)
     possible = count - len(np.unique(union_roots(pairs, count + 1)[1:]))
     parents = _merge(regions, pairs, stop, untested * possible)
     roots, numbers = np.unique(parents, return_inverse=True)
@@ -73,7 +73,7 @@ class _Regions:
     @classmethod
     def of(cls, labels: NDArray[np.uint32], texels: NDArray[np.uint16], count: int) -> "_Regions":
         histograms = np.zeros((count + 1, SYMBOLS), np.uint32)
-        _count(labels, texels, histograms)
+        _count_symbols(labels, texels, histograms)
         histograms[0] = 0
         totals = histograms.sum(axis=1, dtype=np.int64)
         return cls(histograms, totals, log_table(int(totals.sum())))
@@ -83,7 +83,7 @@ class _Regions:
         found = np.empty(len(others))
         listed = np.flatnonzero(self.histograms[region])
         counts = self.histograms[region].astype(np.int64)
-        _likelihood_ratios(self.histograms, self.totals, others, counts, listed, self.table, found)
+        _g_of_regions(self.histograms, self.totals, others, counts, listed, self.table, found)
         scaled: list[float] = (found * np.minimum(self.totals[others], self.totals[region])).tolist()
         return scaled
 
@@ -144,7 +144,7 @@ def _unite(regions: _Regions, one: int, other: int, neighbours: list[set[int]], 
     versions[other] = -1
 
 
-def _adjacent(labels: NDArray[np.uint32]) -> NDArray[np.int64]:
+def _adjacent_pairs(labels: NDArray[np.uint32]) -> NDArray[np.int64]:
     """The pairs of labels that share an edge, the smaller first; (k, 2)."""
     size = int(labels.max(initial=0)) + 1
     keys = []
@@ -180,13 +180,13 @@ def likelihood_ratio(histograms, totals, region, counts, listed, many, table):  
 
 
 @kernel("void(u4[:,::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[::1], f8[::1])")
-def _likelihood_ratios(histograms, totals, regions, counts, listed, table, found):  # type: ignore[no-untyped-def]
+def _g_of_regions(histograms, totals, regions, counts, listed, table, found):  # type: ignore[no-untyped-def]
     for k in range(regions.shape[0]):
         found[k] = likelihood_ratio(histograms, totals, regions[k], counts, listed, listed.shape[0], table)
 
 
 @kernel("void(u4[:,::1], u2[:,::1], u4[:,::1])")
-def _count(labels, texels, histograms):  # type: ignore[no-untyped-def]
+def _count_symbols(labels, texels, histograms):  # type: ignore[no-untyped-def]
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
             if texels[r, c] < SYMBOLS:
