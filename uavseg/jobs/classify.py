@@ -22,7 +22,7 @@ from uavseg.regions.tiles.kind_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_states
 from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classify_strips import (
     ClassifiedStates,
@@ -133,7 +133,7 @@ def classify(
     strips = state_strips(source.shape, source.dataset.file_block, params.tile)
     windows = [tile for strip in strips for tile in strip]
     first, second, *third = TilePass(windows, map, progress).stages(2 + objects)
-    blocks = block_map_for(source, limits, how, first)
+    blocks = measure_block_map_for(source, limits, how, first)
     cells = cell_states(blocks, limits, how.threshold, how.step)
     del blocks
     give_back()

@@ -20,7 +20,7 @@ from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.leaves import cell_levels
 from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 
@@ -64,7 +64,7 @@ def extract_levels(
     first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
     source = GreySource(dataset, fit(dataset, params.stretch, first))
     how = params.segment
-    blocks = block_map_for(source, levels, how, second)
+    blocks = measure_block_map_for(source, levels, how, second)
     kinds = cell_levels(blocks, levels, how.threshold, how.step)
     del blocks
     give_back()

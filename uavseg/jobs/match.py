@@ -29,7 +29,7 @@ from uavseg.regions.sample.reject import confirmed
 from uavseg.regions.sample.scores import Criterion, Scored, mean_scores, outline_matches, scored
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import summed
-from uavseg.segmentation.pipeline import measure
+from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
 from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
 from uavseg.segmentation.source import GreySource
@@ -148,7 +148,7 @@ def match(
     place = place_of(like, dataset.geobox)
     passes = TilePass.over(dataset, params.tile, map, progress).stages(5)
     source = GreySource(dataset, fit(dataset, params.stretch, passes[0]))
-    known = measure(source, passes[1])
+    known = measure_cells(source, passes[1])
     sample = sample_of(source, known.cuts, place, params.side, map)
     criterion = Criterion.of(sample, known.cuts, params.side, params.similarity, params.intensity)
     scores = scored(source, criterion, passes[2])

@@ -31,14 +31,14 @@ IN_RANGE, UNSETTLED = np.uint8(1), np.uint8(2)
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredCells:
     """What one pass over the raster tells: the block map's cells, and the cuts of contrast."""
 
     blocks: BlockMap
     cuts: NDArray[np.int32] = field(repr=False)
 
 
-def block_map(
+def measure_block_map(
     source: GreySource,
     tile_pass: TilePass,
 ) -> BlockMap:
@@ -51,13 +51,13 @@ def block_map(
         Tiles that cover the raster, the executor and the progress.
     """
     measuring, dividing = tile_pass.stages(2)
-    measured = measure(source, measuring)
+    measured = measure_cells(source, measuring)
     everywhere = np.where(_any_valid(measured.blocks), ALL_RATIOS, np.uint32(0))
-    divide(source, measured, everywhere, dividing)
+    fill_ratios(source, measured, everywhere, dividing)
     return measured.blocks
 
 
-def block_map_for(
+def measure_block_map_for(
     source: GreySource,
     cut: Intervals,
     params: SegmentParams,
@@ -76,9 +76,9 @@ def block_map_for(
     """
     measuring, dividing = tile_pass.stages(2)
     question = Question(cut.edges, params.step, params.threshold)
-    measured = measure(source, measuring, question)
-    wanted = question.open_in(measured.blocks.sums, measured.blocks.counts)
-    divide(source, measured, wanted, dividing, question)
+    measured = measure_cells(source, measuring, question)
+    wanted = question.required_ratios(measured.blocks.sums, measured.blocks.counts)
+    fill_ratios(source, measured, wanted, dividing, question)
     return measured.blocks
 
 
@@ -91,13 +91,13 @@ class Question:
     threshold: float
     patches: BlockCache = field(default_factory=BlockCache, repr=False, compare=False)
 
-    def open_in(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    def required_ratios(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
         """Which R the cells leave open, see `blockmap.undecided`."""
         return required_ratios(sums, counts, self.edges, self.step)
 
 
 @dataclass(frozen=True)
-class _InPassing:
+class _CacheBlocks:
     """A question whose blocks are kept while cells are measured; what is measured does not depend on it."""
 
     question: Question | None
@@ -111,18 +111,20 @@ class _InPassing:
     ) -> None:
         """Keep the blocks of a tile that the question will look at."""
         if self.question is not None:
-            self.question.patches.put(window, tile, _corners(self.question.open_in(sums, counts)))
+            self.question.patches.put(
+                window, tile, _block_corners(self.question.required_ratios(sums, counts))
+            )
 
 
-def measure(
+def measure_cells(
     source: GreySource,
     tile_pass: TilePass,
     question: Question | None = None,
-) -> Measured:
+) -> MeasuredCells:
     """Sums and counts of all cells, and the cuts of contrast over the whole raster."""
     blocks = BlockMap.empty(source.shape)
     histogram = np.zeros(GREY_LEVELS, np.int64)
-    measure_tile = partial(_measure_tile, source, _InPassing(question))
+    measure_tile = partial(_measure_tile, source, _CacheBlocks(question))
     for window, found in zip(tile_pass.windows, tile_pass.run(measure_tile), strict=True):
         if found is None:
             continue
@@ -130,12 +132,12 @@ def measure(
         cells = window_cells(window)
         blocks.sums[cells], blocks.counts[cells] = sums, counts
         histogram += contrasts
-    return Measured(blocks, contrast_bin_edges(histogram))
+    return MeasuredCells(blocks, contrast_bin_edges(histogram))
 
 
-def divide(
+def fill_ratios(
     source: GreySource,
-    measured: Measured,
+    measured: MeasuredCells,
     wanted: NDArray[np.uint32],
     tile_pass: TilePass,
     question: Question | None = None,
@@ -158,7 +160,7 @@ def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentP
     return cells
 
 
-def refined(
+def refine_tile(
     source: GreySource,
     inside: NDArray[np.uint8],
     interval: IntensityRange,
@@ -194,7 +196,7 @@ def refined(
 
 
 def _measure_tile(
-    source: GreySource, in_passing: _InPassing, window: Window
+    source: GreySource, in_passing: _CacheBlocks, window: Window
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None:
     if source.dataset.is_empty(window):
         return None
@@ -211,13 +213,13 @@ def _divide_tile(
     job: tuple[Window, NDArray[np.uint32]],
 ) -> NDArray[np.float64]:
     window, bits = job
-    corners = _corners(bits)
+    corners = _block_corners(bits)
     patch = None if question is None else question.patches.take(window)
     if patch is not None:
         grey, valid = patch.grey, patch.valid
         corners = np.stack([np.arange(len(corners)) * CACHED_SIDE, np.zeros(len(corners), np.int64)], axis=1)
     else:
-        part = _around(window, corners)
+        part = _bounding_window(window, corners)
         tile = source.read(part, 1)
         grey, valid = tile.grey, None if tile.every else tile.valid
         corners = corners - (part.row - window.row, part.col - window.col)
@@ -226,12 +228,12 @@ def _divide_tile(
     return selected_ratios(grey, valid, cuts, corners, bits[bits > 0], question.threshold)
 
 
-def _corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:
+def _block_corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:
     """Where the blocks begin of which anything is wanted."""
     return np.stack(np.nonzero(bits), axis=1) * BLOCK
 
 
-def _around(window: Window, corners: NDArray[np.int64]) -> Window:
+def _bounding_window(window: Window, corners: NDArray[np.int64]) -> Window:
     """The smallest part of a window with all the blocks that begin at `corners`."""
     row, col = (int(first) for first in corners.min(axis=0))
     end_row, end_col = (int(last) + BLOCK for last in corners.max(axis=0))

@@ -25,7 +25,7 @@ from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.pipeline import UNSETTLED, measure
+from uavseg.segmentation.pipeline import UNSETTLED, measure_cells
 from uavseg.segmentation.source import GreySource
 
 Image = NDArray[np.uint8]
@@ -263,7 +263,7 @@ def test_a_raster_whose_cells_have_changed_is_refused(sourced: Sourced, row: int
     image = scene(3, (130, 70))
     cells = np.ones((24, 16), np.uint8)
     windows = tiles(image.shape, 64)
-    blocks = measure(sourced(image), TilePass(windows)).blocks
+    blocks = measure_cells(sourced(image), TilePass(windows)).blocks
     outline_regions(sourced(image), cells, BRIGHT, "scan", TilePass(windows), expected=blocks)
     changed = image.copy()
     changed[row, 5] ^= 64

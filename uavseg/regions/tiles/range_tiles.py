@@ -18,7 +18,7 @@ from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
 from uavseg.segmentation.labels.components import label_components
 from uavseg.segmentation.params import Refinement
-from uavseg.segmentation.pipeline import refined
+from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
 
@@ -85,7 +85,7 @@ class _Jobs(Sequence[_Job]):
 
 
 def _outline_tile(source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job) -> Tile | None:
-    found = refined(source, job.inside, interval, refine, job.window)
+    found = refine_tile(source, job.inside, interval, refine, job.window)
     if found is None:
         return None
     pixels, tile = found
