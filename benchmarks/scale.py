@@ -182,7 +182,7 @@ def _segment(raster: str, count: str) -> tuple[float]:
     from uavseg.regions.tiles.range_tiles import outline_regions
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
-    from uavseg.segmentation.pipeline import measure_block_map_for, cells_to_refine
+    from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
     from uavseg.segmentation.source import GreySource
 
     dataset, interval, how, work = (

@@ -290,7 +290,7 @@ def test_a_disk_that_fills_up_leaves_nothing(monkeypatch: pytest.MonkeyPatch) ->
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(stateimage, "packed", full)
+    monkeypatch.setattr(stateimage, "pack_codes", full)
     assert "No space left on device" in refused("map.tif", "-o", "s.tif")
 
 

@@ -22,13 +22,13 @@ from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import (
+    cells_to_refine,
     measure_block_map,
     measure_block_map_for,
-    cells_to_refine,
     measure_cells,
     refine_tile,
 )
-from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_scans, refine_by_local_mean
+from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.source import GreySource
 
 INTERVAL = IntensityRange(0.4, 0.7)
@@ -99,7 +99,7 @@ def test_a_tile_is_the_raster_with_nothing_around_it(
         assert np.array_equal(tile.grey[inner], grey[part][inner])
         assert np.array_equal(tile.valid[inner], valid[part][inner])
         assert not tile.valid[grey_beyond(shape, window, margin, tile.valid.shape)].any()
-        assert tile.every == bool(tile.valid.all())
+        assert tile.all_valid == bool(tile.valid.all())
         assert tile.grey.flags.c_contiguous and tile.valid.flags.c_contiguous
 
 
@@ -142,8 +142,8 @@ def test_the_order_of_tiles_is_of_no_matter() -> None:
 def test_contrasts_are_cut_over_all_tiles_together() -> None:
     source = source_of(field_of(0, (150, 150)))
     whole = measure_cells(source, TilePass([Window(0, 0, 150, 150)]))
-    assert np.array_equal(measure_cells(source, TilePass(tiles(source.shape, 64))).cuts, whole.cuts)
-    assert len(set(whole.cuts.tolist())) > 3
+    assert np.array_equal(measure_cells(source, TilePass(tiles(source.shape, 64))).bin_edges, whole.bin_edges)
+    assert len(set(whole.bin_edges.tolist())) > 3
 
 
 @pytest.mark.parametrize("seed", range(6))

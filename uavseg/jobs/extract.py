@@ -22,7 +22,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for, cells_to_refine
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 
 Small = Literal["drop", "merge"]

@@ -149,10 +149,10 @@ def match(
     passes = TilePass.over(dataset, params.tile, map, progress).stages(5)
     source = GreySource(dataset, fit(dataset, params.stretch, passes[0]))
     known = measure_cells(source, passes[1])
-    sample = sample_of(source, known.cuts, place, params.side, map)
-    criterion = Criterion.of(sample, known.cuts, params.side, params.similarity, params.intensity)
+    sample = sample_of(source, known.bin_edges, place, params.side, map)
+    criterion = Criterion.of(sample, known.bin_edges, params.side, params.similarity, params.intensity)
     scores = scored(source, criterion, passes[2])
-    evidence = evidence_of(source, known.cuts, place, scores.whole, params.side, map)
+    evidence = evidence_of(source, known.bin_edges, place, scores.whole, params.side, map)
     least = evidence.least(params.similarity)
     scores = confirmed(source, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0

@@ -18,16 +18,16 @@ from uavseg.segmentation.blocks.block_cache import CACHED_SIDE, BlockCache
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cells_in_range, pixels_in_range, cells_to_pixels
+from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
 from uavseg.segmentation.blocks.mixed_cells import mixed_cells
-from uavseg.segmentation.intervals import Intervals, IntensityRange
+from uavseg.segmentation.intervals import IntensityRange, Intervals
 from uavseg.segmentation.params import Refinement, SegmentParams
-from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_scans, refine_by_local_mean
+from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import BLOCK, GREY_LEVELS
 
-IN_RANGE, UNSETTLED = np.uint8(1), np.uint8(2)
+IN_RANGE, MIXED = np.uint8(1), np.uint8(2)
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class MeasuredCells:
     """What one pass over the raster tells: the block map's cells, and the cuts of contrast."""
 
     blocks: BlockMap
-    cuts: NDArray[np.int32] = field(repr=False)
+    bin_edges: NDArray[np.int32] = field(repr=False)
 
 
 def measure_block_map(
@@ -144,7 +144,7 @@ def fill_ratios(
 ) -> None:
     """Fill in the R whose bits are set in `wanted`, (B, C); what a question does not come to need stays 0."""
     jobs = [(window, here) for window in tile_pass.windows if (here := wanted[window_blocks(window)]).any()]
-    divide_tile = partial(_divide_tile, source, measured.cuts, question)
+    divide_tile = partial(_divide_tile, source, measured.bin_edges, question)
     for (window, bits), ratios in zip(jobs, tile_pass.run(divide_tile, jobs), strict=True):
         rows, cols = np.nonzero(bits)
         measured.blocks.ratios[rows + window.row // BLOCK, cols + window.col // BLOCK] = ratios
@@ -156,7 +156,7 @@ def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentP
     """
     cells = cells_in_range(blocks, interval, params.threshold, params.step)
     if params.refine == "tv":
-        cells |= UNSETTLED * mixed_cells(blocks, cells, interval.low, interval.high)
+        cells |= MIXED * mixed_cells(blocks, cells, interval.low, interval.high)
     return cells
 
 
@@ -191,7 +191,7 @@ def refine_tile(
         pixels = refine_by_local_mean(pixels, tile.valid, tile.grey, interval.low, interval.high)
     elif refine == "tv":
         fits = pixels_in_range(tile.grey, tile.valid, *interval.greys)
-        refine_by_tv(pixels, inside & UNSETTLED, tile.valid, tile.grey, fits, interval.greys)
+        refine_by_tv(pixels, inside & MIXED, tile.valid, tile.grey, fits, interval.greys)
     return pixels, tile
 
 
@@ -203,7 +203,7 @@ def _measure_tile(
     tile = source.read(window, 1)
     sums, counts = cell_sums(tile.grey, tile.valid, margin=1)
     in_passing.keep(window, tile, sums, counts)
-    return sums, counts, contrast_histogram(tile.grey, None if tile.every else tile.valid)
+    return sums, counts, contrast_histogram(tile.grey, tile.mask)
 
 
 def _divide_tile(
@@ -221,7 +221,7 @@ def _divide_tile(
     else:
         part = _bounding_window(window, corners)
         tile = source.read(part, 1)
-        grey, valid = tile.grey, None if tile.every else tile.valid
+        grey, valid = tile.grey, tile.mask
         corners = corners - (part.row - window.row, part.col - window.col)
     if question is None:
         return block_ratios(grey, valid, cuts, corners)

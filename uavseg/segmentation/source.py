@@ -19,13 +19,13 @@ class GreyTile:
     grey : (M + 2 m, N + 2 m) uint16 array
         0 where invalid; M and N are the window's sides, rounded up to whole blocks.
     valid : (M + 2 m, N + 2 m) uint8 array
-    every : bool
+    all_valid : bool
         Whether all of it is valid.
     """
 
     grey: NDArray[np.uint16]
     valid: NDArray[np.uint8]
-    every: bool
+    all_valid: bool
 
 
 @dataclass(frozen=True)

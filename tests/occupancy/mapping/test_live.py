@@ -24,8 +24,8 @@ from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cells_in_range, cell_levels, cell_states
-from uavseg.segmentation.intervals import Intervals, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
+from uavseg.segmentation.intervals import IntensityRange, Intervals, Levels, StateLimits
 from uavseg.segmentation.params import SegmentParams
 
 PAPER = SegmentParams(method="paper")

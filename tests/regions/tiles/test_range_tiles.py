@@ -25,7 +25,7 @@ from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.pipeline import UNSETTLED, measure_cells
+from uavseg.segmentation.pipeline import MIXED, measure_cells
 from uavseg.segmentation.source import GreySource
 
 Image = NDArray[np.uint8]
@@ -226,7 +226,7 @@ def test_tiles_workers_and_their_order_change_nothing(
 ) -> None:
     image, inside = scene(seed, shape), random_cells(seed, shape)
     if refine == "tv":
-        inside |= UNSETTLED * random_cells(seed + 1, shape)
+        inside |= MIXED * random_cells(seed + 1, shape)
     source = sourced(image)
     wanted = outline_regions(source, inside, BRIGHT, refine, TilePass(one_tile(image)))
     for run in (serial, threads(2), shuffled(seed)):

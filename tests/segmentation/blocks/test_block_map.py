@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, find_leaves, required_ratios
 from uavseg.segmentation.blocks.division import RATIOS, block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cells_in_range, cell_levels, cell_states
+from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
 
 INF = np.inf
@@ -163,13 +163,15 @@ def assert_texture_elsewhere_is_of_no_use(
     blocks: BlockMap, interval: IntensityRange, X: float, tau: float
 ) -> None:
     wanted = required_ratios(blocks.sums, blocks.counts, interval.edges, tau)
-    full = cells_in_range(blocks, interval, X, tau)
+    full = valid_cells_in_range(blocks, interval, X, tau)
     for otherwise in (0.0, INF):
         some = known_only_where(blocks, wanted, otherwise)
-        assert np.array_equal(cells_in_range(some, interval, X, tau), full)
+        assert np.array_equal(valid_cells_in_range(some, interval, X, tau), full)
 
 
-def cells_in_range(blocks: BlockMap, interval: IntensityRange, X: float, tau: float) -> NDArray[np.uint8]:
+def valid_cells_in_range(
+    blocks: BlockMap, interval: IntensityRange, X: float, tau: float
+) -> NDArray[np.uint8]:
     """Cells in range that have a pixel."""
     return cells_in_range(blocks, interval, X, tau) & (blocks.counts > 0)
 

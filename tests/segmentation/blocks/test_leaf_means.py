@@ -46,7 +46,7 @@ def test_parts_merge_by_adding(monkeypatch: pytest.MonkeyPatch) -> None:
         for a, b in ((0, 3), (3, 4), (4, 7))
     ]
     assert np.array_equal(sum(histogram_of_means(part, 1.2, 0.05) for part in parts), whole)
-    monkeypatch.setattr(block_map, "_STRIP", 2)
+    monkeypatch.setattr(block_map, "_STRIP_BLOCKS", 2)
     assert np.array_equal(histogram_of_means(blocks, 1.2, 0.05), whole)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
-from uavseg.segmentation.blocks.leaves import cells_in_range, cell_levels, cells_to_pixels, cell_states
+from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range, cells_to_pixels
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
 
 V = np.arange(65536) / 65535

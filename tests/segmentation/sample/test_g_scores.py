@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from uavseg.segmentation.blocks.g_statistic import expected_g, likelihood_ratio
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import (
+    MAX_SCORE,
+    NO_SCORE,
     NULL_SCORE,
     SCORE_UNITS,
-    NO_SCORE,
-    MAX_SCORE,
     GreyBounds,
     TextureModel,
     best_scores,
-    texture_model,
     min_count,
+    texture_model,
     window_scores,
 )
 

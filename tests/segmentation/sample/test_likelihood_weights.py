@@ -15,9 +15,9 @@ from uavseg.segmentation.sample.likelihood_weights import (
     SampleWeights,
     SymbolPair,
     best_mean_weights,
-    symbol_counts,
-    own_window_means,
     log_ratio_weights,
+    own_window_means,
+    symbol_counts,
 )
 
 NONE = -(1 << 31)

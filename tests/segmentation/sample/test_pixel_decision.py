@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import TextureModel
 from uavseg.segmentation.sample.pixel_decision import (
-    WINDOW_RADIUS,
     DECISION_HALO,
+    WINDOW_RADIUS,
     PixelWeights,
     classify_pixels,
     undecided_cells,

@@ -16,7 +16,7 @@ from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpac
 @pytest.fixture(params=["memory", "file"])
 def room(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param == "file":
-        monkeypatch.setattr(state_image, "ROOM", 0)
+        monkeypatch.setattr(state_image, "MAX_IN_MEMORY", 0)
     return str(request.param)
 
 
@@ -82,7 +82,7 @@ def test_no_place_for_a_file_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: object) -> None:
         raise FileNotFoundError(2, "No usable temporary directory found")
 
-    monkeypatch.setattr(state_image, "ROOM", 0)
+    monkeypatch.setattr(state_image, "MAX_IN_MEMORY", 0)
     monkeypatch.setattr(state_image.tempfile, "TemporaryFile", refuse)
     with pytest.raises(OutputError, match="No usable temporary directory found"):
         StateImage((64, 64))

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from uavseg.segmentation.states.state_scans import (
     LOOKAHEAD,
-    encode_states,
     compact_columns,
     compact_rows,
     count_codes,
+    decode_states,
+    encode_states,
     refine_states,
     resolve_columns,
     resolve_rows,
-    decode_states,
 )
 
 GREYS = np.array([0, 1000, 32768, 60000], np.uint16)  # of an own state

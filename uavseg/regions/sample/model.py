@@ -16,10 +16,10 @@ from uavseg.regions.sample.place import Place
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, lbp_symbols
 from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
+    MAX_SCORE,
+    NO_SCORE,
     NULL_SCORE,
     SCORE_UNITS,
-    NO_SCORE,
-    MAX_SCORE,
     GreyBounds,
     TextureModel,
     texture_model,
@@ -124,7 +124,7 @@ def evidence_of(
 def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> SymbolPair:
     """Symbols of a tile at both scales, without its margin of MARGIN pixels."""
     inner = np.s_[COARSE_HALO - 1 : 1 - COARSE_HALO, COARSE_HALO - 1 : 1 - COARSE_HALO]
-    known = None if tile.every else tile.valid
+    known = tile.mask
     near = None if known is None else np.ascontiguousarray(known[inner])
     fine = lbp_symbols(np.ascontiguousarray(tile.grey[inner]), near, cuts)
     return fine, coarse_symbols(tile.grey, known, cuts)

@@ -21,8 +21,8 @@ from uavseg.segmentation.labels.components import label_components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
-    NO_SCORE,
     MAX_SCORE,
+    NO_SCORE,
     GreyBounds,
     TextureModel,
     best_scores,
@@ -199,7 +199,7 @@ def _score_tile(
     if source.dataset.is_empty(window):
         return None
     tile = source.read(window, halo + 1)
-    names = lbp_symbols(tile.grey, None if tile.every else tile.valid, criterion.cuts)
+    names = lbp_symbols(tile.grey, tile.mask, criterion.cuts)
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
     unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
@@ -211,7 +211,7 @@ def _score_tile(
 def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
     """Grey and validity of a tile with so much less of its margin."""
     inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
-    return tile.grey[inner], None if tile.every else tile.valid[inner]
+    return tile.grey[inner], None if tile.all_valid else tile.valid[inner]
 
 
 def _outline_match(
@@ -225,7 +225,7 @@ def _outline_match(
         return None
     tile = source.read(window, DECISION_HALO)
     if (cells == 2).any():
-        known = None if tile.every else tile.valid
+        known = tile.mask
         names = lbp_symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
         pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
     else:

@@ -94,7 +94,7 @@ class _PixelJobs(Sequence[_Job]):
         window = self._windows[k]
         rows = (window.row - CELL, whole_blocks(window.rows) + 2 * CELL)
         if self._held[0] != rows:
-            inside = decode_states(self._image.codes(*rows)) == self._state
+            inside = decode_states(self._image.read_codes(*rows)) == self._state
             self._held = rows, np.pad(inside, ((0, 0), (CELL, CELL)))
         part = self._held[1][:, window.col : window.col + whole_blocks(window.cols) + 2 * CELL]
         return window, np.packbits(part, axis=1)

@@ -42,7 +42,7 @@ class BlockCache:
         self._kept: dict[Window, CachedBlocks] = {}
         self._lock = threading.Lock()
 
-    def __reduce__(self) -> tuple[type["Patches"], tuple[int]]:
+    def __reduce__(self) -> tuple[type["BlockCache"], tuple[int]]:
         return BlockCache, (0,)
 
     def fingerprint(self) -> tuple[()]:
@@ -60,12 +60,12 @@ class BlockCache:
         corners : (k, 2) int64 array
             Row and column of each block's first pixel within the window.
         """
-        size = len(corners) * CACHED_SIDE * CACHED_SIDE * (2 if tile.every else 3)
+        size = len(corners) * CACHED_SIDE * CACHED_SIDE * (2 if tile.all_valid else 3)
         with self._lock:
             if size == 0 or size > self._room:
                 return
             self._room -= size
-        valid = None if tile.every else _crop_blocks(tile.valid, corners)
+        valid = None if tile.all_valid else _crop_blocks(tile.valid, corners)
         self._kept[window] = CachedBlocks(_crop_blocks(tile.grey, corners), valid)
 
     def take(self, window: Window) -> CachedBlocks | None:

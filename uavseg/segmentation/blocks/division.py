@@ -17,8 +17,8 @@ from uavseg.segmentation.blocks.lbp import (
     contrast,
     contrast_bin,
     is_counted,
-    or_empty,
     lbp_code,
+    or_empty,
 )
 from uavseg.units import BLOCK
 

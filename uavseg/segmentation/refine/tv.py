@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.refine.noise import NOISE_SIDE, grown, estimate_noise
+from uavseg.segmentation.refine.noise import NOISE_SIDE, estimate_noise, grown
 from uavseg.segmentation.refine.specks import drop_specks
 from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, threshold_tv
 

@@ -50,7 +50,7 @@ class TextureModel:
     greys: NDArray[np.int64] = field(default_factory=lambda: np.zeros(GREY_BINS, np.int64))
     coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
-    def __add__(self, other: "Model") -> "Model":
+    def __add__(self, other: "TextureModel") -> "TextureModel":
         return TextureModel(
             self.texture + other.texture, self.greys + other.greys, self.coarse + other.coarse
         )

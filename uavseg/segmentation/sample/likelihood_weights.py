@@ -46,7 +46,7 @@ class SampleWeights:
     own: int
 
     @classmethod
-    def of(cls, sample: SymbolPair, whole: NDArray[np.int64], side: int) -> "Evidence":
+    def of(cls, sample: SymbolPair, whole: NDArray[np.int64], side: int) -> "SampleWeights":
         """The evidence for a sample.
 
         Parameters

@@ -39,7 +39,7 @@ class PixelWeights:
     coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
     @classmethod
-    def between(cls, one: TextureModel, other: TextureModel, by_grey: bool = True) -> "Weights":
+    def between(cls, one: TextureModel, other: TextureModel, by_grey: bool = True) -> "PixelWeights":
         """Weights above 0 for what speaks for `one`.
 
         Parameters

@@ -28,10 +28,10 @@ from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpac
 from uavseg.segmentation.states.state_scans import (
     LOOKAHEAD,
     Codes,
-    encode_states,
     compact_columns,
     compact_rows,
     count_codes,
+    encode_states,
     resolve_columns,
     resolve_rows,
 )
@@ -158,25 +158,25 @@ class _Passes:
     def _compact_down(self) -> None:
         before = np.zeros(self._image.cols, np.uint8)
         for row, rows in self._rows:
-            codes = self._image.codes(row, rows)
+            codes = self._image.read_codes(row, rows)
             compact_columns(codes, before, False)
             resolve_rows(codes)
-            self._image.put(row, codes)
+            self._image.write_codes(row, codes)
 
     def _settle_up(self) -> None:
         before = np.zeros(self._image.cols, np.uint8)
         for row, rows in reversed(self._rows):
-            codes = self._image.codes(row - LOOKAHEAD, rows + LOOKAHEAD)
+            codes = self._image.read_codes(row - LOOKAHEAD, rows + LOOKAHEAD)
             resolve_columns(codes, before, True)
-            self._image.put(row, codes[LOOKAHEAD:])
+            self._image.write_codes(row, codes[LOOKAHEAD:])
 
     def _settle_down(self) -> NDArray[np.int64]:
         before = np.zeros(self._image.cols, np.uint8)
         counts = np.zeros(16, np.int64)
         for row, rows in self._rows:
-            codes = self._image.codes(row, rows + LOOKAHEAD)
+            codes = self._image.read_codes(row, rows + LOOKAHEAD)
             resolve_columns(codes, before, False)
-            self._image.put(row, codes[:-LOOKAHEAD])
+            self._image.write_codes(row, codes[:-LOOKAHEAD])
             counts += count_codes(codes[:-LOOKAHEAD])
         return counts
 
