@@ -82,7 +82,7 @@ def segmented(case: Case, side: int, run: Map) -> Outlined:
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)
     blocks = measure_block_map_for(source, case.interval, case.params, TilePass(windows, run))
-    inside = cells_in_range(blocks, case.interval, case.params.threshold, case.params.step)
+    inside = cells_in_range(blocks, case.interval, case.params.division)
     return outline_regions(source, inside, case.interval, case.params.refine, TilePass(windows, run))
 
 

@@ -236,7 +236,7 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
             ["map.tif", "--free-below", "0.6"],
             "states want 0 <= free below < occupied above <= 1",
         ),
-        (["map.tif", "--occupied-above", "nan"], "limits of the states want"),
+        (["map.tif", "--occupied-above", "nan"], "expected limits of states"),
         (["map.tif", "-o", "s.png"], "states are written to .tif, or to .yaml for a ROS map"),
         (["map.tif", "-o", "there.tif"], "there.tif exists; give --overwrite"),
         (["map.tif", "-o", "there.yaml"], "there.pgm exists; give --overwrite"),

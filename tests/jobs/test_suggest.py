@@ -65,7 +65,7 @@ def test_regions_and_pixels_are_those_of_extracting_each_range(
     for chosen in found.ranges:
         interval = IntensityRange(*chosen.range)
         regions = extract_from_blocks(blocks, None, interval, ExtractParams(segment)).regions
-        inside = cells_in_range(blocks.blocks, interval, segment.threshold, segment.step)
+        inside = cells_in_range(blocks.blocks, interval, segment.division)
         assert (len(regions), int(blocks.blocks.counts[inside > 0].sum())) == (chosen.regions, chosen.pixels)
 
 

@@ -154,7 +154,7 @@ def test_a_block_map_made_for_a_range_answers_it_as_the_whole_one(seed: int, par
     source = source_of(field_of(seed, (201, 170)))
     windows = tiles(source.shape, 128)
     answers = [
-        cells_in_range(blocks, INTERVAL, params.threshold, params.step) & (blocks.counts > 0)
+        cells_in_range(blocks, INTERVAL, params.division) & (blocks.counts > 0)
         for blocks in (
             measure_block_map(source, TilePass(windows)),
             measure_block_map_for(source, INTERVAL, params, TilePass(windows)),
@@ -290,8 +290,8 @@ def test_a_bad_parameter_is_refused_with_what_it_should_be(bad: dict[str, Any], 
 
 
 def test_the_method_of_the_paper_has_no_intensity_test() -> None:
-    assert SegmentParams("paper", intensity_step=0.1).step == np.inf
-    assert SegmentParams("adaptive", intensity_step=0.1).step == 0.1
+    assert SegmentParams("paper", intensity_step=0.1).division.step == np.inf
+    assert SegmentParams("adaptive", intensity_step=0.1).division.step == 0.1
 
 
 def test_parameters_at_their_ends_are_allowed() -> None:

@@ -47,7 +47,7 @@ def command(
     blocks, stretch = divide(dataset, options["stretch"], running.tile, run, reporter.progress)
     origin = Origin(rasters, str(Path.cwd()), options["band"], options["rgb"], options["nodata"])
     saved = SavedBlocks(blocks, dataset.geobox, stretch, dataset.band_names, origin)
-    write_block_map(output, saved, params.threshold, params.step, running.overwrite)
+    write_block_map(output, saved, params.division, running.overwrite)
     reporter.finish()
     for warning in (*dataset.warnings, *stretch.warnings, *map(str, sorted(bad))):
         reporter.warn(warning)

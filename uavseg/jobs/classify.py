@@ -134,7 +134,7 @@ def classify(
     windows = [tile for strip in strips for tile in strip]
     first, second, *third = TilePass(windows, map, progress).stages(2 + objects)
     blocks = measure_block_map_for(source, limits, how, first)
-    cells = cell_states(blocks, limits, how.threshold, how.step)
+    cells = cell_states(blocks, limits, how.division)
     del blocks
     give_back()
     if not cells.any():

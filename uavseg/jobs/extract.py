@@ -188,7 +188,7 @@ def _extraction(
 def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: ExtractParams) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone."""
     blocks, how = saved.blocks, params.segment
-    outlined = outline_cells(blocks, cells_in_range(blocks, interval, how.threshold, how.step))
+    outlined = outline_cells(blocks, cells_in_range(blocks, interval, how.division))
     if params.fill_holes is not None:
         outlined = summed_cells(blocks, without_small_holes(outlined, saved.geobox, params.fill_holes))
     return _measured(outlined, About.saved(saved), interval, params)

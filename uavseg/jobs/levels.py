@@ -65,7 +65,7 @@ def extract_levels(
     source = GreySource(dataset, fit(dataset, params.stretch, first))
     how = params.segment
     blocks = measure_block_map_for(source, levels, how, second)
-    kinds = cell_levels(blocks, levels, how.threshold, how.step)
+    kinds = cell_levels(blocks, levels, how.division)
     del blocks
     give_back()
     outlined = outline_segments(source, kinds, third)
@@ -84,7 +84,7 @@ def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams
     """
     _check(params)
     how = params.segment
-    kinds = cell_levels(saved.blocks, levels, how.threshold, how.step)
+    kinds = cell_levels(saved.blocks, levels, how.division)
     outlined = outline_cells(saved.blocks, kinds)
     return _extraction(outlined, About.saved(saved), levels, kinds, 1, params)
 

@@ -139,16 +139,16 @@ def _check(classes: int | None) -> None:
 
 
 def _suggestions(blocks: BlockMap, about: About, classes: int | None, how: SegmentParams) -> Suggestions:
-    histogram = histogram_of_means(blocks, how.threshold, how.step)
+    histogram = histogram_of_means(blocks, how.division)
     if not histogram.any():
         raise RasterError(
             f"no pixel of {about.name} is valid, so there is no range to choose; look at its nodata "
             "value with uavseg info"
         )
     cuts = propose_ranges(histogram, classes)
-    taken = means_among(blocks, cuts.edges, how.threshold, how.step)
+    taken = means_among(blocks, cuts.edges, how.division)
     edges = tuple(edge_beside_means(edge) if edge in taken else edge for edge in cuts.edges)
-    intervals = cell_intervals(blocks, edges, how.threshold, how.step)
+    intervals = cell_intervals(blocks, edges, how.division)
     ranges = _ranges(blocks, edges, intervals) if edges else ()
     warnings = (*about.warnings, *_doubts(cuts, classes, histogram))
     return Suggestions(ranges, cuts.classes.explained, histogram, intervals, blocks, about, warnings)

@@ -70,7 +70,7 @@ def label_regions(
     """
     blocks = block_map_of_array(grey, valid)
     image, known = pad_to_blocks(grey, valid, 0)
-    cells = cells_in_range(blocks, interval, threshold, intensity_step)
+    cells = cells_in_range(blocks, interval, DivisionParams(threshold, intensity_step))
     inside = cells_to_pixels(cells, known)
     fits = pixels_in_range(image, known, *interval.greys)
     if refine == "tv":

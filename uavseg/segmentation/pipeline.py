@@ -21,7 +21,7 @@ from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogra
 from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
 from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import IntensityRange, Intervals
-from uavseg.segmentation.params import Refinement, SegmentParams
+from uavseg.segmentation.params import DivisionParams, Refinement, SegmentParams
 from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.segmentation.source import GreySource, GreyTile
@@ -75,7 +75,7 @@ def measure_block_map_for(
     tile_pass : TilePass
     """
     measuring, dividing = tile_pass.stages(2)
-    question = Question(cut.edges, params.step, params.threshold)
+    question = Question(cut.edges, params.division)
     measured = measure_cells(source, measuring, question)
     wanted = question.required_ratios(measured.blocks.sums, measured.blocks.counts)
     fill_ratios(source, measured, wanted, dividing, question)
@@ -87,13 +87,12 @@ class Question:
     """What is asked of a raster, as far as it says which blocks are looked at; and what is kept of them."""
 
     edges: tuple[float, ...]
-    step: float
-    threshold: float
+    division: DivisionParams
     patches: BlockCache = field(default_factory=BlockCache, repr=False, compare=False)
 
     def required_ratios(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
         """Which R the cells leave open, see `blockmap.undecided`."""
-        return required_ratios(sums, counts, self.edges, self.step)
+        return required_ratios(sums, counts, self.edges, self.division.step)
 
 
 @dataclass(frozen=True)
@@ -154,7 +153,7 @@ def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentP
     """What the block map says of each cell: 1 where its leaf is in range, 2 more where its pixels are to be
     decided one by one (with total variation).
     """
-    cells = cells_in_range(blocks, interval, params.threshold, params.step)
+    cells = cells_in_range(blocks, interval, params.division)
     if params.refine == "tv":
         cells |= MIXED * mixed_cells(blocks, cells, interval.low, interval.high)
     return cells
@@ -225,7 +224,7 @@ def _divide_tile(
         corners = corners - (part.row - window.row, part.col - window.col)
     if question is None:
         return block_ratios(grey, valid, cuts, corners)
-    return selected_ratios(grey, valid, cuts, corners, bits[bits > 0], question.threshold)
+    return selected_ratios(grey, valid, cuts, corners, bits[bits > 0], question.division.threshold)
 
 
 def _block_corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:

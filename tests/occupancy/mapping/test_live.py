@@ -50,20 +50,19 @@ def afresh(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> BlockMap
     if every:
         ratios = block_ratios(grey, valid, live.cuts, corners)
     else:
-        wanted = required_ratios(sums, counts, live.cut.edges, live.params.step)[rows, cols]
+        wanted = required_ratios(sums, counts, live.cut.edges, live.params.division.step)[rows, cols]
         ratios = selected_ratios(grey, valid, live.cuts, corners, wanted, live.params.threshold)
     blocks.ratios[rows, cols] = ratios
     return blocks
 
 
 def intervals_of(blocks: BlockMap, cut: Intervals, params: SegmentParams) -> NDArray[np.uint8]:
-    how = (params.threshold, params.step)
     if isinstance(cut, StateLimits):
-        return cell_states(blocks, cut, *how)
+        return cell_states(blocks, cut, params.division)
     if isinstance(cut, Levels):
-        return cell_levels(blocks, cut, *how).astype(np.uint8)
+        return cell_levels(blocks, cut, params.division).astype(np.uint8)
     assert isinstance(cut, IntensityRange)
-    return cells_in_range(blocks, cut, *how)
+    return cells_in_range(blocks, cut, params.division)
 
 
 def assert_as_afresh(live: LiveSegmentation, grid: OccupancyGrid) -> None:

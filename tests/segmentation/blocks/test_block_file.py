@@ -25,6 +25,7 @@ from uavseg.segmentation.blocks.block_file import (
     write_block_map,
 )
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
+from uavseg.segmentation.params import DivisionParams
 
 TAG = "UAVSEG_BLOCK_MAP"
 UTM = Affine(0.3, 0, 500000.1, 0, -0.3, 4649776.7)
@@ -76,7 +77,7 @@ def test_saved_and_loaded_is_the_same(
     tmp_path_factory: pytest.TempPathFactory, seed: int, shape: tuple[int, int]
 ) -> None:
     path = tmp_path_factory.mktemp("blocks") / "a.tif"
-    write_block_map(path, saved_map(seed, shape), 1.2, 0.05)
+    write_block_map(path, saved_map(seed, shape), DivisionParams(1.2, 0.05))
     assert_same(read_block_map(path), saved_map(seed, shape))
 
 
@@ -92,16 +93,16 @@ def test_saved_and_loaded_is_the_same(
 )
 def test_what_it_was_made_from_comes_back(tmp_path: Path, change: dict[str, Any]) -> None:
     with warnings.catch_warnings(action="ignore"):
-        write_block_map(tmp_path / "a.tif", replace(saved_map(), **change), 1.2, 0.05)
+        write_block_map(tmp_path / "a.tif", replace(saved_map(), **change), DivisionParams(1.2, 0.05))
         assert_same(read_block_map(tmp_path / "a.tif"), replace(saved_map(), **change))
 
 
 def test_the_same_leaves_come_from_the_file(tmp_path: Path) -> None:
-    write_block_map(tmp_path / "a.tif", saved_map(), 1.2, 0.05)
+    write_block_map(tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     for X, tau in ((1.2, 0.05), (1.6, np.inf), (np.inf, 0.3)):
         for one, other in zip(
-            find_leaves(read_block_map(tmp_path / "a.tif").blocks, X, tau),
-            find_leaves(saved_map().blocks, X, tau),
+            find_leaves(read_block_map(tmp_path / "a.tif").blocks, DivisionParams(X, tau)),
+            find_leaves(saved_map().blocks, DivisionParams(X, tau)),
             strict=True,
         ):
             assert np.array_equal(one, other)
@@ -109,8 +110,8 @@ def test_the_same_leaves_come_from_the_file(tmp_path: Path) -> None:
 
 def test_the_file_shows_a_cell_of_8_pixels_as_one_with_named_bands(tmp_path: Path) -> None:
     saved = saved_map(1, (150, 77))
-    write_block_map(tmp_path / "a.tif", saved, 1.3, 0.05)
-    side, mean = find_leaves(saved.blocks, 1.3, 0.05)
+    write_block_map(tmp_path / "a.tif", saved, DivisionParams(1.3, 0.05))
+    side, mean = find_leaves(saved.blocks, DivisionParams(1.3, 0.05))
     with rasterio.open(tmp_path / "a.tif") as file:
         assert file.shape == (19, 10) and file.crs.to_epsg() == 32631
         assert file.transform.almost_equals(Affine(2.4, 0, 500000.1, 0, -2.4, 4649776.7), 1e-9)
@@ -126,11 +127,11 @@ def test_the_file_shows_a_cell_of_8_pixels_as_one_with_named_bands(tmp_path: Pat
 
 
 def test_a_file_that_is_there_is_replaced_only_if_allowed(tmp_path: Path) -> None:
-    write_block_map(tmp_path / "a.tif", saved_map(1), 1.2, 0.05)
+    write_block_map(tmp_path / "a.tif", saved_map(1), DivisionParams(1.2, 0.05))
     with pytest.raises(OutputExistsError, match="overwrite"):
-        write_block_map(tmp_path / "a.tif", saved_map(2), 1.2, 0.05)
+        write_block_map(tmp_path / "a.tif", saved_map(2), DivisionParams(1.2, 0.05))
     assert_same(read_block_map(tmp_path / "a.tif"), saved_map(1))
-    write_block_map(tmp_path / "a.tif", saved_map(2), 1.2, 0.05, overwrite=True)
+    write_block_map(tmp_path / "a.tif", saved_map(2), DivisionParams(1.2, 0.05), overwrite=True)
     assert_same(read_block_map(tmp_path / "a.tif"), saved_map(2))
 
 
@@ -154,7 +155,7 @@ def facts(path: Path) -> dict[str, Any]:
 )
 def test_a_damaged_tag_is_told_and_what_to_do(tmp_path: Path, tag: str) -> None:
     path = tmp_path / "a.tif"
-    write_block_map(path, saved_map(), 1.2, 0.05)
+    write_block_map(path, saved_map(), DivisionParams(1.2, 0.05))
     text = facts(path)
     if tag.startswith("without "):
         del text[tag.removeprefix("without ")]
@@ -185,7 +186,7 @@ def test_a_file_that_is_no_raster_cannot_be_read(tmp_path: Path) -> None:
 
 
 def test_a_block_map_is_known_as_one(tmp_path: Path) -> None:
-    write_block_map(tmp_path / "a.tif", saved_map(), 1.2, 0.05)
+    write_block_map(tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     assert is_block_map(tmp_path / "a.tif") and is_block_map(str(tmp_path / "a.tif"))
 
 
@@ -221,7 +222,7 @@ def test_what_gdal_fetches_is_taken_as_it_is_named(tmp_path: Path) -> None:
 
 
 def test_a_part_that_was_cut_from_a_block_map_is_not_taken_for_the_whole(tmp_path: Path) -> None:
-    write_block_map(tmp_path / "a.tif", saved_map(), 1.2, 0.05)
+    write_block_map(tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     with rasterio.open(tmp_path / "a.tif") as file:
         bands, tags, how = file.read(), file.tags(), file.profile
     bands = bands[:, 8:, :]  # as gdal_translate -srcwin does, which keeps tags

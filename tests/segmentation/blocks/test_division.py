@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2_contingency
 
 from uavseg.segmentation.blocks.division import block_ratios
-from uavseg.segmentation.blocks.g_statistic import likelihood_ratio
+from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
 
 FIRST = np.zeros((1, 2), np.int64)
@@ -118,18 +118,18 @@ def test_g_is_that_of_scipy(pairs: list[tuple[int, int]]) -> None:
     if table.shape[1] < 2 or not table.any(axis=1).all():
         return
     expected = chi2_contingency(table, correction=False, lambda_="log-likelihood").statistic
-    assert likelihood_ratio(*table) == pytest.approx(expected, rel=1e-9, abs=1e-8)
+    assert g_statistic(*table) == pytest.approx(expected, rel=1e-9, abs=1e-8)
 
 
 @settings(deadline=None, max_examples=100)
 @given(counts, st.integers(1, 10))
 def test_g_is_symmetric_and_0_between_multiples(pairs: list[tuple[int, int]], times: int) -> None:
     first, second = np.array(pairs).T
-    assert likelihood_ratio(first, second) == pytest.approx(likelihood_ratio(second, first))
+    assert g_statistic(first, second) == pytest.approx(g_statistic(second, first))
     few = np.minimum(first, 18)
     if few.any():
-        assert likelihood_ratio(few, times * few) == 0
-    assert likelihood_ratio(first, second) >= 0
+        assert g_statistic(few, times * few) == 0
+    assert g_statistic(first, second) >= 0
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -139,5 +139,5 @@ def test_the_kernel_and_the_formula_agree(seed: int) -> None:
     texture = lbp_symbols(grey, None, cuts)
     halves = [texture[r : r + 32, c : c + 32].ravel() for r in (0, 32) for c in (0, 32)]
     histograms = [np.bincount(half, minlength=2048) for half in halves]
-    G = [likelihood_ratio(histograms[i], histograms[j]) for i in range(4) for j in range(i)]
+    G = [g_statistic(histograms[i], histograms[j]) for i in range(4) for j in range(i)]
     assert ratios_of(grey)[0] == pytest.approx(max(G) / min(G), rel=1e-9)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.g_statistic import expected_g, likelihood_ratio
+from uavseg.segmentation.blocks.g_statistic import expected_g, g_statistic
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
@@ -110,7 +110,7 @@ def test_a_score_is_g_between_blocks_beyond_chance() -> None:
     model = everything(other, other)
     own = everything(names, grey)
     [[score]] = window_scores(names, grey, model, 2)
-    g = likelihood_ratio(own.texture, model.texture)
+    g = g_statistic(own.texture, model.texture)
     both = own.texture + model.texture
     by_chance = expected_g(int(both.max()), 256 / (256 + model.count))[both].sum()
     assert (score - NULL_SCORE) / SCORE_UNITS == pytest.approx((g - by_chance) / own.count, abs=0.002)

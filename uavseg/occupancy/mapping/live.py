@@ -52,7 +52,7 @@ class LiveSegmentation:
     ) -> None:
         self.cut = StateLimits() if cut is None else cut
         self.params = SegmentParams(method="paper") if params is None else params
-        self._question = Question(self.cut.edges, self.params.step, self.params.threshold)
+        self._question = Question(self.cut.edges, self.params.division)
         if len(self.cut.edges) >= MOST_INTERVALS:
             raise ParameterError(
                 f"a live segmentation has at most {MOST_INTERVALS} intervals, not {len(self.cut.edges) + 1}; "
@@ -174,7 +174,8 @@ class LiveSegmentation:
         self._divide(divided)
         question = self._question
         places = _places(own | divided)
-        where = (question.edges, question.threshold, question.step, places, self._open[tuple(places.T)])
+        division = question.division
+        where = (question.edges, division.threshold, division.step, places, self._open[tuple(places.T)])
         decide(self._blocks, *where, self._leaves, self._intervals)
 
     def _measure(self, changed: Mask) -> None:
@@ -182,7 +183,7 @@ class LiveSegmentation:
         places = _places(changed)
         rows, cols = places.T
         question = self._question
-        self._open[rows, cols] = undecided_at(self._blocks, question.edges, question.step, places)
+        self._open[rows, cols] = undecided_at(self._blocks, question.edges, question.division.step, places)
         self._blocks.ratios[rows, cols] = 0
 
     def _divide(self, divided: Mask) -> None:
