@@ -18,7 +18,7 @@ from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.intervals import IntensityRange, Intervals, StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import Question
+from uavseg.segmentation.pipeline import LeafQuery
 from uavseg.units import BLOCK, CELL, GREY_MAX
 
 MOST_INTERVALS = 255
@@ -52,7 +52,7 @@ class LiveSegmentation:
     ) -> None:
         self.cut = StateLimits() if cut is None else cut
         self.params = SegmentParams(method="paper") if params is None else params
-        self._question = Question(self.cut.edges, self.params.division)
+        self._question = LeafQuery(self.cut.edges, self.params.division)
         if len(self.cut.edges) >= MOST_INTERVALS:
             raise ParameterError(
                 f"a live segmentation has at most {MOST_INTERVALS} intervals, not {len(self.cut.edges) + 1}; "

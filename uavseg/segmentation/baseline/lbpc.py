@@ -207,9 +207,9 @@ def disc_histogram(symbols, half_widths, row, col, counts, present):  # type: ig
     "i8(u4[:,::1], u2[:,::1], u4[:,::1], i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], u1[:,::1],"
     " u4[:,::1], u1[:,::1])"
 )
-def _sweep(
+def _sweep(  # type: ignore[no-untyped-def]
     before, symbols, models, totals, half_widths, table, counts, present, active_before, labels, active
-):  # type: ignore[no-untyped-def]
+):
     # How n_present pixels changed; `active` is set at them and beside them.
     rows, cols = before.shape
     changes = 0

@@ -115,6 +115,33 @@ def cell_sums(
     return sums, counts
 
 
+def required_ratios(
+    sums: NDArray[np.uint32], counts: NDArray[np.uint8], edges: Sequence[float], step: float
+) -> NDArray[np.uint32]:
+    """Bit masks of the ratios R that decide in which interval the mean of every leaf lies.
+
+    Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
+    whatever its R. R is not required either where intensity alone divides the block.
+
+    Parameters
+    ----------
+    sums, counts : (8 B, 8 C) arrays
+        Of the cells, as in `BlockMap`.
+    edges : sequence of float
+        Between the intervals, increasing; a mean on an edge lies in the interval below it.
+    step : float
+        Tau; infinite for no intensity test.
+
+    Returns
+    -------
+    required : (B, C) uint32 array
+        Bit k is set where ratio k of a block is required, unless a larger block around it is not divided.
+    """
+    required = np.zeros((sums.shape[0] // CELLS, sums.shape[1] // CELLS), np.uint32)
+    _required_ratios(sums, counts, np.array(edges, np.float64), step, required)
+    return required
+
+
 @kernel("void(u2[:,::1], u1[:,::1], i8, u4[:,::1], u1[:,::1])")
 def _cell_sums(grey, valid, margin, sums, counts):  # type: ignore[no-untyped-def]
     for row in range(sums.shape[0]):
@@ -199,33 +226,6 @@ def _leaves(sums, counts, ratios, threshold, step, side, mean):  # type: ignore[
     for row in range(ratios.shape[0]):
         for col in range(ratios.shape[1]):
             leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
-
-
-def required_ratios(
-    sums: NDArray[np.uint32], counts: NDArray[np.uint8], edges: Sequence[float], step: float
-) -> NDArray[np.uint32]:
-    """Bit masks of the ratios R that decide in which interval the mean of every leaf lies.
-
-    Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
-    whatever its R. R is not required either where intensity alone divides the block.
-
-    Parameters
-    ----------
-    sums, counts : (8 B, 8 C) arrays
-        Of the cells, as in `BlockMap`.
-    edges : sequence of float
-        Between the intervals, increasing; a mean on an edge lies in the interval below it.
-    step : float
-        Tau; infinite for no intensity test.
-
-    Returns
-    -------
-    required : (B, C) uint32 array
-        Bit k is set where ratio k of a block is required, unless a larger block around it is not divided.
-    """
-    required = np.zeros((sums.shape[0] // CELLS, sums.shape[1] // CELLS), np.uint32)
-    _required_ratios(sums, counts, np.array(edges, np.float64), step, required)
-    return required
 
 
 @inlined

@@ -48,8 +48,8 @@ def block_ratios(
     Returns
     -------
     ratios : (B, 21) float64 array
-        Side 64, then the four of side 32, then the sixteen of side 16, row by row. 0 where all_valid G is 0 or
-        fewer than two children have counted pixels (never divided); infinite where only the smallest G is 0.
+        Side 64, then the four of side 32, then the sixteen of side 16, row by row. 0 where every G is 0 or
+        fewer than two children have counted pixels (not divided); infinite where only the smallest G is 0.
     """
     ratios = np.empty((len(corners), RATIOS))
     scratch = np.zeros((6, SYMBOLS), np.uint64)

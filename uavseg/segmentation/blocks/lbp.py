@@ -48,8 +48,8 @@ def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None
 def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
     """Seven edges of eight bins of contrast with equal counts, as far as ties allow.
 
-    Edge k, from 1, is the smallest contrast with at least ceil(k N / 8) of the N counted pixels at or below it; a
-    pixel's bin is the number of edges strictly below its contrast.
+    Edge k, from 1, is the smallest contrast with at least ceil(k N / 8) of the N counted pixels at or below
+    it; a pixel's bin is the number of edges strictly below its contrast.
 
     Parameters
     ----------
