@@ -153,7 +153,7 @@ def match(
     criterion = Criterion.of(sample, known.bin_edges, params.side, params.similarity, params.intensity)
     scores = scored(source, criterion, passes[2])
     evidence = evidence_of(source, known.bin_edges, place, scores.whole, params.side, map)
-    least = evidence.least(params.similarity)
+    least = evidence.threshold(params.similarity)
     scores = confirmed(source, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0
     del known

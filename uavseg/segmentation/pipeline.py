@@ -168,7 +168,7 @@ def fill_ratios(
 
 
 def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:
-    """Bit flags of cells: IN_RANGE where the leaf is in range, MIXED where total variation decides the pixels.
+    """Bit flags of cells: IN_RANGE by the mean of the leaf, MIXED where each pixel is classified.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def refine_tile(
     ----------
     source : GreySource
     cells : (m, n) uint8 array
-        Cells of the window grown by REFINE_HALO on every side, from `cells_to_refine`; 0 outside the raster.
+        Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster.
     interval : IntensityRange
     refine : {"tv", "scan", "none", "smooth"}
     window : Window

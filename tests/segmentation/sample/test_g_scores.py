@@ -93,7 +93,7 @@ def test_scores_are_those_of_a_plain_version(
     names, grey = drawn(seed, 8 * shape[0], 8 * shape[1], many)
     sample = (names, grey) if left_out else drawn(seed + 1, 64, 40, many)
     model = everything(*sample)
-    found = window_scores(names, grey, model, side, left_out=left_out)
+    found = window_scores(names, grey, model, side, leave_one_out=left_out)
     counts = Counter(sample[0][sample[0] != UNCOUNTED].tolist())
     wanted = plain_scores(names, counts, side, left_out)
     assert np.array_equal(found == NO_SCORE, np.isnan(wanted))
@@ -126,7 +126,7 @@ def test_windows_of_the_models_own_source_score_what_chance_makes(many: int) -> 
     model = everything(sample, sample)
     for scores in (
         window_scores(image, image, model, 2),
-        window_scores(sample, sample, model, 2, left_out=True),
+        window_scores(sample, sample, model, 2, leave_one_out=True),
     ):
         assert (scores.mean() - NULL_SCORE) / SCORE_UNITS == pytest.approx(0, abs=0.04)
     other = window_scores((image + many // 2) % np.uint16(many), image, model, 2)

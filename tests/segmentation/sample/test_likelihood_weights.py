@@ -133,12 +133,12 @@ def test_windows_of_the_samples_source_are_like_it_and_others_are_not() -> None:
     sample, same, other = image((80, 80), 0), image((256, 256), 0), image((256, 256), 20)
     whole = sum(symbol_counts(names) for names in (sample, same, other))
     evidence = SampleWeights.of(sample, np.asarray(whole), 4)
-    assert (best_mean_weights(same, evidence.weights, 4) >= evidence.least(0.9)).all()
-    assert (best_mean_weights(other, evidence.weights, 4) < evidence.least(0.9)).mean() > 0.99
+    assert (best_mean_weights(same, evidence.weights, 4) >= evidence.threshold(0.9)).all()
+    assert (best_mean_weights(other, evidence.weights, 4) < evidence.threshold(0.9)).mean() > 0.99
     alone = SampleWeights.of(sample, symbol_counts(sample) + symbol_counts(same), 4)
-    assert (best_mean_weights(same, alone.weights, 4) >= alone.least(0.9)).all()
+    assert (best_mean_weights(same, alone.weights, 4) >= alone.threshold(0.9)).all()
 
 
 def test_less_similarity_asks_for_less() -> None:
     evidence = SampleWeights(np.zeros((2, 2048), np.int64), -30)
-    assert [evidence.least(s) for s in (1, 0.9, 0.5)] == [-30, -84, -385]
+    assert [evidence.threshold(s) for s in (1, 0.9, 0.5)] == [-30, -84, -385]

@@ -173,7 +173,7 @@ def _look(
     grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
     model = texture_model(names, grey, cells, coarse=coarse)
-    scores = window_scores(names, grey, model, side, left_out=True)
+    scores = window_scores(names, grey, model, side, leave_one_out=True)
     counted = grey[names != UNCOUNTED].astype(np.uint64)
     moments = np.array([len(counted), counted.sum(), (counted * counted).sum()], np.uint64)
     return model, scores[scores != NO_SCORE], moments

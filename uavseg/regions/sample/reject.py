@@ -10,10 +10,10 @@ from uavseg.raster.tiling import Window, window_cells
 from uavseg.regions.sample.model import names_of
 from uavseg.regions.sample.scores import Criterion, Scored
 from uavseg.regions.tiles.kind_tiles import CellJobs
+from uavseg.segmentation.dilation import dilate
 from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, TextureModel, texture_model
 from uavseg.segmentation.sample.likelihood_weights import best_mean_weights
-from uavseg.segmentation.sample.pixel_decision import spread
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 
@@ -71,7 +71,7 @@ def _confirm_tile(
     convincing = best_mean_weights(names, weights, criterion.side) >= least
     matched, inner = around.view(np.bool_), np.s_[1:-1, 1:-1]
     refused = (matched & ~convincing)[inner]
-    unlike = refused & ~spread(matched & convincing, 1)[inner]
+    unlike = refused & ~dilate(matched & convincing, 1)[inner]
     grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     own = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
     return refused, texture_model(names[0], grey, unlike.view(np.uint8), halo, own)

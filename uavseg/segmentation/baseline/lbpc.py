@@ -210,7 +210,7 @@ def disc_histogram(symbols, half_widths, row, col, counts, present):  # type: ig
 def _sweep(  # type: ignore[no-untyped-def]
     before, symbols, models, totals, half_widths, table, counts, present, active_before, labels, active
 ):
-    # How n_present pixels changed; `active` is set at them and beside them.
+    # Returns the number of changed pixels; `active` is set at them and at their neighbours.
     rows, cols = before.shape
     changes = 0
     for row in range(rows):

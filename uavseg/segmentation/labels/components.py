@@ -135,8 +135,8 @@ def end_of_run(image, words, margin, r, c, value):  # type: ignore[no-untyped-de
 
 
 def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-def]
-    # Two passes: runs of pixels get provisional labels, united where runs of two rows touch. The smaller label
-    # is the root, so roots are in raster order; the second pass renumbers them.
+    # Two passes: runs of pixels get provisional labels, united where runs of two rows touch. The smaller
+    # label is the root, so roots are in raster order; the second pass renumbers them.
     rows, cols = labels.shape
     used = np.uint32(0)
     parents[0] = 0
