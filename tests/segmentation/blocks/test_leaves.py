@@ -29,7 +29,7 @@ def steps_of_grey(*greys: int) -> BlockMap:
 
 @pytest.mark.parametrize("pair", [(0.5, 0.5), (0.6, 0.5), (-0.1, 0.5), (0.5, 1.01), (np.nan, 1), (0, np.nan)])
 def test_a_range_that_is_none_is_refused_with_what_it_should_be(pair: tuple[float, float]) -> None:
-    with pytest.raises(IntensityRangeError, match=r"0 <= low < high <= 1, not"):
+    with pytest.raises(IntensityRangeError, match=r"0 <= low < high <= 1, got"):
         IntensityRange(*pair)
 
 

@@ -74,7 +74,9 @@ def test_a_full_disk_is_told(room: str) -> None:
             raise OSError(28, "No space left on device")
 
     image._file = Full()
-    with pytest.raises(OutputError, match=r"cannot be kept in \S+ \(No space left on device\).*TMPDIR"):
+    with pytest.raises(
+        OutputError, match=r"cannot write the states to \S+ \(No space left on device\).*TMPDIR"
+    ):
         image.write_codes(0, codes)
 
 

@@ -21,7 +21,8 @@ _LOW_BITS = np.uint8(15)
 class StateImage:
     """Codes of the pixels of a raster (see `state_scans`), packed two to a byte.
 
-    Up to 64 MB they are held in memory; larger images in an unnamed temporary file, so that memory is bounded.
+    Images of up to 64 MB are held in memory, larger ones in an unnamed temporary file, so that memory is
+    bounded.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ class StateImage:
             raise _disk_error(error) from error
 
     def read_codes(self, row: int, rows: int) -> Codes:
-        """Read the codes of rows, (rows, cols) with the columns of whole blocks; 0 above and below the raster."""
+        """Read the codes of rows, (rows, cols) with the columns of whole blocks; 0 outside the raster."""
         first, last = max(row, 0), min(row + rows, self._rows)
         codes = np.zeros((rows, self._cols), np.uint8)
         if last > first:

@@ -1,8 +1,8 @@
 """Refinement of states by directional scans: compaction, then resolution of free against occupied.
 
 Abou Merhy, Payeur and Petriu (2008, section II C). A change may propagate along a whole line, so lines are
-never split: a scan along rows takes whole rows; a scan along columns takes strips of rows in order and carries
-the previous row from strip to strip.
+never split: a scan along rows takes whole rows; a scan along columns takes strips of rows in order and
+carries the previous row from strip to strip.
 
 A pixel is one code: its state in bits 0 and 1, the state of its own v in bits 2 and 3; 0 where it is invalid.
 States are 1 free, 2 unknown, 3 occupied, so free and occupied differ in bit 1 only. A pixel is called half
@@ -43,16 +43,19 @@ def decode_states(codes: Codes) -> NDArray[np.uint8]:
 
 
 def compact_rows(codes: Codes) -> None:
-    """Compaction right to left, then left to right: half pixels after an unknown one become unknown, in place."""
+    """Compaction along rows, right to left, then left to right, in place.
+
+    Half pixels after an unknown one become unknown.
+    """
     _compact_rows(codes)
 
 
 def resolve_rows(codes: Codes) -> None:
-    """Resolution of free against occupied right to left, then left to right, in place.
+    """Resolution of free against occupied along rows, right to left, then left to right, in place.
 
-    Where the previous pixel is A and this one is B, {A, B} = {free, occupied}, the first pixel that is not half
-    decides, of this one and at most two more that are B. If its own state is A, all pixels from this one
-    through it become A.
+    Where the previous pixel is A and this one is B, {A, B} = {free, occupied}, the first pixel that is not
+    half decides, of this one and at most two more that are B. If its own state is A, all pixels from this
+    one through it become A.
     """
     _resolve_rows(codes)
 
