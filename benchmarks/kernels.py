@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.competitors import LOW, MIN_PIXELS, with_project
+from uavseg.units import BLOCK
 
 SIDE = 2048
 RUNS = 7
@@ -68,7 +69,7 @@ def _cases() -> Iterator[_Case]:
     from uavseg.regions.outline.chains import trace_tile
     from uavseg.regions.outline.trace import trace
     from uavseg.segmentation.blocks.block_map import cell_sums
-    from uavseg.segmentation.blocks.division import BLOCK, block_ratios
+    from uavseg.segmentation.blocks.division import block_ratios
     from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram, symbols
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.labels.component_sums import component_sums

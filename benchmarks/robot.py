@@ -71,7 +71,8 @@ def scans(scene: Any, count: int) -> list[Any]:
     """Scans of a robot that drives 4 cm and turns a little from one to the next."""
     import numpy as np
 
-    from uavseg.occupancy.simulation.range_finder import Pose, RangeFinder
+    from uavseg.occupancy.mapping.scan import Pose
+    from uavseg.occupancy.simulation.range_finder import RangeFinder
 
     sensor = RangeFinder(sigma_m=0.03, max_range_m=30.0, fov_deg=360.0, step_deg=0.5)
     poses = [Pose(46.013 + 0.04 * k, 50.987 + math.sin(0.05 * k), 0.7 * k) for k in range(count)]

@@ -176,8 +176,7 @@ def _segment(raster: str, count: str) -> tuple[float]:
     import time
 
     from uavseg.execution.executors import threads
-    from uavseg.jobs.extract import windows_of
-    from uavseg.raster.dataset import Dataset
+    from uavseg.raster.dataset import Dataset, windows_of
     from uavseg.raster.intensity.stretch import fit
     from uavseg.regions.tiles.range_tiles import outline_regions
     from uavseg.segmentation.intervals import IntensityRange

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from uavseg.flight.planner import PlanParams as PlanParams
     from uavseg.flight.planner import plan as plan
     from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
-    from uavseg.occupancy.simulation.range_finder import Pose as Pose
-    from uavseg.occupancy.simulation.range_finder import Scan as Scan
+    from uavseg.occupancy.mapping.scan import Pose as Pose
+    from uavseg.occupancy.mapping.scan import Scan as Scan
     from uavseg.raster.dataset import Dataset as Dataset
     from uavseg.raster.geobox import GeoBox as GeoBox
     from uavseg.regions.outline.trace import trace as trace

@@ -257,7 +257,8 @@ def test_a_map_becomes_states_and_objects(tmp_path: Path) -> None:
 
 def test_maps_of_every_kind_are_the_same_map(tmp_path: Path) -> None:
     from uavseg.jobs.classify import write_states
-    from uavseg.occupancy.mapping.grid import OccupancyGrid, upright
+    from uavseg.occupancy.mapping.grid import OccupancyGrid
+    from uavseg.raster.geobox import upright
 
     grid = OccupancyGrid.from_probabilities(occupancy(), upright((140, 180), 1.0, (0, 0)))
     wanted = uavseg.classify(grid)
@@ -291,7 +292,8 @@ def test_a_map_of_something_else_is_stretched_where_that_is_asked_for(tmp_path: 
 
 def test_a_ros_map_is_never_stretched(tmp_path: Path) -> None:
     from uavseg.jobs.classify import write_states
-    from uavseg.occupancy.mapping.grid import OccupancyGrid, upright
+    from uavseg.occupancy.mapping.grid import OccupancyGrid
+    from uavseg.raster.geobox import upright
 
     grid = OccupancyGrid.from_probabilities(occupancy(), upright((140, 180), 1.0, (0, 0)))
     write_states(tmp_path / "map.yaml", uavseg.classify(grid))

@@ -12,12 +12,13 @@ import uavseg
 from uavseg.cli import main
 from uavseg.errors import IntensityRangeError, MapError, ParameterError, PathError
 from uavseg.jobs.extract import ExtractParams
-from uavseg.occupancy.mapping.grid import OccupancyGrid, upright
+from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.paths.free_cells import FreeCells
 from uavseg.occupancy.probability_map import open_map
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
+from uavseg.raster.geobox import upright
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams

@@ -13,8 +13,8 @@ from geopandas.testing import assert_geodataframe_equal
 
 import uavseg
 from uavseg.cli import main
-from uavseg.occupancy.mapping.grid import upright
 from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.raster.geobox import upright
 
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"

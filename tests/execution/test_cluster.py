@@ -21,9 +21,9 @@ from uavseg.cli import main
 from uavseg.errors import ClusterError, ParameterError, RasterReadError
 from uavseg.execution import cluster
 from uavseg.jobs.extract import ExtractParams, extract
-from uavseg.occupancy.mapping.grid import upright
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import upright
 from uavseg.segmentation.intervals import IntensityRange
 
 ROOT = Path(__file__).resolve().parents[2]

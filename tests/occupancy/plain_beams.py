@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.simulation.range_finder import Scan
+from uavseg.occupancy.mapping.scan import Scan
 
 P_PEAK, P_MIN, P_MAX = 0.9, 0.1, 0.95
 

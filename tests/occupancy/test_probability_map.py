@@ -8,13 +8,14 @@ import pytest
 from affine import Affine
 
 from uavseg.errors import MapError, RasterReadError
-from uavseg.occupancy.mapping.grid import OccupancyGrid, upright
+from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.simulation.paper_scenes import lens
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.formats.png import write_png
+from uavseg.raster.geobox import upright
 from uavseg.raster.tiling import Window, tiles
 from uavseg.segmentation.pipeline import GreySource, divide, measure
 

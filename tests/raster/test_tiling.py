@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import ParameterError
-from uavseg.raster.tiling import BLOCK, Window, tile_side, tiles
+from uavseg.raster.tiling import Window, tile_side, tiles
+from uavseg.units import BLOCK
 
 shapes = st.tuples(st.integers(0, 400), st.integers(0, 400))
 sides = st.integers(1, 5).map(lambda k: 64 * k)

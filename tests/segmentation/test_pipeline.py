@@ -12,23 +12,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, serial, threads
+from uavseg.execution.executors import Map, serial, stages, threads
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.tiling import Window, cells_around, tiles
 from uavseg.segmentation.blocks.block_map import undecided
 from uavseg.segmentation.blocks.leaves import in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import (
-    block_map,
-    block_map_for,
-    cells_around,
-    cells_to_refine,
-    measure,
-    refined,
-    stages,
-)
+from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine, measure, refined
 from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
 from uavseg.segmentation.source import GreySource
 
@@ -207,7 +199,7 @@ def test_tiles_are_refined_as_the_whole_would_be(how: Any, seed: int) -> None:
     for side in (64, 128, 192):
         found = np.zeros(source.shape, np.uint8)
         for window in tiles(source.shape, side):
-            answer = refined(source, cells_around(inside, window), INTERVAL, how, window)
+            answer = refined(source, cells_around(inside, window, REACH), INTERVAL, how, window)
             if answer is not None:
                 found[window.slices] = answer[0][REACH:, REACH:][: window.rows, : window.cols]
         assert np.array_equal(found, expected)
@@ -217,7 +209,7 @@ def refined_whole(dataset: InMemory, inside: NDArray[np.uint8], how: str) -> NDA
     if how == "tv":
         source = source_of(dataset)
         window = Window(0, 0, *source.shape)
-        answer = refined(source, cells_around(inside, window), INTERVAL, "tv", window)
+        answer = refined(source, cells_around(inside, window, REACH), INTERVAL, "tv", window)
         return (
             answer[0][REACH:, REACH:][: window.rows, : window.cols] if answer else dataset.valid * np.uint8(0)
         )
@@ -249,7 +241,7 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
     inside = np.random.default_rng(shape).integers(0, 2, cells).astype(np.uint8)
     padded = np.pad(inside, REACH // 8)
     for window in tiles(shape, side):
-        around = cells_around(inside, window)
+        around = cells_around(inside, window, REACH)
         row, col = window.row // 8, window.col // 8
         assert np.array_equal(around, padded[row : row + len(around), col : col + around.shape[1]])
         assert around.shape == tuple(-(-n // 64) * 8 + REACH // 4 for n in (window.rows, window.cols))

@@ -11,13 +11,13 @@ from uavseg.execution.executors import Progress
 from uavseg.execution.executors import threads as workers
 from uavseg.jobs.classify import Classification
 from uavseg.jobs.classify import classify as _classify
-from uavseg.jobs.extract import ExtractParams, windows_of
+from uavseg.jobs.extract import ExtractParams
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.paths.find_path import Way, WayParams, find_way
 from uavseg.occupancy.paths.free_cells import FreeCells
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit, parse_stretch
 from uavseg.segmentation.intervals import IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams

@@ -114,7 +114,7 @@ def write_labels(found: Extraction, path: str, run: Map, running: Running) -> No
     here = (
         run if label_raster.is_tiled(path) else running.local_workers()
     )  # a single file is painted where it is
-    label_raster.write_labels(path, found, here, running.overwrite)
+    label_raster.write_labels(path, found.rings, found.geobox, here, running.overwrite)
 
 
 def shown(target: str) -> str:

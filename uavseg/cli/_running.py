@@ -166,7 +166,7 @@ class Reporter:
     def begin(self, dataset: Dataset, tile: int | None) -> None:
         """The work on a raster begins, cut into tiles."""
         if self._bar:
-            from uavseg.jobs.extract import windows_of
+            from uavseg.raster.dataset import windows_of
 
             rows, cols = dataset.geobox.shape
             self._amount = Amount(len(windows_of(dataset, tile)), rows * cols)

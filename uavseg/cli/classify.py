@@ -173,7 +173,7 @@ def _opened(path: str, options: dict[str, Any], resume: str | None) -> GreySourc
 
 def _stretched(source: GreySource, stretch: str | None, tile: int | None, map: Map) -> GreySource:
     """The map as probabilities, where it holds something else."""
-    from uavseg.jobs.extract import windows_of
+    from uavseg.raster.dataset import windows_of
     from uavseg.raster.intensity.stretch import fit
     from uavseg.segmentation.source import GreySource
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._mission import mission_options
 from uavseg.cli._reading import reading_options
 from uavseg.cli._regions import (
     area,
@@ -22,7 +23,6 @@ from uavseg.cli._regions import (
 )
 from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import parsed_range, segmenting_options
-from uavseg.cli.plan import mission_options
 
 if TYPE_CHECKING:
     from uavseg.execution.executors import Map
@@ -123,7 +123,7 @@ def _flight(mission: str | None, options: dict[str, Any]) -> Any:
     """How to fly, checked before any work is done."""
     if mission is None:
         return None
-    from uavseg.cli.plan import home_position, mission_params
+    from uavseg.cli._mission import home_position, mission_params
     from uavseg.flight import files
 
     files.check_format(mission)
@@ -175,14 +175,14 @@ def _extracted(
 
 
 def _planned(found: Extraction, flight: Any, home: str | None) -> Mission:
-    from uavseg.cli.plan import planned
+    from uavseg.cli._mission import planned
     from uavseg.regions.wgs84.to_wgs84 import geometries
 
     return planned(found.regions, list(geometries(found.regions)), flight, home)
 
 
 def _write_mission(made: Mission, regions: int, path: Any, overwrite: bool, reporter: Reporter) -> None:
-    from uavseg.cli.plan import report
+    from uavseg.cli._mission import report
     from uavseg.flight import files
 
     files.write(made, path, overwrite)

@@ -43,7 +43,7 @@ def command(
 
         click.echo(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
         return
-    from uavseg.cli._summary_text import summary_text
+    from uavseg.plot.summary_text import summary_text
 
     click.echo(_printable(summary_text(summary)))
 

@@ -155,10 +155,12 @@ def _found(dataset: Dataset, like: Disc | str, params: MatchParams, run: Map, re
 
 def _tell(match: Match, target: str, reporter: Reporter) -> None:
     """The short table at the end."""
+    from uavseg.units import GREY_MAX
+
     found = match.found
     unit = "m2" if found.regions.wkt is not None else "square units"
     sample = match.sample
-    mean, deviation = sample.mean / 65535, sample.deviation / 65535
+    mean, deviation = sample.mean / GREY_MAX, sample.deviation / GREY_MAX
     rows = {
         "regions": f"{len(found.regions):,} -> {shown(target)}",
         "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {unit}",

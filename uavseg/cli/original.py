@@ -104,7 +104,7 @@ def _read(
     dataset: Dataset, stretch: str, tile: int | None, run: Map
 ) -> tuple[GreyTile, tuple[str, ...], str]:
     """The whole raster as grey, what there is to tell, and the stretch that was used."""
-    from uavseg.jobs.extract import windows_of
+    from uavseg.raster.dataset import windows_of
     from uavseg.raster.intensity.stretch import fit
     from uavseg.raster.tiling import Window
     from uavseg.segmentation.source import GreySource

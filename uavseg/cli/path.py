@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._mission import home_position
 from uavseg.cli._reading import map_stretch_option
 from uavseg.cli._regions import opened_ros_map
 from uavseg.cli._running import Reporter, Running, running_options
 from uavseg.cli._segmenting import parsed_range, segmenting_options
-from uavseg.cli.plan import home_position
 from uavseg.errors import MissionError, OutputError, ParameterError
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def command(
     in_metres = way.geobox.crs is not None or is_ros_map(map_)
     _tell(way, output, "m" if in_metres else "units of the map", time.perf_counter() - begun, reporter)
     if mission is not None and not reporter.quiet:
-        from uavseg.cli.plan import report
+        from uavseg.cli._mission import report
 
         report(mission, 1, output)
 

@@ -7,6 +7,7 @@ computed them. Functions and items must survive pickling, so that the same call 
 import os
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from uavseg.errors import ParameterError
@@ -126,3 +127,12 @@ def usable_cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def stages(progress: Progress, count: int) -> list[Progress]:
+    """One progress for each of several stages, which together make the given one."""
+
+    def stage(k: int, done: int, total: int) -> None:
+        progress(k * total + done, count * total)
+
+    return [partial(stage, k) for k in range(count)]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import MapError, ParameterError
-from uavseg.execution.executors import Map, Progress, serial
+from uavseg.execution.executors import Map, Progress, serial, stages
 from uavseg.jobs.extract import ExtractParams
 from uavseg.jobs.result import About, Extraction, measured
 from uavseg.occupancy.ros.ros_map import is_ros_map, write_ros_map
@@ -17,15 +17,16 @@ from uavseg.raster.formats.geotiff import write_labels
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import without_small_regions
-from uavseg.regions.outline.trace import Rings
+from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import states_of
-from uavseg.segmentation.intervals import OCCUPIED, StateLimits
+from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for, stages
+from uavseg.segmentation.pipeline import block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classify_strips import Classified, StateRefinement, classified, strips_of
 from uavseg.segmentation.states.state_image import StateImage
+from uavseg.units import OCCUPIED
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, Progress, serial
+from uavseg.execution.executors import Map, Progress, serial, stages
 from uavseg.jobs.result import About, Drawing, Extraction, measured
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
+from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
@@ -23,7 +23,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine, stages
+from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine
 from uavseg.segmentation.source import GreySource
 
 Small = Literal["drop", "merge"]
@@ -158,12 +158,6 @@ def divide(
     first, second = (None, None) if progress is None else stages(progress, 2)
     source = GreySource(dataset, fit(dataset, stretch, map, windows, first))
     return block_map(source, windows, map, second), source.stretch
-
-
-def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
-    """The tiles of a dataset, in the order of reading: squares of this side, else what suits its files."""
-    shape = dataset.geobox.shape
-    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))
 
 
 def _outlined(

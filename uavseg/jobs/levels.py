@@ -5,12 +5,11 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, Progress, serial
-from uavseg.jobs.extract import ExtractParams, windows_of
+from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.jobs.extract import ExtractParams
 from uavseg.jobs.result import About, Extraction, measured
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import fit
-from uavseg.raster.tiling import CELL
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import without_small_regions
 from uavseg.regions.outline.stitch import Outlined
@@ -20,8 +19,9 @@ from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.leaves import levels_of
 from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for, stages
+from uavseg.segmentation.pipeline import block_map_for
 from uavseg.segmentation.source import GreySource
+from uavseg.units import CELL
 
 PARAMS = ExtractParams(SegmentParams(refine="none"), small="merge")
 """How levels are found unless something else is said."""

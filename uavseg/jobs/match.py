@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, Progress, serial
-from uavseg.jobs.extract import windows_of
+from uavseg.execution.executors import Map, Progress, serial, stages
 from uavseg.jobs.result import About, Drawing, Extraction, measured
-from uavseg.raster.dataset import Dataset
+from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.tiling import CELL, Window
+from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.sample.model import Sample, evidence_of, sample_of
@@ -31,10 +30,11 @@ from uavseg.regions.sample.reject import confirmed
 from uavseg.regions.sample.scores import Criterion, Scored, mean_scores, outline_matches, scored
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import summed
-from uavseg.segmentation.pipeline import measure, stages
+from uavseg.segmentation.pipeline import measure
 from uavseg.segmentation.sample.g_scores import EVEN, UNITS
 from uavseg.segmentation.sample.pixel_decision import Weights, open_cells
 from uavseg.segmentation.source import GreySource
+from uavseg.units import CELL, GREY_MAX
 
 WINDOWS = (16, 24, 32, 48, 64, 96, 128)
 
@@ -202,5 +202,5 @@ def _extraction(
     if params.min_area is not None:
         outlined = without_small_regions(outlined, geobox, params.min_area)
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, windows, map))}
-    low, high = bounds.low / 65535, bounds.high / 65535
+    low, high = bounds.low / GREY_MAX, bounds.high / GREY_MAX
     return measured(outlined, About.source(source), low, high, Drawing(simplify_m=params.simplify_m), more)

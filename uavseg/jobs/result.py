@@ -11,8 +11,8 @@ from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.regions.edit.simplify import simplify
+from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.stitch import Outlined
-from uavseg.regions.outline.trace import Rings
 from uavseg.regions.shapes import Shapes
 from uavseg.regions.smooth.smooth_outlines import smoothed
 from uavseg.regions.table import Regions, make

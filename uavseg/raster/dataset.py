@@ -17,7 +17,7 @@ from uavseg.raster.inspect_file import inspect
 from uavseg.raster.mosaic import Mosaic, Source, lay_out
 from uavseg.raster.opening import Handles
 from uavseg.raster.raster_file import RasterFile
-from uavseg.raster.tiling import Window
+from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
 from uavseg.raster.validity import usable_nodata
 
 Values = NDArray[Any]
@@ -269,3 +269,9 @@ def _with_nodata(
                 told.append(f"{file.name}: {warning}")
         known.append(replace(file, nodatas=tuple(values)))
     return tuple(known), tuple(dict.fromkeys(told))
+
+
+def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
+    """The tiles of a dataset, in the order of reading: squares of this side, else what suits its files."""
+    shape = dataset.geobox.shape
+    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))

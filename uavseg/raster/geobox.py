@@ -1,5 +1,6 @@
 """Where pixels lie on the map: a shape, an affine transform and a coordinate reference system."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -9,7 +10,7 @@ from affine import Affine
 from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
-from uavseg.errors import RasterError
+from uavseg.errors import MapError, RasterError
 from uavseg.raster.tiling import Window
 
 Floats = NDArray[np.float64]
@@ -113,3 +114,23 @@ def _to_globe(wkt: str) -> Any:
         return pyproj.Transformer.from_crs(crs, "EPSG:4326" if on_earth else crs.geodetic_crs, always_xy=True)
     except (ProjError, AttributeError) as error:
         raise RasterError("the coordinate reference system has no way to longitude and latitude") from error
+
+
+def upright(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
+    """Square cells with y up, in local metres, the lower left corner at `origin`."""
+    transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)
+    return GeoBox(shape, transform, None)
+
+
+def check_metres(geobox: GeoBox) -> None:
+    """Refuse a map whose coordinates are not metres, as far as it says so.
+
+    Raises
+    ------
+    MapError
+    """
+    crs = geobox.crs
+    if crs is None or (crs.is_projected and math.isclose(crs.linear_units_factor[1], 1.0)):
+        return
+    unit = "degrees" if crs.is_geographic else crs.linear_units
+    raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")

@@ -18,11 +18,11 @@ from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.mosaic import Source
 from uavseg.raster.overview import Coarse
 from uavseg.raster.tiling import Window, tile_side, tiles
+from uavseg.units import GREY_LEVELS
 
 EXACT_PIXELS = 100_000_000  # larger rasters are counted from afar
 COARSE_SIDE = 4096
 BINS = 20
-GREYS = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,18 +175,18 @@ def _count(
     windows = tiles(shape, tile_side(shape, dataset.file_block))
     fitted = fit(dataset, stretch, map, windows)
     counts = map(partial(_greys_of_tile, dataset, fitted), windows, progress)
-    return fitted, reduce(np.add, counts, np.zeros(GREYS, np.int64))
+    return fitted, reduce(np.add, counts, np.zeros(GREY_LEVELS, np.int64))
 
 
 def _greys_of_tile(dataset: Dataset, stretch: Stretch, window: Window) -> NDArray[np.int64]:
     values, valid = dataset.read(window)
     grey = stretch.apply(values, valid)
-    return np.bincount((grey if valid is None else grey[valid]).reshape(-1), minlength=GREYS)
+    return np.bincount((grey if valid is None else grey[valid]).reshape(-1), minlength=GREY_LEVELS)
 
 
 def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
     """Counts of greys in equal steps of v; v = 1 belongs to the last."""
-    bins = np.minimum(np.arange(GREYS) * BINS // (GREYS - 1), BINS - 1)
+    bins = np.minimum(np.arange(GREY_LEVELS) * BINS // (GREY_LEVELS - 1), BINS - 1)
     return np.bincount(bins, weights=greys, minlength=BINS).astype(np.int64)
 
 
@@ -194,7 +194,7 @@ def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
     """Mean and standard deviation of v."""
     if not greys.any():
         return math.nan, math.nan
-    v = np.arange(GREYS) / (GREYS - 1)
+    v = np.arange(GREY_LEVELS) / (GREY_LEVELS - 1)
     mean = float(np.average(v, weights=greys))
     return mean, float(np.sqrt(np.average((v - mean) ** 2, weights=greys)))
 

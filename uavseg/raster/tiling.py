@@ -2,11 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
+from uavseg.units import BLOCK, CELL
 
-BLOCK = 64  # pixels: the largest block of the division; tiles are multiples of it
-CELL = 8  # pixels: the smallest block
 PANEL = 8192  # columns of tiles that are read together
 
 
@@ -106,3 +109,35 @@ def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int =
 
 def _up(length: int) -> int:
     return -(-length // BLOCK) * BLOCK
+
+
+def whole_blocks(length: int) -> int:
+    """A length in pixels, up to the end of its last block of 64."""
+    return -(-length // BLOCK) * BLOCK
+
+
+def cells_around(cells: NDArray[Any], window: Window, reach: int) -> NDArray[Any]:
+    """Cells of a window grown by `reach` pixels, a multiple of 8; 0 outside the raster."""
+    margin = reach // CELL
+    rows, cols = whole_blocks(window.rows) // CELL, whole_blocks(window.cols) // CELL
+    around = np.zeros((rows + 2 * margin, cols + 2 * margin), cells.dtype)
+    first = Window(window.row // CELL - margin, window.col // CELL - margin, *around.shape)
+    part = first.clipped(cells.shape)
+    place = Window(part.row - first.row, part.col - first.col, part.rows, part.cols)
+    around[place.slices] = cells[part.slices]
+    return around
+
+
+def window_blocks(window: Window) -> tuple[slice, slice]:
+    """A window's blocks in the block map."""
+    return _in_units(window, BLOCK)
+
+
+def window_cells(window: Window) -> tuple[slice, slice]:
+    """A window's cells in the block map, to the end of its last blocks."""
+    return _in_units(window, CELL)
+
+
+def _in_units(window: Window, unit: int) -> tuple[slice, slice]:
+    rows, cols = whole_blocks(window.rows), whole_blocks(window.cols)
+    return Window(window.row // unit, window.col // unit, rows // unit, cols // unit).slices

@@ -9,7 +9,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.regions.outline.trace import Rings
+from uavseg.regions.outline.rings import Rings
 from uavseg.regions.ragged import Ragged
 
 Integers = NDArray[np.int64]

@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas, ring_perimeters
-from uavseg.regions.outline.trace import Rings
+from uavseg.regions.outline.rings import Rings
 from uavseg.regions.shapes import Polygons, Shapes, batches
+from uavseg.units import GREY_MAX
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -34,8 +35,6 @@ COLUMNS: dict[str, type] = {
     "source": object,
 }
 """The columns in their order, and what they hold."""
-
-_WHITE = 65535
 
 
 @dataclass(frozen=True)
@@ -137,7 +136,7 @@ def _mean_and_std(
 ) -> tuple[Floats, Floats]:
     mean = sums / counts
     variance = np.maximum(square_sums / counts - mean * mean, 0)
-    return mean / _WHITE, np.sqrt(variance) / _WHITE
+    return mean / GREY_MAX, np.sqrt(variance) / GREY_MAX
 
 
 def _points_inside(polygons: Shapes, geobox: GeoBox) -> tuple[Floats, Floats]:

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
-from uavseg.segmentation.blocks.division import BLOCK, block_ratios
+from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
 from uavseg.segmentation.blocks.mixed_cells import unsettled
@@ -13,6 +13,7 @@ from uavseg.segmentation.labels.component_sums import component_sums
 from uavseg.segmentation.labels.components import components
 from uavseg.segmentation.refine.range_scans import scan, smooth
 from uavseg.segmentation.refine.tv import denoised
+from uavseg.units import BLOCK
 
 
 def divided(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:

@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.segmentation.blocks.block_map import FULL
-
-FREE, UNKNOWN, OCCUPIED = 1, 2, 3
+from uavseg.units import FREE, GREY_MAX
 
 _MOST_LEVELS = 65535  # v has 65536 values
 
@@ -53,10 +51,11 @@ class IntensityRange:
     @property
     def greys(self) -> tuple[int, int]:
         """The smallest and the largest grey g whose v = g / 65535 lies in the range."""
-        low, high = max(math.ceil(self.low * FULL) - 1, 0), min(math.floor(self.high * FULL) + 1, FULL)
-        while low / FULL < self.low:
+        low = max(math.ceil(self.low * GREY_MAX) - 1, 0)
+        high = min(math.floor(self.high * GREY_MAX) + 1, GREY_MAX)
+        while low / GREY_MAX < self.low:
             low += 1
-        while high / FULL > self.high:
+        while high / GREY_MAX > self.high:
             high -= 1
         return low, high
 
@@ -106,7 +105,7 @@ class StateLimits:
     @property
     def table(self) -> NDArray[np.uint8]:
         """The state of every grey g, whose v = g / 65535: a (65536,) uint8 array."""
-        return self.of(np.arange(FULL + 1) / FULL)
+        return self.of(np.arange(GREY_MAX + 1) / GREY_MAX)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,24 +9,24 @@ stretch  -> measured: cells and contrast   (one pass over all tiles)
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.executors import Map, Progress, serial
-from uavseg.raster.tiling import BLOCK, CELL, Window
+from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.raster.tiling import Window, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_cache import SIDE, Patches
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
 from uavseg.segmentation.blocks.division import EVERY, block_ratios, wanted_ratios
-from uavseg.segmentation.blocks.lbp import GREYS, contrast_cuts, contrast_histogram
+from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
 from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
 from uavseg.segmentation.blocks.mixed_cells import unsettled
 from uavseg.segmentation.intervals import Cut, IntensityRange
 from uavseg.segmentation.params import Refinement, SegmentParams
 from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
 from uavseg.segmentation.refine.tv import denoised
-from uavseg.segmentation.source import GreySource, GreyTile, whole_blocks
+from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.units import BLOCK, GREY_LEVELS
 
 IN_RANGE, UNSETTLED = np.uint8(1), np.uint8(2)
 
@@ -132,7 +132,7 @@ def measure(
 ) -> Measured:
     """Sums and counts of all cells, and the cuts of contrast over the whole raster."""
     blocks = BlockMap.empty(source.shape)
-    histogram = np.zeros(GREYS, np.int64)
+    histogram = np.zeros(GREY_LEVELS, np.int64)
     measure_tile = partial(_measure_tile, source, _InPassing(question))
     for window, found in zip(windows, map(measure_tile, windows, progress), strict=True):
         if found is None:
@@ -206,27 +206,6 @@ def refined(
     return pixels, tile
 
 
-def cells_around(cells: NDArray[Any], window: Window, reach: int = REACH) -> NDArray[Any]:
-    """Cells of a window grown by `reach` pixels, a multiple of 8; 0 outside the raster."""
-    margin = reach // CELL
-    rows, cols = whole_blocks(window.rows) // CELL, whole_blocks(window.cols) // CELL
-    around = np.zeros((rows + 2 * margin, cols + 2 * margin), cells.dtype)
-    first = Window(window.row // CELL - margin, window.col // CELL - margin, *around.shape)
-    part = first.clipped(cells.shape)
-    place = Window(part.row - first.row, part.col - first.col, part.rows, part.cols)
-    around[place.slices] = cells[part.slices]
-    return around
-
-
-def stages(progress: Progress, count: int) -> list[Progress]:
-    """One progress for each of several stages, which together make the given one."""
-
-    def stage(k: int, done: int, total: int) -> None:
-        progress(k * total + done, count * total)
-
-    return [partial(stage, k) for k in range(count)]
-
-
 def _measure_tile(
     source: GreySource, in_passing: _InPassing, window: Window
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None:
@@ -270,21 +249,6 @@ def _around(window: Window, corners: NDArray[np.int64]) -> Window:
     row, col = (int(first) for first in corners.min(axis=0))
     end_row, end_col = (int(last) + BLOCK for last in corners.max(axis=0))
     return Window(window.row + row, window.col + col, end_row - row, end_col - col)
-
-
-def window_blocks(window: Window) -> tuple[slice, slice]:
-    """A window's blocks in the block map."""
-    return _in_units(window, BLOCK)
-
-
-def window_cells(window: Window) -> tuple[slice, slice]:
-    """A window's cells in the block map, to the end of its last blocks."""
-    return _in_units(window, CELL)
-
-
-def _in_units(window: Window, unit: int) -> tuple[slice, slice]:
-    rows, cols = whole_blocks(window.rows), whole_blocks(window.cols)
-    return Window(window.row // unit, window.col // unit, rows // unit, cols // unit).slices
 
 
 def _any_valid(blocks: BlockMap) -> NDArray[np.bool_]:

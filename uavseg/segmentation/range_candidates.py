@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.intensity.otsu import Classes, are_parted, multi_otsu, number_of_classes
+from uavseg.units import GREY_MAX
 
 MOST_CLASSES = 8  # that may be asked for
 MOST_FOUND = 6  # that are proposed where nobody says how many
 BINS = 256
-FULL = 65535  # grey of v = 1
 
 _DECIMALS = range(2, 7)
 _NO_MEAN = 5  # decimals, see `beside_means`
@@ -90,10 +90,10 @@ def beside_means(edge: float) -> float:
 def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width: int) -> tuple[float, ...]:
     """A number for each gap between two greys: of few digits, and no range is left empty."""
     below = np.concatenate([[0], np.cumsum(histogram)])
-    ends = [gap[0] for gap in gaps[1:]] + [FULL] * bool(gaps)
+    ends = [gap[0] for gap in gaps[1:]] + [GREY_MAX] * bool(gaps)
     edges: list[float] = []
     for gap, end in zip(gaps, ends, strict=True):
-        under = below[math.floor(edges[-1] * FULL) + 1] if edges else 0
+        under = below[math.floor(edges[-1] * GREY_MAX) + 1] if edges else 0
         edges.append(_edge(below, under, gap, end, width))
     return tuple(edges)
 
@@ -103,12 +103,12 @@ def _edge(below: NDArray[np.int64], under: int, gap: tuple[int, int], end: int, 
 
     Between `under` pixels below and the grey `end`, there are pixels on both sides of it.
     """
-    middle = sum(gap) / 2 / FULL
+    middle = sum(gap) / 2 / GREY_MAX
     for decimals in _DECIMALS:
         edge = round(middle, decimals)
-        here = below[math.floor(edge * FULL) + 1]
-        inside = gap[0] + 0.5 <= edge * FULL <= gap[1] - 0.5
-        near = inside or 10**-decimals * FULL <= width
+        here = below[math.floor(edge * GREY_MAX) + 1]
+        inside = gap[0] + 0.5 <= edge * GREY_MAX <= gap[1] - 0.5
+        near = inside or 10**-decimals * GREY_MAX <= width
         if near and 0 < edge < 1 and under < here < below[end + 1]:
             break  # six decimals, a fifteenth of a grey, always do
     return edge

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tiling import BLOCK, Window
+from uavseg.raster.tiling import Window, whole_blocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,3 @@ class GreySource:
         grey[place.slices] = pixels
         valid[place.slices] = 1 if known is None else known
         return GreyTile(grey, valid, False)
-
-
-def whole_blocks(length: int) -> int:
-    """A length in pixels, up to the end of its last block of 64."""
-    return -(-length // BLOCK) * BLOCK

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.occupancy import plain_beams
-from uavseg.occupancy.mapping.grid import OccupancyGrid, upright
+from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.log_odds import probabilities_of
-from uavseg.occupancy.simulation.range_finder import Pose, Scan
+from uavseg.occupancy.mapping.scan import Pose, Scan
+from uavseg.raster.geobox import upright
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
 

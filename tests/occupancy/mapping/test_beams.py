@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import MapError, SceneError
-from uavseg.occupancy.mapping.grid import OccupancyGrid, upright
-from uavseg.occupancy.simulation.range_finder import Pose, Scan
-from uavseg.raster.geobox import GeoBox
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.mapping.scan import Pose, Scan
+from uavseg.raster.geobox import GeoBox, upright
 from uavseg.raster.tiling import Window
 
 FREE = math.log(0.1 / 0.9)

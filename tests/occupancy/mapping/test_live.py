@@ -10,13 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from tests.occupancy.mapping.test_apply_pending import random_scan
 
+from tests.occupancy.mapping.test_apply_pending import random_scan
 from uavseg.errors import ParameterError, SceneError
-from uavseg.occupancy.mapping.grid import OccupancyGrid, upright
+from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.live import LiveSegmentation
-from uavseg.occupancy.simulation.range_finder import Pose, RangeFinder, Scan
+from uavseg.occupancy.mapping.scan import Pose, Scan
+from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
+from uavseg.raster.geobox import upright
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided

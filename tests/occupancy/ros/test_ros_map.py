@@ -15,11 +15,10 @@ from PIL import Image
 from rasterio.crs import CRS
 
 from uavseg.errors import MapError, OutputExistsError, RasterReadError
-from uavseg.occupancy.mapping.grid import upright
 from uavseg.occupancy.ros.pgm import pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_map import RosMap, read_ros_map, write_ros_map
 from uavseg.raster.formats.png import read_grey, to_8_bits
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geobox import GeoBox, upright
 
 BYTES = hnp.arrays(np.uint8, hnp.array_shapes(min_dims=2, max_dims=2, max_side=9))
 f4 = np.float32

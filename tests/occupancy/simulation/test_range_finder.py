@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import SceneError
-from uavseg.occupancy.simulation.range_finder import Pose, RangeFinder
+from uavseg.occupancy.mapping.scan import Pose
+from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 
 PLACES = st.integers(-600, 1400).map(lambda n: n / 100 + 0.003)  # never on a corner

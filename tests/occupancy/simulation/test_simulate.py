@@ -10,11 +10,13 @@ import pytest
 import shapely
 
 from uavseg.errors import SceneError
+from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
-from uavseg.occupancy.simulation.range_finder import Pose, RangeFinder
+from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.scene_file import load_scene, simulation_from
-from uavseg.occupancy.simulation.simulate import FREE, OCCUPIED, UNKNOWN, Simulation
+from uavseg.occupancy.simulation.simulate import Simulation
+from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 SCENE: dict[str, Any] = {
     "map": {"rows": 40, "cols": 60, "cell": 0.1, "origin": [-1, -2]},

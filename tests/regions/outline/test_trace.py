@@ -14,7 +14,8 @@ from shapely.geometry import shape
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import trace_tile
 from uavseg.regions.outline.rasterise import Painter, rasterise
-from uavseg.regions.outline.trace import Rings, link, trace
+from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.trace import link, trace
 
 Labels = NDArray[np.uint32]
 ONE = "#"  # in a drawing, # is label 1, digits are themselves and . is nothing

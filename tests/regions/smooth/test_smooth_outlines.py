@@ -13,7 +13,8 @@ from rasterio.crs import CRS
 from uavseg.errors import ParameterError
 from uavseg.jobs.result import Drawing
 from uavseg.raster.geobox import GeoBox
-from uavseg.regions.outline.trace import Rings, trace
+from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import Shapes
 from uavseg.regions.smooth.nodes import nodes_of
 from uavseg.regions.smooth.smooth_outlines import smoothed

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import chi2_contingency
 
-from uavseg.segmentation.blocks.division import block_ratios, likelihood_ratio
+from uavseg.segmentation.blocks.division import block_ratios
+from uavseg.segmentation.blocks.g_statistic import likelihood_ratio
 from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram, symbols
 
 FIRST = np.zeros((1, 2), np.int64)

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.division import likelihood_ratio
-from uavseg.segmentation.blocks.g_statistic import chance
+from uavseg.segmentation.blocks.g_statistic import chance, likelihood_ratio
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import (
     EVEN,

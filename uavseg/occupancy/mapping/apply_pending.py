@@ -11,7 +11,8 @@ from uavseg._jit import inlined, kernel
 from uavseg.occupancy.mapping.grey_map import SELF, Ground
 from uavseg.occupancy.mapping.log_odds import Singles, grey_of, probability, usual
 from uavseg.occupancy.mapping.pending import TOLD, Marks, free_once, pick_up
-from uavseg.raster.tiling import BLOCK, Window
+from uavseg.raster.tiling import Window
+from uavseg.units import BLOCK
 
 
 def take(

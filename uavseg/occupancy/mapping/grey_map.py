@@ -6,9 +6,9 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import BLOCK
+from uavseg.raster.tiling import whole_blocks
 from uavseg.segmentation.blocks.block_map import cell_sums
-from uavseg.segmentation.source import whole_blocks
+from uavseg.units import BLOCK
 
 Mask = NDArray[np.bool_]
 Bits = NDArray[np.uint16]

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from weakref import WeakSet
 
 import numpy as np
-from affine import Affine
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import MapError
@@ -15,9 +14,9 @@ from uavseg.occupancy.mapping.grey_map import Ground
 from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.log_odds import Singles, probabilities_of
 from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS, marks_of
-from uavseg.occupancy.simulation.range_finder import Scan
+from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geobox import GeoBox, check_metres, upright
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.intervals import Cut
 from uavseg.segmentation.params import SegmentParams
@@ -227,26 +226,6 @@ class OccupancyGrid:
     def dataset(self, name: str = "occupancy grid") -> Dataset:
         """The probabilities as a dataset that is read by window; later scans show in it."""
         return Dataset.of_values(self.probabilities, self.geobox, name)
-
-
-def upright(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
-    """Square cells with y up, in local metres, the lower left corner at `origin`."""
-    transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)
-    return GeoBox(shape, transform, None)
-
-
-def check_metres(geobox: GeoBox) -> None:
-    """Refuse a map whose coordinates are not metres, as far as it says so.
-
-    Raises
-    ------
-    MapError
-    """
-    crs = geobox.crs
-    if crs is None or (crs.is_projected and math.isclose(crs.linear_units_factor[1], 1.0)):
-        return
-    unit = "degrees" if crs.is_geographic else crs.linear_units
-    raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")
 
 
 def grey_picture(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:

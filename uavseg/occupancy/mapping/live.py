@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.grey_map import Ground, Mask
 from uavseg.occupancy.mapping.live_blocks import Places, decide, undecided_at
-from uavseg.raster.tiling import BLOCK, CELL
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.division import block_ratios, wanted_ratios
 from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
 from uavseg.segmentation.intervals import Cut, IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import Question
+from uavseg.units import BLOCK, CELL, GREY_MAX
 
 MOST_INTERVALS = 255
 
@@ -120,7 +120,7 @@ class LiveSegmentation:
         """
         if not 1 <= interval <= len(self.cut.edges) + 1:
             raise ParameterError(f"intervals are 1 to {len(self.cut.edges) + 1} here, not {interval}")
-        v = np.arange(1 << 16) / 65535
+        v = np.arange(1 << 16) / GREY_MAX
         within = np.flatnonzero(np.searchsorted(self.cut.edges, v) == interval - 1)
         low, high = (int(within[0]), int(within[-1])) if len(within) else (1, 0)
         rows, cols = self._ground.shape

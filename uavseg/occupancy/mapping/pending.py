@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined
-from uavseg.raster.tiling import BLOCK
+from uavseg.units import BLOCK
 
 P_MIN = 0.1
 LOG_P_MIN = log(P_MIN / (1 - P_MIN))

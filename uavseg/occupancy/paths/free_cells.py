@@ -19,12 +19,12 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_steps
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import Painter
-from uavseg.regions.outline.trace import Rings
+from uavseg.regions.outline.rings import Rings
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_MAX
 
 _STRIPE = 1 << 22  # cells that are looked at together
-_WHITE = 65535
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,7 @@ class FreeCells:
             raise PathError(f"the {name} {_pair(*xy)} lies outside of the map, which has {_extent(box)}")
         here = Window(int(row), int(col), 1, 1)
         tile = self.source.read(here, 0)
-        value = tile.grey[0, 0] / _WHITE if tile.valid[0, 0] else None
+        value = tile.grey[0, 0] / GREY_MAX if tile.valid[0, 0] else None
         region = int(self._painter(here)[0, 0])
         low, high = self.interval.greys
         free = region > 0 and value is not None and bool(low <= tile.grey[0, 0] <= high)

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 
 from uavseg.atomic import check_target, whole_file
 from uavseg.errors import MapError, RasterReadError
-from uavseg.occupancy.mapping.grid import check_metres
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_yaml import MODES, description_text, read_description
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geobox import GeoBox, check_metres
 
 Cells = NDArray[np.int8]
 

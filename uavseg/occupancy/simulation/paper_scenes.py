@@ -12,10 +12,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.occupancy.mapping.grid import upright
-from uavseg.occupancy.simulation.range_finder import Pose, RangeFinder
+from uavseg.occupancy.mapping.scan import Pose
+from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
+from uavseg.raster.geobox import upright
 
 CELLS = (320, 320)
 CELL_M = 0.01

@@ -26,11 +26,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from uavseg.errors import SceneError
-from uavseg.occupancy.mapping.grid import upright
-from uavseg.occupancy.simulation.range_finder import Pose, RangeFinder
+from uavseg.occupancy.mapping.scan import Pose
+from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
-from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geobox import GeoBox, upright
 
 MAX_CELLS = 1 << 28
 _SENSOR = {"sigma": "sigma_m", "range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}

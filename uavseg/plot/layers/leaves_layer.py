@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError, RasterError
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.raster_layer import coarse_over
-from uavseg.raster.tiling import CELL, Window
+from uavseg.raster.tiling import Window
+from uavseg.units import CELL
 
 SIDES = (64, 32, 16, 8)
 SIDE_BAND = 2  # of a block map: the side of each leaf

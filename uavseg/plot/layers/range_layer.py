@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.raster_layer import show
 from uavseg.raster.geobox import GeoBox, scaled
-from uavseg.raster.tiling import CELL
+from uavseg.units import CELL
 
 COLORS = ("#3b5bdb", "#19c3f0", "#2fd05f", "#b5e61d", "#ffe119", "#ff8c1a", "#e8362e", "#f032e6")
 ALPHA = 0.42

@@ -15,7 +15,8 @@ from uavseg.plot.frame import Frame
 from uavseg.plot.layers.raster_layer import coarse_of, show
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.trace import Rings, trace
+from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.trace import trace
 
 COLORS = {1: ("free", "#2f9e44"), 2: ("unknown", "#8a8f98"), 3: ("occupied", "#e8590c")}
 ALPHA = 0.55

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.regions.outline.trace import Rings
+from uavseg.regions.outline.rings import Rings
 from uavseg.regions.smooth.nodes import distinct
 
 Integers = NDArray[np.int64]

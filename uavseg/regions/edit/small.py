@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas
+from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.stitch import Outlined, taken
-from uavseg.regions.outline.trace import Rings
 from uavseg.segmentation.labels.component_sums import Sums
 
 

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from uavseg.atomic import check_target
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial
-from uavseg.jobs.result import Extraction
 from uavseg.raster.formats import geotiff
 from uavseg.raster.formats.vrt_tiles import check_label_tiles, label_windows, write_label_tiles
-from uavseg.raster.tiling import BLOCK, Window, tiles
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import Sketch, Sketches
+from uavseg.regions.outline.rings import Rings
+from uavseg.units import BLOCK
 
 Path_ = str | os.PathLike[str]
 
@@ -44,8 +46,10 @@ def is_tiled(path: Path_) -> bool:
     return Path(path).suffix.lower() == ".vrt"
 
 
-def write_labels(path: Path_, found: Extraction, map: Map = serial, overwrite: bool = False) -> None:
-    """Write the labels of regions: one GeoTIFF, or for a .vrt tiles that whoever runs the work writes.
+def write_labels(
+    path: Path_, rings: Rings, geobox: GeoBox, map: Map = serial, overwrite: bool = False
+) -> None:
+    """Write the labels of regions: one GeoTIFF, or for a .vrt tiles that the executor's workers write.
 
     The pixels are the same, and neither depends on how the work was cut.
 
@@ -55,15 +59,17 @@ def write_labels(path: Path_, found: Extraction, map: Map = serial, overwrite: b
         If they may not or cannot be written.
     """
     if is_tiled(path):
-        parts = Sketches(found.rings, label_windows(found.geobox.shape))
-        write_label_tiles(path, parts, found.geobox, overwrite, map)
+        parts = Sketches(rings, label_windows(geobox.shape))
+        write_label_tiles(path, parts, geobox, overwrite, map)
     else:
-        geotiff.write_labels(path, painted(found, map), found.geobox, overwrite)
+        geotiff.write_labels(path, painted(rings, geobox.shape, map), geobox, overwrite)
 
 
-def painted(found: Extraction, map: Map = serial) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
+def painted(
+    rings: Rings, shape: tuple[int, int], map: Map = serial
+) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
     """The labels of regions, window by window from the top, as their outlines enclose them."""
-    rows, cols = found.geobox.shape
+    rows, cols = shape
     stripe = max((1 << 24) // cols // BLOCK, 1) * BLOCK
     windows = tiles((rows, cols), (stripe, -(-cols // BLOCK) * BLOCK))
-    return zip(windows, map(Sketch.paint, Sketches(found.rings, windows)), strict=True)
+    return zip(windows, map(Sketch.paint, Sketches(rings, windows)), strict=True)

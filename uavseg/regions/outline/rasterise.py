@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.trace import Rings
+from uavseg.regions.outline.rings import Rings
 
 LONGEST = 256  # rows: upright edges are cut to this, so that those of a window are found at once
 _COLUMN_0 = np.array([1, 1, 0], np.int32)

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import CELL, Window
+from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import Chains, trace_tile
-from uavseg.regions.outline.trace import Rings, link
+from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.trace import link
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
 from uavseg.segmentation.labels.components import equal_components, united
+from uavseg.units import CELL
 
 
 @dataclass(frozen=True)

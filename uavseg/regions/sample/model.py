@@ -16,7 +16,6 @@ from uavseg.regions.sample.place import Place
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, symbols
 from uavseg.segmentation.sample.coarse_lbp import MARGIN, coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
-    CELL,
     EVEN,
     UNITS,
     UNKNOWN,
@@ -28,6 +27,7 @@ from uavseg.segmentation.sample.g_scores import (
 )
 from uavseg.segmentation.sample.likelihood_weights import Evidence, Names
 from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.units import CELL, GREY_MAX
 
 _OWN = (19, 20)  # the quantile of the scores of the sample's own windows that counts as like
 _GREY_STEP = 257  # of 8 bits: no sample is more even than this
@@ -71,7 +71,7 @@ class Sample:
         if math.isinf(deviations):
             return Bounds()
         half = max(deviations * self.deviation, _GREY_STEP)
-        return Bounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), 65535))
+        return Bounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), GREY_MAX))
 
 
 def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: int, map: Map) -> Sample:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError, SampleError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.polygon_mask import inside
-from uavseg.raster.tiling import CELL, Window
+from uavseg.raster.tiling import Window
+from uavseg.units import CELL
 
 MOST_PIXELS = 1 << 24  # of the rectangle around a sample, which is held in memory
 _CORNERS = 256  # of the polygon that a disc is taken for

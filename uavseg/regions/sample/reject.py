@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
-from uavseg.raster.tiling import CELL, Window
+from uavseg.raster.tiling import Window, window_cells
 from uavseg.regions.sample.model import names_of
 from uavseg.regions.sample.scores import Criterion, Scored
 from uavseg.regions.tiles.kind_tiles import CellJobs
-from uavseg.segmentation.pipeline import window_cells
 from uavseg.segmentation.sample.coarse_lbp import MARGIN
 from uavseg.segmentation.sample.g_scores import UNLIKE, Model, model_of
 from uavseg.segmentation.sample.likelihood_weights import best_evidence
 from uavseg.segmentation.sample.pixel_decision import spread
 from uavseg.segmentation.source import GreySource
+from uavseg.units import CELL
 
 
 def confirmed(

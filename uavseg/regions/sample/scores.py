@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
-from uavseg.raster.tiling import CELL, Window
+from uavseg.raster.tiling import Window, window_cells
 from uavseg.regions.outline.rasterise import Sketch, Sketches
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.regions.sample.model import Sample
@@ -18,7 +18,6 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, symbols
 from uavseg.segmentation.blocks.leaves import pixels_of
 from uavseg.segmentation.labels.components import components
-from uavseg.segmentation.pipeline import window_cells
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
@@ -32,6 +31,7 @@ from uavseg.segmentation.sample.g_scores import (
 )
 from uavseg.segmentation.sample.pixel_decision import MARGIN, Weights, decide
 from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.units import CELL
 
 
 @dataclass(frozen=True)

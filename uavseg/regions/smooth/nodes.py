@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.regions.outline.trace import Rings
+from uavseg.regions.outline.rings import Rings
 
 Integers = NDArray[np.int64]
 

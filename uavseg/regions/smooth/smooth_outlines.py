@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.geodesy.ground import ground_resolution
-from uavseg.regions.outline.trace import Rings, gathered
+from uavseg.regions.outline.rings import Rings, gathered
 from uavseg.regions.smooth.nodes import Nodes, nodes_of
 from uavseg.regions.smooth.sleeve import UNIT
 from uavseg.regions.smooth.smooth_rings import Smooth, smooth_rings

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.regions.outline.trace import Rings
+from uavseg.regions.outline.rings import Rings
 from uavseg.regions.smooth.arcs import edge_key, is_turned, load, unit_corners
 from uavseg.regions.smooth.nodes import Nodes, first_from
 from uavseg.regions.smooth.sleeve import (

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import CELL, Window
+from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import numbered_by_size
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import Outlined
@@ -14,6 +14,7 @@ from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.labels.component_sums import Sums
 from uavseg.segmentation.labels.components import equal_components
+from uavseg.units import CELL
 
 
 def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> Outlined:

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
-from uavseg.raster.tiling import CELL, Window
+from uavseg.raster.tiling import Window, cells_around, whole_blocks
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.segmentation.blocks.leaves import pixels_of
 from uavseg.segmentation.labels.components import components, equal_components
-from uavseg.segmentation.pipeline import cells_around
-from uavseg.segmentation.source import GreySource, whole_blocks
+from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.segmentation.states.state_scans import states_in
+from uavseg.units import CELL
 
 _Job = tuple[Window, NDArray[Any]]
 

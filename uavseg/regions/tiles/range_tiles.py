@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.execution.executors import Map, Progress, serial
-from uavseg.raster.tiling import Window
+from uavseg.raster.tiling import Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import Sketch, Sketches
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
@@ -18,7 +18,7 @@ from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
 from uavseg.segmentation.labels.components import components
 from uavseg.segmentation.params import Refinement
-from uavseg.segmentation.pipeline import cells_around, refined, window_cells
+from uavseg.segmentation.pipeline import refined
 from uavseg.segmentation.refine.range_scans import REACH
 from uavseg.segmentation.source import GreySource
 
@@ -86,7 +86,7 @@ class _Jobs(Sequence[_Job]):
         window = self._windows[k]
         here, known = window_cells(window), self._expected
         cells = None if known is None else (known.sums[here], known.counts[here])
-        return _Job(window, cells_around(self._inside, window), cells)
+        return _Job(window, cells_around(self._inside, window, REACH), cells)
 
 
 def _outline_tile(source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job) -> Tile | None:

@@ -18,12 +18,12 @@ from uavseg.segmentation.blocks.block_map import leaves
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_cuts, contrast_histogram, symbols
 from uavseg.segmentation.in_memory import divided, padded
 from uavseg.segmentation.labels.component_sums import component_sums
+from uavseg.units import CELL
 
 Labels = NDArray[np.uint32]
 
 MOST_PIXELS = 4096 * 4096
 SMALLEST = 16  # pixels: side of the smallest leaf
-_CELL = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,9 +128,9 @@ def _leaf_labels(grey: NDArray[np.uint16], known: NDArray[np.bool_], threshold: 
     """The leaf of each valid pixel, 1..n in raster order of the leaves' corners; 0 where invalid."""
     sides, _ = leaves(divided(grey, known), threshold, np.inf)
     side = np.maximum(sides, SMALLEST).astype(np.int64)
-    rows, cols = np.indices(side.shape) * _CELL
+    rows, cols = np.indices(side.shape) * CELL
     corners = 1 + rows // side * side * grey.shape[1] + cols // side * side
-    on_pixels = corners.repeat(_CELL, 0).repeat(_CELL, 1)[: grey.shape[0], : grey.shape[1]] * known
+    on_pixels = corners.repeat(CELL, 0).repeat(CELL, 1)[: grey.shape[0], : grey.shape[1]] * known
     names, labels = np.unique(on_pixels, return_inverse=True)
     return (labels.reshape(grey.shape) + int(names.size > 0 and names[0] > 0)).astype(np.uint32)
 

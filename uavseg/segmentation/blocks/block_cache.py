@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import BLOCK, Window
+from uavseg.raster.tiling import Window
 from uavseg.segmentation.source import GreyTile
+from uavseg.units import BLOCK
 
 ROOM = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
 SIDE = BLOCK + 2  # a block with the pixels around it

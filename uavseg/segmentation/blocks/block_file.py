@@ -14,8 +14,8 @@ from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.opening import GDAL_ERRORS, gdal, is_remote, quiet_open
-from uavseg.raster.tiling import CELL
-from uavseg.segmentation.blocks.block_map import CELLS, BlockMap, leaves
+from uavseg.segmentation.blocks.block_map import BlockMap, leaves
+from uavseg.units import CELL, CELLS
 
 _TAG = "UAVSEG_BLOCK_MAP"
 _LOOKED_AT = ("mean v", "side of the leaf in pixels")

@@ -13,9 +13,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.division import RATIOS
-
-CELLS = 8  # cells along the side of a block of 64
-FULL = 65535  # grey of v = 1
+from uavseg.units import CELLS
 
 _STRIP = 64  # rows of blocks looked at together
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.segmentation.blocks.g_statistic import _N_LN_N, SMALLEST_G
 from uavseg.segmentation.blocks.lbp import (
     BINS,
     SYMBOLS,
@@ -19,13 +20,10 @@ from uavseg.segmentation.blocks.lbp import (
     given,
     lbp_code,
 )
+from uavseg.units import BLOCK
 
-BLOCK = 64
 RATIOS = 21  # of one block: side 64, then four of side 32, then sixteen of side 16, each row by row
 EVERY = np.uint32((1 << RATIOS) - 1)  # all of them are wanted
-SMALLEST_G = 1e-9  # per pixel of the pair; below it a G is what rounding left of 0
-
-_N_LN_N = np.concatenate([[0.0], np.arange(1, BLOCK * BLOCK + 1) * np.log(np.arange(1, BLOCK * BLOCK + 1))])
 
 
 def block_ratios(
@@ -92,33 +90,6 @@ def wanted_ratios(
         grey, given(valid), every, cuts, corners, wanted, threshold, _N_LN_N, table, listed, texture, ratios
     )
     return ratios
-
-
-def likelihood_ratio(first: NDArray[np.integer], second: NDArray[np.integer]) -> float:
-    """G between two histograms: 0 where they have the same proportions.
-
-    Parameters
-    ----------
-    first, second : (n,) integer arrays
-        Counts, of at most 4096 in all.
-
-    Examples
-    --------
-    >>> likelihood_ratio(np.array([2, 1]), np.array([4, 2]))
-    0.0
-    >>> round(likelihood_ratio(np.array([1, 0]), np.array([0, 1])), 4)
-    2.7726
-    """
-    total = int(first.sum() + second.sum())
-    shared = (first > 0) & (second > 0)
-    both = _joined(first[shared], second[shared]).sum()
-    g = 2 * float(_joined(np.array([first.sum()]), np.array([second.sum()]))[0] - both)
-    return g if g >= SMALLEST_G * total else 0.0
-
-
-def _joined(first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.float64]:
-    joined: NDArray[np.float64] = _N_LN_N[first + second] - _N_LN_N[first] - _N_LN_N[second]
-    return joined
 
 
 @inlined

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.units import BLOCK
+
 _DENSE = 64  # pixels of a symbol up to which chance is computed for every number, and then for each 5 % more
 
 
@@ -53,3 +55,36 @@ def x_ln_x(x: NDArray[np.int64]) -> NDArray[np.float64]:
     """x ln x; 0 of 0."""
     product: NDArray[np.float64] = x.astype(np.float64) * np.log(np.maximum(x, 1))
     return product
+
+
+SMALLEST_G = 1e-9  # per pixel of the pair; below it a G is what rounding left of 0
+
+
+_N_LN_N = np.concatenate([[0.0], np.arange(1, BLOCK * BLOCK + 1) * np.log(np.arange(1, BLOCK * BLOCK + 1))])
+
+
+def likelihood_ratio(first: NDArray[np.integer], second: NDArray[np.integer]) -> float:
+    """G between two histograms: 0 where they have the same proportions.
+
+    Parameters
+    ----------
+    first, second : (n,) integer arrays
+        Counts, of at most 4096 in all.
+
+    Examples
+    --------
+    >>> likelihood_ratio(np.array([2, 1]), np.array([4, 2]))
+    0.0
+    >>> round(likelihood_ratio(np.array([1, 0]), np.array([0, 1])), 4)
+    2.7726
+    """
+    total = int(first.sum() + second.sum())
+    shared = (first > 0) & (second > 0)
+    both = _joined(first[shared], second[shared]).sum()
+    g = 2 * float(_joined(np.array([first.sum()]), np.array([second.sum()]))[0] - both)
+    return g if g >= SMALLEST_G * total else 0.0
+
+
+def _joined(first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.float64]:
+    joined: NDArray[np.float64] = _N_LN_N[first + second] - _N_LN_N[first] - _N_LN_N[second]
+    return joined

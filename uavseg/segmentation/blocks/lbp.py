@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.units import GREY_LEVELS
 
 BINS = 8  # bins of contrast
 SYMBOLS = 256 * BINS  # pairs of LBP code and bin of contrast
 UNCOUNTED = 0xFFFF
-GREYS = 65536
 
 
 def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None = None) -> NDArray[np.int64]:
@@ -38,7 +38,7 @@ def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None
     array([8])
     """
     rows, cols = grey.shape[0] - 2, grey.shape[1] - 2
-    counts = np.zeros(GREYS, np.uint32)
+    counts = np.zeros(GREY_LEVELS, np.uint32)
     if rows > 0 and cols > 0:
         line = np.empty(cols, np.int32)
         _count_contrasts(grey, given(valid), valid is None, line, counts)

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.block_map import FULL, BlockMap, strips_of_means
+from uavseg.segmentation.blocks.block_map import BlockMap, strips_of_means
+from uavseg.units import GREY_MAX
 
 
 def histogram_of_means(blocks: BlockMap, threshold: float, intensity_step: float) -> NDArray[np.int64]:
@@ -22,10 +23,10 @@ def histogram_of_means(blocks: BlockMap, threshold: float, intensity_step: float
     histogram : (65536,) int64 array
         By the grey that is nearest to the mean; those of parts of a raster merge by adding.
     """
-    found = np.zeros(FULL + 1, np.int64)
+    found = np.zeros(GREY_MAX + 1, np.int64)
     for rows, mean in strips_of_means(blocks, threshold, intensity_step):
-        greys = np.floor(np.maximum(mean, 0.0) * FULL + 0.5).astype(np.int64)
-        counts = np.bincount(greys.reshape(-1), blocks.counts[rows].reshape(-1), FULL + 1)
+        greys = np.floor(np.maximum(mean, 0.0) * GREY_MAX + 0.5).astype(np.int64)
+        counts = np.bincount(greys.reshape(-1), blocks.counts[rows].reshape(-1), GREY_MAX + 1)
         found += counts.astype(np.int64)
     return found
 

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.g_statistic import chance, x_ln_x
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
+from uavseg.units import CELL
 
-CELL = 8
 UNITS = 2048  # of a score: G for each counted pixel, in parts of this
 EVEN = 4 * UNITS  # the score where G is what chance makes of it
 UNLIKE = 0xFFFE  # the score of a window whose mean lies outside of what is asked for, and the largest score

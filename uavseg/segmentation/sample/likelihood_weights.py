@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
-from uavseg.segmentation.sample.g_scores import CELL, best_scores, smallest_count
+from uavseg.segmentation.sample.g_scores import best_scores, smallest_count
+from uavseg.units import CELL
 
 PRIOR = 1000  # pixels of the raster's own proportions that every sample is thought to have more
 UNITS = 1024  # of a weight: parts of one in a natural logarithm

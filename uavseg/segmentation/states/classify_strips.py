@@ -20,11 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
-from uavseg.raster.tiling import BLOCK, Window, tile_side, tiles
+from uavseg.raster.tiling import Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import pixels_of
-from uavseg.segmentation.intervals import FREE, OCCUPIED, UNKNOWN, StateLimits
-from uavseg.segmentation.pipeline import window_cells
-from uavseg.segmentation.source import GreySource, whole_blocks
+from uavseg.segmentation.intervals import StateLimits
+from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage, packed, unpack
 from uavseg.segmentation.states.state_scans import (
     AHEAD,
@@ -36,6 +35,7 @@ from uavseg.segmentation.states.state_scans import (
     settle_columns,
     settle_rows,
 )
+from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
 

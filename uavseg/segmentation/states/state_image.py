@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
-from uavseg.raster.tiling import Window
-from uavseg.segmentation.source import whole_blocks
+from uavseg.raster.tiling import Window, whole_blocks
 from uavseg.segmentation.states.state_scans import Codes, states_in
 
 ROOM = 64 << 20  # bytes held in memory: the codes of 128 million pixels; more lie in a temporary file
