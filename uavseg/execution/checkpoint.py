@@ -122,7 +122,8 @@ def _make(folder: Path) -> None:
 
 
 def _save(stage: Path, key: str, result: Any) -> None:
-    with whole_file(stage / _file_name(key), overwrite=True) as path:
+    """Write a result; not synced, since one that a power cut tears is found damaged and made again."""
+    with whole_file(stage / _file_name(key), overwrite=True, sync=False) as path:
         path.write_bytes(dump(result, key))
 
 
