@@ -119,6 +119,19 @@ def test_another_version_makes_everything_again(
     assert len(CALLS) == 20
 
 
+def test_a_version_is_known_by_every_file_of_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    package = Path(uavseg.__file__).resolve().parent
+    read: list[Path] = []
+
+    def seen(path: Path) -> bytes:
+        read.append(path.resolve())
+        return b""
+
+    monkeypatch.setattr(Path, "read_bytes", seen)
+    uavseg.execution.checkpoint._code.__wrapped__()
+    assert sorted(read) == sorted(package.rglob("*.py")) and package / "raster" / "tiling.py" in read
+
+
 @maps
 @pytest.mark.parametrize("damage", [b"", b"foreign", None], ids=["empty", "foreign", "swapped"])
 def test_a_damaged_file_is_made_again(run: Map, tmp_path: Path, damage: bytes | None) -> None:

@@ -104,7 +104,7 @@ def stage_name(function: Any) -> str:
 def _code() -> str:
     """A hash of the program's own text: between two releases, the version alone does not tell them apart."""
     hasher = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         hasher.update(path.read_bytes())
     return hasher.hexdigest()
 
