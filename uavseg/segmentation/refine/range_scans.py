@@ -12,8 +12,8 @@ from uavseg._jit import inlined, kernel
 
 REFINE_HALO = 80  # pixels: a tile with this halo is refined exactly as the whole image
 _MAX_RUN = 8  # pixels: a run of changes stops here
-_SCALE = 16  # the local mean's weights are the binomial coefficients of 16: sigma = 2 pixels
-_WEIGHTS = np.array([1, 16, 120, 560, 1820, 4368, 8008, 11440, 12870], np.int64)  # C(16, k), k = 0..8
+# Weights of the local mean, C(16, k) for k = 0..8: nearly a Gaussian with sigma = 2 pixels.
+_WEIGHTS = np.array([1, 16, 120, 560, 1820, 4368, 8008, 11440, 12870], np.int64)
 
 
 def refine_by_scans(
