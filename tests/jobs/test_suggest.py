@@ -84,7 +84,9 @@ def test_a_cut_that_is_a_mean_moves_beside_it(monkeypatch: pytest.MonkeyPatch) -
     """Otherwise the leaves on it would belong to the ranges on both of its sides."""
     image = np.full((128, 128), 0.4, np.float32)
     image[:64] = 0.8
-    monkeypatch.setattr(module, "cuts_of", lambda *_: RangeCandidates((0.4,), multi_otsu([1, 1], 2)[1], True))
+    monkeypatch.setattr(
+        module, "propose_ranges", lambda *_: RangeCandidates((0.4,), multi_otsu([1, 1], 2)[1], True)
+    )
     found = suggest_from_blocks(saved(image))
     assert [chosen.range for chosen in found.ranges] == [(0, 0.40001), (0.40001, 1)]
     assert [chosen.share for chosen in found.ranges] == [0.5, 0.5]

@@ -172,7 +172,7 @@ def test_only_what_a_scan_changes_is_divided_again(
 
     grid, scans = drive
     grid.update(scans[0])
-    monkeypatch.setattr(module, "wanted_ratios", spy)
+    monkeypatch.setattr(module, "selected_ratios", spy)
     for scan in scans[1:]:
         asked.clear()
         before, _ = framed(grid)

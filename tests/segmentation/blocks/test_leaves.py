@@ -95,7 +95,7 @@ def test_a_tall_map_is_answered_as_its_leaves_are() -> None:
     "pair", [(0.6, 0.4), (0.5, 0.5), (-0.1, 0.5), (0.4, 1.1), (np.nan, 0.6), (0.4, np.nan), (0.4, np.inf)]
 )
 def test_limits_upside_down_are_refused(pair: tuple[float, float]) -> None:
-    with pytest.raises(ParameterError, match=r"0 <= free below < occupied above <= 1, not"):
+    with pytest.raises(ParameterError, match=r"0 <= free below < occupied above <= 1, got"):
         StateLimits(*pair)
 
 

@@ -72,7 +72,7 @@ def test_panels_change_nothing(seed: int, width: int) -> None:
 
 def test_panels_with_less_around_them_may_change_something() -> None:
     cases = [random_case(seed, (6, 40)) for seed in range(40)]
-    with patch.object(total_variation, "_PANEL", 64), patch.object(total_variation, "HALO", 0):
+    with patch.object(total_variation, "_PANEL", 64), patch.object(total_variation, "TV_HALO", 0):
         found = [decided(case) for case in cases]
     assert any((decided(case) != other).any() for case, other in zip(cases, found, strict=True))
 
