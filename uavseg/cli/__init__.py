@@ -66,7 +66,7 @@ class _Group(click.Group):
 
 
 def _report_kernels() -> None:
-    """Say once that kernels are being compiled, which takes a while, and where they run through the fallback."""
+    """Print once that kernels are being compiled, which takes a while, or run through the fallback."""
     from uavseg import _jit
 
     told: list[str] = []
