@@ -1,9 +1,9 @@
 """What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`; `nox -l` lists them.
 
-``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed, with the
-lowest version of every dependency that pyproject.toml allows and with the newest; ``-- job`` or ``-- tests`` after
-them runs one of the two. All main jobs of a call must write the same bytes. A Python that is not installed is named
-and skipped.
+``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed,
+with the lowest version of every dependency that pyproject.toml allows and with the newest; ``-- job`` or
+``-- tests`` after them runs one of the two. All main jobs of a call must write the same bytes. A Python
+that is not installed is named and skipped.
 """
 
 import hashlib

@@ -258,7 +258,7 @@ def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
     kinds *= 1 + random_cells(seed + 1, shape)
     kinds[-(-shape[0] // 8) :] = kinds[:, -(-shape[1] // 8) :] = 0  # no leaf lies wholly beyond the raster
     source = sourced(image)
-    blocks = measure(source, TilePass(one_tile(image))).blocks
+    blocks = measure_cells(source, TilePass(one_tile(image))).blocks
     cells = outline_cells(blocks, kinds)
     for windows in (one_tile(image), tiles(shape, side)):
         pixels = outline_segments(source, kinds, TilePass(windows))
@@ -273,7 +273,7 @@ def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_enclose
 ) -> None:
     """Also where cells have no valid pixels, and with the sums of all cells enclosed."""
     image, kinds = scene(seed, shape), random_cells(seed, shape)
-    blocks = measure(sourced(image), TilePass(one_tile(image))).blocks
+    blocks = measure_cells(sourced(image), TilePass(one_tile(image))).blocks
     found = outline_cells(blocks, kinds)
     names, firsts = np.unique(whole(found, image), return_index=True)
     places = np.stack(np.unravel_index(firsts[names > 0], shape), 1).tolist()
