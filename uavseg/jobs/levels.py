@@ -17,10 +17,10 @@ from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.tiles.block_map_regions import outline_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.blocks.block_file import SavedBlocks
-from uavseg.segmentation.blocks.leaves import levels_of
+from uavseg.segmentation.blocks.leaves import cell_levels
 from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 
@@ -64,8 +64,8 @@ def extract_levels(
     first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
     source = GreySource(dataset, fit(dataset, params.stretch, first))
     how = params.segment
-    blocks = block_map_for(source, levels, how, second)
-    kinds = levels_of(blocks, levels, how.threshold, how.step)
+    blocks = measure_block_map_for(source, levels, how, second)
+    kinds = cell_levels(blocks, levels, how.division)
     del blocks
     give_back()
     outlined = outline_segments(source, kinds, third)
@@ -84,7 +84,7 @@ def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams
     """
     _check(params)
     how = params.segment
-    kinds = levels_of(saved.blocks, levels, how.threshold, how.step)
+    kinds = cell_levels(saved.blocks, levels, how.division)
     outlined = outline_cells(saved.blocks, kinds)
     return _extraction(outlined, About.saved(saved), levels, kinds, params)
 

@@ -28,7 +28,7 @@ from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.pipeline import UNSETTLED, measure
+from uavseg.segmentation.pipeline import MIXED, measure_cells
 from uavseg.segmentation.source import GreySource
 
 Image = NDArray[np.uint8]
@@ -229,7 +229,7 @@ def test_tiles_workers_and_their_order_change_nothing(
 ) -> None:
     image, inside = scene(seed, shape), random_cells(seed, shape)
     if refine == "tv":
-        inside |= UNSETTLED * random_cells(seed + 1, shape)
+        inside |= MIXED * random_cells(seed + 1, shape)
     source = sourced(image)
     wanted = outline_regions(source, inside, BRIGHT, refine, TilePass(one_tile(image)))
     for run in (serial, threads(2), shuffled(seed)):
@@ -258,7 +258,7 @@ def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
     kinds *= 1 + random_cells(seed + 1, shape)
     kinds[-(-shape[0] // 8) :] = kinds[:, -(-shape[1] // 8) :] = 0  # no leaf lies wholly beyond the raster
     source = sourced(image)
-    blocks = measure(source, TilePass(one_tile(image))).blocks
+    blocks = measure_cells(source, TilePass(one_tile(image))).blocks
     cells = outline_cells(blocks, kinds)
     for windows in (one_tile(image), tiles(shape, side)):
         pixels = outline_segments(source, kinds, TilePass(windows))
@@ -273,7 +273,7 @@ def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_enclose
 ) -> None:
     """Also where cells have no valid pixels, and with the sums of all cells enclosed."""
     image, kinds = scene(seed, shape), random_cells(seed, shape)
-    blocks = measure(sourced(image), TilePass(one_tile(image))).blocks
+    blocks = measure_cells(sourced(image), TilePass(one_tile(image))).blocks
     found = outline_cells(blocks, kinds)
     names, firsts = np.unique(whole(found, image), return_index=True)
     places = np.stack(np.unravel_index(firsts[names > 0], shape), 1).tolist()
@@ -299,7 +299,7 @@ def test_a_raster_whose_cells_have_changed_is_refused(sourced: Sourced, row: int
     image = scene(3, (130, 70))
     cells = np.ones((24, 16), np.uint8)
     windows = tiles(image.shape, 64)
-    blocks = measure(sourced(image), TilePass(windows)).blocks
+    blocks = measure_cells(sourced(image), TilePass(windows)).blocks
     outline_regions(sourced(image), cells, BRIGHT, "scan", TilePass(windows), expected=blocks)
     changed = image.copy()
     changed[row, 5] ^= 64
