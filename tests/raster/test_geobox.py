@@ -73,7 +73,7 @@ def test_without_a_crs_there_is_no_longitude():
 
 def test_a_site_grid_has_no_longitude():
     crs = CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]')
-    with pytest.raises(RasterError, match="no way to longitude"):
+    with pytest.raises(RasterError, match="no transformation to longitude"):
         GeoBox((1, 1), TRANSFORMS[0], crs).lonlat_from_xy([0.0], [0.0])
 
 

@@ -1,9 +1,6 @@
 """Where pixels lie on the map: a shape, an affine transform and a coordinate reference system."""
 
-import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from affine import Affine
@@ -11,11 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
 from uavseg.errors import MapError, RasterError
+from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.tiling import Window
 
 Floats = NDArray[np.float64]
-
-_EARTH_RADII_M = (6.3e6, 6.4e6)  # ellipsoids of the Earth have their semi-major axis in here
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +73,7 @@ class GeoBox:
         """
         if self.crs is None:
             raise RasterError("there is no coordinate reference system, hence no longitude and latitude")
-        lon, lat = _to_globe(self.wkt or "").transform(np.asarray(x, np.float64), np.asarray(y, np.float64))
+        lon, lat = lonlat_transform(self.wkt)(np.asarray(x, np.float64), np.asarray(y, np.float64))
         return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
 
     def window(self, window: Window) -> "GeoBox":
@@ -103,19 +99,6 @@ def scaled(transform: Affine, rows: float, cols: float) -> Affine:
     return Affine(a * cols, b * rows, c, d * cols, e * rows, f)
 
 
-@lru_cache(maxsize=32)
-def _to_globe(wkt: str) -> Any:
-    import pyproj
-    from pyproj.exceptions import ProjError
-
-    try:
-        crs = pyproj.CRS.from_wkt(wkt)
-        on_earth = _EARTH_RADII_M[0] < crs.ellipsoid.semi_major_metre < _EARTH_RADII_M[1]
-        return pyproj.Transformer.from_crs(crs, "EPSG:4326" if on_earth else crs.geodetic_crs, always_xy=True)
-    except (ProjError, AttributeError) as error:
-        raise RasterError("the coordinate reference system has no way to longitude and latitude") from error
-
-
 def upright(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
     """Square cells with y up, in local metres, the lower left corner at `origin`."""
     transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)
@@ -129,8 +112,6 @@ def check_metres(geobox: GeoBox) -> None:
     ------
     MapError
     """
-    crs = geobox.crs
-    if crs is None or (crs.is_projected and math.isclose(crs.linear_units_factor[1], 1.0)):
-        return
-    unit = "degrees" if crs.is_geographic else crs.linear_units
-    raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")
+    if not is_in_metres(geobox.wkt):
+        unit = unit_name(geobox.wkt)
+        raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")

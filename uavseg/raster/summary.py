@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
@@ -143,7 +144,7 @@ def summarize(
         driver=first.driver,
         rows=box.shape[0],
         cols=box.shape[1],
-        crs=_crs_name(box),
+        crs=crs_name(box.wkt),
         epsg=None if box.crs is None else box.crs.to_epsg(),
         located=first.located,
         resolution=ground_resolution(box),
@@ -206,14 +207,6 @@ def _cut(greys: NDArray[np.int64]) -> float:
         return 0.5
     [below], [above] = classes[1].ends, classes[1].starts
     return round((below + above + 1) // 2 / BINS, 2)
-
-
-def _crs_name(box: GeoBox) -> str | None:
-    if box.wkt is None:
-        return None
-    import pyproj
-
-    return str(pyproj.CRS.from_wkt(box.wkt).name)
 
 
 def _bounds(box: GeoBox) -> tuple[float, float, float, float]:

@@ -16,7 +16,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.ellipsoid import Globe, globe_under, pixel_on_ground, pixel_on_map, unit_of_length
+from uavseg.raster.geodesy.ellipsoid import Ellipsoid, ellipsoid_under, pixel_on_ground, pixel_on_map
+from uavseg.raster.geodesy.globe import densify_line, unit_factor
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.integer[Any]]
@@ -101,14 +102,13 @@ def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
     >>> line_length(box, np.array([0.5, 4.5]), np.array([1.5, 4.5]))
     10.0
     """
-    globe = globe_under(geobox.wkt)
+    ellipsoid = ellipsoid_under(geobox.wkt)
     pieces = np.maximum(np.maximum(np.abs(np.diff(row)), np.abs(np.diff(col))), 1).astype(np.int64)
-    ends = np.concatenate([[0], np.cumsum(pieces)])
-    rows, cols = (np.interp(np.arange(ends[-1] + 1), ends, at) for at in (row, col))
+    rows, cols = densify_line(np.stack([row, col], axis=-1), pieces).T
     x, y = geobox.xy_from_pixel(rows, cols)
-    places = np.stack([x, y], axis=-1) if globe is None else globe.place(x, y)
-    steps = np.sqrt((np.diff(places, axis=0) ** 2).sum(axis=1))
-    return float(steps.sum()) * (unit_of_length(geobox.wkt) if globe is None else 1.0)
+    points = np.stack([x, y], axis=-1) if ellipsoid is None else ellipsoid.xyz_from_xy(x, y)
+    steps = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
+    return float(steps.sum()) * (unit_factor(geobox.wkt) if ellipsoid is None else 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,11 +165,11 @@ def _over_rings(
 
 @lru_cache(maxsize=4)
 def _tables(geobox: GeoBox) -> _Tables:
-    globe = globe_under(geobox.wkt)
-    if globe is None:
+    ellipsoid = ellipsoid_under(geobox.wkt)
+    if ellipsoid is None:
         return _evenly(geobox, *pixel_on_map(geobox))
-    if globe.inverse is None and geobox.transform.b == 0 == geobox.transform.d:
-        return _between_parallels(geobox, globe)
+    if ellipsoid.inverse is None and geobox.transform.b == 0 == geobox.transform.d:
+        return _between_parallels(geobox, ellipsoid)
     return _modelled(geobox)
 
 
@@ -183,18 +183,18 @@ def _evenly(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tab
     )
 
 
-def _between_parallels(geobox: GeoBox, globe: Globe) -> _Tables:
+def _between_parallels(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
     """A geographic raster whose rows are parallels; there is no ground beyond the poles."""
     rows, cols = (np.arange(length + 1.0) for length in geobox.shape)
-    lat = np.clip((geobox.transform.f + geobox.transform.e * rows) * globe.unit, -np.pi / 2, np.pi / 2)
-    cols = cols * abs(geobox.transform.a * globe.unit)
+    lat = np.clip((geobox.transform.f + geobox.transform.e * rows) * ellipsoid.unit, -np.pi / 2, np.pi / 2)
+    cols = cols * abs(geobox.transform.a * ellipsoid.unit)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     half = np.diff(lat)[:, None] / 2
-    meridian, parallel = globe.radii(lat[:-1, None] + half * (1 + nodes))
+    meridian, parallel = ellipsoid.radii(lat[:-1, None] + half * (1 + nodes))
     arcs = np.abs(half) * weights * meridian
     return _Tables(
         _Product(_cumulative((arcs * parallel).sum(axis=1))[None], cols[None]),
-        _Product(globe.radii(lat)[1][None], cols[None]),
+        _Product(ellipsoid.radii(lat)[1][None], cols[None]),
         _Product(_cumulative(arcs.sum(axis=1))[None], np.ones((1, len(cols)))),
     )
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from uavseg.atomic import check_target, whole_file
 from uavseg.errors import OutputError
+from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions import shapes
 from uavseg.regions.formats import geojson, kml
 from uavseg.regions.formats.check_written import is_whole
@@ -220,12 +221,10 @@ def _null_for_nan(column: NDArray[Any]) -> Any:
 
 def _geo(regions: Regions) -> dict[str, Any]:
     """What GeoParquet says of its geometry column."""
-    import pyproj
-
     column: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),
-        "crs": None if regions.wkt is None else pyproj.CRS.from_wkt(regions.wkt).to_json_dict(),
+        "crs": None if regions.wkt is None else parse_crs(regions.wkt).to_json_dict(),
     }
     if len(regions):
         column["bbox"] = [float(bound) for bound in shapely.total_bounds(regions.polygons)]
