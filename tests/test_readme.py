@@ -52,7 +52,7 @@ def test_a_map_that_follows_its_scans() -> None:
     [example] = [block for block in blocks("python") if "OccupancyGrid" in block]
     seen: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), seen)
-    assert seen["told"].blocks.any() and seen["free"].agreeing(2).any()  # type: ignore[attr-defined]
+    assert seen["update"].blocks.any() and seen["free"].agreeing(2).any()  # type: ignore[attr-defined]
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from uavseg import __version__
+from uavseg._version import __version__
 from uavseg.atomic import whole_file
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.executors import Map, Progress, serial
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, whole_blocks
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.segmentation.blocks.leaves import pixels_of
@@ -23,9 +23,7 @@ _Job = tuple[Window, NDArray[Any]]
 def outline_segments(
     source: GreySource,
     cells: NDArray[Any],
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> Outlined:
     """Segments of a raster: cells that share an edge and are of the same kind, not refined.
 
@@ -34,20 +32,17 @@ def outline_segments(
     source : GreySource
     cells : (m, n) uint8 or uint32 array
         The kind of each cell, such as its level; 0 for nothing.
-    windows, map, progress
-        As of `outline_regions`.
+    tile_pass : TilePass
     """
-    tiles = map(partial(_outline_cells, source), CellJobs(cells, windows), progress)
-    return joined(source.shape, windows, tiles).outlined(cells)
+    tiles = tile_pass.run(partial(_outline_cells, source), CellJobs(cells, tile_pass.windows))
+    return joined(source.shape, tile_pass.windows, tiles).outlined(cells)
 
 
 def outline_state(
     source: GreySource,
     image: StateImage,
     state: int,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
     leaves: NDArray[np.uint8] | None = None,
 ) -> Outlined:
     """Connected pixels of one state.
@@ -57,15 +52,14 @@ def outline_state(
     source : GreySource
     image : StateImage
     state : int
-    windows : sequence of Window
-        As of `outline_regions`; it is quickest if those of the same rows follow each other.
-    map, progress
+    tile_pass : TilePass
+        It is quickest if tiles of the same rows follow each other.
     leaves : (m, n) uint8 array, optional
         The states of cells, where they were not refined: leaves that share an edge are then one object.
     """
-    tiles = map(partial(_outline_pixels, source), _PixelJobs(image, state, windows), progress)
+    tiles = tile_pass.run(partial(_outline_pixels, source), _PixelJobs(image, state, tile_pass.windows))
     of_state = None if leaves is None else (leaves == state).view(np.uint8)
-    return joined(source.shape, windows, tiles).outlined(of_state)
+    return joined(source.shape, tile_pass.windows, tiles).outlined(of_state)
 
 
 class CellJobs(Sequence[_Job]):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
-from uavseg.execution.executors import Map, Progress, serial
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import Sketch, Sketches
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
@@ -28,9 +28,7 @@ def outline_regions(
     inside: NDArray[np.uint8],
     interval: IntensityRange,
     refine: Refinement,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
     expected: BlockMap | None = None,
 ) -> Outlined:
     """Regions of a raster, refined to the pixel.
@@ -43,10 +41,7 @@ def outline_regions(
     interval : IntensityRange
     refine : {"none", "scan", "smooth", "tv"}
         With "none", leaves that share an edge are one region also where invalid pixels part their pixels.
-    windows : sequence of Window
-        Tiles that cover the raster, each after those above it and to its left.
-    map, progress
-        Who runs the work, and who is told.
+    tile_pass : TilePass
     expected : BlockMap, optional
         What the raster's cells must add up to, where the block map was made at another time.
 
@@ -55,9 +50,9 @@ def outline_regions(
     RasterError
         If they do not.
     """
-    jobs = _Jobs(inside, windows, expected)
-    tiles = map(partial(_outline_tile, source, interval, refine), jobs, progress)
-    return joined(source.shape, windows, tiles).outlined(inside if refine == "none" else None)
+    jobs = _Jobs(inside, tile_pass.windows, expected)
+    tiles = tile_pass.run(partial(_outline_tile, source, interval, refine), jobs)
+    return joined(source.shape, tile_pass.windows, tiles).outlined(inside if refine == "none" else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +101,13 @@ def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> 
     return all(np.array_equal(one, other) for one, other in zip(first, second, strict=True))
 
 
-def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], map: Map) -> Sums:
+def summed(source: GreySource, outlined: Outlined, tile_pass: TilePass) -> Sums:
     """Sums over the valid pixels that regions enclose, read again from the raster."""
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts = np.zeros_like(sums.counts)
-    for found in map(partial(_sum_tile, source), Sketches(outlined.rings, windows)):
+    jobs = Sketches(outlined.rings, tile_pass.windows)
+    for found in tile_pass.silent.run(partial(_sum_tile, source), jobs):
         if found is not None:
             names, parts = found
             counts[names - 1] += parts.counts
