@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import cache
 
 
-def give_back() -> None:
+def trim_heap() -> None:
     """Return what the C library keeps of freed memory for later, where it can be asked to (glibc).
 
     Called between phases: the arrays of one are of other sizes than those of the next, and what the first

@@ -12,7 +12,7 @@ import pytest
 
 import uavseg.execution.checkpoint
 from uavseg.errors import OutputError
-from uavseg.execution.checkpoint import kept, stage_name
+from uavseg.execution.checkpoint import stage_name, with_checkpoint
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.raster.tiling import Window
 
@@ -63,7 +63,9 @@ def test_results_are_those_of_the_map_itself_and_made_once(run: Map, tmp_path: P
     told: list[Any] = []
     for calls in (list(range(20)), []):
         CALLS.clear()
-        found = kept(run, tmp_path / "R", lambda *what: told.append(what))(partial(square_tile, 7), ITEMS)
+        found = with_checkpoint(run, tmp_path / "R", lambda *what: told.append(what))(
+            partial(square_tile, 7), ITEMS
+        )
         assert text(found) == SQUARES
         assert sorted(CALLS) == calls
     assert told == [("square", 20, 20)]
@@ -74,7 +76,7 @@ def test_results_are_those_of_the_map_itself_and_made_once(run: Map, tmp_path: P
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ZeroDivisionError()])
 def test_a_run_that_stopped_goes_on_where_it_stopped(run: Map, tmp_path: Path, error: BaseException) -> None:
     told: list[Any] = []
-    again = kept(run, tmp_path, lambda *what: told.append(what))
+    again = with_checkpoint(run, tmp_path, lambda *what: told.append(what))
     with pytest.raises(type(error)):
         list(again(partial(square_tile, 7), ITEMS, stopping_at(8, error)))
     CALLS.clear()
@@ -85,22 +87,22 @@ def test_a_run_that_stopped_goes_on_where_it_stopped(run: Map, tmp_path: Path, e
 
 def test_nobody_works_on_once_a_run_has_stopped(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):  # whose frames are still held below
-        list(kept(threads(3), tmp_path)(slow_tile, ITEMS, stopping_at(2, ZeroDivisionError())))
+        list(with_checkpoint(threads(3), tmp_path)(slow_tile, ITEMS, stopping_at(2, ZeroDivisionError())))
     assert not AT_WORK
 
 
 @maps
 def test_items_may_be_done_in_any_pattern_and_change(run: Map, tmp_path: Path) -> None:
-    list(kept(run, tmp_path)(partial(square_tile, 7), ITEMS[3:17:2]))
+    list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS[3:17:2]))
     CALLS.clear()
-    assert text(kept(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert text(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
     assert sorted(CALLS) == sorted(set(range(20)) - set(range(3, 17, 2)))
 
 
 def test_other_arguments_are_another_stage(tmp_path: Path) -> None:
     for offset in (1, 2):
         CALLS.clear()
-        assert text(kept(serial, tmp_path)(partial(square_tile, offset), ITEMS)) == text(
+        assert text(with_checkpoint(serial, tmp_path)(partial(square_tile, offset), ITEMS)) == text(
             serial(partial(square_tile, offset), ITEMS)
         )
         assert len(CALLS) == 40
@@ -111,28 +113,28 @@ def test_other_arguments_are_another_stage(tmp_path: Path) -> None:
 def test_another_version_makes_everything_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
-    list(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS))
+    list(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS))
     CALLS.clear()
     monkeypatch.setattr(uavseg.execution.checkpoint, what, "9" if what == "__version__" else lambda: "9")
-    list(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS))
+    list(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS))
     assert len(CALLS) == 20
 
 
 @maps
 @pytest.mark.parametrize("damage", [b"", b"foreign", None], ids=["empty", "foreign", "swapped"])
 def test_a_damaged_file_is_made_again(run: Map, tmp_path: Path, damage: bytes | None) -> None:
-    list(kept(run, tmp_path)(partial(square_tile, 7), ITEMS))
+    list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS))
     files = sorted(tmp_path.rglob("*.npz"))
     whole = [path.read_bytes() for path in files]
     files[5].write_bytes(whole[6] if damage is None else damage)
     CALLS.clear()
-    assert text(kept(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert text(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
     assert len(CALLS) == 1
     assert [path.read_bytes() for path in files] == whole
 
 
 def test_what_a_killed_run_left_half_written_does_no_harm(tmp_path: Path) -> None:
-    again = kept(serial, tmp_path)
+    again = with_checkpoint(serial, tmp_path)
     list(again(partial(square_tile, 7), ITEMS[:3]))
     [stage] = tmp_path.iterdir()
     left = stage / ".0123.npz.abcd"
@@ -145,19 +147,19 @@ def test_what_a_killed_run_left_half_written_does_no_harm(tmp_path: Path) -> Non
 
 @maps
 def test_progress_counts_what_was_done_before_too(run: Map, tmp_path: Path) -> None:
-    list(kept(run, tmp_path)(partial(square_tile, 7), ITEMS[:9]))
+    list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS[:9]))
     told: list[Any] = []
-    list(kept(run, tmp_path)(partial(square_tile, 7), ITEMS, lambda *done: told.append(done)))
+    list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS, lambda *done: told.append(done)))
     assert told == [(k, 20) for k in range(1, 21)]
-    assert list(kept(run, tmp_path)(partial(square_tile, 7), [])) == []
+    assert list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), [])) == []
 
 
 def test_a_folder_that_cannot_be_is_told_of(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file to resume from cannot be made: it is a file"):
-        kept(serial, tmp_path / "file")
+        with_checkpoint(serial, tmp_path / "file")
     with pytest.raises(OutputError, match="deep to resume from cannot be made: No such file"):
-        kept(serial, tmp_path / "nowhere" / "deep")
+        with_checkpoint(serial, tmp_path / "nowhere" / "deep")
 
 
 def test_stages_are_named_for_people() -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from affine import Affine
 
 from uavseg.errors import ParameterError
-from uavseg.execution.checkpoint import kept
+from uavseg.execution.checkpoint import with_checkpoint
 from uavseg.execution.executors import Map
 from uavseg.execution.executors import threads as workers
 from uavseg.raster.bad_blocks import BadBlock, listing
@@ -58,7 +58,7 @@ def working(threads: int | None, resume: str | os.PathLike[str] | None) -> Itera
     """
     run = workers(threads)
     bad: set[BadBlock] = set()
-    yield listing(run if resume is None else kept(run, resume), bad)
+    yield listing(run if resume is None else with_checkpoint(run, resume), bad)
     for block in sorted(bad):
         warnings.warn(str(block), stacklevel=4)  # over this, contextlib and the public function
 

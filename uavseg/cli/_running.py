@@ -80,9 +80,9 @@ class Running:
         """A map that keeps finished tiles in the folder, if one was given."""
         if self.resume is None:
             return run
-        from uavseg.execution.checkpoint import kept
+        from uavseg.execution.checkpoint import with_checkpoint
 
-        return kept(run, self.resume, self.reporter.resumed)
+        return with_checkpoint(run, self.resume, self.reporter.resumed)
 
 
 def running_options(command: Command) -> Command:

@@ -20,13 +20,13 @@ from uavseg.atomic import whole_file
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.execution.fingerprint import fingerprint
-from uavseg.execution.result_file import DamagedResultError, dump, load
+from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
 
 Tell = Callable[[str, int, int], object]
 """Told the name of a stage, how many of its tiles were done before, and of how many."""
 
 
-def kept(map: Map, folder: str | os.PathLike[str], tell: Tell | None = None) -> Map:
+def with_checkpoint(map: Map, folder: str | os.PathLike[str], tell: Tell | None = None) -> Map:
     """A map that keeps every finished result in a folder, and takes from there what is finished.
 
     Results are read, and written as they come back, by whoever asks for them; only what is missing is given
@@ -123,13 +123,13 @@ def _make(folder: Path) -> None:
 
 def _save(stage: Path, key: str, result: Any) -> None:
     with whole_file(stage / _file_name(key), overwrite=True) as path:
-        path.write_bytes(dump(result, key))
+        path.write_bytes(encode_result(result, key))
 
 
 def _taken(stage: Path, key: str, again: Callable[[], Iterator[Any]]) -> Any:
     """A result from its file; where that is damaged, made again."""
     try:
-        return load((stage / _file_name(key)).read_bytes(), key)
+        return decode_result((stage / _file_name(key)).read_bytes(), key)
     except (OSError, DamagedResultError):
         [result] = again()
         _save(stage, key, result)

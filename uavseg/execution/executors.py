@@ -129,7 +129,7 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
-def stages(progress: Progress, count: int) -> list[Progress]:
+def split_progress(progress: Progress, count: int) -> list[Progress]:
     """One progress for each of several stages, which together make the given one."""
 
     def stage(k: int, done: int, total: int) -> None:

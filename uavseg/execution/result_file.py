@@ -40,7 +40,7 @@ class DamagedResultError(ValueError):
     """Bytes are not those of the result that they should be."""
 
 
-def dump(value: Any, key: str) -> bytes:
+def encode_result(value: Any, key: str) -> bytes:
     """A result as bytes; the same result gives the same bytes.
 
     Parameters
@@ -67,7 +67,7 @@ def dump(value: Any, key: str) -> bytes:
     return stream.getvalue()
 
 
-def load(data: bytes, key: str) -> Any:
+def decode_result(data: bytes, key: str) -> Any:
     """The result that `dump` made bytes of.
 
     Raises

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.extract import ExtractParams
@@ -131,7 +131,7 @@ def classify(
     blocks = block_map_for(source, limits, how, first)
     cells = states_of(blocks, limits, how.threshold, how.step)
     del blocks
-    give_back()
+    trim_heap()
     if not cells.any():
         raise MapError(f"{source.dataset.source} has no valid cell: all of it is nodata or NaN")
     found = classified(source, cells, limits, refine, strips, map, second.progress)

@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.result import About, Drawing, Extraction, measured
@@ -103,7 +103,7 @@ def extract(
     blocks = block_map_for(source, interval, how, second)
     inside = cells_to_refine(blocks, interval, how)
     del blocks  # all that is left to do is done with its cells in range
-    give_back()
+    trim_heap()
     outlined = _outlined(source, inside, interval, params, third)
     return _extraction(source, outlined, interval, params, third)
 
@@ -167,7 +167,7 @@ def _outlined(
 ) -> Outlined:
     refine = params.segment.refine
     found = outline_regions(source, inside, interval, refine, tile_pass, expected)
-    give_back()
+    trim_heap()
     return found
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.extract import ExtractParams
@@ -67,9 +67,9 @@ def extract_levels(
     blocks = block_map_for(source, levels, how, second)
     kinds = levels_of(blocks, levels, how.threshold, how.step)
     del blocks
-    give_back()
+    trim_heap()
     outlined = outline_segments(source, kinds, third)
-    give_back()
+    trim_heap()
     return _extraction(outlined, About.source(source), levels, kinds, CELL, params)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.result import About, Drawing, Extraction, measured
@@ -157,9 +157,9 @@ def match(
     scores = confirmed(source, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0
     del known
-    give_back()
+    trim_heap()
     outlined = _outlined(source, scores, valid, criterion, params, passes[4])
-    give_back()
+    trim_heap()
     found = _extraction(source, outlined, scores, sample, params, passes[4])
     return Match(found, sample, (criterion.limit - EVEN) / UNITS)
 

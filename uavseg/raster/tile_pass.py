@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.execution.executors import Map, Progress, serial, split_progress
 from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.tiling import Window
 
@@ -52,7 +52,7 @@ class TilePass:
         """The pass `count` times, each of which reports its share of the progress."""
         if self.progress is None:
             return [self] * count
-        return [replace(self, progress=progress) for progress in stages(self.progress, count)]
+        return [replace(self, progress=progress) for progress in split_progress(self.progress, count)]
 
     @property
     def silent(self) -> "TilePass":
