@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import serial, threads
-from uavseg.raster.bad_blocks import BadBlock, listening, listing
+from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.tiling import Window, tiles
 
@@ -61,7 +61,9 @@ def seen(dataset: Dataset, side: Any, run: Any = serial) -> tuple[np.ndarray, np
     values, valid = np.zeros((rows, cols), dataset.dtype), np.zeros((rows, cols), bool)
     found: set[BadBlock] = set()
     windows = tiles((rows, cols), side)
-    for window, (pixels, known) in zip(windows, listing(run, found)(dataset.read, windows), strict=True):
+    for window, (pixels, known) in zip(
+        windows, with_bad_blocks(run, found)(dataset.read, windows), strict=True
+    ):
         values[window.slices] = pixels[0]
         valid[window.slices] = True if known is None else known
     return values, valid, sorted(found)
@@ -206,7 +208,7 @@ def test_a_vrt_is_asked_by_its_own_blocks(tmp_path: Path, write_raster: Callable
 def test_a_reduced_picture_leaves_them_out_too(write_raster: Callable) -> None:
     path = spoil(write_raster(PIXELS, **TILED), BAD)
     found: set[BadBlock] = set()
-    with listening(found):
+    with recording_bad_blocks(found):
         values, valid, _ = Dataset.open(path, skip_bad_tiles=True).read_coarse(70)
     whole, _, _ = Dataset.open(write_raster(PIXELS, **TILED)).read_coarse(70)
     rows, cols = (

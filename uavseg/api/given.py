@@ -16,7 +16,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.checkpoint import with_checkpoint
 from uavseg.execution.executors import Map
 from uavseg.execution.executors import threads as workers
-from uavseg.raster.bad_blocks import BadBlock, listing
+from uavseg.raster.bad_blocks import BadBlock, with_bad_blocks
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.small import Area, parse_area
@@ -58,7 +58,7 @@ def working(threads: int | None, resume: str | os.PathLike[str] | None) -> Itera
     """
     run = workers(threads)
     bad: set[BadBlock] = set()
-    yield listing(run if resume is None else with_checkpoint(run, resume), bad)
+    yield with_bad_blocks(run if resume is None else with_checkpoint(run, resume), bad)
     for block in sorted(bad):
         warnings.warn(str(block), stacklevel=4)  # over this, contextlib and the public function
 

@@ -30,7 +30,7 @@ def command(
     """
     from uavseg.atomic import check_target
     from uavseg.jobs.extract import divide
-    from uavseg.raster.bad_blocks import BadBlock, listing
+    from uavseg.raster.bad_blocks import BadBlock, with_bad_blocks
     from uavseg.raster.dataset import Dataset
     from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, save
     from uavseg.segmentation.params import SegmentParams
@@ -42,7 +42,7 @@ def command(
         rasters, options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"]
     )
     bad: set[BadBlock] = set()
-    run = listing(running.resuming(running.workers()), bad)
+    run = with_bad_blocks(running.resuming(running.workers()), bad)
     reporter.begin(dataset, running.tile)
     blocks, stretch = divide(dataset, options["stretch"], running.tile, run, reporter.progress)
     origin = Origin(rasters, str(Path.cwd()), options["band"], options["rgb"], options["nodata"])

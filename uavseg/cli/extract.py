@@ -165,11 +165,11 @@ def _extracted(
     reporter: Reporter,
 ) -> Extraction:
     from uavseg.jobs.extract import extract, extract_from_blocks
-    from uavseg.raster.bad_blocks import BadBlock, listing
+    from uavseg.raster.bad_blocks import BadBlock, with_bad_blocks
 
     if saved is None:
         bad: set[BadBlock] = set()
-        found = extract(dataset, wanted, params, listing(run, bad), reporter.progress)
+        found = extract(dataset, wanted, params, with_bad_blocks(run, bad), reporter.progress)
         return replace(found, warnings=(*found.warnings, *map(str, sorted(bad))))
     return extract_from_blocks(saved, dataset, wanted, params, run, reporter.progress)
 

@@ -29,14 +29,14 @@ def command(
     Every pixel is counted up to 100 megapixels; a larger raster is looked at from afar, and it is said so.
     """
     from uavseg.execution.executors import threads as workers
-    from uavseg.raster.bad_blocks import BadBlock, listening, listing
+    from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.summary import summarize
 
     dataset = Dataset.open(rasters, band=band, rgb=rgb, nodata=nodata, skip_bad_tiles=skip_bad_tiles)
     bad: set[BadBlock] = set()
-    with listening(bad):
-        summary = summarize(dataset, stretch, listing(workers(threads), bad))
+    with recording_bad_blocks(bad):
+        summary = summarize(dataset, stretch, with_bad_blocks(workers(threads), bad))
     summary = replace(summary, warnings=(*summary.warnings, *map(str, sorted(bad))))
     if as_json:
         import json

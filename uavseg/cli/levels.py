@@ -131,12 +131,12 @@ def _found(
     reporter: Reporter,
 ) -> Extraction:
     from uavseg.jobs.levels import extract_levels, levels_from_blocks
-    from uavseg.raster.bad_blocks import BadBlock, listing
+    from uavseg.raster.bad_blocks import BadBlock, with_bad_blocks
 
     if saved is not None:
         return levels_from_blocks(saved, levels, params)
     bad: set[BadBlock] = set()
-    found = extract_levels(dataset, levels, params, listing(run, bad), reporter.progress)
+    found = extract_levels(dataset, levels, params, with_bad_blocks(run, bad), reporter.progress)
     return replace(found, warnings=(*found.warnings, *map(str, sorted(bad))))
 
 

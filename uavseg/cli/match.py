@@ -145,10 +145,10 @@ def _opened(rasters: tuple[str, ...], options: dict[str, Any]) -> Dataset:
 
 def _found(dataset: Dataset, like: Disc | str, params: MatchParams, run: Map, reporter: Reporter) -> Match:
     from uavseg.jobs.match import match
-    from uavseg.raster.bad_blocks import BadBlock, listing
+    from uavseg.raster.bad_blocks import BadBlock, with_bad_blocks
 
     bad: set[BadBlock] = set()
-    found = match(dataset, like, params, listing(run, bad), reporter.progress)
+    found = match(dataset, like, params, with_bad_blocks(run, bad), reporter.progress)
     told = (*found.found.warnings, *map(str, sorted(bad)))
     return replace(found, found=replace(found.found, warnings=told))
 

@@ -63,7 +63,7 @@ def command(
     by one. All of the image is held in memory, at most 4096 x 4096 pixels.
     """
     from uavseg.atomic import check_target
-    from uavseg.raster.bad_blocks import BadBlock, listening, listing
+    from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.formats.geotiff import write_labels
     from uavseg.raster.tiling import Window
@@ -86,8 +86,8 @@ def command(
     rows, cols = dataset.geobox.shape
     check_size((rows, cols))
     bad: set[BadBlock] = set()
-    run = listing(running.resuming(running.workers()), bad)
-    with listening(bad):
+    run = with_bad_blocks(running.resuming(running.workers()), bad)
+    with recording_bad_blocks(bad):
         image, told, name = _read(dataset, options["stretch"], running.tile, run)
     labels = original(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, params)
     write_labels(output, [(Window(0, 0, rows, cols), labels)], dataset.geobox, running.overwrite)

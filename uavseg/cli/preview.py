@@ -46,12 +46,12 @@ def command(
     --states nor --path are given).
     """
     from uavseg.plot.preview import preview
-    from uavseg.raster.bad_blocks import BadBlock, listening
+    from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks
 
     dataset, grey = _opened(rasters, stretch, options)
     out = output or f"{Path(dataset.source).stem}.preview.png"
     bad: set[BadBlock] = set()
-    with listening(bad):
+    with recording_bad_blocks(bad):
         drawn = {name: options[name] for name in _LAYERS}
         preview(dataset, out, **drawn, stretch=grey, width_px=width, overwrite=overwrite)
     if quiet:

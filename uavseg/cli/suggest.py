@@ -107,12 +107,12 @@ def _found(
     reporter: Reporter,
 ) -> Suggestions:
     from uavseg.jobs.suggest import suggest, suggest_from_blocks
-    from uavseg.raster.bad_blocks import BadBlock, listing
+    from uavseg.raster.bad_blocks import BadBlock, with_bad_blocks
 
     if saved is not None:
         return suggest_from_blocks(saved, classes, params)
     bad: set[BadBlock] = set()
-    found = suggest(dataset, classes, params, listing(run, bad), reporter.progress)
+    found = suggest(dataset, classes, params, with_bad_blocks(run, bad), reporter.progress)
     return replace(found, warnings=(*found.warnings, *map(str, sorted(bad))))
 
 

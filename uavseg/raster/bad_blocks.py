@@ -23,7 +23,7 @@ from uavseg.raster.tiling import Window
 Values = NDArray[Any]
 Valid = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-Place = tuple[slice, slice]
+Slices = tuple[slice, slice]
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -43,13 +43,13 @@ class BadBlock:
         )
 
 
-Missing = tuple[BadBlock, Place]
+MissingPart = tuple[BadBlock, Slices]
 """A block that cannot be read, and where it lies in the array that is read."""
 
 _listener: ContextVar[set[BadBlock] | None] = ContextVar("listener", default=None)
 
 
-def note(block: BadBlock) -> None:
+def record_bad_block(block: BadBlock) -> None:
     """Tell whoever listens around this call that pixels are missing for this block."""
     found = _listener.get()
     if found is not None:
@@ -57,7 +57,7 @@ def note(block: BadBlock) -> None:
 
 
 @contextmanager
-def listening(found: set[BadBlock]) -> Iterator[None]:
+def recording_bad_blocks(found: set[BadBlock]) -> Iterator[None]:
     """Collect the bad blocks that are come across here, in this thread."""
     token = _listener.set(found)
     try:
@@ -66,7 +66,7 @@ def listening(found: set[BadBlock]) -> Iterator[None]:
         _listener.reset(token)
 
 
-def listing(map: Map, found: set[BadBlock]) -> Map:
+def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
     """A map that also collects the bad blocks which its function comes across.
 
     They travel with each result, so it does not matter in which thread or process they were come across, or
@@ -99,12 +99,12 @@ class _Listening:
 
     def __call__(self, item: Any) -> tuple[Any, tuple[BadBlock, ...]]:
         found: set[BadBlock] = set()
-        with listening(found):
+        with recording_bad_blocks(found):
             result = self.function(item)
         return result, tuple(sorted(found))
 
 
-def read_or_blame(
+def read_naming_bad_block(
     file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None]:
     """`RasterFile.read`; where it fails, the error names the first block that cannot be read.
@@ -121,9 +121,9 @@ def read_or_blame(
         raise
 
 
-def read_around(
+def read_skipping_bad_blocks(
     file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
-) -> tuple[Values, Valid | None, list[Missing]]:
+) -> tuple[Values, Valid | None, list[MissingPart]]:
     """`RasterFile.read`, with the pixels of blocks that cannot be read invalid.
 
     Returns
@@ -156,7 +156,7 @@ def _read_whole_blocks(
 
 def _read_block_by_block(
     file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
-) -> tuple[Values, Valid, list[Missing]]:
+) -> tuple[Values, Valid, list[MissingPart]]:
     rows, cols = _nearest(window.row, window.rows, shape[0]), _nearest(window.col, window.cols, shape[1])
     with telling(file.path, window):
         handles.open(file.path, file.located)  # a file that is gone is no bad block

@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.raster.array_source import from_array, from_values, is_array
-from uavseg.raster.bad_blocks import Missing, note, read_around, read_or_blame
+from uavseg.raster.bad_blocks import (
+    MissingPart,
+    read_naming_bad_block,
+    read_skipping_bad_blocks,
+    record_bad_block,
+)
 from uavseg.raster.bands import BandChoice, choose
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.inspect_file import inspect
@@ -168,7 +173,7 @@ class Dataset:
             [file], shape = self.mosaic.files, (window.rows, window.cols)
             values, valid, bad = self._read_part(file, window, shape)
             for block, _ in bad:
-                note(block)
+                record_bad_block(block)
             return values, valid
         return self._fill((window.rows, window.cols), self.mosaic.parts(window))
 
@@ -224,7 +229,7 @@ class Dataset:
             pixels, valid, bad = self._read_part(file, part, missing.shape)
             for block, place in bad:
                 if missing[place].any():  # no file before it has these pixels
-                    note(block)
+                    record_bad_block(block)
             if valid is not None:
                 missing &= valid
             np.copyto(values[:, rows, cols], pixels, where=missing)
@@ -233,15 +238,15 @@ class Dataset:
 
     def _read_part(
         self, file: Source, part: Window, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None, Sequence[Missing]]:
+    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
         """Values and validity of a part of a file, and what of it cannot be read."""
         if file.is_empty(self._handles, self.choice, part):
             return np.zeros((self.choice.planes, *shape), self.dtype), np.zeros(shape, bool), ()
         if not isinstance(file, RasterFile):
             return *file.read(self._handles, self.choice, part, shape), ()
         if self.skip_bad_tiles:
-            return read_around(file, self._handles, self.choice, part, shape)
-        return *read_or_blame(file, self._handles, self.choice, part, shape), ()
+            return read_skipping_bad_blocks(file, self._handles, self.choice, part, shape)
+        return *read_naming_bad_block(file, self._handles, self.choice, part, shape), ()
 
 
 def _listed(sources: Any) -> list[Any]:
