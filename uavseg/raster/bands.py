@@ -57,7 +57,7 @@ class BandChoice:
         return f"luminance of bands {','.join(map(str, self.bands))}"
 
 
-def choose(
+def choose_bands(
     layout: BandLayout, band: int | None = None, rgb: Sequence[int] | None = None, palette: bool = False
 ) -> BandChoice:
     """The bands that become intensity.

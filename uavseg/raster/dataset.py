@@ -16,7 +16,7 @@ from uavseg.raster.bad_blocks import (
     read_skipping_bad_blocks,
     record_bad_block,
 )
-from uavseg.raster.bands import BandChoice, choose
+from uavseg.raster.bands import BandChoice, choose_bands
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.inspect_file import inspect
 from uavseg.raster.mosaic import Mosaic, Source, lay_out
@@ -89,7 +89,7 @@ class Dataset:
         files = [from_array(source) if is_array(source) else inspect(source) for source in _listed(sources)]
         mosaic = lay_out(files)
         first = files[0]
-        choice = choose(first.layout, band, rgb, first.palette is not None)
+        choice = choose_bands(first.layout, band, rgb, first.palette is not None)
         known, told = _with_nodata(mosaic.files, choice, nodata)
         if choice.expanded:
             told = (
@@ -102,7 +102,7 @@ class Dataset:
     def of_values(cls, values: Values, geobox: GeoBox, name: str) -> "Dataset":
         """A dataset of numbers in memory, (rows, cols); it looks at the array and does not copy it."""
         source = from_values(values, geobox, name)
-        return cls(lay_out([source]), choose(source.layout), ())
+        return cls(lay_out([source]), choose_bands(source.layout), ())
 
     @property
     def geobox(self) -> GeoBox:
