@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.file_state import states
+from uavseg.raster.file_state import file_states
 
 PIXELS = np.arange(12, dtype=np.uint8).reshape(3, 4)
 
 
 def names(path: object) -> list[str]:
-    return [Path(name).name for name, *_ in states(str(path))]
+    return [Path(name).name for name, *_ in file_states(str(path))]
 
 
 def test_size_and_time_of_a_file_are_its_state(tmp_path: Path, write_raster: Callable) -> None:
     path = write_raster(PIXELS, tmp_path / "a.tif")
-    assert states(str(path)) == ((str(path), path.stat().st_size, path.stat().st_mtime_ns),)
-    before = states(str(path))
+    assert file_states(str(path)) == ((str(path), path.stat().st_size, path.stat().st_mtime_ns),)
+    before = file_states(str(path))
     os.utime(path, ns=(0, path.stat().st_mtime_ns + 1))
-    assert states(str(path)) != before
+    assert file_states(str(path)) != before
 
 
 def test_a_relative_path_is_the_same_file(
@@ -31,7 +31,7 @@ def test_a_relative_path_is_the_same_file(
 ) -> None:
     path = write_raster(PIXELS, tmp_path / "a.tif")
     monkeypatch.chdir(tmp_path)
-    assert states("a.tif") == states(str(path))
+    assert file_states("a.tif") == file_states(str(path))
 
 
 def test_what_a_vrt_refers_to_belongs_to_it(tmp_path: Path, write_raster: Callable) -> None:
@@ -47,10 +47,10 @@ def test_within_an_archive_it_is_the_archive(tmp_path: Path, write_raster: Calla
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.write(path, "deep/a.tif")
     packed = tmp_path / "a.zip"
-    inside = states(f"/vsizip/{packed}/deep/a.tif")
+    inside = file_states(f"/vsizip/{packed}/deep/a.tif")
     assert set(inside) == {(str(packed), packed.stat().st_size, packed.stat().st_mtime_ns)}
 
 
 def test_a_raster_that_is_gone_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(RasterReadError, match=r"gone\.tif cannot be opened"):
-        states(str(tmp_path / "gone.tif"))
+        file_states(str(tmp_path / "gone.tif"))

@@ -5,10 +5,10 @@ from pathlib import Path
 from uavseg.errors import RasterReadError
 from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
 
-State = tuple[str, int, int]
+FileState = tuple[str, int, int]
 
 
-def states(path: str) -> tuple[State, ...]:
+def file_states(path: str) -> tuple[FileState, ...]:
     """Path, size in bytes and time of change in ns of every file that a raster is made of.
 
     That is the file itself, what lies beside it (masks, overviews) and what it refers to (a VRT). Of a file
@@ -28,7 +28,7 @@ def states(path: str) -> tuple[State, ...]:
     return tuple(_state(name) for name in names)
 
 
-def _state(name: str) -> State:
+def _state(name: str) -> FileState:
     for path in _on_disk(name):
         try:
             found = path.stat()

@@ -13,7 +13,7 @@ from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import BandChoice, BandLayout
-from uavseg.raster.file_state import State, states
+from uavseg.raster.file_state import FileState, file_states
 from uavseg.raster.opening import Handles, in_full, ranges, telling
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import valid_pixels
@@ -82,9 +82,9 @@ class RasterFile:
         """
         return self.driver == "GTiff" and not self.masks
 
-    def fingerprint(self) -> tuple[tuple[State, ...], tuple[float | None, ...]]:
+    def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
         """What its pixels depend on: the state of each file that it is made of, and what counts as nodata."""
-        return states(self.path), self.nodatas
+        return file_states(self.path), self.nodatas
 
     def blocks_in(self, window: Window) -> Iterator[Window]:
         """The blocks of the file that a window touches, row by row, each as far as the raster goes."""
