@@ -19,7 +19,7 @@ from uavseg.raster.bad_blocks import (
 from uavseg.raster.bands import BandChoice, choose_bands
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.inspect_file import inspect
-from uavseg.raster.mosaic import Mosaic, Source, lay_out
+from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import Handles
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
@@ -27,7 +27,7 @@ from uavseg.raster.validity import usable_nodata
 
 Values = NDArray[Any]
 Valid = NDArray[np.bool_]
-Part = tuple[Source, Window, tuple[slice, slice]]
+Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class Dataset:
             If a band is not there.
         """
         files = [from_array(source) if is_array(source) else inspect(source) for source in _listed(sources)]
-        mosaic = lay_out(files)
+        mosaic = align_rasters(files)
         first = files[0]
         choice = choose_bands(first.layout, band, rgb, first.palette is not None)
         known, told = _with_nodata(mosaic.files, choice, nodata)
@@ -102,7 +102,7 @@ class Dataset:
     def of_values(cls, values: Values, geobox: GeoBox, name: str) -> "Dataset":
         """A dataset of numbers in memory, (rows, cols); it looks at the array and does not copy it."""
         source = from_values(values, geobox, name)
-        return cls(lay_out([source]), choose_bands(source.layout), ())
+        return cls(align_rasters([source]), choose_bands(source.layout), ())
 
     @property
     def geobox(self) -> GeoBox:
@@ -237,7 +237,7 @@ class Dataset:
         return values, None if filled.all() else filled
 
     def _read_part(
-        self, file: Source, part: Window, shape: tuple[int, int]
+        self, file: RasterSource, part: Window, shape: tuple[int, int]
     ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
         """Values and validity of a part of a file, and what of it cannot be read."""
         if file.is_empty(self._handles, self.choice, part):
@@ -259,10 +259,10 @@ def _listed(sources: Any) -> list[Any]:
 
 
 def _with_nodata(
-    files: Sequence[Source], choice: BandChoice, nodata: float | None
-) -> tuple[tuple[Source, ...], tuple[str, ...]]:
+    files: Sequence[RasterSource], choice: BandChoice, nodata: float | None
+) -> tuple[tuple[RasterSource, ...], tuple[str, ...]]:
     """The files with the nodata values that count, and everything there is to tell."""
-    known: list[Source] = []
+    known: list[RasterSource] = []
     told: list[str] = []
     for file in files:
         told += file.warnings

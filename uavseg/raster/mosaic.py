@@ -16,7 +16,7 @@ from uavseg.raster.tiling import Window
 GRID_TOLERANCE = 1e-3  # pixels: how far corners may lie off the common grid
 
 Boxes = NDArray[np.int64]
-Source = RasterFile | ArraySource
+RasterSource = RasterFile | ArraySource
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +33,11 @@ class Mosaic:
         The smallest grid that holds all of them.
     """
 
-    files: tuple[Source, ...]
+    files: tuple[RasterSource, ...]
     boxes: Boxes
     geobox: GeoBox
 
-    def parts(self, window: Window) -> Iterator[tuple[Source, Window, tuple[slice, slice]]]:
+    def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
         """The files that lie under `window`, first file first.
 
         Yields
@@ -56,7 +56,9 @@ class Mosaic:
             place = Window(row - window.row, col - window.col, rows, cols).slices
             yield self.files[index], Window(row - file_row, col - file_col, rows, cols), place
 
-    def coarse_parts(self, shape: tuple[int, int]) -> Iterator[tuple[Source, Window, tuple[slice, slice]]]:
+    def coarse_parts(
+        self, shape: tuple[int, int]
+    ) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
         """Every file whole, and where it belongs in a picture of the mosaic reduced to `shape`.
 
         A file that is smaller than a pixel of that picture may be left out.
@@ -68,7 +70,7 @@ class Mosaic:
                 yield file, Window(0, 0, *file.shape), (slice(row, end_row), slice(col, end_col))
 
 
-def lay_out(files: Sequence[Source]) -> Mosaic:
+def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
     """The grid that holds all files, and where on it each of them lies.
 
     Raises
@@ -90,7 +92,7 @@ def lay_out(files: Sequence[Source]) -> Mosaic:
     return Mosaic(tuple(files), boxes, GeoBox((rows, cols), transform, first.crs))
 
 
-def _origin(files: Sequence[Source], boxes: Boxes) -> Affine:
+def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
     """The transform of the whole grid.
 
     Its numbers are those of files that lie at its edges where there are such, so that neither the order of
@@ -106,7 +108,7 @@ def _origin(files: Sequence[Source], boxes: Boxes) -> Affine:
     return shifted(files[first].transform, -row, -col)
 
 
-def _corner(file: Source, first: Source) -> tuple[int, int]:
+def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
     """Row and column, on the grid of `first`, of the first pixel of `file`."""
     _check_traits(file, first)
     rows, cols = file.shape
@@ -136,7 +138,7 @@ def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
     return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
 
 
-def _check_traits(file: Source, first: Source) -> None:
+def _check_traits(file: RasterSource, first: RasterSource) -> None:
     for what, ours, theirs in (
         ("CRS", _crs_name(file), _crs_name(first)),
         ("place on the map", file.located, first.located),
@@ -152,13 +154,13 @@ def _check_traits(file: Source, first: Source) -> None:
             )
 
 
-def _roles(file: Source, other: Source) -> str:
+def _roles(file: RasterSource, other: RasterSource) -> str:
     """What the bands are, unless one of the two is an array, which cannot tell."""
     both_tell = isinstance(file, RasterFile) and isinstance(other, RasterFile)
     return ",".join(file.layout.roles) if both_tell else ""
 
 
-def _crs_name(file: Source) -> str:
+def _crs_name(file: RasterSource) -> str:
     return "none" if file.crs is None else str(file.crs.to_string())
 
 

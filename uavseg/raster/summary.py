@@ -16,7 +16,7 @@ from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.mosaic import Source
+from uavseg.raster.mosaic import RasterSource
 from uavseg.raster.overview import Coarse
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tile_side, tiles
@@ -223,7 +223,7 @@ def _center(box: GeoBox) -> tuple[float, float] | None:
     return (float(lon), float(lat)) if np.isfinite(lon) and np.isfinite(lat) else None
 
 
-def _bands(file: Source) -> tuple[tuple[str, str, float | None], ...]:
+def _bands(file: RasterSource) -> tuple[tuple[str, str, float | None], ...]:
     return tuple(zip(file.layout.dtypes, file.layout.roles, file.nodatas, strict=True))
 
 
