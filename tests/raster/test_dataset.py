@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from uavseg.errors import ParameterError, RasterError, RasterReadError, UavsegError
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.png import write_png
-from uavseg.raster.opening import MAX_OPEN, in_full
+from uavseg.raster.opening import MAX_OPEN, absolute_path
 from uavseg.raster.tiling import Window, tiles
 
 RAMP = np.arange(150 * 170, dtype=np.uint16).reshape(150, 170)
@@ -366,14 +366,14 @@ def test_a_pickled_dataset_is_read_from_another_folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("path", ["https://a.org/b.tif", "/vsis3/bucket/b.tif", "s3://b/c.tif", "gone.tif"])
 def test_what_is_no_file_here_keeps_its_name(path):
-    assert in_full(path) == path
+    assert absolute_path(path) == path
 
 
 def test_archives_are_named_in_full(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert in_full("/vsizip/a.zip/b.tif") == f"/vsizip/{tmp_path}/a.zip/b.tif"
-    assert in_full("/vsizip//a.zip/b.tif") == "/vsizip//a.zip/b.tif"
-    assert in_full("/vsizip/vsicurl/http://a.org/a.zip/b.tif").startswith("/vsizip/vsicurl/")
+    assert absolute_path("/vsizip/a.zip/b.tif") == f"/vsizip/{tmp_path}/a.zip/b.tif"
+    assert absolute_path("/vsizip//a.zip/b.tif") == "/vsizip//a.zip/b.tif"
+    assert absolute_path("/vsizip/vsicurl/http://a.org/a.zip/b.tif").startswith("/vsizip/vsicurl/")
 
 
 def test_a_truncated_png_is_refused_rather_than_read_as_black(tmp_path):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.raster.bands import BandChoice
-from uavseg.raster.opening import Handles, telling
+from uavseg.raster.opening import OpenFiles, gdal_read_errors
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window
 
@@ -105,7 +105,7 @@ class _Listening:
 
 
 def read_naming_bad_block(
-    file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None]:
     """`RasterFile.read`; where it fails, the error names the first block that cannot be read.
 
@@ -122,7 +122,7 @@ def read_naming_bad_block(
 
 
 def read_skipping_bad_blocks(
-    file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None, list[MissingPart]]:
     """`RasterFile.read`, with the pixels of blocks that cannot be read invalid.
 
@@ -142,7 +142,7 @@ def read_skipping_bad_blocks(
 
 
 def _read_whole_blocks(
-    file: RasterFile, handles: Handles, choice: BandChoice, window: Window
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window
 ) -> tuple[Values, Valid | None]:
     """A window, if all of each block that it touches can be read."""
     tall, wide = file.block
@@ -155,10 +155,10 @@ def _read_whole_blocks(
 
 
 def _read_block_by_block(
-    file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid, list[MissingPart]]:
     rows, cols = _nearest(window.row, window.rows, shape[0]), _nearest(window.col, window.cols, shape[1])
-    with telling(file.path, window):
+    with gdal_read_errors(file.path, window):
         handles.open(file.path, file.located)  # a file that is gone is no bad block
     values = np.zeros((choice.planes, *shape), choice.dtype)
     valid = np.zeros(shape, bool)

@@ -20,7 +20,7 @@ from uavseg.raster.bands import BandChoice, choose_bands
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.inspect_file import inspect
 from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
-from uavseg.raster.opening import Handles
+from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
 from uavseg.raster.validity import usable_nodata
@@ -47,7 +47,7 @@ class Dataset:
     choice: BandChoice
     warnings: tuple[str, ...]
     skip_bad_tiles: bool = False
-    _handles: Handles = field(default_factory=Handles, repr=False)
+    _handles: OpenFiles = field(default_factory=OpenFiles, repr=False)
 
     @classmethod
     def open(

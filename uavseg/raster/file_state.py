@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 
 FileState = tuple[str, int, int]
 
@@ -21,10 +21,10 @@ def file_states(path: str) -> tuple[FileState, ...]:
         If the raster cannot be opened any more.
     """
     try:
-        with gdal(), quiet_open(path) as source:
+        with gdal_env(), quiet_open(path) as source:
             names = sorted({path, *source.files})
     except GDAL_ERRORS as error:
-        raise RasterReadError(f"{path} cannot be opened as a raster ({first_cause(error)})") from error
+        raise RasterReadError(f"{path} cannot be opened as a raster ({root_cause(error)})") from error
     return tuple(_state(name) for name in names)
 
 

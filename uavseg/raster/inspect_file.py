@@ -14,7 +14,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.raster.bands import BandLayout
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open, why_not_opened
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, quiet_open, root_cause
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
@@ -34,10 +34,10 @@ def inspect(path: str | os.PathLike[str]) -> RasterFile:
     """
     name = os.fspath(path)
     try:
-        with gdal(), quiet_open(name) as source:
+        with gdal_env(), quiet_open(name) as source:
             return _facts(name, source)
     except GDAL_ERRORS as error:
-        raise RasterReadError(why_not_opened(name, error)) from error
+        raise RasterReadError(open_error_text(name, error)) from error
 
 
 def _facts(path: str, source: DatasetReader) -> RasterFile:
@@ -101,7 +101,7 @@ def _check_proj() -> None:
     except GDAL_ERRORS as error:
         raise RasterError(
             "coordinate reference systems cannot be understood: PROJ finds no database, or that of another "
-            f"installation ({first_cause(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
+            f"installation ({root_cause(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
         ) from error
 
 

@@ -21,18 +21,20 @@ from uavseg.raster.tiling import Window
 
 MAX_OPEN = 64  # files that a thread keeps open
 CACHE_BYTES = 32 << 20  # decoded blocks that GDAL keeps; its own default is a twentieth of the memory
-STRICT = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO"}  # the shortcut reads what a truncated file lacks as 0, untold
+GDAL_OPTIONS = {
+    "GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO"
+}  # the shortcut reads what a truncated file lacks as 0, untold
 GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError)  # they have no parent of their own
 
 
-class Handles:
+class OpenFiles:
     """The files that are open, for each thread its own; pickled, it arrives empty."""
 
     def __init__(self) -> None:
         self._local = threading.local()
 
-    def __reduce__(self) -> tuple[type["Handles"], tuple[()]]:
-        return Handles, ()
+    def __reduce__(self) -> tuple[type["OpenFiles"], tuple[()]]:
+        return OpenFiles, ()
 
     def open(self, path: str, located: bool) -> DatasetReader:
         """The open file, opened now if it is not; the one unused for longest is closed beyond 64."""
@@ -41,7 +43,7 @@ class Handles:
             try:
                 files[path] = rasterio.open(path) if located else quiet_open(path)
             except GDAL_ERRORS as error:
-                raise RasterReadError(why_not_opened(path, error)) from error
+                raise RasterReadError(open_error_text(path, error)) from error
             if len(files) > MAX_OPEN:
                 files.popitem(last=False)[1].close()
         files.move_to_end(path)
@@ -49,9 +51,9 @@ class Handles:
 
 
 @contextmanager
-def gdal() -> Iterator[None]:
+def gdal_env() -> Iterator[None]:
     """GDAL with its messages caught, and with a small cache of blocks unless GDAL_CACHEMAX says otherwise."""
-    with rasterio.Env(**STRICT), _small_cache:
+    with rasterio.Env(**GDAL_OPTIONS), _small_cache:
         yield
 
 
@@ -90,27 +92,27 @@ def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any
 
 
 @contextmanager
-def telling(path: str, window: Window) -> Iterator[None]:
+def gdal_read_errors(path: str, window: Window) -> Iterator[None]:
     """GDAL's messages caught, its errors told in one sentence."""
     try:
-        with gdal():
+        with gdal_env():
             yield
     except GDAL_ERRORS as error:
-        rows, cols = ranges(window)
+        rows, cols = rasterio_window(window)
         raise RasterReadError(
             f"{path} cannot be read in rows {rows[0]} to {rows[1]}, columns {cols[0]} to {cols[1]} "
-            f"({first_cause(error)}); the file is damaged or incomplete: mend it, or give --skip-bad-tiles "
+            f"({root_cause(error)}); the file is damaged or incomplete: mend it, or give --skip-bad-tiles "
             "(skip_bad_tiles=True) to count what cannot be read as nodata"
         ) from error
 
 
-def why_not_opened(path: str, error: BaseException) -> str:
+def open_error_text(path: str, error: BaseException) -> str:
     """Why a raster cannot be opened, in one sentence."""
     if Path(path).is_dir():
         return f"{path} is a folder; name the rasters in it"
     if not (is_remote(path) or ":" in path[2:] or Path(path).exists()):
         return f"there is no file {path}"
-    return f"{path} cannot be opened as a raster ({first_cause(error)})"
+    return f"{path} cannot be opened as a raster ({root_cause(error)})"
 
 
 def is_remote(path: str) -> bool:
@@ -118,7 +120,7 @@ def is_remote(path: str) -> bool:
     return "://" in path or path.startswith("/vsi")
 
 
-def in_full(path: str) -> str:
+def absolute_path(path: str) -> str:
     """A path as it means the same in another process: a relative one of a file that is here becomes absolute.
 
     Examples
@@ -132,13 +134,13 @@ def in_full(path: str) -> str:
     return str(Path(path).absolute()) if Path(path).exists() else path
 
 
-def first_cause(error: BaseException) -> str:
+def root_cause(error: BaseException) -> str:
     """What GDAL said first, in one line."""
     while error.__cause__ is not None:
         error = error.__cause__
     return str(error).strip().rstrip(".").replace("\n", " ")
 
 
-def ranges(window: Window) -> tuple[tuple[int, int], tuple[int, int]]:
+def rasterio_window(window: Window) -> tuple[tuple[int, int], tuple[int, int]]:
     """The window as rasterio takes it: first and past-the-end row, and the same of columns."""
     return (window.row, window.row + window.rows), (window.col, window.col + window.cols)

@@ -14,7 +14,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import BandChoice, BandLayout
 from uavseg.raster.file_state import FileState, file_states
-from uavseg.raster.opening import Handles, in_full, ranges, telling
+from uavseg.raster.opening import OpenFiles, absolute_path, gdal_read_errors, rasterio_window
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import valid_pixels
 
@@ -67,7 +67,7 @@ class RasterFile:
     def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
         values = (getattr(self, part.name) for part in fields(self))
         path, *others = values
-        return RasterFile, (in_full(path), *others)  # who gets it may work in another folder
+        return RasterFile, (absolute_path(path), *others)  # who gets it may work in another folder
 
     @property
     def name(self) -> str:
@@ -94,7 +94,7 @@ class RasterFile:
 
     def read(
         self,
-        handles: Handles,
+        handles: OpenFiles,
         choice: BandChoice,
         window: Window,
         shape: tuple[int, int] | None = None,
@@ -108,22 +108,22 @@ class RasterFile:
         RasterReadError
             If the file cannot be read there.
         """
-        with telling(self.path, window):
+        with gdal_read_errors(self.path, window):
             source = handles.open(self.path, self.located)
-            how = {"window": ranges(window), "out_shape": shape or (window.rows, window.cols)}
+            how = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
             values, alpha = self._pixels(source, choice, how)
             mask = self._mask(source, choice, how)
         valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, mask)
         return self._meaning(values, valid, choice)
 
-    def is_empty(self, handles: Handles, choice: BandChoice, window: Window) -> bool:
+    def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:
         """Whether nothing was ever stored under `window` (a sparse file), so that every pixel is invalid.
 
         False where that cannot be told without decoding.
         """
         if self.driver != "GTiff":
             return False
-        with telling(self.path, window):
+        with gdal_read_errors(self.path, window):
             source = handles.open(self.path, self.located)
             filled = [source.nodatavals[band - 1] for band in choice.bands]  # what missing blocks read as
             if None in filled or filled != [self.nodatas[band - 1] for band in choice.bands]:

@@ -15,7 +15,7 @@ from rasterio.windows import Window as FileWindow
 from uavseg.atomic import whole_file
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 from uavseg.raster.tiling import Window
 
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
@@ -178,7 +178,7 @@ def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list
         If there is no such raster.
     """
     try:
-        with gdal(), quiet_open(_of_page(path, page), num_threads="all_cpus") as file:
+        with gdal_env(), quiet_open(_of_page(path, page), num_threads="all_cpus") as file:
             geobox = GeoBox(file.shape, file.transform, file.crs)
             return file.read(), geobox, [text or "" for text in file.descriptions], file.tags()
     except GDAL_ERRORS as error:
@@ -224,7 +224,7 @@ def _check_whole(path: Path, page: int = 1) -> None:
 def _writing(path: Path_) -> Iterator[None]:
     """Errors of writing, in one sentence."""
     try:
-        with gdal():
+        with gdal_env():
             yield
     except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({first_cause(error)})") from error
+        raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error

@@ -8,7 +8,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.atomic import whole_file
 from uavseg.errors import OutputError, RasterReadError
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 
 Bytes = NDArray[np.uint8]
 Opaque = NDArray[np.bool_]
@@ -34,13 +34,13 @@ def read_grey(path: Path_) -> tuple[Bytes, Opaque | None]:
         If it is no picture, or damaged.
     """
     try:
-        with gdal(), quiet_open(path) as file:
+        with gdal_env(), quiet_open(path) as file:
             if any(name not in ("uint8", "uint16") for name in file.dtypes):
                 raise RasterReadError(f"{os.fspath(path)} holds {file.dtypes[0]}; a picture has 8 or 16 bits")
             return _grey(file)
     except GDAL_ERRORS as error:
         raise RasterReadError(
-            f"{os.fspath(path)} cannot be read as a picture ({first_cause(error)}); it is of another "
+            f"{os.fspath(path)} cannot be read as a picture ({root_cause(error)}); it is of another "
             "kind, damaged or incomplete"
         ) from error
 
@@ -66,10 +66,10 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque 
     bands = [grey] if opaque is None else [grey, opaque * np.uint8(255)]
     how = {"driver": "PNG", "height": rows, "width": cols, "count": len(bands), "dtype": "uint8"}
     try:
-        with whole_file(path, overwrite) as target, gdal(), quiet_open(target, "w", **how) as file:
+        with whole_file(path, overwrite) as target, gdal_env(), quiet_open(target, "w", **how) as file:
             file.write(np.stack(bands))
     except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({first_cause(error)})") from error
+        raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error
 
 
 def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:

@@ -13,7 +13,7 @@ from uavseg.errors import RasterError, RasterReadError
 from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.opening import GDAL_ERRORS, gdal, is_remote, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, is_remote, quiet_open
 from uavseg.segmentation.blocks.block_map import BlockMap, leaves
 from uavseg.units import CELL, CELLS
 
@@ -66,7 +66,7 @@ class SavedBlocks:
 def is_block_map(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a block map rather than a raster of its own."""
     try:
-        with gdal(), quiet_open(path) as file:
+        with gdal_env(), quiet_open(path) as file:
             return _TAG in file.tags()
     except GDAL_ERRORS:
         return False  # whatever is wrong with it is told when it is opened as a raster
