@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavseg.raster.tiling import Window
 
 
-def inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.bool_]:
+def pixels_inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.bool_]:
     """The pixels of a window whose centres lie inside polygons.
 
     Parameters

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError, SampleError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
-from uavseg.raster.polygon_mask import inside
+from uavseg.raster.polygon_mask import pixels_inside
 from uavseg.raster.tiling import Window
 from uavseg.units import CELL
 
@@ -124,7 +124,7 @@ def place_of(like: Disc | str, geobox: GeoBox) -> Place:
             f"{name} spans {window.rows:,} x {window.cols:,} pixels; at most {MOST_PIXELS:,} are looked at: "
             "give a smaller one"
         )
-    return Place(window, np.packbits(inside(on_grid, window), axis=1))
+    return Place(window, np.packbits(pixels_inside(on_grid, window), axis=1))
 
 
 def _disc(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
