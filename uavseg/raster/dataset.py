@@ -18,7 +18,7 @@ from uavseg.raster.bad_blocks import (
 )
 from uavseg.raster.bands import BandChoice, choose_bands
 from uavseg.raster.geobox import GeoBox, scaled
-from uavseg.raster.inspect_file import inspect
+from uavseg.raster.inspect_file import inspect_file
 from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
@@ -86,7 +86,9 @@ class Dataset:
         ParameterError
             If a band is not there.
         """
-        files = [from_array(source) if is_array(source) else inspect(source) for source in _listed(sources)]
+        files = [
+            from_array(source) if is_array(source) else inspect_file(source) for source in _listed(sources)
+        ]
         mosaic = align_rasters(files)
         first = files[0]
         choice = choose_bands(first.layout, band, rgb, first.palette is not None)

@@ -22,7 +22,7 @@ Answer = TypeVar("Answer")
 _BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 
 
-def inspect(path: str | os.PathLike[str]) -> RasterFile:
+def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
     """Open a raster and note what it says about itself.
 
     Raises
