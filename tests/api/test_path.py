@@ -18,7 +18,7 @@ from uavseg.occupancy.paths.free_cells import FreeCells
 from uavseg.occupancy.probability_map import open_map
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
@@ -26,7 +26,7 @@ from uavseg.segmentation.params import SegmentParams
 CELL = 0.25
 RANGE = (0, 0.45)
 ENDS = {"start": (2.1, 2.1), "goal": (29.9, 2.1)}
-BOX = upright((128, 128), CELL, (0.0, 0.0))
+BOX = local_geobox((128, 128), CELL, (0.0, 0.0))
 
 
 def beliefs() -> np.ndarray:

@@ -23,7 +23,7 @@ from uavseg.execution import cluster
 from uavseg.jobs.extract import ExtractParams, extract
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 from uavseg.segmentation.intervals import IntensityRange
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -101,7 +101,7 @@ def test_extract_and_divide_give_the_same_bytes(processes: Any, tmp_path: Path, 
 def test_levels_and_states_are_the_same_bytes(processes: Any, tmp_path: Path) -> None:
     raster = write(tmp_path / "tile.tif", scene())
     states = np.searchsorted([20000, 30000], scene((300, 280))) + 1
-    write_ros_map(tmp_path / "ros.yaml", states, upright(states.shape, 0.05, (0, 0)))
+    write_ros_map(tmp_path / "ros.yaml", states, local_geobox(states.shape, 0.05, (0, 0)))
     found = []
     for name, how in (("here", ("--threads", 2)), ("there", ("--scheduler", processes.address))):
         (tmp_path / name).mkdir()

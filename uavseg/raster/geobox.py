@@ -99,7 +99,7 @@ def scaled(transform: Affine, rows: float, cols: float) -> Affine:
     return Affine(a * cols, b * rows, c, d * cols, e * rows, f)
 
 
-def upright(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
+def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
     """Square cells with y up, in local metres, the lower left corner at `origin`."""
     transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)
     return GeoBox(shape, transform, None)
