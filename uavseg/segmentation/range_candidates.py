@@ -8,7 +8,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.intensity.otsu import Classes, are_parted, multi_otsu, number_of_classes
+from uavseg.raster.intensity.otsu import Classes, are_separated, multi_otsu, select_classes
 from uavseg.units import GREY_MAX
 
 MOST_CLASSES = 8  # that may be asked for
@@ -54,12 +54,12 @@ def cuts_of(histogram: NDArray[np.int64], wanted: int | None = None) -> Cuts:
     held = histogram[first : last + 1]
     bins = np.add.reduceat(held, np.arange(0, held.size, width))
     found = multi_otsu(bins, wanted or MOST_FOUND)
-    classes = number_of_classes(bins, found) if wanted is None else found[-1]
+    classes = select_classes(bins, found) if wanted is None else found[-1]
     pairs = zip(classes.ends, classes.starts, strict=True)
     gaps = [
         (int(first) + low, int(first) + high) for low, high in (_gap(held, width, *pair) for pair in pairs)
     ]
-    return Cuts(_edges(histogram, gaps, width), classes, are_parted(bins, classes))
+    return Cuts(_edges(histogram, gaps, width), classes, are_separated(bins, classes))
 
 
 def _gap(held: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:

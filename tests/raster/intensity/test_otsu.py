@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.raster.intensity.otsu import Classes, are_parted, multi_otsu, number_of_classes
+from uavseg.raster.intensity.otsu import Classes, are_separated, multi_otsu, select_classes
 
 counts = st.lists(st.integers(0, 9), min_size=1, max_size=9).filter(any)
 
@@ -111,20 +111,20 @@ def humps(*places: tuple[float, float, float]) -> np.ndarray:
     ],
 )
 def test_as_many_classes_as_there_are_humps(histogram: np.ndarray, count: int) -> None:
-    found = number_of_classes(histogram, multi_otsu(histogram, 6))
-    assert found.count == count and are_parted(histogram, found)
+    found = select_classes(histogram, multi_otsu(histogram, 6))
+    assert found.count == count and are_separated(histogram, found)
 
 
 @pytest.mark.parametrize(
     "histogram", [np.ones(240), humps((128, 20, 1)), humps((110, 20, 0.5), (150, 20, 0.5))]
 )
 def test_what_has_no_valley_is_two_classes_that_are_not_parted(histogram: np.ndarray) -> None:
-    found = number_of_classes(histogram, multi_otsu(histogram, 6))
-    assert found.count == 2 and not are_parted(histogram, found)
+    found = select_classes(histogram, multi_otsu(histogram, 6))
+    assert found.count == 2 and not are_separated(histogram, found)
 
 
 def test_one_bin_is_one_class() -> None:
-    assert number_of_classes([0, 7, 0], multi_otsu([0, 7, 0], 6)).count == 1
+    assert select_classes([0, 7, 0], multi_otsu([0, 7, 0], 6)).count == 1
 
 
 @settings(deadline=None)
@@ -138,4 +138,4 @@ def test_classes_are_parted_whatever_is_around_them_and_however_much_there_is(
         moved = Classes(
             tuple(end + before for end in one.ends), tuple(start + before for start in one.starts), 0.0
         )
-        assert are_parted(histogram, one) == are_parted(more, moved)
+        assert are_separated(histogram, one) == are_separated(more, moved)

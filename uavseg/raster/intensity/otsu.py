@@ -80,7 +80,7 @@ def multi_otsu(counts: ArrayLike, most: int) -> list[Classes]:
     return found
 
 
-def number_of_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
+def select_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
     """As many classes as a histogram has by itself: the most of which all are parted, else two.
 
     Parameters
@@ -89,11 +89,11 @@ def number_of_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
     found : sequence of Classes
         What `multi_otsu` gives for it; one at least.
     """
-    own = [classes for classes in found[1:] if are_parted(counts, classes)]
+    own = [classes for classes in found[1:] if are_separated(counts, classes)]
     return own[-1] if own else found[min(1, len(found) - 1)]
 
 
-def are_parted(counts: ArrayLike, classes: Classes) -> bool:
+def are_separated(counts: ArrayLike, classes: Classes) -> bool:
     """Whether a valley lies between every two neighbouring classes.
 
     The histogram is smoothed by a Gaussian with a deviation of a 32nd of its reach. Between the highest bins
