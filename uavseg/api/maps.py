@@ -18,7 +18,7 @@ from uavseg.occupancy.paths.free_cells import FreeCells
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit, parse_stretch
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation.intervals import IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams
@@ -88,7 +88,7 @@ def classify(
     limits = StateLimits(free_below, occupied_above)
     dataset, wanted = _map_of(source, band, nodata, stretch)
     with working(threads, resume) as run:
-        grey = GreySource(dataset, fit(dataset, wanted, TilePass.over(dataset, tile, run)))
+        grey = GreySource(dataset, fit_stretch(dataset, wanted, TilePass.over(dataset, tile, run)))
         return _classify(grey, limits, params, True, run, progress)
 
 

@@ -11,7 +11,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.result import About, Drawing, Extraction, measured
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
 from uavseg.regions.outline.stitch import Outlined
@@ -98,7 +98,7 @@ def extract(
         If the raster cannot be read or a parameter does not fit it.
     """
     first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
-    source = GreySource(dataset, fit(dataset, params.stretch, first))
+    source = GreySource(dataset, fit_stretch(dataset, params.stretch, first))
     how = params.segment
     blocks = block_map_for(source, interval, how, second)
     inside = cells_to_refine(blocks, interval, how)
@@ -153,7 +153,7 @@ def divide(
 ) -> tuple[BlockMap, Stretch]:
     """The whole block map of a raster, and the stretch that made its grey."""
     first, second = TilePass.over(dataset, tile, map, progress).stages(2)
-    source = GreySource(dataset, fit(dataset, stretch, first))
+    source = GreySource(dataset, fit_stretch(dataset, stretch, first))
     return block_map(source, second), source.stretch
 
 

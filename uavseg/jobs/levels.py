@@ -9,7 +9,7 @@ from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.extract import ExtractParams
 from uavseg.jobs.result import About, Extraction, measured
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.intensity.stretch import fit
+from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import without_small_regions
@@ -62,7 +62,7 @@ def extract_levels(
     """
     _check(params)
     first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
-    source = GreySource(dataset, fit(dataset, params.stretch, first))
+    source = GreySource(dataset, fit_stretch(dataset, params.stretch, first))
     how = params.segment
     blocks = block_map_for(source, levels, how, second)
     kinds = levels_of(blocks, levels, how.threshold, how.step)

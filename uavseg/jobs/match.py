@@ -19,7 +19,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.result import About, Drawing, Extraction, measured
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
 from uavseg.regions.outline.stitch import Outlined
@@ -147,7 +147,7 @@ def match(
     """
     place = place_of(like, dataset.geobox)
     passes = TilePass.over(dataset, params.tile, map, progress).stages(5)
-    source = GreySource(dataset, fit(dataset, params.stretch, passes[0]))
+    source = GreySource(dataset, fit_stretch(dataset, params.stretch, passes[0]))
     known = measure(source, passes[1])
     sample = sample_of(source, known.cuts, place, params.side, map)
     criterion = Criterion.of(sample, known.cuts, params.side, params.similarity, params.intensity)

@@ -15,7 +15,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.raster.intensity.otsu import multi_otsu
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.mosaic import RasterSource
 from uavseg.raster.overview import Coarse
 from uavseg.raster.tile_pass import TilePass
@@ -175,7 +175,7 @@ def _count(
     """The stretch, and how often each grey occurs under it."""
     shape = dataset.geobox.shape
     windows = tiles(shape, tile_side(shape, dataset.file_block))
-    fitted = fit(dataset, stretch, TilePass(windows, map))
+    fitted = fit_stretch(dataset, stretch, TilePass(windows, map))
     counts = map(partial(_greys_of_tile, dataset, fitted), windows, progress)
     return fitted, reduce(np.add, counts, np.zeros(GREY_LEVELS, np.int64))
 

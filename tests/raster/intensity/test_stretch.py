@@ -11,7 +11,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.histogram import rank_of
-from uavseg.raster.intensity.stretch import Stretch, fit, parse_stretch
+from uavseg.raster.intensity.stretch import Stretch, fit_stretch, parse_stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import tiles
 
@@ -19,7 +19,7 @@ PERCENTS = [0, 0.5, 2, 25, 50, 98, 99.9, 100]
 
 
 def fitted(dataset, spec, side=64, map=serial):
-    return fit(dataset, spec, TilePass(tiles(dataset.geobox.shape, side), map))
+    return fit_stretch(dataset, spec, TilePass(tiles(dataset.geobox.shape, side), map))
 
 
 def nearest_rank(numbers, percent):
@@ -113,7 +113,7 @@ def test_no_pixel_is_read_where_none_need_be(write_raster):
     def nobody(*_):
         raise AssertionError("pixels were read")
 
-    assert fit(dataset, "auto", TilePass([], nobody)).high == 255
+    assert fit_stretch(dataset, "auto", TilePass([], nobody)).high == 255
 
 
 def test_floats_have_no_maximum(write_raster):

@@ -122,7 +122,7 @@ def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
     return low, high
 
 
-def fit(
+def fit_stretch(
     dataset: Dataset,
     spec: Stretch | StretchSpec | str,
     tile_pass: TilePass,
