@@ -12,7 +12,7 @@ from uavseg.raster.tiling import Window
 
 
 @dataclass(frozen=True, eq=False)
-class Coarse(Dataset):
+class DatasetOverview(Dataset):
     """What a dataset looks like with fewer pixels; whatever asks a dataset may ask it.
 
     Parameters
@@ -27,7 +27,7 @@ class Coarse(Dataset):
     grid: GeoBox = field(kw_only=True)
 
     @classmethod
-    def of(cls, dataset: Dataset, max_side: int) -> "Coarse":
+    def of(cls, dataset: Dataset, max_side: int) -> "DatasetOverview":
         """A dataset in at most `max_side` rows and columns; it is never read whole."""
         values, valid, grid = dataset.read_coarse(max_side)
         kept = (dataset.mosaic, dataset.choice, dataset.warnings)

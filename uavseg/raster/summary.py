@@ -17,7 +17,7 @@ from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.mosaic import RasterSource
-from uavseg.raster.overview import Coarse
+from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tile_side, tiles
 from uavseg.units import GREY_LEVELS
@@ -137,7 +137,7 @@ def summarize(
     """
     box, first = dataset.geobox, dataset.mosaic.files[0]
     exact = math.prod(box.shape) <= EXACT_PIXELS
-    seen = dataset if exact else Coarse.of(dataset, COARSE_SIDE)
+    seen = dataset if exact else DatasetOverview.of(dataset, COARSE_SIDE)
     fitted, greys = _count(seen, stretch, map, progress)
     mean, std = _moments(greys)
     return Summary(
