@@ -65,7 +65,7 @@ def command(
     from uavseg.atomic import check_target
     from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
     from uavseg.raster.dataset import Dataset
-    from uavseg.raster.formats.geotiff import write_labels
+    from uavseg.raster.formats.geotiff import write_label_geotiff
     from uavseg.raster.tiling import Window
     from uavseg.segmentation.baseline.lbpc import OriginalParams, check_size, original
 
@@ -90,7 +90,7 @@ def command(
     with recording_bad_blocks(bad):
         image, told, name = _read(dataset, options["stretch"], running.tile, run)
     labels = original(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, params)
-    write_labels(output, [(Window(0, 0, rows, cols), labels)], dataset.geobox, running.overwrite)
+    write_label_geotiff(output, [(Window(0, 0, rows, cols), labels)], dataset.geobox, running.overwrite)
     reporter.finish()
     for warning in (*told, *map(str, sorted(bad))):
         reporter.warn(warning)

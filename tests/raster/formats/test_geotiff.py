@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.errors import OutputError, OutputExistsError, RasterReadError
-from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff, write_labels
+from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import tiles
 
@@ -38,8 +38,8 @@ def cut(image, side):
 def test_the_bytes_of_a_file_do_not_depend_on_tiles(tmp_path_factory, shape, side, threads):
     folder = tmp_path_factory.mktemp("labels")
     image = labels(shape)
-    write_labels(folder / "a.tif", cut(image, 256), box(shape))
-    write_labels(folder / "b.tif", cut(image, side), box(shape), threads=threads)
+    write_label_geotiff(folder / "a.tif", cut(image, 256), box(shape))
+    write_label_geotiff(folder / "b.tif", cut(image, side), box(shape), threads=threads)
     assert (folder / "a.tif").read_bytes() == (folder / "b.tif").read_bytes()
     with rasterio.open(folder / "b.tif") as file:
         assert np.array_equal(file.read(1), image)
@@ -50,7 +50,7 @@ def test_the_bytes_of_a_file_do_not_depend_on_tiles(tmp_path_factory, shape, sid
 
 def test_labels_can_carry_metadata(tmp_path):
     image = labels((10, 10))
-    write_labels(tmp_path / "a.tif", cut(image, 64), box((10, 10)), tags={"range": "0.5,1"})
+    write_label_geotiff(tmp_path / "a.tif", cut(image, 64), box((10, 10)), tags={"range": "0.5,1"})
     with rasterio.open(tmp_path / "a.tif") as file:
         assert file.tags()["range"] == "0.5,1"
 
@@ -81,9 +81,9 @@ def test_nothing_is_replaced_unasked(tmp_path):
     path = tmp_path / "a.tif"
     path.write_text("precious")
     with pytest.raises(OutputExistsError):
-        write_labels(path, cut(labels((8, 8)), 64), box((8, 8)))
+        write_label_geotiff(path, cut(labels((8, 8)), 64), box((8, 8)))
     assert path.read_text() == "precious"
-    write_labels(path, cut(labels((8, 8)), 64), box((8, 8)), overwrite=True)
+    write_label_geotiff(path, cut(labels((8, 8)), 64), box((8, 8)), overwrite=True)
     assert np.array_equal(read_geotiff(path)[0][0], labels((8, 8)))
 
 
@@ -93,7 +93,7 @@ def test_a_file_that_cannot_be_finished_never_appears(tmp_path):
         raise RuntimeError("power cut")
 
     with pytest.raises(RuntimeError):
-        write_labels(tmp_path / "a.tif", broken(), box((100, 100)))
+        write_label_geotiff(tmp_path / "a.tif", broken(), box((100, 100)))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -107,7 +107,7 @@ def test_a_full_disk_is_told_of_and_leaves_nothing(tmp_path, side):
         with pytest.raises(OutputError, match=r"a\.tif cannot be written"):
             write_geotiff(tmp_path / "a.tif", [noise], box((side, side)))
         with pytest.raises(OutputError, match=r"b\.tif cannot be written"):
-            write_labels(tmp_path / "b.tif", cut(noise, 64), box((side, side)))
+            write_label_geotiff(tmp_path / "b.tif", cut(noise, 64), box((side, side)))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, usual)
     assert list(tmp_path.iterdir()) == []

@@ -15,7 +15,7 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.execution.executors import threads
 from uavseg.raster.formats import vrt_tiles
-from uavseg.raster.formats.geotiff import write_labels
+from uavseg.raster.formats.geotiff import write_label_geotiff
 from uavseg.raster.formats.vrt_tiles import label_windows, write_label_tiles
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
@@ -61,7 +61,7 @@ def test_it_is_the_same_raster_as_one_file(tmp_path: Path, crs: Any, transform: 
     image = picture()
     write(tmp_path / "a.vrt", image, transform, crs)
     box = GeoBox(image.shape, transform, None if crs is None else CRS.from_user_input(crs))
-    write_labels(tmp_path / "a.tif", [(Window(0, 0, *image.shape), image)], box)
+    write_label_geotiff(tmp_path / "a.tif", [(Window(0, 0, *image.shape), image)], box)
     (tmp_path / "moved").mkdir()
     for name in ("a.vrt", "a.tiles"):  # paths are relative: both may move together
         (tmp_path / name).replace(tmp_path / "moved" / name)
@@ -78,7 +78,7 @@ def test_it_is_the_same_raster_as_one_file(tmp_path: Path, crs: Any, transform: 
 def test_gdalinfo_reads_it_and_sums_up_the_same(tmp_path: Path) -> None:
     image = picture()
     write(tmp_path / "a.vrt", image)
-    write_labels(tmp_path / "a.tif", [(Window(0, 0, *image.shape), image)],
+    write_label_geotiff(tmp_path / "a.tif", [(Window(0, 0, *image.shape), image)],
                  GeoBox(image.shape, GRID, CRS.from_epsg(32618)))  # fmt: skip
     told = [
         subprocess.run(["gdalinfo", "-checksum", path], cwd=tmp_path, capture_output=True, text=True)

@@ -24,7 +24,7 @@ Labels = NDArray[np.uint32]
 Path_ = str | os.PathLike[str]
 
 
-def write_labels(
+def write_label_geotiff(
     path: Path_,
     tiles: Iterable[tuple[Window, NDArray[Any]]],
     geobox: GeoBox,

@@ -12,7 +12,7 @@ from affine import Affine
 from uavseg.atomic import check_target, whole_file
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.execution.executors import Map, serial
-from uavseg.raster.formats.geotiff import STRIPE, Labels, write_labels
+from uavseg.raster.formats.geotiff import STRIPE, Labels, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, tiles
 
@@ -111,7 +111,7 @@ def _write_tile(folder: str, geobox: GeoBox, part: Paintable) -> Window | None:
     if not labels.any():
         return None
     place = Window(0, 0, window.rows, window.cols)
-    write_labels(Path(folder) / _name(window), [(place, labels)], geobox.window(window))
+    write_label_geotiff(Path(folder) / _name(window), [(place, labels)], geobox.window(window))
     return window
 
 
