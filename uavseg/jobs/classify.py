@@ -13,7 +13,7 @@ from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.extract import ExtractParams
 from uavseg.jobs.result import About, Extraction, measured
 from uavseg.occupancy.ros.ros_map import is_ros_map, write_ros_map
-from uavseg.raster.formats.geotiff import write_label_geotiff
+from uavseg.raster.formats.geotiff import LabelBand, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import without_small_regions
@@ -170,7 +170,7 @@ def write_states(
         write_ros_map(path, found.image.read(), found.geobox, overwrite, mode)
     else:
         strips = found.image.strips()
-        write_label_geotiff(path, strips, found.geobox, overwrite, dtype=np.uint8, description=DESCRIPTION)
+        write_label_geotiff(path, strips, found.geobox, overwrite, band=LabelBand(np.uint8, DESCRIPTION))
 
 
 def _refinement(how: SegmentParams) -> StateRefinement:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError, RasterReadError
-from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff
+from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.opening import GDAL_ERRORS, gdal_env, is_remote, quiet_open
@@ -83,19 +83,17 @@ def save(
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = leaves(blocks, threshold, step)
     seen = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
-    write_geotiff(
+    write_geotiff_pages(
         path,
-        [_within(band, cells) for band in seen],
-        cells,
-        _LOOKED_AT,
-        _tags(saved),
-        overwrite,
-        nodata=float("nan"),
-        pages=[
+        [
+            Page([_within(band, cells) for band in seen], cells, _LOOKED_AT),
             Page([_within(blocks.sums, cells)], cells, ["sum of grey"]),
             Page([_within(blocks.counts, cells)], cells, ["valid pixels"]),
             Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
         ],
+        _tags(saved),
+        overwrite,
+        nodata=float("nan"),
     )
 
 
