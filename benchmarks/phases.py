@@ -57,9 +57,9 @@ def _measured(raster: str) -> list[tuple[str, float]]:
     import pstats
     import tempfile
 
-    from uavseg.__main__ import Absent
+    from uavseg import _lazy_pandas
 
-    sys.meta_path.insert(0, Absent())  # as the program does
+    _lazy_pandas.install()  # as the program does
     from uavseg.jobs.extract import ExtractParams, extract
     from uavseg.raster.dataset import Dataset
     from uavseg.regions.edit.small import Area

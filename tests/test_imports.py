@@ -95,7 +95,8 @@ MAY_IMPORT = {
     "api": TO_REGIONS | {"occupancy", "jobs"},
     "uavseg": {"_version"} | TO_REGIONS | {"occupancy", "flight", "jobs", "api"},  # by name, on first use
     "cli": TO_REGIONS | {"occupancy", "flight", "plot", "jobs", "api", "uavseg"},
-    "__main__": {"cli"},
+    "_lazy_pandas": set(),
+    "__main__": {"cli", "_lazy_pandas"},
 }
 
 # Within segmentation, the phases take arrays: they import neither raster nor each other, except for these.

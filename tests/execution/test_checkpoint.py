@@ -1,6 +1,6 @@
 """Checkpoints: finished work is not repeated, whatever stopped the run before."""
 
-import sys
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -121,11 +121,17 @@ def test_another_version_of_the_program_computes_everything_again(
     assert len(CALLS) == 20
 
 
-def test_the_hash_of_the_program_covers_every_module() -> None:
-    modules = {
-        Path(str(module.__file__)) for name, module in sys.modules.items() if name.startswith("uavseg")
-    }
-    assert modules <= set(uavseg.execution.checkpoint.source_files())
+def test_the_hash_of_the_program_covers_every_module(monkeypatch: pytest.MonkeyPatch) -> None:
+    package = Path(uavseg.__file__).resolve().parent
+    read: list[Path] = []
+
+    def seen(path: Path) -> bytes:
+        read.append(path.resolve())
+        return b""
+
+    monkeypatch.setattr(Path, "read_bytes", seen)
+    uavseg.execution.checkpoint._code_hash.__wrapped__()
+    assert sorted(read) == sorted(package.rglob("*.py")) and package / "raster" / "tiling.py" in read
 
 
 @maps
@@ -139,6 +145,25 @@ def test_a_damaged_file_is_computed_again(run: Map, tmp_path: Path, damage: byte
     assert text(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
     assert len(CALLS) == 1
     assert [path.read_bytes() for path in files] == whole
+
+
+@pytest.mark.parametrize("torn", [lambda whole: whole[: len(whole) // 2], lambda whole: bytes(len(whole))])
+def test_a_file_torn_by_a_power_cut_is_computed_again(tmp_path: Path, torn: Callable[[bytes], bytes]) -> None:
+    """It has its name, but only half of its content, or its length and only zeros."""
+    list(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS))
+    files = sorted(tmp_path.rglob("*.npz"))
+    whole = [path.read_bytes() for path in files]
+    for path, content in zip(files, whole, strict=True):
+        path.write_bytes(torn(content))
+    CALLS.clear()
+    assert text(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert sorted(CALLS) == list(range(20))
+    assert [path.read_bytes() for path in files] == whole
+
+
+def test_no_tile_is_synced_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "fsync", lambda descriptor: pytest.fail("a tile was synced"))
+    assert text(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
 
 
 def test_half_written_files_of_a_killed_run_are_ignored(tmp_path: Path) -> None:

@@ -103,14 +103,9 @@ def stage_name(function: Any) -> str:
 def _code_hash() -> str:
     """Hash of the package's source: two states of it between two releases have the same version."""
     hasher = hashlib.sha256()
-    for path in source_files():
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         hasher.update(path.read_bytes())
     return hasher.hexdigest()
-
-
-def source_files() -> list[Path]:
-    """Every module of the package."""
-    return sorted(Path(__file__).parents[1].rglob("*.py"))
 
 
 def _file_name(key: str) -> str:
@@ -126,7 +121,8 @@ def _make_folder(folder: Path) -> None:
 
 
 def _save(stage: Path, key: str, result: Any) -> None:
-    with whole_file(stage / _file_name(key), overwrite=True) as path:
+    """Write a result; not synced, since a file torn by a power cut is detected and computed again."""
+    with whole_file(stage / _file_name(key), overwrite=True, sync=False) as path:
         path.write_bytes(encode_result(result, key))
 
 
