@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError, OutputExistsError
 
 
@@ -16,7 +16,7 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 def test_what_is_written_is_there_at_the_end_and_nothing_else(tmp_path: Path) -> None:
-    with whole_file(tmp_path / "a.tif") as path:
+    with atomic_file(tmp_path / "a.tif") as path:
         path.write_text("new")
         assert path.name == "a.tif"
         assert not (tmp_path / "a.tif").exists()
@@ -31,7 +31,7 @@ def names_in(folder: Path) -> list[str]:
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, MemoryError])
 def test_an_error_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> None:
-    with pytest.raises(error), whole_file(tmp_path / "a.tif") as path:
+    with pytest.raises(error), atomic_file(tmp_path / "a.tif") as path:
         path.write_text("half")
         raise error
     assert names_in(tmp_path) == []
@@ -40,7 +40,7 @@ def test_an_error_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
 def test_an_error_leaves_the_file_that_was_there(tmp_path: Path, error: type[BaseException]) -> None:
     (tmp_path / "a.tif").write_text("old")
-    with pytest.raises(error), whole_file(tmp_path / "a.tif", overwrite=True) as path:
+    with pytest.raises(error), atomic_file(tmp_path / "a.tif", overwrite=True) as path:
         path.write_text("half")
         raise error
     assert contents(tmp_path) == {"a.tif": "old"}
@@ -48,10 +48,10 @@ def test_an_error_leaves_the_file_that_was_there(tmp_path: Path, error: type[Bas
 
 def test_a_file_that_is_there_is_left_alone_unless_allowed(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_text("old")
-    with pytest.raises(OutputExistsError, match="--overwrite"), whole_file(tmp_path / "a.tif"):
+    with pytest.raises(OutputExistsError, match="--overwrite"), atomic_file(tmp_path / "a.tif"):
         pytest.fail("it was opened")
     assert contents(tmp_path) == {"a.tif": "old"}
-    with whole_file(tmp_path / "a.tif", overwrite=True) as path:
+    with atomic_file(tmp_path / "a.tif", overwrite=True) as path:
         path.write_text("new")
         assert (tmp_path / "a.tif").read_text() == "old"
     assert contents(tmp_path) == {"a.tif": "new"}
@@ -60,14 +60,14 @@ def test_a_file_that_is_there_is_left_alone_unless_allowed(tmp_path: Path) -> No
 def test_several_parts_move_together(tmp_path: Path) -> None:
     (tmp_path / "a.dbf").write_text("old")
     (tmp_path / "b.shp").write_text("another's")
-    with whole_file(tmp_path / "a.shp") as path:
+    with atomic_file(tmp_path / "a.shp") as path:
         for suffix in (".shp", ".shx", ".dbf"):
             path.with_suffix(suffix).write_text(suffix)
     assert contents(tmp_path) == {"a.shp": ".shp", "a.shx": ".shx", "a.dbf": ".dbf", "b.shp": "another's"}
 
 
 def test_several_parts_vanish_together(tmp_path: Path) -> None:
-    with pytest.raises(ValueError), whole_file(tmp_path / "a.shp") as path:
+    with pytest.raises(ValueError), atomic_file(tmp_path / "a.shp") as path:
         for suffix in (".shp", ".shx", ".dbf"):
             path.with_suffix(suffix).write_text(suffix)
         raise ValueError
@@ -75,19 +75,19 @@ def test_several_parts_vanish_together(tmp_path: Path) -> None:
 
 
 def test_a_file_that_nobody_wrote_does_not_appear(tmp_path: Path) -> None:
-    with whole_file(tmp_path / "a.tif"):
+    with atomic_file(tmp_path / "a.tif"):
         pass
     assert names_in(tmp_path) == []
 
 
 def test_two_writers_of_one_file_do_not_meet(tmp_path: Path) -> None:
-    with whole_file(tmp_path / "a.tif") as first, whole_file(tmp_path / "a.tif") as second:
+    with atomic_file(tmp_path / "a.tif") as first, atomic_file(tmp_path / "a.tif") as second:
         first.write_text("first")
         second.write_text("second")
     assert contents(tmp_path) == {"a.tif": "first"}  # whoever ends last
 
 
-@pytest.mark.parametrize("act", [check_target, lambda path: whole_file(path).__enter__()])
+@pytest.mark.parametrize("act", [check_target, lambda path: atomic_file(path).__enter__()])
 def test_a_folder_that_is_missing_is_told(tmp_path: Path, act: object) -> None:
     with pytest.raises(OutputError, match=r"the folder .*nowhere does not exist; make it first"):
         act(tmp_path / "nowhere" / "a.tif")  # type: ignore[operator]
@@ -99,7 +99,7 @@ def test_a_folder_is_no_target(tmp_path: Path, overwrite: bool) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(OutputError, match="is a folder; name a file in it"):
         check_target(tmp_path / "out", overwrite)
-    with pytest.raises(OutputError, match="is a folder"), whole_file(tmp_path / "out", overwrite):
+    with pytest.raises(OutputError, match="is a folder"), atomic_file(tmp_path / "out", overwrite):
         pytest.fail("it was opened")
     assert names_in(tmp_path) == ["out"]
 
@@ -107,7 +107,7 @@ def test_a_folder_is_no_target(tmp_path: Path, overwrite: bool) -> None:
 def test_a_target_may_be_named_by_text_and_relative(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert check_target("a.tif") == Path("a.tif")
-    with whole_file("a.tif") as path:
+    with atomic_file("a.tif") as path:
         path.write_text("here")
     assert contents(tmp_path) == {"a.tif": "here"}
 
@@ -119,7 +119,7 @@ def test_a_folder_that_cannot_be_written_to_is_told(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("uavseg.atomic.tempfile.mkdtemp", refuse)
     with (
         pytest.raises(OutputError, match="cannot be written to: Permission denied"),
-        whole_file(tmp_path / "a.tif"),
+        atomic_file(tmp_path / "a.tif"),
     ):
         pytest.fail("it was opened")
 
@@ -160,13 +160,13 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
 def test_a_file_is_on_the_disk_before_it_has_its_name_and_then_the_name_is(
     tmp_path: Path, calls: Calls
 ) -> None:
-    with whole_file(tmp_path / "a.tif") as path:
+    with atomic_file(tmp_path / "a.tif") as path:
         path.write_text("new")
     assert calls.seen == [("sync", "a.tif"), ("rename", "a.tif"), ("sync", tmp_path.name)]
 
 
 def test_all_parts_are_on_the_disk_before_the_first_has_its_name(tmp_path: Path, calls: Calls) -> None:
-    with whole_file(tmp_path / "a.vrt") as path:
+    with atomic_file(tmp_path / "a.vrt") as path:
         (path.parent / "a.tiles" / "deep").mkdir(parents=True)
         for part in ("a.vrt", "a.tiles/1.tif", "a.tiles/deep/2.tif"):
             (path.parent / part).write_text(part)
@@ -178,14 +178,14 @@ def test_all_parts_are_on_the_disk_before_the_first_has_its_name(tmp_path: Path,
 
 
 def test_what_fails_is_not_synced(tmp_path: Path, calls: Calls) -> None:
-    with pytest.raises(ValueError), whole_file(tmp_path / "a.tif") as path:
+    with pytest.raises(ValueError), atomic_file(tmp_path / "a.tif") as path:
         path.write_text("half")
         raise ValueError
     assert calls.seen == []
 
 
 def test_a_file_that_can_be_made_again_need_not_be_synced(tmp_path: Path, calls: Calls) -> None:
-    with whole_file(tmp_path / "a.npz", sync=False) as path:
+    with atomic_file(tmp_path / "a.npz", sync=False) as path:
         path.write_text("new")
     assert calls.seen == [("rename", "a.npz")]
 
@@ -202,7 +202,7 @@ def test_where_folders_cannot_be_synced_files_are(
         return opened(path, *how, **more)
 
     monkeypatch.setattr(os, "open", refuse)
-    with whole_file(tmp_path / "a.tif") as path:
+    with atomic_file(tmp_path / "a.tif") as path:
         path.write_text("new")
         (path.parent / "a.tiles").mkdir()
     assert calls.seen == [("sync", "a.tif"), ("rename", "a.tif"), ("rename", "a.tiles")]
@@ -219,7 +219,7 @@ def test_a_disk_that_is_full_when_a_file_is_synced_is_told(
     monkeypatch.setattr(os, "fsync", fail)
     with (
         pytest.raises(OutputError, match=r"a\.tif cannot be written: No space left on device"),
-        whole_file(tmp_path / "a.tif", overwrite=True) as path,
+        atomic_file(tmp_path / "a.tif", overwrite=True) as path,
     ):
         path.write_text("new")
     assert contents(tmp_path) == {"a.tif": "old"}

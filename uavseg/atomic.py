@@ -38,7 +38,7 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str], overwrite: bool = False, sync: bool = True) -> Iterator[Path]:
+def atomic_file(path: str | os.PathLike[str], overwrite: bool = False, sync: bool = True) -> Iterator[Path]:
     """A temporary path beside `path`; what is written there is renamed to `path` if nothing was raised.
 
     The temporary path keeps the name's suffix, and lies in a folder of its own, so that drivers which

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg._version import __version__
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.execution.fingerprint import fingerprint
@@ -122,7 +122,7 @@ def _make_folder(folder: Path) -> None:
 
 def _save(stage: Path, key: str, result: Any) -> None:
     """Write a result; not synced, since a file torn by a power cut is detected and computed again."""
-    with whole_file(stage / _file_name(key), overwrite=True, sync=False) as path:
+    with atomic_file(stage / _file_name(key), overwrite=True, sync=False) as path:
         path.write_bytes(encode_result(result, key))
 
 

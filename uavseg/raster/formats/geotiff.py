@@ -12,7 +12,7 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.windows import Window as FileWindow
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
@@ -65,7 +65,7 @@ def write_label_geotiff(
     OutputExistsError, OutputError
         If the file exists, or cannot be written.
     """
-    with whole_file(path, overwrite) as target, _write_errors(path):
+    with atomic_file(path, overwrite) as target, _write_errors(path):
         options = _profile(geobox, 1, np.dtype(band.dtype)) | {"nodata": 0, "num_threads": str(threads)}
         with quiet_open(target, "w", **options) as file:
             file.update_tags(**(tags or {}))
@@ -152,7 +152,7 @@ def write_geotiff_pages(
 
     Tags and nodata belong to the first. Other parameters, and errors, are those of `write_geotiff`.
     """
-    with whole_file(path, overwrite) as target, _write_errors(path):
+    with atomic_file(path, overwrite) as target, _write_errors(path):
         for number, page in enumerate(pages, start=1):
             dtype = np.result_type(*page.bands)
             options = _profile(page.geobox, len(page.bands), dtype) | {"append_subdataset": number > 1}

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rasterio.io import DatasetReader
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 
@@ -66,7 +66,7 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque 
     bands = [grey] if opaque is None else [grey, opaque * np.uint8(255)]
     how = {"driver": "PNG", "height": rows, "width": cols, "count": len(bands), "dtype": "uint8"}
     try:
-        with whole_file(path, overwrite) as target, gdal_env(), quiet_open(target, "w", **how) as file:
+        with atomic_file(path, overwrite) as target, gdal_env(), quiet_open(target, "w", **how) as file:
             file.write(np.stack(bands))
     except GDAL_ERRORS as error:
         raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error

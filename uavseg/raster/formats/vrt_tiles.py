@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from affine import Affine
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.execution.executors import Map, serial
 from uavseg.raster.formats.geotiff import STRIPE, Labels, write_label_geotiff
@@ -91,7 +91,7 @@ def write_label_tiles(
         If they may not or cannot be written.
     """
     check_label_tiles(path, overwrite)
-    with whole_file(path, overwrite) as target:
+    with atomic_file(path, overwrite) as target:
         folder = tiles_folder(target)
         folder.mkdir()
         write = partial(_write_tile, str(folder.absolute()), geobox)

@@ -13,7 +13,7 @@ from typing import IO, Any
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions import shapes
@@ -57,7 +57,7 @@ def write(regions: Regions, path: str | os.PathLike[str] | IO[Any], overwrite: b
         _stream(regions, path)
         return
     target = check(path, overwrite)
-    with whole_file(target, overwrite) as part:
+    with atomic_file(target, overwrite) as part:
         _WRITERS[target.suffix.lower()](regions, part)
 
 
