@@ -1,4 +1,4 @@
-"""What tells whether a raster changed: the state of every file that it is made of."""
+"""File state: it changes with every file that a raster consists of."""
 
 import os
 import zipfile
@@ -34,7 +34,7 @@ def test_a_relative_path_is_the_same_file(
     assert file_states("a.tif") == file_states(str(path))
 
 
-def test_what_a_vrt_refers_to_belongs_to_it(tmp_path: Path, write_raster: Callable) -> None:
+def test_the_files_of_a_vrt_belong_to_its_state(tmp_path: Path, write_raster: Callable) -> None:
     write_raster(PIXELS, tmp_path / "a.tif")
     source = "<SourceFilename relativeToVRT='1'>a.tif</SourceFilename><SourceBand>1</SourceBand>"
     band = f"<VRTRasterBand dataType='Byte' band='1'><SimpleSource>{source}</SimpleSource></VRTRasterBand>"
@@ -42,7 +42,7 @@ def test_what_a_vrt_refers_to_belongs_to_it(tmp_path: Path, write_raster: Callab
     assert sorted(names(tmp_path / "a.vrt")) == ["a.tif", "a.vrt"]
 
 
-def test_within_an_archive_it_is_the_archive(tmp_path: Path, write_raster: Callable) -> None:
+def test_a_file_in_an_archive_is_represented_by_the_archive(tmp_path: Path, write_raster: Callable) -> None:
     path = write_raster(PIXELS, tmp_path / "a.tif")
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.write(path, "deep/a.tif")
@@ -51,6 +51,6 @@ def test_within_an_archive_it_is_the_archive(tmp_path: Path, write_raster: Calla
     assert set(inside) == {(str(packed), packed.stat().st_size, packed.stat().st_mtime_ns)}
 
 
-def test_a_raster_that_is_gone_is_an_error(tmp_path: Path) -> None:
+def test_a_missing_raster_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(RasterReadError, match=r"gone\.tif cannot be opened"):
         file_states(str(tmp_path / "gone.tif"))

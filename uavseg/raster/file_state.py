@@ -1,4 +1,4 @@
-"""Which files a raster is made of, and what tells whether they changed."""
+"""File state: path, size and modification time of every file that a raster consists of."""
 
 from pathlib import Path
 
@@ -9,16 +9,15 @@ FileState = tuple[str, int, int]
 
 
 def file_states(path: str) -> tuple[FileState, ...]:
-    """Path, size in bytes and time of change in ns of every file that a raster is made of.
+    """Path, size in bytes and modification time in ns of every file that a raster consists of.
 
-    That is the file itself, what lies beside it (masks, overviews) and what it refers to (a VRT). Of a file
-    within an archive it is the archive; of one that is not on this machine's disks only the address is known,
-    with -1 and -1.
+    These are the file itself, its sidecar files (masks, overviews) and those that it refers to (a VRT). A
+    file in an archive is represented by the archive; a remote file by its address, with -1 and -1.
 
     Raises
     ------
     RasterReadError
-        If the raster cannot be opened any more.
+        If the raster cannot be opened.
     """
     try:
         with gdal_env(), quiet_open(path) as source:
@@ -39,7 +38,7 @@ def _state(name: str) -> FileState:
 
 
 def _on_disk(name: str) -> list[Path]:
-    """Where a name may lie on a disk: as it is, or for a name within an archive, the archive."""
+    """Paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
     if not name.startswith("/vsi"):
         return [Path(name)]
     inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))

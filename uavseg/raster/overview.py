@@ -1,4 +1,4 @@
-"""Coarse: a dataset seen from farther away, small enough to be held."""
+"""Dataset overview: a downsampled copy of a dataset, held in memory."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +13,7 @@ from uavseg.raster.tiling import Window
 
 @dataclass(frozen=True, eq=False)
 class DatasetOverview(Dataset):
-    """What a dataset looks like with fewer pixels; whatever asks a dataset may ask it.
+    """A downsampled dataset in memory, with the interface of `Dataset`.
 
     Parameters
     ----------
@@ -28,17 +28,17 @@ class DatasetOverview(Dataset):
 
     @classmethod
     def of(cls, dataset: Dataset, max_side: int) -> "DatasetOverview":
-        """A dataset in at most `max_side` rows and columns; it is never read whole."""
+        """A dataset downsampled to at most `max_side` rows and columns; it is never read whole."""
         values, valid, grid = dataset.read_coarse(max_side)
-        kept = (dataset.mosaic, dataset.choice, dataset.warnings)
-        return cls(*kept, values=values, valid=valid, grid=grid)
+        unchanged = (dataset.mosaic, dataset.choice, dataset.warnings)
+        return cls(*unchanged, values=values, valid=valid, grid=grid)
 
     @property
     def geobox(self) -> GeoBox:
-        """The grid of the fewer pixels, over the same ground."""
+        """The grid of the downsampled pixels; its extent is that of the dataset."""
         return self.grid
 
     def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-        """Values and validity of a window of the fewer pixels."""
+        """Values and validity of a window of downsampled pixels."""
         rows, cols = window.slices
         return self.values[:, rows, cols], None if self.valid is None else self.valid[rows, cols]

@@ -1,4 +1,4 @@
-"""Pass over the tiles of a raster: which windows, on which executor, with which progress."""
+"""Pass over the tiles of a raster: windows, executor and progress as one value."""
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
@@ -45,7 +45,7 @@ class TilePass:
     def run(
         self, function: Callable[[Any], Result], items: Sequence[Any] | None = None
     ) -> Generator[Result, None, None]:
-        """The results of a function for each window, or for each of other items, in their order."""
+        """Results of a function for each window, or for each of some other items, in their order."""
         return self.map(function, self.windows if items is None else items, self.progress)
 
     def stages(self, count: int) -> list["TilePass"]:

@@ -103,7 +103,7 @@ class _InPassing:
     question: Question | None
 
     def fingerprint(self) -> tuple[()]:
-        """Nothing, so that cells that were measured serve every question, see `resuming`."""
+        """Nothing, so that cells that were measured serve every question, see `execution.checkpoint`."""
         return ()
 
     def keep(

@@ -65,7 +65,7 @@ def test_labels_can_carry_metadata(tmp_path):
         box((30, 40), GRID, None),
     ],
 )
-def test_what_was_written_comes_back(tmp_path, geobox):
+def test_reading_returns_what_was_written(tmp_path, geobox):
     bands = [np.random.default_rng(k).normal(size=(30, 40)).astype(np.float32) for k in range(3)]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -77,7 +77,7 @@ def test_what_was_written_comes_back(tmp_path, geobox):
     assert tags["stretch"] == "dtype"
 
 
-def test_nothing_is_replaced_unasked(tmp_path):
+def test_an_existing_file_is_replaced_only_if_allowed(tmp_path):
     path = tmp_path / "a.tif"
     path.write_text("precious")
     with pytest.raises(OutputExistsError):
@@ -87,7 +87,7 @@ def test_nothing_is_replaced_unasked(tmp_path):
     assert np.array_equal(read_geotiff(path)[0][0], labels((8, 8)))
 
 
-def test_a_file_that_cannot_be_finished_never_appears(tmp_path):
+def test_an_unfinished_file_never_appears(tmp_path):
     def broken():
         yield next(cut(labels((100, 100)), 64))
         raise RuntimeError("power cut")
@@ -98,7 +98,7 @@ def test_a_file_that_cannot_be_finished_never_appears(tmp_path):
 
 
 @pytest.mark.parametrize("side", [30, 300])  # written when the file is closed, or before
-def test_a_full_disk_is_told_of_and_leaves_nothing(tmp_path, side):
+def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path, side):
     resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
     noise = np.random.default_rng(0).integers(0, 1 << 32, (side, side), dtype=np.uint32)
     usual = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -113,6 +113,6 @@ def test_a_full_disk_is_told_of_and_leaves_nothing(tmp_path, side):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_no_raster_cannot_be_read(tmp_path):
+def test_a_file_that_is_not_a_raster_is_an_error(tmp_path):
     with pytest.raises(RasterReadError):
         read_geotiff(tmp_path / "gone.tif")
