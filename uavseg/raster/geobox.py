@@ -72,9 +72,7 @@ class GeoBox:
             If there is no CRS, or one without longitude and latitude.
         """
         if self.crs is None:
-            raise RasterError(
-                "no coordinate reference system, so no longitude and latitude"
-            )
+            raise RasterError("no coordinate reference system, so no longitude and latitude")
         lon, lat = lonlat_transform(self.wkt)(np.asarray(x, np.float64), np.asarray(y, np.float64))
         return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
 
