@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, serial, stages, threads
+from uavseg.execution.executors import Map, serial, split_progress, threads
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tile_pass import TilePass
@@ -302,7 +302,7 @@ def test_parameters_at_their_ends_are_allowed() -> None:
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=5))
 def test_stages_together_go_from_nothing_to_all(totals: list[int]) -> None:
     told: list[float] = []
-    parts = stages(lambda done, total: told.append(done / total), len(totals))
+    parts = split_progress(lambda done, total: told.append(done / total), len(totals))
     for part, total in zip(parts, totals, strict=True):
         for done in range(1, total + 1):
             part(done, total)
