@@ -1,20 +1,16 @@
 """The phases in a row: tiles and workers change nothing, and what a range does not need is not read."""
 
 from collections import Counter
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pytest
-from affine import Affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.errors import ParameterError
+from tests.segmentation.in_memory_dataset import InMemory, field_of, source_of
 from uavseg.execution.executors import Map, serial, stages, threads
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, tiles
 from uavseg.segmentation.blocks.block_map import required_ratios
@@ -29,87 +25,11 @@ from uavseg.segmentation.pipeline import (
     refine_tile,
 )
 from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
-from uavseg.segmentation.source import GreySource
 
 INTERVAL = IntensityRange(0.4, 0.7)
 
 
-@dataclass
-class InMemory:
-    """Stands in for a dataset: an 8-bit array, read by window; counts what is read."""
-
-    values: NDArray[np.uint8]
-    valid: NDArray[np.bool_]
-    reads: list[Window] = field(default_factory=list)
-
-    @property
-    def geobox(self) -> GeoBox:
-        return GeoBox(self.valid.shape, Affine.identity(), None)
-
-    def is_empty(self, window: Window) -> bool:
-        return not self.valid[window.slices].any()
-
-    def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-        assert window.clipped(self.valid.shape) == window
-        self.reads.append(window)
-        valid = self.valid[window.slices]
-        return self.values[window.slices][None], None if valid.all() else valid
-
-
-def field_of(seed: int, shape: tuple[int, int]) -> InMemory:
-    """Plains and textures, with holes and an empty corner."""
-    rng = np.random.default_rng(seed)
-
-    def coarse(some: NDArray[Any]) -> NDArray[Any]:
-        return some.repeat(40, 0).repeat(40, 1)[: shape[0], : shape[1]]
-
-    many = (shape[0] // 40 + 1, shape[1] // 40 + 1)
-    noise = rng.normal(0, 1, shape) * coarse(rng.choice([0, 2, 40], many))
-    values = np.clip(coarse(rng.integers(0, 256, many)) + noise, 0, 255).astype(np.uint8)
-    valid = rng.random(shape) > coarse(rng.choice([0, 0, 0.1], many))
-    valid[: int(rng.choice([0, 70])), : int(rng.choice([1, 140]))] = False
-    return InMemory(values, valid)
-
-
-def source_of(dataset: Any) -> GreySource:
-    return GreySource(dataset, Stretch(0.0, 255.0, "dtype"))
-
-
 shapes = st.tuples(st.integers(1, 200), st.integers(1, 200))
-
-
-# Reading
-
-
-@settings(deadline=None, max_examples=40)
-@given(st.integers(0, 999), shapes, st.sampled_from([64, 128]), st.sampled_from([0, 1, REFINE_HALO]))
-def test_a_tile_is_the_raster_with_nothing_around_it(
-    seed: int, shape: tuple[int, int], side: int, margin: int
-) -> None:
-    dataset = field_of(seed, shape)
-    beyond = [(margin, margin + side)] * 2
-    grey = np.pad(np.where(dataset.valid, dataset.values * np.uint16(257), 0), beyond)
-    valid = np.pad(dataset.valid, beyond)
-    for window in tiles(shape, side):
-        tile = source_of(dataset).read(window, margin)
-        rows, cols = (-(-length // 64) * 64 + 2 * margin for length in (window.rows, window.cols))
-        part = np.s_[window.row : window.row + rows, window.col : window.col + cols]
-        inner = np.s_[: window.rows + 2 * margin, : window.cols + 2 * margin]
-        assert tile.grey.shape == tile.valid.shape == (rows, cols)
-        assert np.array_equal(tile.grey[inner], grey[part][inner])
-        assert np.array_equal(tile.valid[inner], valid[part][inner])
-        assert not tile.valid[grey_beyond(shape, window, margin, tile.valid.shape)].any()
-        assert tile.all_valid == bool(tile.valid.all())
-        assert tile.grey.flags.c_contiguous and tile.valid.flags.c_contiguous
-
-
-def grey_beyond(
-    shape: tuple[int, int], window: Window, margin: int, size: tuple[int, int]
-) -> NDArray[np.bool_]:
-    """Pixels of a tile that lie outside the raster."""
-    row, col = np.indices(size)
-    row, col = row + window.row - margin, col + window.col - margin
-    return (row < 0) | (col < 0) | (row >= shape[0]) | (col >= shape[1])
 
 
 # Block maps
@@ -264,39 +184,7 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
         assert around.shape == tuple(-(-n // 64) * 8 + REFINE_HALO // 4 for n in (window.rows, window.cols))
 
 
-# Parameters and progress
-
-
-def test_the_method_of_the_paper_scans_and_ours_takes_noise_away() -> None:
-    assert (SegmentParams().refine, SegmentParams("paper").refine) == ("tv", "scan")
-    assert SegmentParams("paper", refine="tv").refine == "tv"
-
-
-@pytest.mark.parametrize(
-    "bad, told",
-    [
-        ({"method": "fast"}, "paper or adaptive, not 'fast'"),
-        ({"refine": "yes"}, "none, scan, smooth or tv, not 'yes'"),
-        ({"threshold": -0.1}, "at least 0, not -0.1"),
-        ({"threshold": np.nan}, "at least 0, not nan"),
-        ({"intensity_step": 1.5}, r"lies in 0\.\.1, not 1.5"),
-        ({"intensity_step": -1e-9}, r"lies in 0\.\.1, not -1e-09"),
-        ({"intensity_step": np.nan}, r"lies in 0\.\.1, not nan"),
-    ],
-)
-def test_a_bad_parameter_is_refused_with_what_it_should_be(bad: dict[str, Any], told: str) -> None:
-    with pytest.raises(ParameterError, match=told):
-        SegmentParams(**bad)
-
-
-def test_the_method_of_the_paper_has_no_intensity_test() -> None:
-    assert SegmentParams("paper", intensity_step=0.1).division.step == np.inf
-    assert SegmentParams("adaptive", intensity_step=0.1).division.step == 0.1
-
-
-def test_parameters_at_their_ends_are_allowed() -> None:
-    for threshold, step in ((0, 0), (np.inf, 1)):
-        SegmentParams(threshold=threshold, intensity_step=step)
+# Progress
 
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=5))

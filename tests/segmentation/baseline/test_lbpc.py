@@ -6,12 +6,9 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.baseline.lbpc import LbpcParams, segment_lbpc
-from uavseg.segmentation.baseline.merging import merge_regions
 
 Histogram = Counter[int]
 
@@ -192,27 +189,6 @@ def test_labels_are_ordered_by_size_and_invalid_pixels_have_none() -> None:
     sizes = np.bincount(labels.ravel())[1:]
     assert (sizes > 0).all() and (np.diff(sizes) <= 0).all()
     assert not segment_lbpc(scene(3, (40, 40)), np.zeros((40, 40), bool)).any()
-
-
-@given(st.integers(0, 10_000), st.integers(2, 30))
-@settings(max_examples=50, deadline=None)
-def test_merging_never_tears_and_stops_later_with_a_larger_stop(seed: int, count: int) -> None:
-    rng = np.random.default_rng(seed)
-    labels = rng.integers(0, count, (12, 12)).astype(np.uint32)
-    labels = np.unique(labels, return_inverse=True)[1].reshape(12, 12).astype(np.uint32)
-    texels = rng.integers(0, 6, (12, 12)).astype(np.uint16)
-    parts = []
-    for stop in (1.0, 2.0, np.inf):
-        after, models = merge_regions(labels, texels, stop, 0.1)
-        parts.append(len(models) - 1)
-        for k in range(1, len(models)):
-            assert np.array_equal(np.bincount(texels[after == k], minlength=2048), models[k])
-        assert np.array_equal(after == 0, labels == 0)
-        assert (
-            len({(a, b) for a, b in zip(labels.ravel(), after.ravel(), strict=True)})
-            == labels.max() + (labels == 0).any()
-        )
-    assert parts[0] >= parts[1] >= parts[2]
 
 
 @pytest.mark.parametrize(

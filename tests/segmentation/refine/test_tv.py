@@ -5,14 +5,11 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.refine import total_variation
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
@@ -75,24 +72,6 @@ def test_panels_with_less_around_them_may_change_something() -> None:
     with patch.object(total_variation, "_PANEL", 64), patch.object(total_variation, "TV_HALO", 0):
         found = [decided(case) for case in cases]
     assert any((decided(case) != other).any() for case, other in zip(cases, found, strict=True))
-
-
-@settings(deadline=None, max_examples=8)
-@given(seeds)
-def test_sweeps_end_at_the_minimum_of_total_variation(plain_variation: ModuleType, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    grey = rng.integers(0, 65536, (10, 13)).astype(np.uint16)
-    weights = rng.integers(0, 6000, grey.shape)
-    u, flows = plain_variation.evened(grey, weights, 2000)
-    half = grey.astype(np.int64) // 2
-    variation_of_u, flowing = 0, 0
-    for (a, b, share), flow in zip(plain_variation.pairs(grey.shape), flows, strict=True):
-        limit = np.minimum(weights[a], weights[b]) * share // 64
-        variation_of_u += (limit * np.abs(u[b] - u[a])).sum()
-        flowing += (flow * (u[b] - u[a])).sum()
-    assert ((u - half) ** 2).sum() > 0
-    assert variation_of_u - flowing <= 0.001 * ((half - half.mean()) ** 2).sum()  # no gap: both are optimal
-    assert grey.min() // 2 <= u.min() and u.max() <= grey.max() // 2
 
 
 @settings(deadline=None, max_examples=30)
@@ -172,41 +151,3 @@ def test_a_noisy_shore_is_straight_and_alone() -> None:
     truth = np.broadcast_to(np.arange(128) >= 61, found.shape)
     assert ((found > 0) & truth).sum() / ((found > 0) | truth).sum() > 0.98
     assert ndimage.label(found)[1] == 1
-
-
-def blocks_of(v: NDArray[np.float64]) -> BlockMap:
-    """A block map of these means of cells."""
-    blocks = BlockMap.empty((8 * v.shape[0], 8 * v.shape[1]))
-    blocks.sums[: v.shape[0], : v.shape[1]] = np.rint(v * 65535 * 64)
-    blocks.counts[: v.shape[0], : v.shape[1]] = 64
-    return blocks
-
-
-def test_cells_far_from_the_ends_of_a_range_are_settled() -> None:
-    v = np.full((8, 16), 0.3)
-    v[:, 8:] = 0.7
-    blocks = blocks_of(v)
-    inside = np.zeros((8, 16), np.uint8)
-    inside[:, 8:] = 1
-    found = mixed_cells(blocks, inside, 0.5, 1.0)
-    assert found[:, 7:9].all() and not found[:, :7].any() and not found[:, 9:].any()
-
-
-def test_a_thin_road_leaves_the_cells_that_it_crosses_and_those_around_unsettled() -> None:
-    v = np.full((8, 8), 0.42)
-    v[:, 4] += 0.26 * 3 / 8  # three pixels of eight
-    found = mixed_cells(blocks_of(v), np.zeros((8, 8), np.uint8), 0.55, 1.0)
-    assert found[:, 3:6].all() and not found[:, :3].any() and not found[:, 6:].any()
-
-
-def test_a_cell_that_is_not_as_its_leaf_is_unsettled_and_one_without_pixels_is_not() -> None:
-    blocks = blocks_of(np.full((8, 8), 0.3))
-    blocks.counts[:, :4] = blocks.sums[:, :4] = 0
-    found = mixed_cells(blocks, np.ones((8, 8), np.uint8), 0.5, 1.0)
-    assert found[:, 4:].all() and not found[:, :4].any()
-
-
-@pytest.mark.parametrize("low, high", [(0.0, 0.5), (0.5, 1.0)])
-def test_nothing_lies_beyond_the_ends_of_v(low: float, high: float) -> None:
-    blocks = blocks_of(np.full((8, 8), low if low == 0 else high))
-    assert not mixed_cells(blocks, np.ones((8, 8), np.uint8), low, high).any()
