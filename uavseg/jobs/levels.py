@@ -70,7 +70,7 @@ def extract_levels(
     give_back()
     outlined = outline_segments(source, kinds, third)
     give_back()
-    return _extraction(outlined, About.source(source), levels, kinds, CELL, params)
+    return _extraction(outlined, About.source(source), levels, kinds, params)
 
 
 def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams = PARAMS) -> Extraction:
@@ -86,7 +86,7 @@ def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams
     how = params.segment
     kinds = cell_levels(saved.blocks, levels, how.division)
     outlined = outline_cells(saved.blocks, kinds)
-    return _extraction(outlined, About.saved(saved), levels, kinds, 1, params)
+    return _extraction(outlined, About.saved(saved), levels, kinds, params)
 
 
 def _check(params: ExtractParams) -> None:
@@ -101,13 +101,12 @@ def _extraction(
     about: About,
     levels: Levels,
     kinds: NDArray[np.uint8] | NDArray[np.uint32],
-    side: int,
     params: ExtractParams,
 ) -> Extraction:
-    """Segments with their levels; the first place of each counts in units that make cells of `side`."""
+    """Segments with their levels, which are the kinds of their cells."""
     if params.min_area is not None and params.small == "drop":
         outlined = without_small_regions(outlined, about.geobox, params.min_area)
-    row, col = outlined.sums.firsts.T // side
+    row, col = outlined.sums.firsts.T // CELL
     level = kinds[row, col].astype(np.int64) - 1
     if params.min_area is not None and params.small == "merge":
         outlined, level = eliminate(outlined, level, about.geobox, params.min_area)

@@ -21,7 +21,7 @@ class Sums:
     squares : (n,) uint64 array
         Sum of g * g; does not overflow up to 4e9 pixels.
     firsts : (n, 2) int64 array
-        Row and column of the first pixel in raster order.
+        Row and column of the first pixel in raster order; pixels also where components are whole cells.
     """
 
     counts: NDArray[np.int64]
