@@ -15,7 +15,7 @@ def test_the_method_of_the_paper_scans_and_the_adaptive_one_denoises() -> None:
 
 
 @pytest.mark.parametrize(
-    "bad, told",
+    "bad, message",
     [
         ({"method": "fast"}, "paper or adaptive, not 'fast'"),
         ({"refine": "yes"}, "none, scan, smooth or tv, not 'yes'"),
@@ -26,8 +26,8 @@ def test_the_method_of_the_paper_scans_and_the_adaptive_one_denoises() -> None:
         ({"intensity_step": np.nan}, r"lies in 0\.\.1, not nan"),
     ],
 )
-def test_a_bad_parameter_is_refused_with_what_it_should_be(bad: dict[str, Any], told: str) -> None:
-    with pytest.raises(ParameterError, match=told):
+def test_a_bad_parameter_is_refused_with_what_it_should_be(bad: dict[str, Any], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
         SegmentParams(**bad)
 
 

@@ -1,4 +1,4 @@
-"""The phases in a row: tiles and workers change nothing, and what a range does not need is not read."""
+"""Tiles and workers change no result, and blocks that a range does not require are not read."""
 
 from collections import Counter
 from typing import Any
@@ -51,7 +51,7 @@ def test_the_block_map_does_not_depend_on_tiles_or_workers(seed: int, run: Map) 
         assert_same_map(measure_block_map(source, TilePass(tiles(source.shape, side), run)), whole)
 
 
-def test_the_order_of_tiles_is_of_no_matter() -> None:
+def test_the_order_of_tiles_changes_nothing() -> None:
     source = source_of(field_of(1, (201, 230)))
     windows = tiles(source.shape, 64)
     assert_same_map(
@@ -59,7 +59,7 @@ def test_the_order_of_tiles_is_of_no_matter() -> None:
     )
 
 
-def test_contrasts_are_cut_over_all_tiles_together() -> None:
+def test_bin_edges_of_contrast_are_those_of_all_tiles_together() -> None:
     source = source_of(field_of(0, (150, 150)))
     whole = measure_cells(source, TilePass([Window(0, 0, 150, 150)]))
     assert np.array_equal(measure_cells(source, TilePass(tiles(source.shape, 64))).bin_edges, whole.bin_edges)
@@ -85,7 +85,7 @@ def test_a_block_map_made_for_a_range_answers_it_as_the_whole_one(seed: int, par
     assert np.array_equal(answers[0], answers[2])
 
 
-def test_texture_is_looked_at_only_where_a_range_does_not_decide() -> None:
+def test_texture_is_read_only_where_cells_do_not_decide() -> None:
     dataset = field_of(3, (256, 256))
     dataset.valid[:] = True
     dataset.values[:] = 128
@@ -93,13 +93,13 @@ def test_texture_is_looked_at_only_where_a_range_does_not_decide() -> None:
     source = source_of(dataset)
     windows = tiles(source.shape, 64)
     blocks = measure_block_map_for(source, INTERVAL, SegmentParams("paper"), TilePass(windows))
-    wanted = required_ratios(blocks.sums, blocks.counts, INTERVAL.edges, np.inf) > 0
-    assert 0 < wanted.sum() < 16
-    assert len(dataset.reads) == 16  # mixed blocks are kept from the first pass
-    assert not blocks.ratios[~wanted].any()
+    required = required_ratios(blocks.sums, blocks.counts, INTERVAL.edges, np.inf) > 0
+    assert 0 < required.sum() < 16
+    assert len(dataset.reads) == 16  # mixed blocks are cached in the first pass
+    assert not blocks.ratios[~required].any()
 
 
-def test_a_tile_that_is_known_to_be_empty_is_not_read() -> None:
+def test_an_empty_tile_is_not_read() -> None:
     dataset = field_of(4, (128, 128))
     dataset.valid[:] = False
     dataset.valid[100:, 100:] = True
@@ -189,22 +189,22 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
 
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=5))
 def test_stages_together_go_from_nothing_to_all(totals: list[int]) -> None:
-    told: list[float] = []
-    parts = stages(lambda done, total: told.append(done / total), len(totals))
+    reported: list[float] = []
+    parts = stages(lambda done, total: reported.append(done / total), len(totals))
     for part, total in zip(parts, totals, strict=True):
         for done in range(1, total + 1):
             part(done, total)
-    assert told == sorted(told)
-    assert told[0] > 0 and told[-1] == 1
-    assert max(Counter(told).values()) == 1
+    assert reported == sorted(reported)
+    assert reported[0] > 0 and reported[-1] == 1
+    assert max(Counter(reported).values()) == 1
 
 
 def test_progress_of_a_block_map_runs_to_the_end() -> None:
-    told: list[tuple[int, int]] = []
+    reported: list[tuple[int, int]] = []
     source = source_of(field_of(1, (200, 200)))
     measure_block_map(
-        source, TilePass(tiles(source.shape, 64), progress=lambda done, total: told.append((done, total)))
+        source, TilePass(tiles(source.shape, 64), progress=lambda done, total: reported.append((done, total)))
     )
-    parts = [done / total for done, total in told]
+    parts = [done / total for done, total in reported]
     assert parts == sorted(parts) and parts[-1] == 1
-    assert len(told) > 16
+    assert len(reported) > 16

@@ -25,17 +25,17 @@ def g_of(one: Histogram, other: Histogram) -> float:
 
 
 def plain(reference: ModuleType, grey: np.ndarray, valid: np.ndarray, params: LbpcParams) -> np.ndarray:
-    """All of it with dictionaries and loops."""
+    """The whole algorithm with dictionaries and loops."""
     picture = reference.Picture(grey, valid)
     rows, cols = grey.shape
-    texels = {
-        (r, c): int(picture.texels[r, c]) for r in range(rows) for c in range(cols) if picture.counted[r, c]
+    symbols = {
+        (r, c): int(picture.symbols[r, c]) for r in range(rows) for c in range(cols) if picture.counted[r, c]
     }
     label = {cell: k for k, cells in leaf_cells(reference, picture, valid, params) for cell in cells}
-    models = merge(label, texels, params)
-    known: dict[tuple[tuple[int, int], int], float] = {}
+    models = merge(label, symbols, params)
+    cache: dict[tuple[tuple[int, int], int], float] = {}
     for _ in range(params.sweeps):
-        chosen = {cell: choice(cell, label, texels, models, params, known) for cell in label}
+        chosen = {cell: choice(cell, label, symbols, models, params, cache) for cell in label}
         changes = {cell: new for cell, new in chosen.items() if new is not None}
         label |= changes
         if not changes:
@@ -66,11 +66,11 @@ def around(cell: tuple[int, int]) -> list[tuple[int, int]]:
     return [(r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)]
 
 
-def merge(label: dict, texels: dict, params: LbpcParams) -> dict[int, Histogram]:
-    """Merge regions, in place; the models of those that are left."""
+def merge(label: dict, symbols: dict, params: LbpcParams) -> dict[int, Histogram]:
+    """Merge regions, in place; the models of the remaining regions."""
     models: dict[int, Histogram] = {k: Counter() for k in set(label.values())}
-    for cell, texel in texels.items():
-        models[label[cell]][texel] += 1
+    for cell, symbol in symbols.items():
+        models[label[cell]][symbol] += 1
     pairs = {
         (min(label[cell], label[near]), max(label[cell], label[near]))
         for cell in label
@@ -79,11 +79,11 @@ def merge(label: dict, texels: dict, params: LbpcParams) -> dict[int, Histogram]
     }
     possible = len(models) - pieces(set(models), pairs)
     done, largest = 0, 0.0
-    known: dict[tuple[int, int], float] = {}
+    cache: dict[tuple[int, int], float] = {}
     while pairs:
-        for a, b in pairs - known.keys():
-            known[a, b] = min(models[a].total(), models[b].total()) * g_of(models[a], models[b])
-        mi, a, b = min((known[pair], *pair) for pair in pairs)
+        for a, b in pairs - cache.keys():
+            cache[a, b] = min(models[a].total(), models[b].total()) * g_of(models[a], models[b])
+        mi, a, b = min((cache[pair], *pair) for pair in pairs)
         if done >= params.untested * possible and mi > params.stop * largest:
             break
         done, largest = done + 1, max(largest, mi)
@@ -93,12 +93,12 @@ def merge(label: dict, texels: dict, params: LbpcParams) -> dict[int, Histogram]
                 label[cell] = a
         renamed = {tuple(sorted({a if k == b else k for k in pair})) for pair in pairs}
         pairs = {pair for pair in renamed if len(pair) == 2}  # type: ignore[misc]
-        known = {pair: value for pair, value in known.items() if not {a, b} & set(pair)}
+        cache = {pair: value for pair, value in cache.items() if not {a, b} & set(pair)}
     return models
 
 
 def pieces(items: set[int], pairs: set[tuple[int, int]]) -> int:
-    """How many connected pieces there are."""
+    """Number of connected components."""
     group = {k: k for k in items}
     for a, b in pairs:
         old, new = group[a], group[b]
@@ -106,24 +106,24 @@ def pieces(items: set[int], pairs: set[tuple[int, int]]) -> int:
     return len(set(group.values()))
 
 
-def choice(cell, label, texels, models, params, known) -> int | None:  # type: ignore[no-untyped-def]
-    """The other label that suits a pixel better than its own."""
+def choice(cell, label, symbols, models, params, cache) -> int | None:  # type: ignore[no-untyped-def]
+    """A neighbouring label that fits a pixel better than its own."""
     others = sorted({label[near] for near in around(cell) if near in label} - {label[cell]})
     if not others:
         return None
     (row, col), radius = cell, params.radius
     disc = Counter(
-        texels[r, c]
+        symbols[r, c]
         for r in range(row - radius, row + radius + 1)
         for c in range(col - radius, col + radius + 1)
-        if (r - row) ** 2 + (c - col) ** 2 <= radius * radius and (r, c) in texels
+        if (r - row) ** 2 + (c - col) ** 2 <= radius * radius and (r, c) in symbols
     )
     if not disc:
         return None
     for k in (label[cell], *others):
-        if (cell, k) not in known:  # neither a disc nor a model ever changes
-            known[cell, k] = g_of(disc, models[k])
-    best = min([label[cell], *others], key=lambda k: known[cell, k])
+        if (cell, k) not in cache:  # neither a disc nor a model ever changes
+            cache[cell, k] = g_of(disc, models[k])
+    best = min([label[cell], *others], key=lambda k: cache[cell, k])
     return None if best == label[cell] else best
 
 

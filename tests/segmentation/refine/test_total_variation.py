@@ -19,7 +19,7 @@ def test_sweeps_end_at_the_minimum_of_total_variation(plain_variation: ModuleTyp
     rng = np.random.default_rng(seed)
     grey = rng.integers(0, 65536, (10, 13)).astype(np.uint16)
     weights = rng.integers(0, 6000, grey.shape)
-    u, flows = plain_variation.evened(grey, weights, 2000)
+    u, flows = plain_variation.minimise_tv(grey, weights, 2000)
     half = grey.astype(np.int64) // 2
     variation_of_u, dual = 0, 0
     for (a, b, share), flow in zip(plain_variation.pairs(grey.shape), flows, strict=True):
@@ -40,7 +40,7 @@ def test_thresholds_are_those_of_plain_arrays(plain_variation: ModuleType, seed:
     grey *= valid
     weights = rng.integers(0, largest + 1, (2, 3)).astype(np.int16)
     inside = rng.integers(0, 2, grey.shape).astype(np.uint8) & valid
-    u, _ = plain_variation.evened(grey, weights.repeat(8, 0).repeat(8, 1) * valid.astype(np.int64))
+    u, _ = plain_variation.minimise_tv(grey, weights.repeat(8, 0).repeat(8, 1) * valid.astype(np.int64))
     low, high = MIDDLE.greys
     expected = np.where(u != grey // 2, (low <= 2 * u) & (2 * u <= high) & (valid > 0), inside > 0)
     threshold_tv(grey, valid, weights, MIDDLE.greys, inside)
