@@ -44,12 +44,12 @@ def scene(family: str, seed: int, side: int = SIDE) -> Scene:
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
     rng = np.random.default_rng([seed, list(FAMILIES).index(family)])
-    wanted, others = FAMILIES[family]
+    objects, background = FAMILIES[family]
     field = gaussian_filter(rng.normal(size=(side, side)), side / 12)
     truth = field > np.quantile(field, 0.6)
-    ground = gaussian_filter(rng.normal(size=(len(others), side, side)), (0, side / 16, side / 16))
-    image = np.choose(ground.argmax(axis=0), [texture(rng, name, side) for name in others])
-    image = np.where(truth, texture(rng, wanted, side), image) + rng.normal(0, NOISE, (side, side))
+    selector = gaussian_filter(rng.normal(size=(len(background), side, side)), (0, side / 16, side / 16))
+    image = np.choose(selector.argmax(axis=0), [texture(rng, name, side) for name in background])
+    image = np.where(truth, texture(rng, objects, side), image) + rng.normal(0, NOISE, (side, side))
     discs = []
     for mask in (truth, ~truth):
         room = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]

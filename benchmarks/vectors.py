@@ -64,9 +64,9 @@ def label_image(side: int) -> Any:
     labels = np.empty((side, side), np.uint32)
     for row in range(0, side, TILE):
         for col in range(0, side, TILE):
-            ground = Terrain(row, col)
-            rows = np.arange(row, row + TILE)[:, None] + 4 * ground.noise(24, 40) + 2 * ground.noise(5, 41)
-            cols = np.arange(col, col + TILE)[None, :] + 4 * ground.noise(24, 42) + 2 * ground.noise(5, 43)
+            terrain = Terrain(row, col)
+            rows = np.arange(row, row + TILE)[:, None] + 4 * terrain.noise(24, 40) + 2 * terrain.noise(5, 41)
+            cols = np.arange(col, col + TILE)[None, :] + 4 * terrain.noise(24, 42) + 2 * terrain.noise(5, 43)
             # Displacements beyond the edges of the image are clipped into the outermost cells.
             down = np.clip(rows / CELL, 0, side / CELL - 0.5).astype(np.uint32)
             right = np.clip(cols / CELL, 0, side / CELL - 0.5).astype(np.uint32)
