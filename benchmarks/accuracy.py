@@ -114,10 +114,10 @@ def by_lbpc(grid: Any) -> Any:
     """The original LBP/C; it has no states, so each segment is classified by its mean v."""
     import numpy as np
 
-    from uavseg.segmentation.baseline.lbpc import original
+    from uavseg.segmentation.baseline.lbpc import segment_lbpc
     from uavseg.segmentation.intervals import StateLimits
 
-    labels = original(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
+    labels = segment_lbpc(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
     sums = np.bincount(labels.ravel(), grid.probabilities.ravel())
     means = sums / np.maximum(np.bincount(labels.ravel()), 1)
     return StateLimits().of(means)[labels]
@@ -176,13 +176,12 @@ def _hazard(picture: Path) -> Hazard:
 
 
 def _classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
-    from uavseg.jobs.classify import LIMITS, classify
-    from uavseg.jobs.extract import ExtractParams
+    from uavseg.jobs.classify import ClassifyRequest, classify
+    from uavseg.jobs.open_source import ProbabilityMap
     from uavseg.segmentation.params import SegmentParams
-    from uavseg.segmentation.source import GreySource
 
-    params = ExtractParams(SegmentParams(method, refine=refine))  # type: ignore[arg-type]
-    return classify(GreySource(dataset, stretch), LIMITS, params, objects=False)
+    segment = SegmentParams(method, refine=refine)  # type: ignore[arg-type]
+    return classify(ProbabilityMap(dataset, stretch), ClassifyRequest(segment=segment, objects=False))
 
 
 if __name__ == "__main__":

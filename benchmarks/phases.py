@@ -18,14 +18,14 @@ TIMED_FUNCTIONS = (
     ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
     ("segmentation/blocks/block_map.py", "cell_sums", "`block_map.cell_sums`"),
     ("segmentation/blocks/lbp.py", "contrast_histogram", "`lbp.contrast_histogram`"),
-    ("segmentation/blocks/block_cache.py", "put", "mixed blocks kept: `Patches.put`"),
-    ("segmentation/blocks/division.py", "wanted_ratios", "`division.wanted_ratios`"),
-    ("segmentation/blocks/leaves.py", "in_range", "`leaves.in_range`"),
-    ("segmentation/blocks/leaves.py", "matching", "`leaves.matching`"),
-    ("segmentation/blocks/leaves.py", "pixels_of", "`leaves.pixels_of`"),
-    ("segmentation/blocks/mixed_cells.py", "unsettled", "`mixed_cells.unsettled`"),
-    ("segmentation/refine/tv.py", "denoised", "total variation: `tv.denoised`"),
-    ("segmentation/labels/components.py", "components", "`components.components`"),
+    ("segmentation/blocks/block_cache.py", "put", "mixed blocks cached: `BlockCache.put`"),
+    ("segmentation/blocks/division.py", "selected_ratios", "`division.selected_ratios`"),
+    ("segmentation/blocks/leaves.py", "cells_in_range", "`leaves.cells_in_range`"),
+    ("segmentation/blocks/leaves.py", "pixels_in_range", "`leaves.pixels_in_range`"),
+    ("segmentation/blocks/leaves.py", "cells_to_pixels", "`leaves.cells_to_pixels`"),
+    ("segmentation/blocks/mixed_cells.py", "mixed_cells", "`mixed_cells.mixed_cells`"),
+    ("segmentation/refine/tv.py", "refine_by_tv", "total variation: `tv.refine_by_tv`"),
+    ("segmentation/labels/components.py", "label_components", "`components.label_components`"),
     ("segmentation/labels/component_sums.py", "component_sums", "`component_sums.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
     ("regions/outline/trace.py", "link", "`trace.link`"),
@@ -60,8 +60,8 @@ def _measure(raster: str) -> list[tuple[str, float]]:
     from uavseg import _lazy_pandas
 
     _lazy_pandas.install()  # as the program does
-    from uavseg.jobs.extract import ExtractParams, extract
-    from uavseg.raster.dataset import Dataset
+    from uavseg.jobs.extract import ExtractRequest, extract
+    from uavseg.jobs.open_source import open_source
     from uavseg.regions.edit.small import Area
     from uavseg.regions.formats import export
     from uavseg.segmentation.intervals import IntensityRange
@@ -70,8 +70,8 @@ def _measure(raster: str) -> list[tuple[str, float]]:
     imported = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
         profile.enable()
-        params = ExtractParams(min_area=Area(MIN_PIXELS, True))
-        found = extract(Dataset.open(raster), IntensityRange(LOW, 1), params)
+        request = ExtractRequest(IntensityRange(LOW, 1), min_area=Area(MIN_PIXELS, True))
+        found = extract(open_source(raster), request)
         export.write(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
         profile.disable()
     total = time.perf_counter() - start

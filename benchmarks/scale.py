@@ -154,20 +154,21 @@ def _measure_reuse(raster: str, blocks: str) -> tuple[float, float]:
     import numpy as np
 
     from uavseg.execution.executors import threads
-    from uavseg.jobs.extract import ExtractParams, extract, extract_from_blocks
-    from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blocks.block_file import load
+    from uavseg.jobs.extract import ExtractRequest, extract
+    from uavseg.jobs.open_source import open_source
+    from uavseg.jobs.work import Work
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
 
-    saved, dataset = load(blocks), Dataset.open(raster)
-    params = ExtractParams(SegmentParams(refine="none"))
-    extract_from_blocks(saved, None, IntensityRange(0.7, 1), params)  # imports modules and loads kernels
+    saved, source = open_source(blocks), open_source(raster)
+    segment = SegmentParams(refine="none")
+    extract(saved, ExtractRequest(IntensityRange(0.7, 1), segment))  # imports modules and loads kernels
     begun = time.perf_counter()
-    np.asarray(extract(dataset, IntensityRange(LOW, 1), map=threads()).regions.polygons)
+    work = Work(executor=threads())
+    np.asarray(extract(source, ExtractRequest(IntensityRange(LOW, 1)), work).regions.polygons)
     between = time.perf_counter()
     low, high = map(float, SECOND_RANGE.split(","))
-    np.asarray(extract_from_blocks(saved, None, IntensityRange(low, high), params).regions.polygons)
+    np.asarray(extract(saved, ExtractRequest(IntensityRange(low, high), segment)).regions.polygons)
     return between - begun, time.perf_counter() - between
 
 
@@ -182,7 +183,7 @@ def _measure_segmentation(raster: str, count: str) -> tuple[float]:
     from uavseg.regions.tiles.range_tiles import outline_regions
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
-    from uavseg.segmentation.pipeline import block_map_for, cells_to_refine
+    from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
     from uavseg.segmentation.source import GreySource
 
     dataset, interval, how, work = (
@@ -194,7 +195,7 @@ def _measure_segmentation(raster: str, count: str) -> tuple[float]:
     tile_pass = TilePass.over(dataset, map=work)
     source = GreySource(dataset, fit(dataset, "auto", tile_pass))
     start = time.perf_counter()
-    blocks = block_map_for(source, interval, how, tile_pass)
+    blocks = measure_block_map_for(source, interval, how, tile_pass)
     inside = cells_to_refine(blocks, interval, how)
     outline_regions(source, inside, interval, how.refine, tile_pass)
     return (time.perf_counter() - start,)

@@ -15,7 +15,9 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, serial, threads
-from uavseg.jobs.extract import ExtractParams, extract
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Raster
+from uavseg.jobs.work import Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
@@ -24,10 +26,10 @@ from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.tiles.range_tiles import outline_regions
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 
 CHUNK = 20
@@ -81,8 +83,8 @@ def segmented(case: Case, side: int, run: Map) -> Outlined:
     """The project's own answer, tile by tile."""
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)
-    blocks = block_map_for(source, case.interval, case.params, TilePass(windows, run))
-    inside = in_range(blocks, case.interval, case.params.threshold, case.params.step)
+    blocks = measure_block_map_for(source, case.interval, case.params, TilePass(windows, run))
+    inside = cells_in_range(blocks, case.interval, case.params.division)
     return outline_regions(source, inside, case.interval, case.params.refine, TilePass(windows, run))
 
 
@@ -146,7 +148,9 @@ def test_regions_of_a_file_are_those_of_the_reference(
         given = StretchSpec("given", (Fraction(low), Fraction(high)))
         side, run = [(192, serial), (64, threads(2))][seed % 2]
         for case in cases(reference, seed):
-            found = extract(dataset, case.interval, ExtractParams(case.params, given, tile=side), run)
+            found = extract(
+                Raster(dataset, given), ExtractRequest(case.interval, case.params), Work(side, run)
+            )
             if not np.array_equal(painted(found.rings, valid.shape), case.labels):
                 different.append(told(seed, case, side))
             mine = np.bincount(case.labels.ravel(), minlength=1)[1:]

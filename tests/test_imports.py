@@ -88,11 +88,11 @@ MAY_IMPORT = {
     "raster": GROUND,
     "segmentation": GROUND | {"raster"},
     "regions": GROUND | {"raster", "segmentation"},
-    "occupancy": TO_REGIONS | {"jobs"},
+    "occupancy": TO_REGIONS,
     "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
     "jobs": TO_REGIONS | {"occupancy", "flight"},
     "plot": TO_REGIONS - {"segmentation"} | {"occupancy", "flight", "jobs"},  # it draws what the others made
-    "api": TO_REGIONS | {"occupancy", "jobs"},
+    "api": TO_REGIONS | {"occupancy", "flight", "jobs"},
     "uavseg": {"_version"} | TO_REGIONS | {"occupancy", "flight", "jobs", "api"},  # by name, on first use
     "cli": TO_REGIONS | {"occupancy", "flight", "plot", "jobs", "api", "uavseg"},
     "_lazy_pandas": set(),
@@ -108,28 +108,29 @@ PHASES = {
         "blocks.g_statistic",
     },  # its kernel makes symbols
     "blocks.g_statistic": set(),
-    "blocks.block_map": {"blocks.division"},
+    "blocks.block_map": {"blocks.division", "params"},
     "intervals": set(),
-    "blocks.leaves": {"blocks.block_map", "intervals"},
+    "blocks.leaves": {"blocks.block_map", "intervals", "params"},
     "blocks.mixed_cells": {"blocks.block_map"},
-    "refine.noise": set(),
+    "dilation": set(),
+    "refine.noise": {"dilation"},
     "refine.specks": set(),
     "refine.total_variation": set(),
-    "refine.tv": {"refine.noise", "refine.specks", "refine.total_variation"},
-    "blocks.leaf_means": {"blocks.block_map"},
+    "refine.tv": {"dilation", "refine.noise", "refine.specks", "refine.total_variation"},
+    "blocks.leaf_means": {"blocks.block_map", "params"},
     "refine.range_scans": set(),
     "states.state_scans": set(),
     "labels.components": set(),
     "labels.component_sums": set(),
     "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
-    "sample.pixel_decision": {"sample.g_scores", "blocks.lbp"},
+    "sample.pixel_decision": {"dilation", "sample.g_scores", "blocks.lbp"},
     "sample.coarse_lbp": {"blocks.lbp"},
     "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
     "params": set(),
 }
 EVERY_PHASE = set(PHASES)
 PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks
-PHASES["baseline.merging"] = {"labels.components"}
+PHASES["baseline.merging"] = {"blocks.g_statistic", "blocks.lbp", "labels.components"}
 PHASES["baseline.lbpc"] = EVERY_PHASE | {"in_memory", "baseline.merging"}  # a method of its own, made of them
 ON_RASTERS = {  # these may import raster, and all phases
     "source",
@@ -220,7 +221,7 @@ def test_commands_import_only_click_before_they_are_called() -> None:
 
 def test_the_imports_are_seen() -> None:
     seen = {(found.importer, found.imported) for found in imports()}
-    assert ("uavseg.cli.info", "uavseg.raster.dataset") in seen  # in a function
+    assert ("uavseg.cli.info", "uavseg.jobs.info") in seen  # in a function
     assert ("uavseg.raster.tile_pass", "uavseg.execution.executors") in seen
     assert (
         "uavseg.raster.intensity.stretch",

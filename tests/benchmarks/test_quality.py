@@ -326,4 +326,5 @@ def test_the_figure_shows_the_pixels_that_scans_miss(tmp_path: Path, monkeypatch
     with rasterio.open(tmp_path / "scenes.png") as file:
         shown = file.read([1, 2, 3]).reshape(3, -1).astype(int)
     red = (shown[0] > 200) & (shown[1] < 90) & (shown[2] < 90)
-    assert 5_000 < red.sum() < 50_000  # islands that the scans miss
+    # Islands that the scans miss; the number of pixels differs slightly between versions of matplotlib.
+    assert 4_900 < red.sum() < 5_100
