@@ -85,51 +85,53 @@ def _cases() -> Iterator[_Case]:
     yield _Case("`Stretch.apply`, 8 to 16 bit", lambda: stretch.apply(tile), (tile, grey))
 
     sums, counts = cell_sums(grey, valid, 1)
-    yield _Case("`blockmap.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
+    yield _Case("`block_map.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
 
-    cuts = contrast_bin_edges(contrast_histogram(grey))
-    yield _Case("`texture.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
-    yield _Case("`texture.symbols`", lambda: lbp_symbols(grey, None, cuts), (grey, inner))
+    bin_edges = contrast_bin_edges(contrast_histogram(grey))
+    yield _Case("`lbp.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
+    yield _Case("`lbp.lbp_symbols`", lambda: lbp_symbols(grey, None, bin_edges), (grey, inner))
 
     starts = np.arange(0, SIDE, BLOCK)
     corners = np.stack(np.meshgrid(starts, starts, indexing="ij"), axis=-1).reshape(-1, 2)
-    yield _Case("`division.block_ratios`", lambda: block_ratios(grey, None, cuts, corners), (grey,))
+    yield _Case("`division.block_ratios`", lambda: block_ratios(grey, None, bin_edges, corners), (grey,))
 
     bright = sums >= LOW * 65535.0 * counts
     inside = bright.astype(np.uint8).repeat(8, axis=0).repeat(8, axis=1)
-    whole = np.ones_like(inside)
-    matching = (inner >= LOW * 65535).astype(np.uint8)
+    valid_pixels = np.ones_like(inside)
+    in_range = (inner >= LOW * 65535).astype(np.uint8)
     yield _Case(
-        "`refinement.scan`",
-        lambda mask: refine_by_scans(mask, whole, matching),
-        (inside, whole, matching),
+        "`range_scans.refine_by_scans`",
+        lambda mask: refine_by_scans(mask, valid_pixels, in_range),
+        (inside, valid_pixels, in_range),
         (inside,),
     )
-    every = np.ones_like(bright, dtype=np.uint8)
+    all_cells = np.ones_like(bright, dtype=np.uint8)
     greys = IntensityRange(LOW, 1).greys
     yield _Case(
-        "`denoising.denoised`, all cells",
-        lambda mask: refine_by_tv(mask, every, whole, inner, matching, greys),
-        (inside, whole, inner, matching),
+        "`tv.refine_by_tv`, all cells",
+        lambda mask: refine_by_tv(mask, all_cells, valid_pixels, inner, in_range, greys),
+        (inside, valid_pixels, inner, in_range),
         (inside,),
     )
 
-    refined = refine_by_scans(inside.copy(), whole, matching)
+    refined = refine_by_scans(inside.copy(), valid_pixels, in_range)
     labels, count = label_components(refined)
-    yield _Case("`components.components`", lambda: label_components(refined), (refined, labels))
-    yield _Case("`sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
+    yield _Case("`components.label_components`", lambda: label_components(refined), (refined, labels))
+    yield _Case(
+        "`component_sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner)
+    )
 
     sizes = np.bincount(labels.ravel())
     labels[sizes[labels] < MIN_PIXELS] = 0
     framed = np.pad((labels > 0).astype(np.uint8), 1)
     regions = f"{len(np.unique(labels)) - 1} regions"
     yield _Case(
-        "`tracing.trace_tile`",
+        "`chains.trace_tile`",
         lambda: trace_tile(framed, labels, 1, (0, 0), SIDE),
         (framed, labels),
         remark=f"{regions}, chains of corners",
     )
-    yield _Case("`outline.trace`", lambda: trace(labels), (labels,), remark=f"{regions}, rings")
+    yield _Case("`trace.trace`", lambda: trace(labels), (labels,), remark=f"{regions}, rings")
     signed = labels.astype(np.int32)
     yield _Case(
         "rasterio.features.shapes",

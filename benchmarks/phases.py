@@ -29,7 +29,7 @@ TIMED_FUNCTIONS = (
     ("segmentation/labels/component_sums.py", "component_sums", "`component_sums.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
     ("regions/outline/trace.py", "link", "`trace.link`"),
-    ("regions/table.py", "make", "areas, lengths, points inside: `table.make`"),
+    ("regions/table.py", "make", "areas, lengths, interior points: `table.make`"),
     ("regions/formats/export.py", "write", "GeoPackage: `export.write`"),
 )
 

@@ -173,7 +173,7 @@ def threads(side: int, found: Sequence[tuple[int, float, float]], rounds: int) -
 def vectors(found: Vectorised, rounds: int) -> str:
     """A label image to polygons."""
     cells = [
-        ["**uavseg**: `outline.trace`, `Shapes`, all threads", f"{found.uavseg_s:.2f}", "1.00"],
+        ["**uavseg**: `trace.trace`, `Shapes`, all threads", f"{found.uavseg_s:.2f}", "1.00"],
         ["the same, one thread", f"{found.one_thread_s:.2f}", f"{found.one_thread_s / found.uavseg_s:.2f}"],
         [
             "rasterio.features.shapes, shapely.geometry.shape",

@@ -18,7 +18,7 @@ from benchmarks import data, paths, robot, scale, startup, table
 from benchmarks.competitors import COMPETITORS, Competitor, Job, select_competitors
 from benchmarks.decode import decoding_s
 from benchmarks.measure import CommandError, Cost, Outcome, cost, run_competitors
-from benchmarks.phases import phases
+from benchmarks.phases import TIMED_FUNCTIONS, phases
 from benchmarks.polygon_stats import polygon_stats
 from benchmarks.robot import Step
 from benchmarks.scenes import KINDS, Scene
@@ -226,6 +226,11 @@ def test_phases_sum_to_the_total(tmp_path: Path) -> None:
     assert sum(found.values()) == pytest.approx(2 * found["total"])
     idle = [title for title, seconds in found.items() if seconds == 0]
     assert idle == []  # a function with an outdated name is never timed
+
+
+def test_the_readme_has_a_row_for_every_timed_function() -> None:
+    readme = table.README.read_text()
+    assert [title for _, _, title in TIMED_FUNCTIONS if f"| {title} " not in readme] == []
 
 
 def test_uavseg_and_rasterio_give_the_same_polygons() -> None:
