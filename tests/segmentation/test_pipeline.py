@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.segmentation.in_memory_dataset import InMemory, field_of, source_of
-from uavseg.execution.executors import Map, serial, stages, threads
+from uavseg.execution.executors import Map, serial, split_progress, threads
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, tiles
 from uavseg.segmentation.blocks.block_map import required_ratios
@@ -190,7 +190,7 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=5))
 def test_stages_together_go_from_nothing_to_all(totals: list[int]) -> None:
     reported: list[float] = []
-    parts = stages(lambda done, total: reported.append(done / total), len(totals))
+    parts = split_progress(lambda done, total: reported.append(done / total), len(totals))
     for part, total in zip(parts, totals, strict=True):
         for done in range(1, total + 1):
             part(done, total)

@@ -59,9 +59,7 @@ class LbpcParams:
 
     def __post_init__(self) -> None:
         if not self.threshold >= 0:
-            raise ParameterError(
-                f"the threshold X of the division is at least 0, not {self.threshold:g}"
-            )
+            raise ParameterError(f"the threshold X of the division is at least 0, not {self.threshold:g}")
         if not self.stop >= 1:
             raise ParameterError(f"the stop Y of merging is at least 1, not {self.stop:g}")
         if not 0 <= self.untested <= 1:
