@@ -320,7 +320,7 @@ def test_a_ros_map_is_never_stretched(tmp_path: Path) -> None:
         (lambda: uavseg.classify(occupancy(), refine="smooth"), "refine is scan or none, not smooth"),
         (lambda: uavseg.classify(occupancy() * 2), "lies in 0..1 and this one holds 1.8"),
         (lambda: uavseg.classify(occupancy() * np.nan), "no valid cell"),
-        (lambda: uavseg.classify(occupancy(), free_below=0.9), "limits of the states"),
+        (lambda: uavseg.classify(occupancy(), free_below=0.9), "limits of states"),
         (lambda: uavseg.classify(occupancy(), stretch="percent"), "percent"),
         (lambda: uavseg.classify(occupancy(), tile=10), "multiple of 64"),
     ],
