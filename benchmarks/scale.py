@@ -183,7 +183,7 @@ def _segment(raster: str, count: str) -> tuple[float]:
     from uavseg.regions.tiles.range_tiles import outline_regions
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
-    from uavseg.segmentation.pipeline import block_map_for, cells_to_refine
+    from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
     from uavseg.segmentation.source import GreySource
 
     dataset, interval, how, work = (
@@ -195,7 +195,7 @@ def _segment(raster: str, count: str) -> tuple[float]:
     tile_pass = TilePass.over(dataset, map=work)
     source = GreySource(dataset, fit(dataset, "auto", tile_pass))
     start = time.perf_counter()
-    blocks = block_map_for(source, interval, how, tile_pass)
+    blocks = measure_block_map_for(source, interval, how, tile_pass)
     inside = cells_to_refine(blocks, interval, how)
     outline_regions(source, inside, interval, how.refine, tile_pass)
     return (time.perf_counter() - start,)

@@ -24,14 +24,14 @@ def command(**options: Any) -> None:
     from uavseg.atomic import check_target
     from uavseg.jobs.divide import DivideRequest, divide
     from uavseg.jobs.open_source import open_source
-    from uavseg.segmentation.blocks.block_file import save
+    from uavseg.segmentation.blocks.block_file import write_block_map
 
     run = RunOptions.of(options)
     output = options["output"]
     check_target(output, run.overwrite)
     request = DivideRequest(segment_params(options, None))
     found = divide(open_source(options["rasters"], read_options(options)), request, run.work())
-    save(output, found.saved, request.segment.threshold, request.segment.step, run.overwrite)
+    write_block_map(output, found.saved, request.segment.division, run.overwrite)
     run.reporter.finish(found.warnings)
     rows, cols = found.saved.blocks.blocks
     run.reporter.table(

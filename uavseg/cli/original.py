@@ -57,12 +57,12 @@ def command(**options: Any) -> None:
     from uavseg.jobs.original import original
     from uavseg.raster.formats.geotiff import write_labels
     from uavseg.raster.tiling import Window
-    from uavseg.segmentation.baseline.lbpc import OriginalParams
+    from uavseg.segmentation.baseline.lbpc import LbpcParams
 
     run = RunOptions.of(options)
     output = options["output"]
     names = ("threshold", "merge_stop", "untested", "radius", "sweeps")
-    request, read = OriginalParams(*(options[name] for name in names)), read_options(options)
+    request, read = LbpcParams(*(options[name] for name in names)), read_options(options)
     if Path(output).suffix.lower() not in (".tif", ".tiff"):
         raise ParameterError(f"labels are written as GeoTIFF; name a .tif, not {output}")
     check_target(output, run.overwrite)

@@ -17,12 +17,17 @@ from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.small import Area, without_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
-from uavseg.segmentation.blocks.leaves import states_of
+from uavseg.segmentation.blocks.leaves import cell_states
 from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.states.classify_strips import Classified, StateRefinement, classified, strips_of
+from uavseg.segmentation.states.classify_strips import (
+    ClassifiedStates,
+    StateRefinement,
+    classify_states,
+    state_strips,
+)
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.units import OCCUPIED
 
@@ -153,17 +158,19 @@ def classify(
         )
     tile_pass = work.over(source)
     grey = source.grey(tile_pass.silent)
-    strips = strips_of(grey.shape, grey.dataset.file_block, work.tile)
+    strips = state_strips(grey.shape, grey.dataset.file_block, work.tile)
     tile_pass = replace(tile_pass, windows=[tile for strip in strips for tile in strip])
     dividing, deciding, *outlining = tile_pass.stages(2 + request.objects)
     segment = request.segment
-    blocks = block_map_for(grey, request.limits, segment, dividing)
-    cells = states_of(blocks, request.limits, segment.threshold, segment.step)
+    blocks = measure_block_map_for(grey, request.limits, segment, dividing)
+    cells = cell_states(blocks, request.limits, segment.division)
     del blocks
     give_back()
     if not cells.any():
         raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
-    found = classified(grey, cells, request.limits, request.refine, strips, deciding.map, deciding.progress)
+    found = classify_states(
+        grey, cells, request.limits, request.refine, strips, deciding.map, deciding.progress
+    )
     leaves = cells if request.refine == "none" else None
     objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None
     hazard = found.occupied_in_free, found.occupied_by_value
@@ -173,7 +180,7 @@ def classify(
 
 def _objects(
     grey: GreySource,
-    found: Classified,
+    found: ClassifiedStates,
     leaves: NDArray[np.uint8] | None,
     request: ClassifyRequest,
     tile_pass: TilePass,

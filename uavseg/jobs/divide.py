@@ -7,7 +7,7 @@ from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map
+from uavseg.segmentation.pipeline import measure_block_map
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ def block_map_of(raster: Raster, work: Work) -> tuple[SavedBlocks, SourceInfo]:
     """The block map of a raster, and what there is to say of the raster."""
     stretching, dividing = work.over(raster).stages(2)
     grey = raster.grey(stretching)
-    blocks = block_map(grey, dividing)
+    blocks = measure_block_map(grey, dividing)
     dataset = raster.dataset
     saved = SavedBlocks(blocks, dataset.geobox, grey.stretch, dataset.band_names, raster.origin)
     return saved, SourceInfo.of(grey)

@@ -16,10 +16,10 @@ from uavseg.regions.edit.small import Area, without_small_holes, without_small_r
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for, cells_to_refine
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 
 
@@ -95,7 +95,8 @@ def regions_of_pixels(source: Raster | ProbabilityMap, request: ExtractRequest, 
     """
     stretching, dividing, outlining = work.over(source).stages(3)
     grey = source.grey(stretching)  # intensity -> v
-    blocks = block_map_for(grey, request.interval, request.segment, dividing)  # texture, division of blocks
+    # texture, division of blocks
+    blocks = measure_block_map_for(grey, request.interval, request.segment, dividing)
     cells = cells_to_refine(blocks, request.interval, request.segment)  # segments of leaves in range
     del blocks
     give_back()
@@ -119,7 +120,7 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
 
     blocks, segment = source.saved.blocks, request.segment
-    outlined = outline_cells(blocks, in_range(blocks, request.interval, segment.threshold, segment.step))
+    outlined = outline_cells(blocks, cells_in_range(blocks, request.interval, segment.division))
     if request.fill_holes is not None:
         outlined = summed_cells(blocks, without_small_holes(outlined, source.geobox, request.fill_holes))
     return _measured(outlined, SourceInfo.of(source), request)

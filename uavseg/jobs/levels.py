@@ -17,10 +17,10 @@ from uavseg.regions.edit.small import Area, without_small_regions
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.tiles.block_map_regions import outline_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
-from uavseg.segmentation.blocks.leaves import levels_of
+from uavseg.segmentation.blocks.leaves import cell_levels
 from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.units import CELL
 
 Small = Literal["drop", "merge"]
@@ -102,8 +102,8 @@ def _of_pixels(
     stretching, dividing, outlining = work.over(source).stages(3)
     grey = source.grey(stretching)
     segment = request.segment
-    blocks = block_map_for(grey, request.levels, segment, dividing)
-    kinds = levels_of(blocks, request.levels, segment.threshold, segment.step)
+    blocks = measure_block_map_for(grey, request.levels, segment, dividing)
+    kinds = cell_levels(blocks, request.levels, segment.division)
     del blocks
     give_back()
     outlined = outline_segments(grey, kinds, outlining)
@@ -114,7 +114,7 @@ def _of_pixels(
 def _of_blocks(source: Blocks, request: LevelsRequest) -> tuple[Outlined, Kinds, SourceInfo]:
     """The same from a block map alone."""
     blocks, segment = source.saved.blocks, request.segment
-    kinds = levels_of(blocks, request.levels, segment.threshold, segment.step)
+    kinds = cell_levels(blocks, request.levels, segment.division)
     return outline_cells(blocks, kinds), kinds, SourceInfo.of(source)
 
 

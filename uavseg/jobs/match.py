@@ -29,9 +29,9 @@ from uavseg.regions.sample.place import Disc, place_of
 from uavseg.regions.sample.reject import confirmed
 from uavseg.regions.sample.scores import Criterion, Scored, mean_scores, outline_matches, scored
 from uavseg.regions.tiles.kind_tiles import outline_segments
-from uavseg.segmentation.pipeline import measure
-from uavseg.segmentation.sample.g_scores import EVEN, UNITS
-from uavseg.segmentation.sample.pixel_decision import Weights, open_cells
+from uavseg.segmentation.pipeline import measure_cells
+from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
+from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, GREY_MAX
 
@@ -114,7 +114,7 @@ class Match:
     @property
     def own(self) -> float:
         """G per pixel beyond chance that nineteen of twenty of the sample's own windows do not exceed."""
-        return (self.sample.own - EVEN) / UNITS
+        return (self.sample.own - NULL_SCORE) / SCORE_UNITS
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -144,12 +144,12 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     passes = work.over(raster).stages(5)
     run = passes[0].map
     grey = raster.grey(passes[0])
-    known = measure(grey, passes[1])
-    sample = sample_of(grey, known.cuts, place, request.side, run)
-    criterion = Criterion.of(sample, known.cuts, request.side, request.similarity, request.intensity)
+    known = measure_cells(grey, passes[1])
+    sample = sample_of(grey, known.bin_edges, place, request.side, run)
+    criterion = Criterion.of(sample, known.bin_edges, request.side, request.similarity, request.intensity)
     scores = scored(grey, criterion, passes[2])
-    evidence = evidence_of(grey, known.cuts, place, scores.whole, request.side, run)
-    least = evidence.least(request.similarity)
+    evidence = evidence_of(grey, known.bin_edges, place, scores.whole, request.side, run)
+    least = evidence.threshold(request.similarity)
     scores = confirmed(grey, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0
     del known
@@ -159,7 +159,7 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     found = _measured(grey, outlined, scores, sample, request, passes[4])
     hint = "nothing is like the sample; a smaller similarity or a larger intensity finds more"
     hints = () if len(found.regions) else (hint,)
-    return Match(work.finished(found, *hints), sample, (criterion.limit - EVEN) / UNITS)
+    return Match(work.finished(found, *hints), sample, (criterion.limit - NULL_SCORE) / SCORE_UNITS)
 
 
 def _outlined(
@@ -173,8 +173,8 @@ def _outlined(
     matched = scores.best <= criterion.limit
     if request.refine == "none":
         return outline_segments(grey, matched.view(np.uint8), tile_pass)
-    cells = open_cells(matched, valid & ~matched, request.side // 2)
-    weights = Weights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
+    cells = undecided_cells(matched, valid & ~matched, request.side // 2)
+    weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
     return outline_matches(grey, cells, criterion.cuts, weights, tile_pass)
 
 

@@ -16,7 +16,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit, parse_stretch
 from uavseg.raster.tile_pass import TilePass
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map, load
+from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map, read_block_map
 from uavseg.segmentation.source import GreySource
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class Blocks:
     def raster(self) -> Raster | None:
         """The raster that it was made from, with the same stretch; None if a file is not where it was."""
         origin = self.saved.origin
-        paths = origin.found(self.path)
+        paths = origin.find_rasters(self.path)
         if paths is None:
             return None
         options = ReadOptions(origin.band, origin.rgb, origin.nodata, self.saved.stretch, self.skip_bad_tiles)
@@ -361,7 +361,7 @@ def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
         raise ParameterError(f"{parts[0]} is a block map, which is no part of a mosaic; name it alone")
     if options.chooses_pixels or options.stretches("auto"):
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
-    return Blocks(load(parts[0]), os.fspath(parts[0]), options.skip_bad_tiles)
+    return Blocks(read_block_map(parts[0]), os.fspath(parts[0]), options.skip_bad_tiles)
 
 
 def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:

@@ -9,8 +9,9 @@ from uavseg.jobs.open_source import Source, raster_of
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.baseline.lbpc import OriginalParams, check_size
-from uavseg.segmentation.baseline.lbpc import original as segments_of
+from uavseg.segmentation.baseline.lbpc import LbpcParams, check_lbpc_size, segment_lbpc
+
+DEFAULTS = LbpcParams()
 
 
 @dataclass(frozen=True)
@@ -29,16 +30,14 @@ class OriginalSegments:
     warnings: tuple[str, ...]
 
 
-def original(
-    source: Source, request: OriginalParams = OriginalParams(), work: Work = SERIAL
-) -> OriginalSegments:
+def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL) -> OriginalSegments:
     """Segments of a raster by texture alone, as Ojala and Pietikäinen found them in 1999.
 
     Parameters
     ----------
     source : Raster
         At most 4096 x 4096 pixels.
-    request : OriginalParams
+    request : LbpcParams
     work : Work
 
     Raises
@@ -49,10 +48,10 @@ def original(
     work = work.begun()
     raster = raster_of(source, "a block map is divided already; name the raster itself")
     rows, cols = raster.geobox.shape
-    check_size((rows, cols))
+    check_lbpc_size((rows, cols))
     with work.reading_here():
         grey = raster.grey(work.over(raster).silent)
         image = grey.read(Window(0, 0, rows, cols), 0)
-    labels = segments_of(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, request)
+    labels = segment_lbpc(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, request)
     info = SourceInfo.of(grey)
     return work.finished(OriginalSegments(labels, info, info.warnings))

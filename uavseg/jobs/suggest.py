@@ -13,9 +13,14 @@ from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.tiles.block_map_regions import count_segments
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
-from uavseg.segmentation.blocks.leaves import intervals_of
+from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.range_candidates import MOST_CLASSES, Cuts, beside_means, cuts_of
+from uavseg.segmentation.range_candidates import (
+    MAX_CLASSES,
+    RangeCandidates,
+    edge_beside_means,
+    propose_ranges,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +43,8 @@ class SuggestRequest:
     segment: SegmentParams = SegmentParams(refine="none")
 
     def __post_init__(self) -> None:
-        if self.classes is not None and not 2 <= self.classes <= MOST_CLASSES:
-            raise ParameterError(f"ranges are 2 to {MOST_CLASSES} in number, not {self.classes}")
+        if self.classes is not None and not 2 <= self.classes <= MAX_CLASSES:
+            raise ParameterError(f"ranges are 2 to {MAX_CLASSES} in number, not {self.classes}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,16 +132,16 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
 
 def _suggestions(blocks: BlockMap, source: SourceInfo, request: SuggestRequest) -> Suggestions:
     how = request.segment
-    histogram = histogram_of_means(blocks, how.threshold, how.step)
+    histogram = histogram_of_means(blocks, how.division)
     if not histogram.any():
         raise RasterError(
             f"no pixel of {source.name} is valid, so there is no range to choose; look at its nodata "
             "value with uavseg info"
         )
-    cuts = cuts_of(histogram, request.classes)
-    taken = means_among(blocks, cuts.edges, how.threshold, how.step)
-    edges = tuple(beside_means(edge) if edge in taken else edge for edge in cuts.edges)
-    intervals = intervals_of(blocks, edges, how.threshold, how.step)
+    cuts = propose_ranges(histogram, request.classes)
+    taken = means_among(blocks, cuts.edges, how.division)
+    edges = tuple(edge_beside_means(edge) if edge in taken else edge for edge in cuts.edges)
+    intervals = cell_intervals(blocks, edges, how.division)
     ranges = _ranges(blocks, edges, intervals) if edges else ()
     warnings = (*source.warnings, *_doubts(cuts, request.classes, histogram))
     return Suggestions(ranges, cuts.classes.explained, histogram, intervals, blocks, source, warnings)
@@ -156,7 +161,7 @@ def _ranges(
     )
 
 
-def _doubts(cuts: Cuts, wanted: int | None, histogram: NDArray[np.int64]) -> tuple[str, ...]:
+def _doubts(cuts: RangeCandidates, wanted: int | None, histogram: NDArray[np.int64]) -> tuple[str, ...]:
     """What the user should know of how far the ranges are to be trusted."""
     found = cuts.classes
     if found.count == 1:

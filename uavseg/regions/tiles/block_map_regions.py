@@ -13,7 +13,7 @@ from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.labels.component_sums import Sums
-from uavseg.segmentation.labels.components import equal_components
+from uavseg.segmentation.labels.components import label_equal_values
 from uavseg.units import CELL
 
 
@@ -32,7 +32,7 @@ def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> Outlined:
         In pixels of the raster.
     """
     rows, cols = _cells_of(blocks)
-    leaves, count = equal_components(np.ascontiguousarray(kinds[:rows, :cols]))
+    leaves, count = label_equal_values(np.ascontiguousarray(kinds[:rows, :cols]))
     leaves[blocks.counts[:rows, :cols] == 0] = 0
     rings = trace(leaves)
     limit = np.array(blocks.shape, np.int32)
@@ -44,7 +44,7 @@ def count_segments(blocks: BlockMap, kinds: NDArray[Any], most: int) -> NDArray[
     """How many segments of each kind 1..most `outline_cells` finds, (most,) int64; nothing is outlined."""
     rows, cols = _cells_of(blocks)
     cells = np.ascontiguousarray(kinds[:rows, :cols])
-    labels, count = equal_components(cells)
+    labels, count = label_equal_values(cells)
     own = np.zeros(count + 1, kinds.dtype)
     own[labels] = cells
     return np.bincount(own[1:], minlength=most + 1)[1:].astype(np.int64)
