@@ -28,13 +28,13 @@ from uavseg.jobs.simulate import simulate as simulate_job
 from uavseg.occupancy.paths.path_geojson import geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states
-from uavseg.raster.formats.geotiff import write_geotiff, write_labels
-from uavseg.raster.geobox import upright
+from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
+from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tiling import Window
 from uavseg.regions.formats import export
 from uavseg.regions.table import Regions
-from uavseg.segmentation.baseline.lbpc import OriginalParams
-from uavseg.segmentation.blocks.block_file import load, save
+from uavseg.segmentation.baseline.lbpc import LbpcParams
+from uavseg.segmentation.blocks.block_file import read_block_map, write_block_map
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
 SHAPE = (140, 170)
@@ -90,7 +90,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         write("utm_map.tif", beliefs, **UTM)
         write("percent.tif", np.rint(beliefs * 100).astype(np.uint8), **UTM)
         states = np.searchsorted([0.498, 0.502], beliefs) + 1
-        write_ros_map("ros.yaml", states, upright(SHAPE, 0.1, (0, 0)))
+        write_ros_map("ros.yaml", states, local_geobox(SHAPE, 0.1, (0, 0)))
         done = CliRunner().invoke
         assert done(main, ["divide", "tile.tif", "-o", "blocks.tif"]).exit_code == 0
         write("gone.tif", patches(5), nodata=0, **UTM)
@@ -317,13 +317,13 @@ def test_block_maps(source: Any, words: Words) -> None:
 
     def saved() -> bytes:
         blocks = uavseg.divide(source, **words)
-        known = load("out.tif").blocks
+        known = read_block_map("out.tif").blocks
         assert all(
             np.array_equal(getattr(blocks, n), getattr(known, n)) for n in ("sums", "counts", "ratios")
         )
         read = ReadOptions(stretch=words.get("stretch"), skip_bad_tiles=words.get("skip_bad_tiles", False))
         found = divide_job(open_source(source, read))
-        return written(lambda path: save(path, found.saved, 1.2, 0.05), "python.tif")
+        return written(lambda path: write_block_map(path, found.saved, 1.2, 0.05), "python.tif")
 
     assert_equal(in_python(saved), expected)
 
@@ -498,12 +498,13 @@ def test_segments_of_the_original(source: str, words: Words, params: Words) -> N
     expected = on_the_command_line("original", arguments, "out.tif")
 
     def segments() -> bytes:
-        found = original_job(open_source(source, ReadOptions(**words)), OriginalParams(**params))
+        found = original_job(open_source(source, ReadOptions(**words)), LbpcParams(**params))
         for text in found.warnings:
             warnings.warn(text, stacklevel=1)
         box = found.source.geobox
         return written(
-            lambda path: write_labels(path, [(Window(0, 0, *box.shape), found.labels)], box), "python.tif"
+            lambda path: write_label_geotiff(path, [(Window(0, 0, *box.shape), found.labels)], box),
+            "python.tif",
         )
 
     assert_equal(in_python(segments), expected)

@@ -26,8 +26,8 @@ from uavseg.jobs.open_source import (
 from uavseg.jobs.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import upright
-from uavseg.segmentation.blocks.block_file import save
+from uavseg.raster.geobox import local_geobox
+from uavseg.segmentation.blocks.block_file import write_block_map
 
 SHAPE = (80, 100)
 SCENE = np.add.outer(np.arange(80), np.arange(100)).astype(np.uint8)
@@ -41,8 +41,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             with rasterio.open(name, "w", "GTiff", 100, 80, 1, dtype="uint8", **how) as file:
                 file.write(SCENE, 1)
         saved = divide(open_raster("tile.tif", ReadOptions(stretch="0,200"))).saved
-        save("blocks.tif", saved, 1.2, 0.05)
-        write_ros_map("ros.yaml", np.full(SHAPE, 1), upright(SHAPE, 0.1, (0, 0)))
+        write_block_map("blocks.tif", saved, 1.2, 0.05)
+        write_ros_map("ros.yaml", np.full(SHAPE, 1), local_geobox(SHAPE, 0.1, (0, 0)))
         yield path
 
 

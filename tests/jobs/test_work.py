@@ -13,7 +13,7 @@ from uavseg.execution.executors import threads
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.open_source import open_raster
 from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.bad_blocks import BadBlock, note
+from uavseg.raster.bad_blocks import BadBlock, record_bad_block
 from uavseg.segmentation.intervals import IntensityRange
 
 FIRST, SECOND = BadBlock("a.tif", 0, 0, 64, 64), BadBlock("a.tif", 64, 0, 64, 64)
@@ -26,7 +26,7 @@ class Found:
 
 
 def complain(number: int) -> int:
-    note((SECOND, FIRST)[number])
+    record_bad_block((SECOND, FIRST)[number])
     return number
 
 
