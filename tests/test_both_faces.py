@@ -356,7 +356,7 @@ def test_states(source: str, words: Words) -> None:
     arguments = [source, *options(words), "-o", "out.tif", "--objects", "objects.geojson"]
     expected = on_the_command_line("classify", arguments, "out.tif")
 
-    def classified() -> bytes:
+    def classify_states() -> bytes:
         found = uavseg.classify(source, **words)
         assert geojson_of(found.frame()) == Path("objects.geojson").read_bytes()
         return written(lambda path: write_states(path, found.image, found.geobox), "python.tif")
