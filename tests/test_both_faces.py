@@ -440,6 +440,9 @@ def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     content = Path("regions.geojson").read_bytes()
     with pytest.warns(UserWarning, match="altitude of home"):
         assert uavseg.plan(frame, **FLIGHT) == uavseg.plan("regions.gpkg", **FLIGHT)
+        assert uavseg.plan(frame, ids=frame["id"].tail(2), **FLIGHT) == uavseg.plan(
+            "regions.gpkg", ids=frame["id"].tail(2).tolist(), **FLIGHT
+        )
         assert uavseg.plan(content, **FLIGHT) == uavseg.plan("regions.geojson", **FLIGHT)
 
 
