@@ -361,7 +361,7 @@ def test_states(source: str, words: Words) -> None:
         assert geojson_of(found.frame()) == Path("objects.geojson").read_bytes()
         return written(lambda path: write_states(path, found.image, found.geobox), "python.tif")
 
-    assert_equal(in_python(classified), expected)
+    assert_equal(in_python(classify_states), expected)
 
 
 ENDS = {"range": (0, 0.45), "start": (1.05, 12.05), "goal": (15.05, 1.05)}
@@ -440,6 +440,9 @@ def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     content = Path("regions.geojson").read_bytes()
     with pytest.warns(UserWarning, match="altitude of home"):
         assert uavseg.plan(frame, **FLIGHT) == uavseg.plan("regions.gpkg", **FLIGHT)
+        assert uavseg.plan(frame, ids=frame["id"].tail(2), **FLIGHT) == uavseg.plan(
+            "regions.gpkg", ids=frame["id"].tail(2).tolist(), **FLIGHT
+        )
         assert uavseg.plan(content, **FLIGHT) == uavseg.plan("regions.geojson", **FLIGHT)
 
 
