@@ -1,4 +1,4 @@
-"""A file appears whole or not at all."""
+"""Atomic output: the complete file or none."""
 
 import os
 from pathlib import Path
@@ -11,11 +11,11 @@ from uavseg.errors import OutputError, OutputExistsError
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Everything under a folder, hidden or not."""
+    """Content of all files in a folder, including hidden ones."""
     return {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_what_is_written_is_there_at_the_end_and_nothing_else(tmp_path: Path) -> None:
+def test_the_file_appears_at_the_end_without_temporary_files(tmp_path: Path) -> None:
     with whole_file(tmp_path / "a.tif") as path:
         path.write_text("new")
         assert path.name == "a.tif"
@@ -25,12 +25,12 @@ def test_what_is_written_is_there_at_the_end_and_nothing_else(tmp_path: Path) ->
 
 
 def names_in(folder: Path) -> list[str]:
-    """What lies in a folder, hidden or not."""
+    """Names of the entries of a folder, including hidden ones."""
     return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, MemoryError])
-def test_an_error_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> None:
+def test_an_error_leaves_no_file(tmp_path: Path, error: type[BaseException]) -> None:
     with pytest.raises(error), whole_file(tmp_path / "a.tif") as path:
         path.write_text("half")
         raise error
@@ -38,7 +38,7 @@ def test_an_error_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> 
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-def test_an_error_leaves_the_file_that_was_there(tmp_path: Path, error: type[BaseException]) -> None:
+def test_an_error_leaves_the_existing_file_unchanged(tmp_path: Path, error: type[BaseException]) -> None:
     (tmp_path / "a.tif").write_text("old")
     with pytest.raises(error), whole_file(tmp_path / "a.tif", overwrite=True) as path:
         path.write_text("half")
@@ -46,7 +46,7 @@ def test_an_error_leaves_the_file_that_was_there(tmp_path: Path, error: type[Bas
     assert contents(tmp_path) == {"a.tif": "old"}
 
 
-def test_a_file_that_is_there_is_left_alone_unless_allowed(tmp_path: Path) -> None:
+def test_an_existing_file_is_replaced_only_with_overwrite(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_text("old")
     with pytest.raises(OutputExistsError, match="--overwrite"), whole_file(tmp_path / "a.tif"):
         pytest.fail("it was opened")
@@ -57,7 +57,7 @@ def test_a_file_that_is_there_is_left_alone_unless_allowed(tmp_path: Path) -> No
     assert contents(tmp_path) == {"a.tif": "new"}
 
 
-def test_several_parts_move_together(tmp_path: Path) -> None:
+def test_all_parts_of_an_output_are_moved(tmp_path: Path) -> None:
     (tmp_path / "a.dbf").write_text("old")
     (tmp_path / "b.shp").write_text("another's")
     with whole_file(tmp_path / "a.shp") as path:
@@ -66,7 +66,7 @@ def test_several_parts_move_together(tmp_path: Path) -> None:
     assert contents(tmp_path) == {"a.shp": ".shp", "a.shx": ".shx", "a.dbf": ".dbf", "b.shp": "another's"}
 
 
-def test_several_parts_vanish_together(tmp_path: Path) -> None:
+def test_an_error_removes_all_parts_of_an_output(tmp_path: Path) -> None:
     with pytest.raises(ValueError), whole_file(tmp_path / "a.shp") as path:
         for suffix in (".shp", ".shx", ".dbf"):
             path.with_suffix(suffix).write_text(suffix)
@@ -74,28 +74,28 @@ def test_several_parts_vanish_together(tmp_path: Path) -> None:
     assert names_in(tmp_path) == []
 
 
-def test_a_file_that_nobody_wrote_does_not_appear(tmp_path: Path) -> None:
+def test_a_file_that_is_not_written_does_not_appear(tmp_path: Path) -> None:
     with whole_file(tmp_path / "a.tif"):
         pass
     assert names_in(tmp_path) == []
 
 
-def test_two_writers_of_one_file_do_not_meet(tmp_path: Path) -> None:
+def test_concurrent_writers_of_one_file_do_not_interfere(tmp_path: Path) -> None:
     with whole_file(tmp_path / "a.tif") as first, whole_file(tmp_path / "a.tif") as second:
         first.write_text("first")
         second.write_text("second")
-    assert contents(tmp_path) == {"a.tif": "first"}  # whoever ends last
+    assert contents(tmp_path) == {"a.tif": "first"}  # the outer context ends last
 
 
 @pytest.mark.parametrize("act", [check_target, lambda path: whole_file(path).__enter__()])
-def test_a_folder_that_is_missing_is_told(tmp_path: Path, act: object) -> None:
+def test_a_missing_folder_is_reported(tmp_path: Path, act: object) -> None:
     with pytest.raises(OutputError, match=r"the folder .*nowhere does not exist; make it first"):
         act(tmp_path / "nowhere" / "a.tif")  # type: ignore[operator]
     assert names_in(tmp_path) == []
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_a_folder_is_no_target(tmp_path: Path, overwrite: bool) -> None:
+def test_a_folder_is_rejected_as_a_target(tmp_path: Path, overwrite: bool) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(OutputError, match="is a folder; name a file in it"):
         check_target(tmp_path / "out", overwrite)
@@ -104,7 +104,7 @@ def test_a_folder_is_no_target(tmp_path: Path, overwrite: bool) -> None:
     assert names_in(tmp_path) == ["out"]
 
 
-def test_a_target_may_be_named_by_text_and_relative(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_target_may_be_a_string_and_relative(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert check_target("a.tif") == Path("a.tif")
     with whole_file("a.tif") as path:
@@ -112,7 +112,7 @@ def test_a_target_may_be_named_by_text_and_relative(tmp_path: Path, monkeypatch:
     assert contents(tmp_path) == {"a.tif": "here"}
 
 
-def test_a_folder_that_cannot_be_written_to_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_read_only_folder_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: object) -> str:
         raise PermissionError(13, "Permission denied")
 
@@ -124,11 +124,11 @@ def test_a_folder_that_cannot_be_written_to_is_told(tmp_path: Path, monkeypatch:
         pytest.fail("it was opened")
 
 
-# What a power cut leaves
+# Durability after a power failure
 
 
 class Calls:
-    """The files and folders that are synced, and the renamings, in their order."""
+    """Records calls of fsync and replace, with the names of files and folders, in order."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.seen: list[tuple[str, str]] = []
@@ -157,15 +157,13 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     return Calls(monkeypatch)
 
 
-def test_a_file_is_on_the_disk_before_it_has_its_name_and_then_the_name_is(
-    tmp_path: Path, calls: Calls
-) -> None:
+def test_a_file_is_synced_before_the_rename_and_its_folder_after(tmp_path: Path, calls: Calls) -> None:
     with whole_file(tmp_path / "a.tif") as path:
         path.write_text("new")
     assert calls.seen == [("sync", "a.tif"), ("rename", "a.tif"), ("sync", tmp_path.name)]
 
 
-def test_all_parts_are_on_the_disk_before_the_first_has_its_name(tmp_path: Path, calls: Calls) -> None:
+def test_all_parts_are_synced_before_the_first_rename(tmp_path: Path, calls: Calls) -> None:
     with whole_file(tmp_path / "a.vrt") as path:
         (path.parent / "a.tiles" / "deep").mkdir(parents=True)
         for part in ("a.vrt", "a.tiles/1.tif", "a.tiles/deep/2.tif"):
@@ -177,20 +175,20 @@ def test_all_parts_are_on_the_disk_before_the_first_has_its_name(tmp_path: Path,
     assert calls.seen[5:] == [("rename", "a.tiles"), ("rename", "a.vrt"), ("sync", tmp_path.name)]
 
 
-def test_what_fails_is_not_synced(tmp_path: Path, calls: Calls) -> None:
+def test_a_failed_output_is_not_synced(tmp_path: Path, calls: Calls) -> None:
     with pytest.raises(ValueError), whole_file(tmp_path / "a.tif") as path:
         path.write_text("half")
         raise ValueError
     assert calls.seen == []
 
 
-def test_a_file_that_can_be_made_again_need_not_be_synced(tmp_path: Path, calls: Calls) -> None:
+def test_syncing_can_be_disabled_for_cached_files(tmp_path: Path, calls: Calls) -> None:
     with whole_file(tmp_path / "a.npz", sync=False) as path:
         path.write_text("new")
     assert calls.seen == [("rename", "a.npz")]
 
 
-def test_where_folders_cannot_be_synced_files_are(
+def test_files_are_synced_where_folders_cannot_be(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: Calls
 ) -> None:
     """As on Windows, where a folder cannot be opened."""
@@ -209,7 +207,7 @@ def test_where_folders_cannot_be_synced_files_are(
     assert contents(tmp_path) == {"a.tif": "new"}
 
 
-def test_a_disk_that_is_full_when_a_file_is_synced_is_told(
+def test_a_full_disk_is_reported_when_a_file_is_synced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(descriptor: int) -> None:

@@ -29,7 +29,7 @@ def g_of(one: Histogram, other: Histogram) -> float:
 
 def plain(reference: ModuleType, grey: np.ndarray, valid: np.ndarray, params: LbpcParams) -> np.ndarray:
     """All of it with dictionaries and loops."""
-    picture = reference.Picture(grey, valid)
+    picture = reference.PaddedImage(grey, valid)
     rows, cols = grey.shape
     texels = {
         (r, c): int(picture.texels[r, c]) for r in range(rows) for c in range(cols) if picture.counted[r, c]

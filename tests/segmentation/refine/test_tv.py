@@ -57,7 +57,7 @@ def test_the_kernels_do_what_plain_arrays_do(
 ) -> None:
     case = random_case(seed, (2 * squares[0], 2 * squares[1]))
     inside, *rest = case
-    expected = plain_variation.denoised(inside.copy(), *rest, MIDDLE.low, MIDDLE.high)
+    expected = plain_variation.classify_pixels(inside.copy(), *rest, MIDDLE.low, MIDDLE.high)
     assert np.array_equal(refined(*case), expected)
 
 
@@ -83,7 +83,7 @@ def test_sweeps_end_at_the_minimum_of_total_variation(plain_variation: ModuleTyp
     rng = np.random.default_rng(seed)
     grey = rng.integers(0, 65536, (10, 13)).astype(np.uint16)
     weights = rng.integers(0, 6000, grey.shape)
-    u, flows = plain_variation.evened(grey, weights, 2000)
+    u, flows = plain_variation.minimise_tv(grey, weights, 2000)
     half = grey.astype(np.int64) // 2
     variation_of_u, flowing = 0, 0
     for (a, b, share), flow in zip(plain_variation.pairs(grey.shape), flows, strict=True):
