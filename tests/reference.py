@@ -1,7 +1,7 @@
-"""Slow reference implementation of the algorithm, written from its description, independent of the package.
+"""Reference implementation of the algorithm: slow, independent of the package, written from its description.
 
-It works on whole arrays with simple loops; nothing is tiled, compiled or shared with the package. Where the
-description is ambiguous, a comment that starts with "Reading:" states the interpretation.
+Whole arrays and plain loops; nothing is tiled, compiled or shared with the package. Where the description is
+ambiguous, a comment that starts with "Reading:" gives the interpretation.
 """
 
 import math
@@ -58,8 +58,7 @@ def intensity(values: ArrayLike) -> Floats:
 
 def grey(values: ArrayLike, valid: Bool, low: float, high: float) -> Grey:
     """Grey levels 0..65535 of values stretched from low..high; 0 where invalid."""
-    # Reading: the description defines no v for low = high (a constant raster); this function requires low <
-    # high.
+    # Reading: the description gives no v for low = high (a constant raster), so that is not supported.
     assert low < high
     v = (np.where(valid, intensity(values), low) - low) / (high - low)
     v = np.minimum(np.maximum(v, 0.0), 1.0)
@@ -71,7 +70,7 @@ def grey(values: ArrayLike, valid: Bool, low: float, high: float) -> Grey:
 
 
 def texture(grey: Grey, valid: Bool) -> tuple[Ints, Ints, Bool]:
-    """LBP code and contrast of every pixel (0 where it is not counted), and the mask of counted pixels."""
+    """LBP code, contrast and whether it is counted, for every pixel; the first two are 0 where it is not."""
     rows, cols = grey.shape
     codes, contrast = np.zeros((2, rows, cols), np.int64)
     counted = np.zeros((rows, cols), bool)
@@ -109,9 +108,9 @@ def contrast_bin_edges(contrast: Ints, counted: Bool) -> Ints:
     return np.array([ordered[rank - 1] for rank in ranks], np.int64)
 
 
-def bins(contrast: Ints, bin_edges: Ints) -> Ints:
-    """Bin number of each contrast: the number of edges strictly below it."""
-    return sum(((edge < contrast).astype(np.int64) for edge in bin_edges), np.zeros(contrast.shape, np.int64))
+def bins(contrast: Ints, edges: Ints) -> Ints:
+    """The number of edges strictly below each contrast."""
+    return sum(((edge < contrast).astype(np.int64) for edge in edges), np.zeros(contrast.shape, np.int64))
 
 
 # 2. Hierarchical division
@@ -119,8 +118,8 @@ def bins(contrast: Ints, bin_edges: Ints) -> Ints:
 
 def xlogx(f: Floats) -> float:
     """Sum of f ln f, where 0 ln 0 = 0."""
-    positive = f[f > 0]
-    return float(np.sum(positive * np.log(positive)))
+    some = f[f > 0]
+    return float(np.sum(some * np.log(some)))
 
 
 def g_statistic(one: Ints, other: Ints) -> float:
@@ -134,14 +133,14 @@ def g_statistic(one: Ints, other: Ints) -> float:
 
 
 class PaddedImage:
-    """Grey and texture of a raster, padded to whole blocks, for the division."""
+    """Grey, symbols and masks of a raster, padded to whole blocks."""
 
     def __init__(self, grey: Grey, valid: Bool) -> None:
         codes, contrast, counted = texture(grey, valid)
         rows, cols = grey.shape
         padding = (0, -rows % BLOCK), (0, -cols % BLOCK)
-        texels = 8 * codes + bins(contrast, contrast_bin_edges(contrast, counted))
-        self.texels = np.pad(texels, padding)
+        symbols = 8 * codes + bins(contrast, contrast_bin_edges(contrast, counted))
+        self.symbols = np.pad(symbols, padding)
         self.counted = np.pad(counted, padding)
         self.grey = np.pad(np.where(valid, grey, 0).astype(np.int64), padding)
         self.valid = np.pad(valid, padding)
@@ -156,7 +155,7 @@ class PaddedImage:
 
     def histogram(self, row: int, col: int, side: int) -> Ints:
         window = slice(row, row + side), slice(col, col + side)
-        return np.bincount(self.texels[window][self.counted[window]], minlength=2048)
+        return np.bincount(self.symbols[window][self.counted[window]], minlength=2048)
 
     def ratio(self, row: int, col: int, side: int) -> float:
         """R of a block; 0 if it is uniform or fewer than two of its children have counted pixels."""
@@ -168,9 +167,9 @@ class PaddedImage:
         return math.inf if min(G) == 0 else max(G) / min(G)
 
     def step(self, row: int, col: int, side: int) -> float:
-        """The largest difference between the means of the children of a block."""
-        # Reading: this test uses the children with valid pixels. Fewer than two children with *counted*
-        # pixels end the texture test, not this one. Means and their difference are in double precision.
+        """The largest difference between the means of a block's children."""
+        # Reading: this test uses the children with valid pixels; fewer than two with *counted* pixels end the
+        # texture test, not this one. Means and their difference are in double precision.
         leaves = [self.leaf(*child) for child in children(row, col, side)]
         means = [leaf.op for leaf in leaves if leaf.count > 0]
         return max(means) - min(means) if means else 0.0
@@ -183,7 +182,7 @@ def children(row: int, col: int, side: int) -> list[tuple[int, int, int]]:
 
 
 def divide(grey: Grey, valid: Bool, X: float = 1.2, tau: float | None = None) -> list[Leaf]:
-    """Leaves of the hierarchical division; the method of the paper if tau is None."""
+    """Leaves of the hierarchical division; without an intensity test (the paper's method) if tau is None."""
     image = PaddedImage(grey, valid)
     leaves = []
     pending = [(row, col, BLOCK) for row, col in image.corners(BLOCK)]
@@ -197,7 +196,7 @@ def divide(grey: Grey, valid: Bool, X: float = 1.2, tau: float | None = None) ->
 
 
 def is_divided(image: PaddedImage, block: tuple[int, int, int], X: float, tau: float | None) -> bool:
-    """Whether texture, or intensity if tau is given, differs between the children of a block."""
+    """Whether the texture of a block, or with tau its intensity, differs between its children."""
     return image.ratio(*block) > X or (tau is not None and image.step(*block) > tau)
 
 
@@ -211,18 +210,18 @@ def ratios(grey: Grey, valid: Bool) -> dict[tuple[int, int, int], float]:
 # 3. Segment creation
 
 
-def classify_cells(leaves: list[Leaf], shape: tuple[int, int], classify: Callable[[float], int]) -> Ints:
-    """Class of every 8 x 8 cell, from the OP of its leaf; 0 if the leaf has no valid pixels."""
+def classify_cells(leaves: list[Leaf], shape: tuple[int, int], kind: Callable[[float], int]) -> Ints:
+    """The kind of every 8 x 8 cell, from the OP of its leaf; 0 where the leaf has no valid pixels."""
     rows, cols = (-(-size // BLOCK) * BLOCK // CELL for size in shape)
     cells = np.zeros((rows, cols), np.int64)
     for leaf in leaves:
         row, col, side = leaf.row // CELL, leaf.col // CELL, leaf.side // CELL
-        cells[row : row + side, col : col + side] = classify(leaf.op) if leaf.count else 0
+        cells[row : row + side, col : col + side] = kind(leaf.op) if leaf.count else 0
     return cells
 
 
 def pixels(cells: Ints, valid: Bool) -> Ints:
-    """Upsample cells to the valid pixels of a raster; 0 elsewhere."""
+    """Cells upsampled to the valid pixels of a raster; 0 elsewhere."""
     rows, cols = valid.shape
     complete = np.repeat(np.repeat(cells, CELL, axis=0), CELL, axis=1)[:rows, :cols]
     return np.where(valid, complete, 0)
@@ -236,12 +235,12 @@ def in_range(leaves: list[Leaf], shape: tuple[int, int], valid: Bool, lo: float,
 def connected(classes: Ints) -> Ints:
     """4-connected components of equal class, numbered in raster order from 1; 0 where the class is 0."""
     rows, cols = classes.shape
-    value = classes.tolist()
+    kind = classes.tolist()
     label = [[0] * cols for _ in range(rows)]
     last = 0
     for row in range(rows):
         for col in range(cols):
-            if value[row][col] == 0 or label[row][col] != 0:
+            if kind[row][col] == 0 or label[row][col] != 0:
                 continue
             last += 1
             label[row][col] = last
@@ -249,7 +248,7 @@ def connected(classes: Ints) -> Ints:
             while edge:
                 r, c = edge.pop()
                 for y, x in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
-                    if 0 <= y < rows and 0 <= x < cols and value[y][x] == value[r][c] and label[y][x] == 0:
+                    if 0 <= y < rows and 0 <= x < cols and kind[y][x] == kind[r][c] and label[y][x] == 0:
                         label[y][x] = last
                         edge.append((y, x))
     return np.array(label, np.int64).reshape(rows, cols)
@@ -284,10 +283,9 @@ def extract(
 ) -> Labels:
     """Labels of the regions whose intensity is in [lo, hi].
 
-    Reading: without refinement the components are those of leaves, as in "leaves that share an edge form one
-    region", so invalid pixels in a leaf never split it; refined regions are components of pixels.
-    `connect="pixels"` is the other interpretation: components of pixels in both cases. They differ only where
-    pixels are invalid.
+    Reading: without refinement, leaves connect ("leaves that share an edge form one region"), so invalid
+    pixels never split a leaf; only refined regions are components of pixels. `connect="pixels"` is the other
+    interpretation: components of pixels in both cases. They differ only where pixels are invalid.
     """
     g = grey(values, valid, low, high)
     leaves = divide(g, valid, X, tau)
@@ -302,7 +300,7 @@ def extract(
 
 
 def scans(shape: tuple[int, int]) -> Iterator[Iterator[list[tuple[int, int]]]]:
-    """The four scans in order, each as lines of pixels (row, col) in the order of the scan."""
+    """The four scans in order, each as lines of pixels (row, col) in visiting order."""
     rows, cols = shape
     yield ([(row, col) for col in reversed(range(cols))] for row in range(rows))  # right to left
     yield ([(row, col) for col in range(cols)] for row in range(rows))  # left to right
@@ -311,9 +309,9 @@ def scans(shape: tuple[int, int]) -> Iterator[Iterator[list[tuple[int, int]]]]:
 
 
 def refine_scan(mask: Bool, grey: Grey, valid: Bool, lo: float, hi: float) -> Bool:
-    """Regions after four shrinking scans and four growing scans, pixel by pixel as described."""
-    # Reading: "outside" is valid and in no region; a run is a sequence of consecutive changes in one line of
-    # one scan. The ninth pixel is not changed, so it does not cause further changes either.
+    """Regions after four scans that shrink and four that grow, pixel by pixel as described."""
+    # Reading: "outside" means valid and in no region. A run is a sequence of adjacent changes in one line of
+    # one scan; the ninth pixel does not change, so it does not cause further changes either.
     inside, is_valid = mask.tolist(), valid.tolist()
     in_interval = ((lo <= grey / 65535) & (grey / 65535 <= hi)).tolist()
 
@@ -339,12 +337,12 @@ def refine_scan(mask: Bool, grey: Grey, valid: Bool, lo: float, hi: float) -> Bo
     return np.array(inside, bool).reshape(mask.shape)
 
 
-# Views of an array whose rows, from first to last, are visited in turn by each of the four scans.
+# Views of an image whose rows, from first to last, are visited in turn by each of the four scans.
 TURNS: list[Callable[[Bool], Bool]] = [lambda a: a[:, ::-1].T, lambda a: a.T, lambda a: a[::-1], lambda a: a]
 
 
 def refine_scan_by_lines(mask: Bool, grey: Grey, valid: Bool, lo: float, hi: float) -> Bool:
-    """The same result as `refine_scan`, vectorised: all lines of a scan advance together."""
+    """An equivalent of `refine_scan`: all lines of a scan advance together."""
     v = grey / 65535
     fits = valid & (v >= lo) & (v <= hi)
     misfits = valid & ~fits
@@ -371,29 +369,29 @@ def state_of(v: float) -> int:
 
 
 def refine_states(states: Ints, grey: Grey) -> Ints:
-    """States of pixels (0 where invalid) after compaction and the scans of free against occupied."""
-    # Reading: the limit of 8 pixels is stated for ranges only, so the runs of compaction are unlimited.
+    """States of pixels (0 where invalid) after compaction, and then the scans of free against occupied."""
+    # Reading: the stop after 8 pixels applies to ranges only, so a run of compaction is unbounded.
     state = states.tolist()
     states_of_greys = {g: state_of(g / 65535) for g in np.unique(grey).tolist()}
     own = [[states_of_greys[g] for g in line] for line in grey.tolist()]
     for lines in scans(states.shape):
         for line in lines:
-            compact_line(line, state, own)
+            compact(line, state, own)
     for lines in scans(states.shape):
         for line in lines:
-            resolve_pairs(line, state, own)
+            settle(line, state, own)
     return np.array(state, np.int64).reshape(states.shape)
 
 
-def compact_line(line: list[tuple[int, int]], state: list[list[int]], own: list[list[int]]) -> None:
+def compact(line: list[tuple[int, int]], state: list[list[int]], own: list[list[int]]) -> None:
     """Pixels whose own value is unknown become unknown after an unknown pixel."""
     for (r, c), (row, col) in pairwise(line):
         if state[r][c] == UNKNOWN and state[row][col] in (FREE, OCCUPIED) and own[row][col] == UNKNOWN:
             state[row][col] = UNKNOWN
 
 
-def resolve_pairs(line: list[tuple[int, int]], state: list[list[int]], own: list[list[int]]) -> None:
-    """Where free and occupied pixels meet, the first of three pixels with a known value decides."""
+def settle(line: list[tuple[int, int]], state: list[list[int]], own: list[list[int]]) -> None:
+    """Adjacent free and occupied pixels: the first of three that is not half decides."""
     k = 1
     while k < len(line):
         A = state[line[k - 1][0]][line[k - 1][1]]
@@ -431,7 +429,7 @@ def states(
 
 
 def states_of_leaves(leaves: list[Leaf], grey: Grey, valid: Bool, refine: bool) -> tuple[Ints, Ints]:
-    """State of every pixel (0 where invalid), and the occupied segments in raster order (0: no segment)."""
+    """State of every pixel (0 where invalid), and the occupied segments in raster order; 0 for none."""
     cells = classify_cells(leaves, grey.shape, state_of)
     state = pixels(cells, valid)
     if not refine:
@@ -447,8 +445,8 @@ def level_edges(P: float) -> list[float]:
 
 
 def level_of(v: float, edges: list[float]) -> int:
-    """The level, from 0, whose interval (low, high] contains v; the first one also contains 0."""
-    # Reading: if rounding leaves the last edge slightly below 1, values above it are in the last level.
+    """The level, from 0, whose interval (low, high] contains v; level 0 also contains 0."""
+    # Reading: where rounding leaves the last edge slightly below 1, values above it are in the last level.
     last = len(edges) - 2
     return next((k for k in range(last) if v <= edges[k + 1]), last)
 
@@ -469,17 +467,17 @@ def levels(
 
 def levels_of_leaves(leaves: list[Leaf], valid: Bool, P: float) -> tuple[Ints, Labels]:
     """Level of every pixel (-1 where invalid), and labels of segments."""
-    # Reading: levels are not refined; the components are those of leaves.
+    # Reading: levels are not refined, and leaves connect.
     edges = level_edges(P)
     cells = classify_cells(leaves, valid.shape, lambda op: level_of(op, edges) + 1)
     return pixels(cells, valid) - 1, by_size(pixels(connected(cells), valid))
 
 
-# Random rasters for comparisons
+# Random rasters
 
 
 def random_raster(seed: int) -> tuple[NDArray[np.generic], Bool, float, float]:
-    """A reproducible random raster: values (rows, cols), valid, and low and high of a stretch."""
+    """A raster that depends only on the seed: values (rows, cols), valid, and low and high of a stretch."""
     rng = np.random.default_rng(seed)
     rows, cols = (int(rng.integers(1, 10 if rng.random() < 0.1 else 201)) for _ in range(2))
     field = FIELDS[seed % len(FIELDS)](rng, rows, cols)
@@ -544,7 +542,7 @@ def patches(rng: np.random.Generator, rows: int, cols: int) -> Floats:
 
 
 def blobs(rng: np.random.Generator, rows: int, cols: int) -> Floats:
-    """Smooth blobs: bilinear interpolation of noise on a coarse grid."""
+    """Smooth hills: noise on a coarse grid, interpolated linearly."""
     coarse = rng.random((rows // 16 + 2, cols // 16 + 2))
     row, col = (np.arange(size) / 16 for size in (rows, cols))
     r, c = row.astype(int), col.astype(int)
@@ -558,7 +556,7 @@ FIELDS = (blobs, patches, noise, stripes, checkers, gradient, constant)
 
 
 def random_valid(rng: np.random.Generator, rows: int, cols: int) -> Bool:
-    """Valid pixels: all, or all except a frame, a patch, specks, a half below a diagonal, or nearly all."""
+    """A mask: all pixels, or all but a frame, a patch, speckle, half of them, or nearly everything."""
     valid = np.ones((rows, cols), bool)
     pattern = rng.integers(9)
     if pattern == 1:
@@ -577,7 +575,7 @@ def random_valid(rng: np.random.Generator, rows: int, cols: int) -> Bool:
 
 
 def quantised(rng: np.random.Generator, field: Floats) -> NDArray[np.generic]:
-    """A field in 0..1 converted to one of the usual data types of rasters."""
+    """A field in 0..1 converted to one of the dtypes of rasters."""
     kind = rng.integers(6)
     if kind <= 1:
         return np.round(field * 255).astype(np.uint8)
@@ -589,13 +587,12 @@ def quantised(rng: np.random.Generator, field: Floats) -> NDArray[np.generic]:
 
 
 def random_stretch(rng: np.random.Generator, values: NDArray[np.generic], valid: Bool) -> tuple[float, float]:
-    """The range of the data type, or a range that clips some values; low < high."""
-    valid_values = values[valid].astype(np.float64)
+    """The range of the dtype, or one that clips a little; low < high."""
+    some = values[valid].astype(np.float64)
     if values.dtype.kind == "u" and rng.random() < 0.7:
         return 0.0, 256.0**values.itemsize - 1
-    if valid_values.size and valid_values.max() > valid_values.min():
-        ranks = rng.choice([0, 2, 10]) * np.array([1, -1]) + np.array([0, 100])
-        low, high = np.percentile(valid_values, ranks)
+    if some.size and some.max() > some.min():
+        low, high = np.percentile(some, rng.choice([0, 2, 10]) * np.array([1, -1]) + np.array([0, 100]))
         if low < high:
             return float(low), float(high)
     return 0.0, 1.0

@@ -1,4 +1,4 @@
-"""Labels equal those of the slow reference implementation, pixel by pixel."""
+"""Labels agree with the reference implementation at every pixel."""
 
 import warnings
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
 
 
 class Case(NamedTuple):
-    """A raster, the parameters, and the expected labels."""
+    """A raster, the request, and the expected labels."""
 
     values: NDArray[Any]
     valid: NDArray[np.bool_]
@@ -50,7 +50,7 @@ class Case(NamedTuple):
 
 
 def cases(reference: ModuleType, seed: int) -> Iterator[Case]:
-    """The paper's method and the adaptive one, without refinement and with scans, on one random raster."""
+    """The paper's method and the adaptive one, unrefined and scanned, on one random raster."""
     values, valid, low, high = reference.random_raster(seed)
     lo, hi, X, tau = reference.random_choices(seed)
     for method, step in (("paper", None), ("adaptive", 0.05 if tau is None else tau)):
@@ -62,7 +62,7 @@ def cases(reference: ModuleType, seed: int) -> Iterator[Case]:
 
 @dataclass(frozen=True)
 class InMemory:
-    """A stand-in for a dataset: an array, read by window."""
+    """A dataset in memory: an array, read by window."""
 
     values: NDArray[Any]
     valid: NDArray[np.bool_]
@@ -80,7 +80,7 @@ class InMemory:
 
 
 def segmented(case: Case, side: int, run: Map) -> Outlined:
-    """The result of the package, tile by tile."""
+    """The regions by the package, tile by tile."""
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)
     blocks = measure_block_map_for(source, case.interval, case.params, TilePass(windows, run))
@@ -88,7 +88,7 @@ def segmented(case: Case, side: int, run: Map) -> Outlined:
     return outline_regions(source, inside, case.interval, case.params.refine, TilePass(windows, run))
 
 
-def rasterised(rings: Any, shape: tuple[int, int]) -> NDArray[np.uint32]:
+def labels_of(rings: Any, shape: tuple[int, int]) -> NDArray[np.uint32]:
     return rasterise(rings, Window(0, 0, *shape))
 
 
@@ -97,13 +97,13 @@ def describe(seed: int, case: Case, side: int) -> str:
 
 
 @pytest.mark.parametrize("first", RASTERS, ids=lambda first: f"seeds {first} to {first + CHUNK - 1}")
-def test_labels_equal_those_of_the_reference(reference: ModuleType, first: int) -> None:
+def test_labels_are_those_of_the_reference(reference: ModuleType, first: int) -> None:
     different = []
     for seed in range(first, first + CHUNK):
         for case in cases(reference, seed):
             for side, run in RUNNERS:
                 found = segmented(case, side, run)
-                if not np.array_equal(rasterised(found.rings, case.valid.shape), case.labels):
+                if not np.array_equal(labels_of(found.rings, case.valid.shape), case.labels):
                     different.append(describe(seed, case, side))
                 pixels = np.bincount(case.labels.ravel(), minlength=1)[1:]
                 if not np.array_equal(found.sums.counts, pixels):
@@ -112,16 +112,16 @@ def test_labels_equal_those_of_the_reference(reference: ModuleType, first: int) 
 
 
 def write(path: Path, values: NDArray[Any], valid: NDArray[np.bool_], seed: int) -> None:
-    """A GeoTIFF with invalid pixels as NaN or nodata, or as a mask if no value is unused."""
+    """A GeoTIFF that marks invalid pixels by NaN, by a nodata value, or if no value is free by a mask."""
     pixels, nodata = values.copy(), None
     if values.dtype.kind == "f":
         nodata = (None, -9999.0)[seed % 2]
         pixels[~valid] = np.nan if nodata is None else nodata
     else:
         limits = np.iinfo(values.dtype)
-        unused = np.setdiff1d(np.arange(limits.min, limits.max + 1), values[valid])
-        if len(unused) and seed % 4:
-            nodata = int(unused[seed % len(unused)])
+        free = np.setdiff1d(np.arange(limits.min, limits.max + 1), values[valid])
+        if len(free) and seed % 4:
+            nodata = int(free[seed % len(free)])
             pixels[~valid] = nodata
     blocks = {"tiled": True, "blockxsize": 16, "blockysize": 32} if seed % 3 else {}
     rows, cols = values.shape
@@ -137,7 +137,7 @@ def write(path: Path, values: NDArray[Any], valid: NDArray[np.bool_], seed: int)
 
 
 @pytest.mark.parametrize("first", FILES, ids=lambda first: f"seeds {first} to {first + 9}")
-def test_regions_of_a_file_equal_those_of_the_reference(
+def test_regions_of_a_file_are_those_of_the_reference(
     reference: ModuleType, tmp_path: Path, first: int
 ) -> None:
     different = []
@@ -151,15 +151,15 @@ def test_regions_of_a_file_equal_those_of_the_reference(
             found = extract(
                 Raster(dataset, given), ExtractRequest(case.interval, case.params), Work(side, run)
             )
-            if not np.array_equal(rasterised(found.rings, valid.shape), case.labels):
+            if not np.array_equal(labels_of(found.rings, valid.shape), case.labels):
                 different.append(describe(seed, case, side))
-            mine = np.bincount(case.labels.ravel(), minlength=1)[1:]
-            if not np.array_equal(found.regions.columns["pixels"], mine):
+            pixels = np.bincount(case.labels.ravel(), minlength=1)[1:]
+            if not np.array_equal(found.regions.columns["pixels"], pixels):
                 different.append("pixels of " + describe(seed, case, side))
     assert not different
 
 
-def test_the_random_rasters_cover_all_kinds(reference: ModuleType) -> None:
+def test_the_rasters_are_of_every_kind(reference: ModuleType) -> None:
     seeds = range(RASTERS.stop)
     rasters = [reference.random_raster(seed) for seed in seeds]
     assert {raster[0].dtype.name for raster in rasters} == {"uint8", "uint16", "int16", "float32", "float64"}

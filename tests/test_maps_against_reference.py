@@ -1,4 +1,4 @@
-"""States, levels and objects of maps equal those of the slow reference implementation."""
+"""States, levels and objects of maps agree with the reference implementation."""
 
 from pathlib import Path
 from types import ModuleType
@@ -9,7 +9,6 @@ import pytest
 from affine import Affine
 from numpy.typing import NDArray
 
-import uavseg.segmentation.states.classify_strips as classification
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.jobs.classify import ClassifyRequest, classify
 from uavseg.jobs.levels import LevelsRequest, levels
@@ -24,6 +23,7 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.states import classify_strips
 
 MAPS = 220
 CHUNK = 20
@@ -33,7 +33,7 @@ REAL = ["depot", "tb3_sandbox", "turtlebot3_map", "willow-full"]
 
 
 def random_map(seed: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """A typical occupancy map: patches, walls and specks in unknown space, and nodata."""
+    """An occupancy map: patches, walls and specks of values around one half, and nodata."""
     rng = np.random.default_rng(seed)
     sizes = [(3, 64), (64, 98), (98, 201)]
     rows, cols = (int(rng.integers(*sizes[rng.choice(3, p=[0.4, 0.57, 0.03])])) for _ in range(2))
@@ -59,7 +59,7 @@ def random_map(seed: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
 
 
 def choices(seed: int) -> tuple[float, float | None, float]:
-    """Parameters X and tau, and the width of levels."""
+    """X, tau and the width of levels."""
     rng = np.random.default_rng([seed, 1])
     tau = [None, None, 0.0173, 0.05, 0.21][int(rng.integers(5))]
     return (
@@ -70,7 +70,7 @@ def choices(seed: int) -> tuple[float, float | None, float]:
 
 
 def dataset_of(folder: Path, seed: int, values: NDArray[Any], valid: NDArray[np.bool_]) -> Dataset:
-    """A float map in memory with NaN, or an 8-bit map with a nodata value in a file."""
+    """A map in memory with NaN, or one of bytes with a nodata value in a file."""
     box = GeoBox(values.shape, Affine(0.05, 0, -3, 0, -0.05, 7), None)
     if values.dtype.kind == "f":
         return Dataset.of_values(np.where(valid, values, values.dtype.type(np.nan)), box, "map")
@@ -84,7 +84,7 @@ def dataset_of(folder: Path, seed: int, values: NDArray[Any], valid: NDArray[np.
 
 
 class Case(NamedTuple):
-    """A map, the parameters of its division, and the leaves of the reference."""
+    """A map, its division parameters, and the leaves of the reference."""
 
     source: ProbabilityMap
     grey: NDArray[np.uint16]
@@ -102,7 +102,7 @@ def case_of(
     return Case(source, grey, valid, X, tau, reference.divide(grey, valid, X, tau))
 
 
-def rasterised(found: Extraction) -> NDArray[np.uint32]:
+def labels_of(found: Extraction) -> NDArray[np.uint32]:
     return rasterise(found.rings, Window(0, 0, *found.geobox.shape))
 
 
@@ -111,15 +111,15 @@ def params_of(case: Case, refine: str) -> SegmentParams:
     return SegmentParams(method, case.X, case.tau or 0.0, refine)  # type: ignore[arg-type]
 
 
-def differing_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> list[tuple[object, ...]]:
-    """Differences of states and objects, with and without refinement."""
+def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> list[tuple[object, ...]]:
+    """Differences of states and objects, refined or not."""
     different = []
     by_value = case.grey / 65535 > reference.UNKNOWN_TO
     for refine in ("scan", "none"):
         states, segments = reference.states_of_leaves(case.leaves, case.grey, case.valid, refine == "scan")
         found = classify(case.source, ClassifyRequest(segment=params_of(case, refine)), Work(*runner))
         same = np.array_equal(found.states, states)
-        same &= np.array_equal(rasterised(found.objects), reference.by_size(segments))
+        same &= np.array_equal(labels_of(found.objects), reference.by_size(segments))
         same &= found.cells == {k: int((states == k).sum()) for k in range(4)}
         same &= found.occupied_in_free == ((states == 1) & by_value).sum()
         same &= found.occupied_by_value == (case.valid & by_value).sum()
@@ -128,38 +128,37 @@ def differing_states(reference: ModuleType, case: Case, runner: tuple[int, Map])
     return different
 
 
-def differing_levels(
+def wrong_levels(
     reference: ModuleType, case: Case, width: float, runner: tuple[int, Map]
 ) -> list[tuple[object, ...]]:
-    """Differences of levels, their segments and the reported bounds."""
+    """Differences of levels, their segments and bounds."""
     level, labels = reference.levels_of_leaves(case.leaves, case.valid, width)
     edges = reference.level_edges(width)
     found = levels(case.source, LevelsRequest(Levels(width), params_of(case, "none")), Work(*runner))
     columns = found.regions.columns
-    image = rasterised(found)
+    image = labels_of(found)
     same = np.array_equal(image, labels)
     same &= np.array_equal(np.concatenate([[-1], columns["level"]])[image], level)
     same &= columns["range_low"].tolist() == [edges[k] for k in columns["level"]]
     high = [min(edges[k + 1], 1.0) for k in columns["level"]]
-    # The last edge may be slightly smaller.
-    same &= np.allclose(columns["range_high"], high, rtol=0, atol=1e-9)
+    same &= np.allclose(columns["range_high"], high, rtol=0, atol=1e-9)  # the last edge may be slightly less
     return [] if same else [("levels", width, runner[0], case.X, case.tau)]
 
 
 @pytest.mark.parametrize("first", CHUNKS, ids=lambda first: f"maps {first} to {first + CHUNK - 1}")
-def test_maps_equal_those_of_the_reference(reference: ModuleType, tmp_path: Path, first: int) -> None:
+def test_maps_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, first: int) -> None:
     different = []
     for seed in range(first, first + CHUNK):
         values, valid = random_map(seed)
         X, tau, width = choices(seed)
         case = case_of(reference, dataset_of(tmp_path, seed, values, valid), values, valid, X, tau)
-        wrong = differing_states(reference, case, RUNNERS[seed % 2])
-        wrong += differing_levels(reference, case, width, RUNNERS[seed // 2 % 2])
-        different += [(seed, *difference) for difference in wrong]
+        wrong = wrong_states(reference, case, RUNNERS[seed % 2])
+        wrong += wrong_levels(reference, case, width, RUNNERS[seed // 2 % 2])
+        different += [(seed, *case) for case in wrong]
     assert not different
 
 
-def test_the_random_maps_cover_all_kinds(reference: ModuleType) -> None:
+def test_the_maps_are_of_every_kind(reference: ModuleType) -> None:
     maps = [random_map(seed) for seed in range(MAPS)]
     assert {values.dtype.name for values, _ in maps} == {"uint8", "float32", "float64"}
     assert min(min(valid.shape) for _, valid in maps) < 10
@@ -188,26 +187,26 @@ def real_map(folder: Path, name: str, tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_real_maps_equal_those_of_the_reference(
+def test_real_maps_are_those_of_the_reference(
     reference: ModuleType, shared_data: Path, tmp_path: Path, name: str
 ) -> None:
     dataset, _ = open_map(real_map(shared_data / "maps", name, tmp_path))
     values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
     everywhere = np.ones(dataset.geobox.shape, bool)
     case = case_of(reference, dataset, values[0], everywhere, 1.2, None)
-    assert not differing_states(reference, case, (192, serial))
+    assert not wrong_states(reference, case, (192, serial))
     adaptive = case_of(reference, dataset, values[0], everywhere, 1.2, 0.05)
-    assert not differing_levels(reference, adaptive, 0.1, (192, serial))
+    assert not wrong_levels(reference, adaptive, 0.1, (192, serial))
 
 
 def test_very_wide_maps_are_split_into_low_strips(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(classification, "_MAX_STRIP_PIXELS", 64 * 256)
+    monkeypatch.setattr(classify_strips, "_MAX_STRIP_PIXELS", 64 * 256)
     values, _ = random_map(7)
     values = np.tile(values, (-(-200 // len(values)), 4))
     dataset = Dataset.of_values(values, GeoBox(values.shape, Affine.identity(), None), "map")
-    strips = classification.state_strips(values.shape, (512, 512))
+    strips = classify_strips.state_strips(values.shape, (512, 512))
     assert {window.rows for strip in strips[:-1] for window in strip} == {64}
     source = ProbabilityMap(dataset, stretch_of(dataset))
-    low = classify(source)
+    found = classify(source)
     monkeypatch.undo()
-    assert np.array_equal(low.states, classify(source).states)
+    assert np.array_equal(found.states, classify(source).states)

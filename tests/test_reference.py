@@ -1,4 +1,4 @@
-"""The reference implementation, on images small enough to check by hand."""
+"""The reference implementation agrees with pictures small enough to compute by hand."""
 
 import math
 from fractions import Fraction
@@ -16,7 +16,7 @@ counts = st.lists(st.tuples(st.integers(0, 60), st.integers(0, 60)), min_size=2,
 
 
 def picture(text: str) -> NDArray[np.str_]:
-    """Characters of a drawing, one row per word."""
+    """The characters of a drawing, a row for each line."""
     return np.array([list(line.strip()) for line in text.split()])
 
 
@@ -31,12 +31,12 @@ def noise(seed: int, shape: tuple[int, int], low: int = 0, high: int = 65536) ->
 # Grey levels
 
 
-def test_grey_is_linear_from_low_to_high_and_clipped(reference: ModuleType) -> None:
+def test_greys_run_from_low_to_high_and_are_clipped(reference: ModuleType) -> None:
     values = np.array([[-5.0, 0.0, 1.0, 2.0, 2.5]])
     assert reference.grey(values, everywhere(values), 0, 2).tolist() == [[0, 0, 32768, 65535, 65535]]
 
 
-def test_8_bit_values_become_multiples_of_257(reference: ModuleType) -> None:
+def test_eight_bits_become_multiples_of_257(reference: ModuleType) -> None:
     values = np.arange(256, dtype=np.uint8).reshape(16, 16)
     assert np.array_equal(reference.grey(values, everywhere(values), 0, 255), 257 * values.astype(int))
 
@@ -46,7 +46,7 @@ def test_an_invalid_pixel_is_black_whatever_its_value(reference: ModuleType) -> 
     assert reference.grey(values, np.array([[False, False, True]]), 0, 1).tolist() == [[0, 0, 65535]]
 
 
-def test_luminance_has_the_weights_of_rec_709(reference: ModuleType) -> None:
+def test_luminance_weights_green_most(reference: ModuleType) -> None:
     pure = np.eye(3).reshape(3, 1, 3)
     assert reference.intensity(pure).tolist() == [[0.2126, 0.7152, 0.0722]]
 
@@ -54,7 +54,7 @@ def test_luminance_has_the_weights_of_rec_709(reference: ModuleType) -> None:
 # Texture
 
 
-def test_code_and_contrast_of_a_neighbourhood_computed_by_hand(reference: ModuleType) -> None:
+def test_the_code_and_contrast_of_a_neighbourhood_computed_by_hand(reference: ModuleType) -> None:
     image = np.array([[9, 1, 9], [5, 5, 4], [2, 2, 7]], np.uint16)  # >= 5: 9, 9, 5, 7
     codes, contrast, counted = reference.texture(image, everywhere(image))
     assert codes[1, 1].item().bit_count() == 4
@@ -74,9 +74,7 @@ def test_each_neighbour_has_a_bit_of_its_own(reference: ModuleType) -> None:
 
 @given(values=greys)
 @settings(deadline=None, max_examples=100)
-def test_contrast_is_the_floor_of_the_exact_difference_of_means(
-    reference: ModuleType, values: list[int]
-) -> None:
+def test_contrast_is_the_floor_of_a_rational(reference: ModuleType, values: list[int]) -> None:
     centre, around = values[4], values[:4] + values[5:]
     above, below = [q for q in around if q >= centre], [q for q in around if q < centre]
     expected = 0
@@ -120,17 +118,17 @@ def test_bin_edges_of_histograms_computed_by_hand(reference: ModuleType) -> None
 
 @given(contrasts=st.lists(st.integers(0, 12), min_size=1, max_size=40))
 @settings(deadline=None, max_examples=50)
-def test_an_edge_is_the_smallest_value_with_enough_pixels_at_or_below_it(
+def test_a_bin_edge_is_the_smallest_value_with_enough_pixels_at_or_below_it(
     reference: ModuleType, contrasts: list[int]
 ) -> None:
-    for k, edge in enumerate(bin_edges_of(reference, contrasts), 1):
-        count = math.ceil(Fraction(k * len(contrasts), 8))
-        assert edge == next(t for t in range(13) if sum(c <= t for c in contrasts) >= count)
+    for k, cut in enumerate(bin_edges_of(reference, contrasts), 1):
+        wanted = math.ceil(Fraction(k * len(contrasts), 8))
+        assert cut == next(t for t in range(13) if sum(c <= t for c in contrasts) >= wanted)
 
 
-def test_an_edge_belongs_to_the_lower_bin_and_equal_edges_leave_bins_empty(reference: ModuleType) -> None:
-    bin_edges = np.array([0, 0, 0, 0, 2, 5, 5])
-    assert reference.bins(np.array([[0, 1, 2, 3, 5, 6]]), bin_edges).tolist() == [[0, 4, 4, 5, 5, 7]]
+def test_a_contrast_on_an_edge_is_below_it_and_equal_edges_leave_bins_empty(reference: ModuleType) -> None:
+    edges = np.array([0, 0, 0, 0, 2, 5, 5])
+    assert reference.bins(np.array([[0, 1, 2, 3, 5, 6]]), edges).tolist() == [[0, 4, 4, 5, 5, 7]]
 
 
 # G
@@ -151,7 +149,7 @@ def test_G_of_disjoint_histograms(reference: ModuleType) -> None:
     assert reference.g_statistic(np.array([8, 0]), np.array([0, 8])) == pytest.approx(2 * 16 * math.log(2))
 
 
-def test_G_of_proportional_histograms_is_exactly_zero(reference: ModuleType) -> None:
+def test_G_of_proportional_histograms_is_exactly_0(reference: ModuleType) -> None:
     histogram = np.array([3, 7, 11, 0, 200])
     assert {reference.g_statistic(histogram, k * histogram) for k in range(1, 50)} == {0.0}
 
@@ -163,7 +161,7 @@ def leaves_of(reference: ModuleType, image: NDArray[np.uint16], **how: float) ->
     return [leaf[:3] for leaf in reference.divide(image, everywhere(image), **how)]
 
 
-def test_a_uniform_block_is_one_leaf_with_its_sum_and_count(reference: ModuleType) -> None:
+def test_a_plain_block_is_one_leaf_with_its_sum_and_number(reference: ModuleType) -> None:
     image = np.full((64, 64), 100, np.uint16)
     assert reference.divide(image, everywhere(image)) == [(0, 0, 64, 409600, 4096)]
 
@@ -172,15 +170,14 @@ def test_a_uniform_block_is_one_leaf_with_its_sum_and_count(reference: ModuleTyp
 def test_two_halves_are_divided_along_their_border(reference: ModuleType, bright: int) -> None:
     image = np.zeros((64, 64), np.uint16)
     image[:, 32:] = bright
-    # Only the first bright column has texture (no neighbour is darker than a dark pixel), so only it divides
-    # blocks.
+    # Only the first bright column has texture (no neighbour is below a dark pixel) and separates blocks.
     left = [(row, 0, 32) for row in (0, 32)]
     right = [(row, 48, 16) for row in (0, 16, 32, 48)]
     border = [(row, col, 8) for row in range(0, 64, 8) for col in (32, 40)]
     assert leaves_of(reference, image) == sorted(left + right + border)
 
 
-def test_a_noisy_half_is_divided_from_a_uniform_half(reference: ModuleType) -> None:
+def test_a_half_of_noise_is_divided_from_a_plain_half(reference: ModuleType) -> None:
     image = np.full((64, 64), 30000, np.uint16)
     image[:, 32:] = noise(1, (64, 32))
     blocks = reference.ratios(image, everywhere(image))
@@ -190,13 +187,13 @@ def test_a_noisy_half_is_divided_from_a_uniform_half(reference: ModuleType) -> N
     assert leaves_of(reference, image, X=math.inf) == [(0, 0, 64)]
 
 
-def test_R_is_infinite_if_some_children_have_equal_histograms(reference: ModuleType) -> None:
+def test_R_is_infinite_where_some_children_have_equal_histograms(reference: ModuleType) -> None:
     image = np.zeros((64, 64), np.uint16)
     image[40:60, 40:60] = noise(2, (20, 20))
     assert reference.ratios(image, everywhere(image))[0, 0, 64] == math.inf
 
 
-def test_R_of_two_children_is_one_and_of_one_child_zero(reference: ModuleType) -> None:
+def test_R_of_two_children_is_1_and_of_one_child_0(reference: ModuleType) -> None:
     image = noise(3, (64, 20))
     blocks = reference.ratios(image, everywhere(image))
     assert blocks[0, 0, 64] == 1  # the quarters on the left
@@ -211,7 +208,7 @@ def test_every_block_of_the_grid_has_a_ratio(reference: ModuleType) -> None:
     assert blocks[64, 0, 64] == 0
 
 
-def test_the_intensity_test_divides_blocks_of_uniform_texture(reference: ModuleType) -> None:
+def test_the_intensity_test_divides_where_texture_does_not(reference: ModuleType) -> None:
     # Noise, brighter by 0.1 on the right; no pixel beside the step is counted.
     image = noise(9, (64, 64), 10000, 14000)
     image[:, 32:] += 6554
@@ -224,14 +221,14 @@ def test_the_intensity_test_divides_blocks_of_uniform_texture(reference: ModuleT
     assert [leaf[:3] for leaf in reference.divide(image, valid, tau=0.11)] == [(0, 0, 64)]
 
 
-def test_the_intensity_test_uses_valid_pixels_that_are_not_counted(reference: ModuleType) -> None:
+def test_the_intensity_test_uses_valid_pixels_counted_or_not(reference: ModuleType) -> None:
     image = np.array([[0] * 32 + [60000] * 32], np.uint16)
     assert reference.divide(image, everywhere(image)) == [(0, 0, 64, 32 * 60000, 64)]
     divided = reference.divide(image, everywhere(image), tau=0.05)
     assert divided == [(0, 0, 32, 0, 32), (0, 32, 32, 32 * 60000, 32), (32, 0, 32, 0, 0), (32, 32, 32, 0, 0)]
 
 
-def test_leaves_cover_the_grid_once_and_hold_every_valid_pixel(reference: ModuleType) -> None:
+def test_leaves_cover_the_grid_once_and_every_valid_pixel(reference: ModuleType) -> None:
     for seed in range(12):
         values, valid, low, high = reference.random_raster(seed)
         g = reference.grey(values, valid, low, high)
@@ -244,7 +241,7 @@ def test_leaves_cover_the_grid_once_and_hold_every_valid_pixel(reference: Module
         assert sum(leaf.sum for leaf in leaves) == g[valid].sum(dtype=np.int64)
 
 
-def test_values_of_invalid_pixels_do_not_matter(reference: ModuleType) -> None:
+def test_values_of_invalid_pixels_change_nothing(reference: ModuleType) -> None:
     g, other = noise(5, (70, 70)), noise(6, (70, 70))
     valid = noise(7, (70, 70)) > 4000
     g[:, 35:] //= 3
@@ -270,7 +267,7 @@ def test_a_leaf_without_valid_pixels_is_not_black(reference: ModuleType) -> None
     assert not reference.in_range(leaves, (8, 8), np.zeros((8, 8), bool), 0, 1).any()
 
 
-def test_components_are_4_connected_and_ordered_by_size(reference: ModuleType) -> None:
+def test_corners_do_not_connect_and_labels_are_by_size_then_raster_order(reference: ModuleType) -> None:
     mask = picture("#..## ..#.. ###.. #...#") == "#"
     expected = [[3, 0, 0, 2, 2], [0, 0, 1, 0, 0], [1, 1, 1, 0, 0], [1, 0, 0, 0, 4]]
     labels = reference.components(mask)
@@ -278,11 +275,11 @@ def test_components_are_4_connected_and_ordered_by_size(reference: ModuleType) -
     assert labels.dtype == np.uint32
 
 
-def test_a_concave_component_has_one_label(reference: ModuleType) -> None:
+def test_a_letter_j_is_one_region(reference: ModuleType) -> None:
     assert reference.components(picture("..# ..# #.# ###") == "#").max() == 1
 
 
-def test_leaves_connect_across_nodata(reference: ModuleType) -> None:
+def test_leaves_connect_across_the_nodata_between_their_pixels(reference: ModuleType) -> None:
     values = np.ones((8, 16))
     valid = everywhere(values)
     valid[:, 7] = False
@@ -295,7 +292,7 @@ def test_leaves_connect_across_nodata(reference: ModuleType) -> None:
     assert of_pixels[0].tolist() == [2] * 7 + [0] + [1] * 8
 
 
-def test_extraction_finds_the_pixels_of_a_bright_square(reference: ModuleType) -> None:
+def test_extraction_finds_a_bright_square_to_the_pixel(reference: ModuleType) -> None:
     values = np.zeros((100, 90), np.uint8)
     values[21:75, 13:66] = 200
     labels = reference.extract(values, everywhere(values), 0, 255, 0.5, 1, tau=0.05)
@@ -309,7 +306,7 @@ IN, OUT = 40000, 100  # with [0.5, 1] as the range
 
 
 def refined(reference: ModuleType, drawing: str) -> list[str]:
-    """A drawing after refinement: capitals are inside, I and i in range, O and o outside; '.' is invalid."""
+    """A drawing after refinement: capitals are inside, I and i in range, O and o not; '.' is invalid."""
     drawn = picture(drawing)
     grey = np.where(np.char.lower(drawn) == "i", IN, OUT).astype(np.uint16)
     mask = np.char.isupper(drawn)
@@ -329,30 +326,32 @@ def test_a_run_stops_after_eight_pixels(reference: ModuleType) -> None:
     assert refined(reference, "oiiiiiiiiiiiI") == ["oiiiIIIIIIIII"]
 
 
-def test_a_pixel_that_needs_no_change_starts_a_new_run(reference: ModuleType) -> None:
+def test_a_run_restarts_after_a_pixel_that_does_not_change(reference: ModuleType) -> None:
     assert refined(reference, "oOOOoOOOOOOOOOO") == ["oooooooooooooOO"]
     assert refined(reference, "IiiiIiiiiiiiiii") == ["IIIIIIIIIIIIIii"]
 
 
-def test_pixels_in_range_end_a_shrinking_run_and_others_a_growing_one(reference: ModuleType) -> None:
+def test_a_pixel_in_range_ends_a_shrinking_run_and_one_out_of_range_a_growing_run(
+    reference: ModuleType,
+) -> None:
     assert refined(reference, "oOOIOO") == ["oooIOO"]
     assert refined(reference, "IiioiI") == ["IIIoII"]
 
 
-def test_invalid_pixels_neither_shrink_nor_grow_regions(reference: ModuleType) -> None:
+def test_nodata_is_not_outside_and_joins_no_region(reference: ModuleType) -> None:
     assert refined(reference, ".OOO.I.i.OOO") == [".OOO.I.i.OOO"]
 
 
-def test_horizontal_scans_precede_vertical_ones(reference: ModuleType) -> None:
-    # Within one round of scans a change can propagate left and then down, but not down and then left.
+def test_horizontal_scans_come_before_vertical_ones(reference: ModuleType) -> None:
+    # A change goes left and then down within one round of scans, and not down and then left.
     assert refined(reference, "IOo IOI III") == ["Ioo", "IoI", "III"]
     assert refined(reference, "IIo OOO III") == ["IIo", "OOo", "III"]
     assert refined(reference, "oiI oio ooo") == ["oII", "oIo", "ooo"]
     assert refined(reference, "ooI iii ooo") == ["ooI", "iiI", "ooo"]
 
 
-def test_all_shrinking_scans_precede_the_growing_ones(reference: ModuleType) -> None:
-    assert refined(reference, "oOi") == ["ooi"]  # if growing came first, i would be inside
+def test_all_four_scans_shrink_before_any_grows(reference: ModuleType) -> None:
+    assert refined(reference, "oOi") == ["ooi"]  # if growing came first, i would join
     assert refined(reference, "o O i") == ["o", "o", "i"]
 
 
@@ -361,12 +360,12 @@ def test_both_implementations_of_the_scans_agree_on_noise(reference: ModuleType)
         shape = tuple(noise(seed, (2,), 1, 40).tolist())
         mask, g, valid = noise(seed, shape) > 30000, noise(seed + 1, shape), noise(seed + 2, shape) > 3000
         lo, hi = (0.1, 0.3) if seed % 2 else (0.05, 0.9)
-        results = [
+        ways = [
             scan(mask & valid, g, valid, lo, hi)
             for scan in (reference.refine_scan, reference.refine_scan_by_lines)
         ]
-        assert np.array_equal(*results)
-        assert not (results[0] & ~valid).any()
+        assert np.array_equal(*ways)
+        assert not (ways[0] & ~valid).any()
 
 
 # States and levels
@@ -376,37 +375,37 @@ STATES = {".": 0, "f": 1, "u": 2, "o": 3}
 OWN = {"0": 0, "5": 128 * 257, "9": 65535}
 
 
-def refined_states(reference: ModuleType, states: str, own: str) -> list[str]:
+def resolved(reference: ModuleType, states: str, own: str) -> list[str]:
     state = np.vectorize(STATES.get)(picture(states))
     g = np.vectorize(OWN.get)(picture(own)).astype(np.uint16)
     letters = np.array(list(STATES))
     return ["".join(letters[line]) for line in reference.refine_states(state, g)]
 
 
-def test_the_limits_of_states_are_498_and_502_thousandths(reference: ModuleType) -> None:
+def test_states_change_at_498_and_502_thousandths(reference: ModuleType) -> None:
     assert [reference.state_of(k / 255) for k in (0, 126, 127, 128, 129, 255)] == [1, 1, 2, 2, 3, 3]
     assert [reference.state_of(v) for v in (0.498, 0.502)] == [1, 2]
 
 
-def test_runs_of_compaction_are_unlimited(reference: ModuleType) -> None:
-    assert refined_states(reference, "uffffffffffffof", "55555555555555" + "0") == ["u" * 14 + "f"]
-    assert refined_states(reference, "uf.f", "5555") == ["uu.f"]
+def test_a_run_of_half_pixels_beside_unknown_becomes_unknown_without_bound(reference: ModuleType) -> None:
+    assert resolved(reference, "uffffffffffffof", "55555555555555" + "0") == ["u" * 14 + "f"]
+    assert resolved(reference, "uf.f", "5555") == ["uu.f"]
 
 
-def test_free_against_occupied_depends_on_three_pixels(reference: ModuleType) -> None:
-    assert refined_states(reference, "foooo", "05509") == ["ffffo"]
-    assert refined_states(reference, "foooo", "05550") == ["foooo"]  # the deciding pixel is the fourth
-    assert refined_states(reference, "foooo", "05909") == ["foooo"]  # the first known value decides
-    assert refined_states(reference, "foofo", "05500") == ["fooff"]  # the third is not occupied
-    assert refined_states(reference, "fooooo", "005005") == ["fffffo"]  # repeatedly, after each decision
+def test_free_against_occupied_reads_three_pixels(reference: ModuleType) -> None:
+    assert resolved(reference, "foooo", "05509") == ["ffffo"]
+    assert resolved(reference, "foooo", "05550") == ["foooo"]  # the deciding pixel is the fourth, too far
+    assert resolved(reference, "foooo", "05909") == ["foooo"]  # the first that is not half decides
+    assert resolved(reference, "foofo", "05500") == ["fooff"]  # the third is not occupied
+    assert resolved(reference, "fooooo", "005005") == ["fffffo"]  # repeated after each decision
 
 
-def test_the_scans_of_states_run_in_the_documented_order(reference: ModuleType) -> None:
-    assert refined_states(reference, "fo", "90") == ["oo"]
-    assert refined_states(reference, "f o", "9 0") == ["o", "o"]
+def test_right_to_left_comes_first_and_bottom_to_top_before_top_to_bottom(reference: ModuleType) -> None:
+    assert resolved(reference, "fo", "90") == ["oo"]
+    assert resolved(reference, "f o", "9 0") == ["o", "o"]
 
 
-def test_free_is_one_segment_and_each_occupied_component_another(reference: ModuleType) -> None:
+def test_free_is_one_segment_and_each_occupied_component_is_one(reference: ModuleType) -> None:
     values = np.zeros((64, 192))
     values[:, 64:128] = 1
     state, labels = reference.states(values, everywhere(values), X=math.inf)
@@ -423,7 +422,7 @@ def test_a_value_on_an_edge_belongs_to_the_lower_level(reference: ModuleType) ->
     assert [reference.level_of(v, edges) for v in (0, 0.1, 0.2, 0.20001, 0.6, 1)] == [0, 0, 0, 1, 2, 4]
 
 
-def test_adjacent_leaves_of_one_level_are_one_segment(reference: ModuleType) -> None:
+def test_leaves_of_one_level_are_one_segment(reference: ModuleType) -> None:
     values = np.repeat([[0.05, 0.15, 0.95, 0.85]], 64, axis=1) * np.ones((64, 1))
     level, labels = reference.levels(values, everywhere(values), 0, 1, 0.2, X=math.inf)
     assert level[0, ::64].tolist() == [0, 0, 4, 4]
@@ -433,7 +432,7 @@ def test_adjacent_leaves_of_one_level_are_one_segment(reference: ModuleType) -> 
 # Random rasters
 
 
-def test_random_rasters_are_reproducible_and_diverse(reference: ModuleType) -> None:
+def test_random_rasters_are_reproducible_and_of_many_kinds(reference: ModuleType) -> None:
     rasters = [reference.random_raster(seed) for seed in range(60)]
     for seed, (values, valid, low, high) in enumerate(rasters[:10]):
         again = reference.random_raster(seed)
