@@ -323,7 +323,7 @@ def test_block_maps(source: Any, words: Words) -> None:
         )
         read = ReadOptions(stretch=words.get("stretch"), skip_bad_tiles=words.get("skip_bad_tiles", False))
         found = divide_job(open_source(source, read))
-        return written(lambda path: write_block_map(path, found.saved, 1.2, 0.05), "python.tif")
+        return written(lambda path: write_block_map(path, found.saved, found.segment.division), "python.tif")
 
     assert_equal(in_python(saved), expected)
 

@@ -28,6 +28,7 @@ from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import local_geobox
 from uavseg.segmentation.blocks.block_file import write_block_map
+from uavseg.segmentation.params import SegmentParams
 
 SHAPE = (80, 100)
 SCENE = np.add.outer(np.arange(80), np.arange(100)).astype(np.uint8)
@@ -41,7 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
             with rasterio.open(name, "w", "GTiff", 100, 80, 1, dtype="uint8", **how) as file:
                 file.write(SCENE, 1)
         saved = divide(open_raster("tile.tif", ReadOptions(stretch="0,200"))).saved
-        write_block_map("blocks.tif", saved, 1.2, 0.05)
+        write_block_map("blocks.tif", saved, SegmentParams().division)
         write_ros_map("ros.yaml", np.full(SHAPE, 1), local_geobox(SHAPE, 0.1, (0, 0)))
         yield path
 
