@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.occupancy import plain_beams
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.mapping.log_odds import probabilities_of
+from uavseg.occupancy.mapping.log_odds import probabilities_and_grey
 from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.raster.geobox import upright
 from uavseg.raster.intensity.grey import to_grey
@@ -34,14 +34,14 @@ def random_scan(rng: np.random.Generator, shape: tuple[int, int], cell_m: float)
 
 
 def assert_in_step(grid: OccupancyGrid) -> None:
-    p, grey = probabilities_of(grid.log_odds)
+    p, grey = probabilities_and_grey(grid.log_odds)
     assert (grid.probabilities == p).all()
     assert (grey == to_grey(p[np.newaxis], 0.0, 1.0)).all()
     rows, cols = p.shape
-    framed = grid._ground.grey
+    framed = grid._grey_map.grey
     assert (framed[1 : rows + 1, 1 : cols + 1] == grey).all()
     assert framed.astype(np.int64).sum() == grey.astype(np.int64).sum()  # nothing beyond the map
-    assert not grid._marks.any()
+    assert not grid._pending.any()
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -96,12 +96,12 @@ def test_free_said_a_thousand_times_is_as_free_as_can_be() -> None:
 
 def test_probabilities_are_those_of_the_log_odds() -> None:
     odds = np.linspace(-6, 6, 100_001).astype(np.float32)
-    p, grey = probabilities_of(odds)
+    p, grey = probabilities_and_grey(odds)
     exact = 1 / (1 + np.exp(-odds.astype(np.float64)))
     assert np.abs(p - exact).max() < 4e-8
     assert (p == exact.astype(np.float32)).mean() > 0.9999
     assert (np.diff(p) >= 0).all() and (np.diff(grey.astype(int)) >= 0).all()
-    assert probabilities_of(np.zeros(1, np.float32))[0] == 0.5
+    assert probabilities_and_grey(np.zeros(1, np.float32))[0] == 0.5
 
 
 def test_probabilities_are_the_same_whenever_somebody_looks() -> None:

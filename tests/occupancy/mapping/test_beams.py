@@ -282,7 +282,7 @@ def test_a_grid_in_degrees_is_refused() -> None:
         ([0.0], [1.0, 2.0], 1.0, 1.0, "one range for each angle"),
         ([0.0], [-1.0], 1.0, 1.0, "not negative"),
         ([math.nan], [1.0], 1.0, 1.0, "finite angles"),
-        ([0.0], [1.0], 0.0, 1.0, "a maximal range is a number above 0, not 0"),
+        ([0.0], [1.0], 0.0, 1.0, "a maximum range is a number above 0, not 0"),
         ([0.0], [1.0], 1.0, math.nan, "a standard deviation of ranges is a number above 0, not nan"),
     ],
 )

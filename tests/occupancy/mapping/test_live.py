@@ -48,10 +48,10 @@ def afresh(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> BlockMap
     rows, cols = np.indices(blocks.blocks).reshape(2, -1)
     corners = np.stack([rows, cols], 1) * 64
     if every:
-        ratios = block_ratios(grey, valid, live.cuts, corners)
+        ratios = block_ratios(grey, valid, live.bin_edges, corners)
     else:
         wanted = undecided(sums, counts, live.cut.edges, live.params.step)[rows, cols]
-        ratios = wanted_ratios(grey, valid, live.cuts, corners, wanted, live.params.threshold)
+        ratios = wanted_ratios(grey, valid, live.bin_edges, corners, wanted, live.params.threshold)
     blocks.ratios[rows, cols] = ratios
     return blocks
 
@@ -119,7 +119,7 @@ def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
     scan = random_scan(rng, (rows, cols), 0.5)
     waiting = False
     for step in sequence:
-        cuts = live.cuts.copy()
+        bin_edges = live.bin_edges.copy()
         before, _ = framed(grid)
         if step in ("scan", "merge"):
             scan = random_scan(rng, (rows, cols), 0.5)
@@ -135,9 +135,9 @@ def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
             assert (told.blocks >= seen).all() and (waiting or (told.blocks == seen).all())
             assert waiting or step != "away" or (told.window == Window(0, 0, 0, 0) and not told.blocks.any())
         if step == "refit":
-            assert (live.cuts == contrast_cuts(contrast_histogram(*framed(grid)))).all()
+            assert (live.bin_edges == contrast_cuts(contrast_histogram(*framed(grid)))).all()
         else:
-            assert (live.cuts == cuts).all()
+            assert (live.bin_edges == bin_edges).all()
         waiting = step == "merge"  # for the next step, or the end
         if not waiting:
             assert_as_afresh(live, grid)
@@ -167,9 +167,11 @@ def test_only_what_a_scan_changes_is_divided_again(
     asked: list[NDArray[np.int64]] = []
     measuring = module.wanted_ratios
 
-    def spy(grey: Grey, valid: object, cuts: object, corners: NDArray[np.int64], *rest: object) -> object:
+    def spy(
+        grey: Grey, valid: object, bin_edges: object, corners: NDArray[np.int64], *rest: object
+    ) -> object:
         asked.append(corners // 64)
-        return measuring(grey, valid, cuts, corners, *rest)  # type: ignore[arg-type]
+        return measuring(grey, valid, bin_edges, corners, *rest)  # type: ignore[arg-type]
 
     grid, scans = drive
     grid.update(scans[0])
@@ -234,12 +236,12 @@ def test_cuts_stay_until_they_are_asked_for_again(drive: tuple[OccupancyGrid, li
     grid = OccupancyGrid.from_probabilities(
         np.random.default_rng(0).random((100, 90)), upright((100, 90), 0.1, (0, 0))
     )
-    cuts = grid.segmentation.cuts.copy()
-    assert cuts[1:].all()
+    bin_edges = grid.segmentation.bin_edges.copy()
+    assert bin_edges[1:].all()
     grid.reset()
-    assert (grid.segmentation.cuts == cuts).all()
+    assert (grid.segmentation.bin_edges == bin_edges).all()
     grid.refit()
-    assert not grid.segmentation.cuts.any()
+    assert not grid.segmentation.bin_edges.any()
 
 
 def test_what_is_shown_is_not_to_be_written_to(drive: tuple[OccupancyGrid, list[Scan]]) -> None:

@@ -110,7 +110,7 @@ def test_what_lies_beyond_the_range_returns_nothing() -> None:
     [
         ({"sigma_m": -1.0}, "deviation of ranges is a number above 0, not -1"),
         ({"sigma_m": 0.0}, "deviation of ranges is a number above 0, not 0"),
-        ({"max_range_m": math.nan}, "maximal range is a number above 0, not nan"),
+        ({"max_range_m": math.nan}, "maximum range is a number above 0, not nan"),
         ({"step_deg": 0.0}, "angular step"),
         ({"fov_deg": 361.0}, "field of view is more than 0 and at most 360"),
         ({"fov_deg": math.nan}, "field of view"),

@@ -42,7 +42,7 @@ class RangeFinder:
 
     def __post_init__(self) -> None:
         check_positive("a standard deviation of ranges", self.sigma_m)
-        check_positive("a maximal range", self.max_range_m)
+        check_positive("a maximum range", self.max_range_m)
         check_positive("an angular step", self.step_deg)
         if not 0 < self.fov_deg <= 360:
             raise SceneError(f"a field of view is more than 0 and at most 360 degrees, not {self.fov_deg:g}")
@@ -63,7 +63,7 @@ class RangeFinder:
     def scan(self, scene: Scene, pose: Pose, random: np.random.Generator) -> Scan:
         """What the sensor returns.
 
-        A beam returns where a surface lies within the maximal range: its distance with noise added, which may
+        A beam returns where a surface lies within the maximum range: its distance with noise added, which may
         come out a little longer than that range, but never negative.
         """
         angles = self.angles
