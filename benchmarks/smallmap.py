@@ -73,7 +73,7 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     import uavseg
     from uavseg.jobs.classify import classify
     from uavseg.jobs.extract import ExtractParams
-    from uavseg.occupancy.paths.find_path import find_way
+    from uavseg.occupancy.paths.find_path import find_path
     from uavseg.occupancy.paths.free_cells import FreeCells
     from uavseg.occupancy.probability_map import stretch_of
     from uavseg.segmentation.intervals import IntensityRange
@@ -86,7 +86,7 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     return {
         "uavseg: segment by a range, and plan": lambda: uavseg.path(grid, RANGE, start, goal, threads=1),
         "uavseg: segment by a range": lambda: FreeCells.of(dataset, interval, params),
-        "uavseg: plan": lambda: find_way(free, start, goal),
+        "uavseg: plan": lambda: find_path(free, start, goal),
         "uavseg: states, refined": lambda: classify(source, objects=False),
         "uavseg: states, refined, and objects": lambda: classify(source),
         "scikit-image: felzenszwalb, no plan": lambda: felzenszwalb(

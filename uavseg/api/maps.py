@@ -13,7 +13,7 @@ from uavseg.jobs.classify import Classification
 from uavseg.jobs.classify import classify as _classify
 from uavseg.jobs.extract import ExtractParams
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.paths.find_path import Way, WayParams, find_way
+from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
 from uavseg.occupancy.paths.free_cells import FreeCells
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
@@ -110,7 +110,7 @@ def path(
     threads: int | None = None,
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
-) -> Way:
+) -> PlannedPath:
     """The shortest path between two places of one region of a map.
 
     It leads from cell to cell in eight directions, cuts no corner, and never enters a cell whose own value is
@@ -164,13 +164,13 @@ def path(
     >>> [round(float(number), 3) for number in way.xy[-1]]
     [2.305, 0.705]
     """
-    how = WayParams(clearance, smooth)
+    how = PathParams(clearance, smooth)
     dataset, wanted = _map_of(source, band, nodata, stretch)
     segment = SegmentParams(method, threshold, intensity_step, "scan")  # type: ignore[arg-type]
     params = ExtractParams(segment, wanted, tile=tile)
     with working(threads, resume) as run:
         free = FreeCells.of(dataset, IntensityRange(*range), params, run, progress)
-    return find_way(free, start, goal, how, workers(threads))
+    return find_path(free, start, goal, how, workers(threads))
 
 
 def _map_of(

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
     from uavseg.flight.params import PlanParams
     from uavseg.jobs.extract import ExtractParams
-    from uavseg.occupancy.paths.find_path import Way
+    from uavseg.occupancy.paths.find_path import PlannedPath
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.geobox import GeoBox
     from uavseg.raster.intensity.stretch import Stretch, StretchSpec
@@ -75,14 +75,14 @@ def command(
     with the same --range. The path never enters a cell whose own value is outside of the range, and cuts no
     corner.
     """
-    from uavseg.occupancy.paths.find_path import WayParams, find_way
+    from uavseg.occupancy.paths.find_path import PathParams, find_path
     from uavseg.occupancy.paths.free_cells import FreeCells
     from uavseg.occupancy.ros.ros_map import is_ros_map
 
     reporter = running.reporter
     places = _parsed_place("--start", start), _parsed_place("--goal", goal)
     passable = parsed_range(interval)
-    params = WayParams(options["clearance"], options["smooth"])
+    params = PathParams(options["clearance"], options["smooth"])
     flight = _flight(output, options)
     _check_target(output, running.overwrite)
     dataset, stretch = _opened(map_, options, running.resume)
@@ -92,7 +92,7 @@ def command(
     free = FreeCells.of(dataset, passable, _params(stretch, running.tile, options), run, reporter.progress)
     reporter.finish()
     begun = time.perf_counter()
-    way = find_way(free, *places, params, running.local_workers())
+    way = find_path(free, *places, params, running.local_workers())
     for warning in way.warnings:
         reporter.warn(warning)
     mission = None if flight is None else _flown(way, flight, options["home"])
@@ -156,7 +156,7 @@ def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
     """Nothing is computed that has no place where it is to be written or flown."""
     from uavseg.occupancy.paths import path_geojson
 
-    path_geojson.check_crs(geobox)
+    path_geojson.check_path_crs(geobox)
     if flight is not None and geobox.crs is None:
         raise MissionError(
             "the map has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
@@ -171,29 +171,29 @@ def _params(stretch: Stretch | StretchSpec, tile: int | None, options: dict[str,
     return ExtractParams(segment, stretch, tile=tile)
 
 
-def _flown(way: Way, flight: PlanParams, home: str | None) -> Mission:
+def _flown(way: PlannedPath, flight: PlanParams, home: str | None) -> Mission:
     from uavseg.flight.along import fly_along
-    from uavseg.occupancy.paths.path_geojson import lonlat
+    from uavseg.occupancy.paths.path_geojson import path_lonlat
 
-    lon, lat = lonlat(way)
+    lon, lat = path_lonlat(way)
     return fly_along(lon, lat, flight, home_position(home, [(float(lon[0]), float(lat[0]))]))
 
 
-def _write(way: Way, mission: Mission | None, output: str, overwrite: bool) -> None:
+def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bool) -> None:
     from uavseg.atomic import whole_file
     from uavseg.flight import files
-    from uavseg.occupancy.paths.path_geojson import geojson
+    from uavseg.occupancy.paths.path_geojson import path_to_geojson
 
     if mission is not None:
         files.write(mission, output, overwrite)
     elif output == "-":
-        sys.stdout.write(geojson(way))
+        sys.stdout.write(path_to_geojson(way))
     else:
         with whole_file(output, overwrite) as temporary:
-            temporary.write_text(geojson(way), encoding="utf-8", newline="\n")
+            temporary.write_text(path_to_geojson(way), encoding="utf-8", newline="\n")
 
 
-def _tell(way: Way, output: str, unit: str, seconds: float, reporter: Reporter) -> None:
+def _tell(way: PlannedPath, output: str, unit: str, seconds: float, reporter: Reporter) -> None:
     """The short table at the end."""
     rows = {
         "path": f"{len(way.corners):,} corners -> {'stdout' if output == '-' else output}",

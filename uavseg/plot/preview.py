@@ -22,7 +22,7 @@ from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
-    from uavseg.occupancy.paths.find_path import Way
+    from uavseg.occupancy.paths.find_path import PlannedPath
 
 WIDTH_IN, HEAD_IN, FOOT_IN, MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
 LEAST_HEIGHT_IN, MOST_HEIGHT_IN = 2.6, 13.0
@@ -37,7 +37,7 @@ def preview(
     levels: Any = None,
     states: Dataset | File | None = None,
     leaves: File | None = None,
-    path: "Way | File | None" = None,
+    path: "PlannedPath | File | None" = None,
     stretch: Stretch | StretchSpec | str = "auto",
     width_px: int = 1400,
     overwrite: bool = False,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from uavseg.errors import PathError
-from uavseg.occupancy.paths.any_angle import is_visible, length, tightened
+from uavseg.occupancy.paths.any_angle import is_visible, path_length, pull_string
 from uavseg.occupancy.paths.astar import shortest_path
 
 Cell = tuple[int, int]
@@ -45,7 +45,7 @@ def touched(one: Cell, other: Cell) -> set[Cell]:
 def test_a_leg_is_allowed_where_all_cells_that_it_touches_are_passable(
     mask: np.ndarray, data: st.DataObject
 ) -> None:
-    cells = st.tuples(*(st.integers(0, length - 1) for length in mask.shape))
+    cells = st.tuples(*(st.integers(0, path_length - 1) for path_length in mask.shape))
     one, other = data.draw(cells), data.draw(cells)
     assert is_visible(mask, one, other) == all(mask[cell] for cell in touched(one, other))
     assert is_visible(mask, other, one) == is_visible(mask, one, other)
@@ -57,13 +57,13 @@ def check(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[float, float] | No
         path = shortest_path(mask, start, goal)
     except PathError:
         return None
-    corners = tightened(mask, path.cells)
+    corners = pull_string(mask, path.cells)
     line = [tuple(corner) for corner in corners.tolist()]
     assert line[0] == start and line[-1] == goal
     assert all(is_visible(mask, *leg) for leg in pairwise(line))
-    assert length(corners) <= path.cost + 1e-9
-    assert length(corners) >= np.hypot(goal[0] - start[0], goal[1] - start[1]) - 1e-9
-    return path.cost, length(corners)
+    assert path_length(corners) <= path.cost + 1e-9
+    assert path_length(corners) >= np.hypot(goal[0] - start[0], goal[1] - start[1]) - 1e-9
+    return path.cost, path_length(corners)
 
 
 @given(MASKS, st.data())
@@ -84,7 +84,7 @@ def test_around_a_wall_the_string_touches_its_two_corners() -> None:
     mask[:30, 30] = False
     mask[10:, 45] = False
     path = shortest_path(mask, (0, 0), (40, 60))
-    corners = tightened(mask, path.cells).tolist()
+    corners = pull_string(mask, path.cells).tolist()
     assert corners == [[0, 0], [30, 29], [30, 31], [9, 44], [9, 46], [40, 60]]
 
 

@@ -3,7 +3,7 @@
 import heapq
 from itertools import pairwise
 from math import sqrt
-from pathlib import Path as File
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from skimage.graph import MCP, route_through_array
 
 from uavseg.errors import PathError
-from uavseg.occupancy.paths.astar import Path, shortest_path
+from uavseg.occupancy.paths.astar import CellPath, shortest_path
 from uavseg.occupancy.paths.jump_points import DIAGONAL, STRAIGHT
 
 Cell = tuple[int, int]
@@ -81,7 +81,7 @@ def by_skimage(mask: np.ndarray, start: Cell, goal: Cell) -> float:
     return float(search.find_costs([(1, 2 * start[0], 2 * start[1])], [end])[0][end])
 
 
-def found(mask: np.ndarray, start: Cell, goal: Cell) -> Path | None:
+def found(mask: np.ndarray, start: Cell, goal: Cell) -> CellPath | None:
     """The path, after looking at every step of it; None where there is none."""
     try:
         path = shortest_path(mask, start, goal)
@@ -95,7 +95,7 @@ def found(mask: np.ndarray, start: Cell, goal: Cell) -> Path | None:
     return path
 
 
-def agreed(mask: np.ndarray, start: Cell, goal: Cell) -> Path | None:
+def agreed(mask: np.ndarray, start: Cell, goal: Cell) -> CellPath | None:
     """The path, whose steps are as many of either kind as Dijkstra's, and whose cost is skimage's."""
     path, expected = found(mask, start, goal), dijkstra(mask, start, goal)
     assert (None if path is None else (path.straight, path.diagonal)) == expected
@@ -252,7 +252,7 @@ def test_no_path_is_an_error_in_one_line() -> None:
 
 
 @pytest.mark.parametrize("name", ["willow-full.pgm", "turtlebot3_map.pgm", "depot.pgm"])
-def test_real_maps(name: str, shared_data: File) -> None:
+def test_real_maps(name: str, shared_data: Path) -> None:
     from skimage.io import imread
 
     mask = imread(shared_data / "maps" / name) > 250

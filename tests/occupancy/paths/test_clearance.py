@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from scipy.ndimage import distance_transform_edt
 
-from uavseg.occupancy.paths.clearance import clearance, kept_clear
+from uavseg.occupancy.paths.clearance import cells_with_clearance, clearance
 
 MASKS = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=15))
 
@@ -51,7 +51,7 @@ def test_scipy_agrees_on_large_maps(seed: int) -> None:
 
 
 def test_the_edge_of_the_map_is_kept_clear_of() -> None:
-    assert kept_clear(np.ones((5, 6), bool), 1.5).tolist() == [
+    assert cells_with_clearance(np.ones((5, 6), bool), 1.5).tolist() == [
         [False] * 6,
         *([False, *[True] * 4, False] for _ in range(3)),
         [False] * 6,
@@ -63,13 +63,13 @@ def test_a_distance_that_is_met_exactly_is_met() -> None:
     mask[100, 100] = False
     for cells in range(1, 60):
         metres = (cells - 0.5) * 0.05  # to the edge of the impassable cell
-        assert kept_clear(mask, metres, 0.05, 0.05)[100, 100 + cells]
-        assert not kept_clear(mask, metres * (1 + 1e-6), 0.05, 0.05)[100, 100 + cells]
+        assert cells_with_clearance(mask, metres, 0.05, 0.05)[100, 100 + cells]
+        assert not cells_with_clearance(mask, metres * (1 + 1e-6), 0.05, 0.05)[100, 100 + cells]
 
 
 @given(MASKS, st.floats(0, 5))
 @settings(max_examples=50, deadline=None)
 def test_more_distance_leaves_fewer_cells(mask: np.ndarray, metres: float) -> None:
-    near, far = kept_clear(mask, metres), kept_clear(mask, metres + 0.7)
+    near, far = cells_with_clearance(mask, metres), cells_with_clearance(mask, metres + 0.7)
     assert not (far & ~near).any() and not (near & ~mask).any()
-    assert np.array_equal(kept_clear(mask, 0.5), mask)  # what half a cell is nearer than
+    assert np.array_equal(cells_with_clearance(mask, 0.5), mask)  # what half a cell is nearer than

@@ -213,10 +213,10 @@ def a_way(box: GeoBox) -> Any:
 
 @pytest.mark.parametrize("box", [BOX, LOCAL], ids=["on the globe", "local"])
 def test_a_path_of_a_file_lies_where_the_way_lies(box: GeoBox, tmp_path: Path) -> None:
-    from uavseg.occupancy.paths.path_geojson import geojson
+    from uavseg.occupancy.paths.path_geojson import path_to_geojson
 
     way, frame = a_way(box), Frame(box)
-    (tmp_path / "path.geojson").write_text(geojson(way))
+    (tmp_path / "path.geojson").write_text(path_to_geojson(way))
     [here] = path_layer.PathLayer.of(way, frame).lines
     layer = path_layer.PathLayer.of(tmp_path / "path.geojson", frame)
     assert np.allclose(layer.lines[0], here, atol=0.01) and layer.length_m == pytest.approx(way.length_m)
@@ -225,10 +225,10 @@ def test_a_path_of_a_file_lies_where_the_way_lies(box: GeoBox, tmp_path: Path) -
 
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
 def test_a_path_may_be_a_mission(suffix: str, tmp_path: Path) -> None:
-    from uavseg.occupancy.paths.path_geojson import lonlat
+    from uavseg.occupancy.paths.path_geojson import path_lonlat
 
     way, frame = a_way(BOX), Frame(BOX)
-    lon, lat = lonlat(way)
+    lon, lat = path_lonlat(way)
     mission = fly_along(lon, lat, PlanParams(10.0, speed_m_s=3.0), (float(lat[0]), float(lon[0]), 0.0))
     files.write(mission, tmp_path / f"path{suffix}")
     [line] = path_layer.PathLayer.of(tmp_path / f"path{suffix}", frame).lines

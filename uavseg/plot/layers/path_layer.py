@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import PathError
-from uavseg.occupancy.paths.find_path import Way
+from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.plot.frame import Frame
 
 LINE, CASING = "#ffffff", "#111111"
@@ -36,7 +36,7 @@ class PathLayer:
     length_m: float | None
 
     @classmethod
-    def of(cls, source: "Way | str | os.PathLike[str]", frame: Frame) -> "PathLayer":
+    def of(cls, source: "PlannedPath | str | os.PathLike[str]", frame: Frame) -> "PathLayer":
         """A path that `uavseg path` found or wrote, as GeoJSON or as a mission, brought to the sheet.
 
         Raises
@@ -44,7 +44,7 @@ class PathLayer:
         PathError
             If the file cannot be read or holds no line.
         """
-        if isinstance(source, Way):
+        if isinstance(source, PlannedPath):
             return cls((frame.sheet_from_xy(source.xy),), source.length_m)
         if Path(source).suffix.lower() in MISSIONS:
             return cls((_flown(source, frame),), None)
