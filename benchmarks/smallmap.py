@@ -50,9 +50,11 @@ def tasks() -> list[Task]:
 
 def measured(runs: int = RUNS) -> list[Task]:
     """Medians of every task on both maps."""
-    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
+    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 
-    found = [_medians(_calls(BUILT_IN[scene]().run(), *ENDS[scene]), runs) for scene in ("lens", "circles")]
+    found = [
+        _medians(_calls(BUILT_IN_SCENES[scene]().run(), *ENDS[scene]), runs) for scene in ("lens", "circles")
+    ]
     return [Task(who, 1e3 * found[0][who], 1e3 * found[1][who]) for who in found[0]]
 
 

@@ -68,10 +68,10 @@ def command(scene: str, output: str, seed: int, quiet: bool, **options: Any) -> 
 
 def _simulation(scene: str, options: dict[str, Any]) -> Simulation:
     from uavseg.errors import SceneError
-    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
+    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
     from uavseg.occupancy.simulation.scene_file import load_scene
 
-    found = BUILT_IN[scene]() if scene in BUILT_IN else load_scene(scene)
+    found = BUILT_IN_SCENES[scene]() if scene in BUILT_IN_SCENES else load_scene(scene)
     changed = {name: options[key] for key, name in _SENSOR.items() if options[key] is not None}
     wanted = options["poses"] or len(found.poses)
     if wanted > len(found.poses):

@@ -290,7 +290,7 @@ def test_real_maps_are_read_as_nav2_reads_them(shared_data: Path, name: str) -> 
 
 def test_a_real_map_whose_picture_has_another_name_is_told(shared_data: Path, tmp_path: Path) -> None:
     shutil.copy(shared_data / "maps" / "turtlebot3_map.yaml", tmp_path)
-    with pytest.raises(RasterReadError, match=r"names the picture .*map\.pgm, and there is no such file"):
+    with pytest.raises(RasterReadError, match=r"names the image .*map\.pgm, and there is no such file"):
         read_ros_map(tmp_path / "turtlebot3_map.yaml")
     shutil.copy(shared_data / "maps" / "turtlebot3_map.pgm", tmp_path / "map.pgm")
     found = read_ros_map(tmp_path / "turtlebot3_map.yaml")
@@ -319,15 +319,15 @@ def test_a_real_map_of_all_greys(shared_data: Path, tmp_path: Path, mode: str) -
         ({"resolution": "fine"}, "resolution is a number, not 'fine'"),
         ({"resolution": "true"}, "resolution is a number, not True"),
         ({"origin": "[0, 0]"}, "origin is a list of three numbers"),
-        ({"origin": "[0, 0, .nan]"}, "origin wants finite x, y and yaw"),
+        ({"origin": "[0, 0, .nan]"}, "origin is finite x, y and yaw"),
         ({"origin": 0}, "origin is a list of three numbers"),
         ({"mode": "ternary"}, "mode is trinary, scale or raw, not 'ternary'"),
         ({"negate": "maybe"}, "negate is 0 or 1, not 'maybe'"),
-        ({"image": "[]"}, "image is the name of a picture"),
+        ({"image": "[]"}, "image is the file name of an image"),
         ({"image": "none.pgm"}, "there is no such file"),
         ({"image": None}, "missing here: image"),
         ({"resolution": None, "negate": None}, "missing here: resolution, negate"),
-        ({"origin": "[0, 0"}, "is no YAML"),
+        ({"origin": "[0, 0"}, "is not valid YAML"),
         ({"image": "map.yaml"}, "cannot be read as a picture"),
     ],
 )
@@ -351,10 +351,10 @@ def test_a_yaml_that_is_no_map_is_refused_in_one_line(
         (b"P5\n0 4\n255\n", "is 0 x 4 pixels of up to 255"),
         (b"P5\n4 4\n0\n" + bytes(16), "a maximum of 1 to 65535"),
         (b"P5\n4 4\n65536\n" + bytes(32), "a maximum of 1 to 65535"),
-        (b"P5\n4 -4\n255\n" + bytes(16), "is no PGM"),
-        (b"P5", "is no PGM"),
-        (b"P2\n2 2\n255\n1 2 x 4", "something else than numbers"),
-        (b"P2\n2 2\n255\n1 -2 3 4", "something else than numbers"),
+        (b"P5\n4 -4\n255\n" + bytes(16), "is not a PGM"),
+        (b"P5", "is not a PGM"),
+        (b"P2\n2 2\n255\n1 2 x 4", "something other than numbers"),
+        (b"P2\n2 2\n255\n1 -2 3 4", "something other than numbers"),
         (b"", "cannot be read as a picture"),
         (b"\x89PNG\r\n\x1a\n", "cannot be read as a picture"),
     ],

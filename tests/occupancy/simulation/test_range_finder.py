@@ -131,7 +131,7 @@ def test_a_range_finder_checks_itself(how: dict[str, float], told: str) -> None:
         ([[(0, 0), (1, math.nan), (2, 0)]], [], "polygon 1 has a corner that is not finite"),
         ([], [(0, 0, 1), (1, 1, -0.5)], "circle 2 has a radius of -0.5"),
         ([], [(0, 0, 0)], "circle 1 has a radius of 0"),
-        ([], [(0, math.inf, 1)], "circle 1 wants finite"),
+        ([], [(0, math.inf, 1)], "circle 1 needs finite"),
     ],
 )
 def test_a_scene_checks_itself(polygons: list, circles: list, told: str) -> None:
