@@ -90,11 +90,13 @@ def test_a_unit_across_is_as_long_as_on_the_ellipsoid(epsg: int, x: float, y: fl
     frame = Frame(box)
     lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(np.array([150, 150]), np.array([100, 101])))
     metres = Geod(ellps="WGS84").inv(lon[0], lat[0], lon[1], lat[1])[2]
-    unit = float(np.hypot(*(np.array(frame.pixels * (101, 150)) - frame.pixels * (100, 150))))
-    assert frame.metres == pytest.approx(metres / unit, rel=1e-3)
+    unit = float(
+        np.hypot(*(np.array(frame.plot_from_pixel * (101, 150)) - frame.plot_from_pixel * (100, 150)))
+    )
+    assert frame.metres_per_unit == pytest.approx(metres / unit, rel=1e-3)
 
 
-# ---- the sheet
+# ---- plot coordinates
 
 
 @settings(max_examples=30, deadline=None)
@@ -105,9 +107,9 @@ def test_there_and_back_degrees_lead_to_the_same_place(angle: float, flip: int, 
     frame = Frame(box)
     row, col = np.array([0.0, 50, 12, 25]), np.array([0.0, 80, 30, 40])
     lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(row, col))
-    expected = [frame.pixels * place for place in zip(col, row, strict=True)]
-    assert np.allclose(frame.sheet_from_lonlat(lon, lat), expected, atol=1e-3 * pixel + 1e-5)
-    assert np.allclose(frame.pixels * (40, 25), 0, atol=1e-6 * pixel)
+    expected = [frame.plot_from_pixel * place for place in zip(col, row, strict=True)]
+    assert np.allclose(frame.plot_from_lonlat(lon, lat), expected, atol=1e-3 * pixel + 1e-5)
+    assert np.allclose(frame.plot_from_pixel * (40, 25), 0, atol=1e-6 * pixel)
 
 
 def test_units_are_as_long_up_as_across_in_degrees() -> None:
@@ -117,7 +119,8 @@ def test_units_are_as_long_up_as_across_in_degrees() -> None:
     geod = Geod(ellps="WGS84")
     metres = [geod.inv(lon[0], lat[0], lon[n], lat[n])[2] for n in (1, 2)]
     units = [
-        float(np.hypot(*(np.array(frame.pixels * p) - frame.pixels * (50, 50)))) for p in ((60, 50), (50, 40))
+        float(np.hypot(*(np.array(frame.plot_from_pixel * p) - frame.plot_from_pixel * (50, 50))))
+        for p in ((60, 50), (50, 40))
     ]
     assert metres[0] / units[0] == pytest.approx(metres[1] / units[1], rel=0.01)
 
@@ -136,7 +139,7 @@ def test_north_is_up_on_a_map_and_down_on_one_of_the_south_pole() -> None:
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=40, unique=True))
 def test_squares_of_a_board_differ_from_those_beside_them(places: list[tuple[int, int]]) -> None:
     squares = np.array([shapely.box(x, y, x + 1, y + 1) for x, y in places])
-    colors = region_layer.distinct(squares, 0.1, 8)
+    colors = region_layer.assign_colors(squares, 0.1, 8)
     own = dict(zip(places, colors, strict=True))
     for (x, y), color in own.items():
         beside = [own.get((x + dx, y + dy)) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy]
@@ -152,7 +155,7 @@ def test_arrows_point_along_long_legs_only() -> None:
 
 def test_numbers_keep_apart_and_name_the_first() -> None:
     path = np.column_stack([np.arange(200.0), np.zeros(200)])
-    chosen = mission_layer.numbered(path, np.arange(200), 15)
+    chosen = mission_layer.choose_numbered(path, np.arange(200), 15)
     assert chosen[0] == 1 and np.diff(path[chosen, 0]).min() >= 15
 
 

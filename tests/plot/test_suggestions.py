@@ -13,7 +13,7 @@ from uavseg.errors import OutputError, OutputExistsError
 from uavseg.jobs.extract import ExtractParams
 from uavseg.jobs.suggest import Suggestions, suggest
 from uavseg.plot.frame import Frame
-from uavseg.plot.layers.range_layer import COLORS, RangeLayer, colors_of, spread
+from uavseg.plot.layers.range_layer import RANGE_COLORS, RangeLayer, range_colors, upsample_cells
 from uavseg.plot.suggestions import draw_suggestions
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
@@ -44,7 +44,7 @@ def test_ranges_are_in_their_colours_over_grey(tmp_path: Path, with_raster: bool
     found, dataset = found_in(halves())
     path = draw_suggestions(found, tmp_path / "look.png", dataset if with_raster else None)
     picture = imread(path)
-    dark, bright = (np.array(to_rgb(color)) for color in colors_of(2))
+    dark, bright = (np.array(to_rgb(color)) for color in range_colors(2))
     assert has(picture, dark) and has(picture, bright)  # bars of the histogram
     assert not has(picture, 0.42 * dark + 0.58)  # nothing is coloured where there are no data
     half = picture[:, : picture.shape[1] // 2]
@@ -72,18 +72,18 @@ def test_a_picture_is_a_png_and_replaces_nothing(tmp_path: Path) -> None:
 
 
 def test_every_range_has_a_colour_of_its_own() -> None:
-    for count in range(1, len(COLORS) + 1):
-        assert len(set(colors_of(count))) == count
+    for count in range(1, len(RANGE_COLORS) + 1):
+        assert len(set(range_colors(count))) == count
 
 
-@pytest.mark.parametrize("most", [10, 100, 5000])
-def test_cells_are_spread_over_exactly_the_raster(most: int) -> None:
+@pytest.mark.parametrize("max_side", [10, 100, 5000])
+def test_cells_are_spread_over_exactly_the_raster(max_side: int) -> None:
     box = GeoBox((75, 133), Affine(2, 0, 100, 0, -2, 900), None)
     cells = np.arange(16 * 24, dtype=np.uint8).reshape(16, 24)
-    picture, pixels = spread(cells, Frame(box), most)
-    assert max(picture.shape) <= max(most, 133) and (most < 133 or picture.shape == box.shape)
-    assert np.allclose(pixels * (picture.shape[1], picture.shape[0]), Frame(box).pixels * (133, 75))
-    if most > 133:
+    picture, pixels = upsample_cells(cells, Frame(box), max_side)
+    assert max(picture.shape) <= max(max_side, 133) and (max_side < 133 or picture.shape == box.shape)
+    assert np.allclose(pixels * (picture.shape[1], picture.shape[0]), Frame(box).plot_from_pixel * (133, 75))
+    if max_side > 133:
         assert np.array_equal(picture, cells.repeat(8, 0).repeat(8, 1)[:75, :133])
 
 

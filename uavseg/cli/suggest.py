@@ -66,9 +66,9 @@ def command(
     reporter = running.reporter
     params = _params(running.tile, options)
     if output is not None:
-        from uavseg.plot.page import check_picture
+        from uavseg.plot.page import check_png_target
 
-        check_picture(output, running.overwrite)
+        check_png_target(output, running.overwrite)
     saved, dataset = opened(rasters, options, "none", reporter)
     run = running.workers()
     if dataset is not None:

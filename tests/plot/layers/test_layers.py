@@ -126,7 +126,7 @@ def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
     blocks.ratios[:] = rng.choice([0.0, 2.0], blocks.ratios.shape)
     side, _ = leaves(blocks, 1.2, np.inf)
     cells = -(-rows // 8), -(-cols // 8)
-    corners, sides = leaves_layer.squares_of(side[: cells[0], : cells[1]].astype(np.int64), (rows, cols))
+    corners, sides = leaves_layer.leaf_squares(side[: cells[0], : cells[1]].astype(np.int64), (rows, cols))
     painted = np.zeros((rows, cols), int)
     for corner, own in zip(corners, sides, strict=True):
         (top, left), (bottom, right) = corner[0], corner[2]
@@ -161,14 +161,14 @@ def test_leaves_of_another_raster_or_of_none_are_refused(tmp_path: Path) -> None
     half = GeoBox((64, 192), BOX.transform, UTM)
     two = tmp_path / "two.tif"
     write_geotiff(two, [values[:16, :24], values[:16, :24]], BOX.coarsen(8))
-    for wrong, error, told in (
+    for wrong, error, message in (
         (saved_blocks(tmp_path / "b.tif", values, shifted), RasterError, "of this raster"),
         (saved_blocks(tmp_path / "c.tif", values, LOCAL), RasterError, "coordinate system"),
         (saved_blocks(tmp_path / "d.tif", values[:64], half), RasterError, "of this raster"),
         (two, RasterError, "not a block map"),
         (raster, ParameterError, "band 2"),
     ):
-        with pytest.raises(error, match=told):
+        with pytest.raises(error, match=message):
             preview(raster, tmp_path / "out.png", leaves=wrong)
         assert not (tmp_path / "out.png").exists()
     with pytest.raises(ParameterError, match="too small to be seen"):
@@ -220,7 +220,7 @@ def test_a_path_of_a_file_lies_where_the_way_lies(box: GeoBox, tmp_path: Path) -
     [here] = path_layer.PathLayer.of(way, frame).lines
     layer = path_layer.PathLayer.of(tmp_path / "path.geojson", frame)
     assert np.allclose(layer.lines[0], here, atol=0.01) and layer.length_m == pytest.approx(way.length_m)
-    assert np.allclose(here[0], frame.sheet_from_xy([box.xy_from_pixel(20.5, 10.5)])[0])
+    assert np.allclose(here[0], frame.plot_from_xy([box.xy_from_pixel(20.5, 10.5)])[0])
 
 
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
