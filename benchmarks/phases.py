@@ -18,14 +18,14 @@ WATCHED = (
     ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
     ("segmentation/blocks/block_map.py", "cell_sums", "`block_map.cell_sums`"),
     ("segmentation/blocks/lbp.py", "contrast_histogram", "`lbp.contrast_histogram`"),
-    ("segmentation/blocks/block_cache.py", "put", "mixed blocks kept: `Patches.put`"),
-    ("segmentation/blocks/division.py", "wanted_ratios", "`division.wanted_ratios`"),
-    ("segmentation/blocks/leaves.py", "in_range", "`leaves.in_range`"),
-    ("segmentation/blocks/leaves.py", "matching", "`leaves.matching`"),
-    ("segmentation/blocks/leaves.py", "pixels_of", "`leaves.pixels_of`"),
-    ("segmentation/blocks/mixed_cells.py", "unsettled", "`mixed_cells.unsettled`"),
-    ("segmentation/refine/tv.py", "denoised", "total variation: `tv.denoised`"),
-    ("segmentation/labels/components.py", "components", "`components.components`"),
+    ("segmentation/blocks/block_cache.py", "put", "mixed blocks cached: `BlockCache.put`"),
+    ("segmentation/blocks/division.py", "selected_ratios", "`division.selected_ratios`"),
+    ("segmentation/blocks/leaves.py", "cells_in_range", "`leaves.cells_in_range`"),
+    ("segmentation/blocks/leaves.py", "pixels_in_range", "`leaves.pixels_in_range`"),
+    ("segmentation/blocks/leaves.py", "cells_to_pixels", "`leaves.cells_to_pixels`"),
+    ("segmentation/blocks/mixed_cells.py", "mixed_cells", "`mixed_cells.mixed_cells`"),
+    ("segmentation/refine/tv.py", "refine_by_tv", "total variation: `tv.refine_by_tv`"),
+    ("segmentation/labels/components.py", "label_components", "`components.label_components`"),
     ("segmentation/labels/component_sums.py", "component_sums", "`component_sums.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
     ("regions/outline/trace.py", "link", "`trace.link`"),
@@ -57,9 +57,9 @@ def _measured(raster: str) -> list[tuple[str, float]]:
     import pstats
     import tempfile
 
-    from uavseg.__main__ import Absent
+    from uavseg import _lazy_pandas
 
-    sys.meta_path.insert(0, Absent())  # as the program does
+    _lazy_pandas.install()  # as the program does
     from uavseg.jobs.extract import ExtractParams, extract
     from uavseg.raster.dataset import Dataset
     from uavseg.regions.edit.small import Area

@@ -18,7 +18,7 @@ from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox, check_metres, upright
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.intervals import Cut
+from uavseg.segmentation.intervals import Intervals
 from uavseg.segmentation.params import SegmentParams
 
 
@@ -154,7 +154,7 @@ class OccupancyGrid:
         apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
         return window
 
-    def segment(self, cut: Cut | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
+    def segment(self, cut: Intervals | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
         """Segment the map; the segments follow later scans for as long as the caller holds the result.
 
         Parameters

@@ -14,11 +14,11 @@ from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.grey_map import GreyMap, Mask
 from uavseg.occupancy.mapping.live_blocks import BlockIndices, classify_leaves, required_ratios_at
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.division import block_ratios, wanted_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
-from uavseg.segmentation.intervals import Cut, IntensityRange, StateLimits
+from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
+from uavseg.segmentation.intervals import IntensityRange, Intervals, StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import Question
+from uavseg.segmentation.pipeline import LeafQuery
 from uavseg.units import BLOCK, CELL, GREY_MAX
 
 MAX_INTERVALS = 255
@@ -48,11 +48,11 @@ class LiveSegmentation:
     """
 
     def __init__(
-        self, grey_map: GreyMap, cut: Cut | None = None, params: SegmentParams | None = None
+        self, grey_map: GreyMap, cut: Intervals | None = None, params: SegmentParams | None = None
     ) -> None:
         self.cut = StateLimits() if cut is None else cut
         self.params = SegmentParams(method="paper") if params is None else params
-        self._question = Question(self.cut.edges, self.params.step, self.params.threshold)
+        self._query = LeafQuery(self.cut.edges, self.params.division)
         if len(self.cut.edges) >= MAX_INTERVALS:
             raise ParameterError(
                 f"a live segmentation has at most {MAX_INTERVALS} intervals, not {len(self.cut.edges) + 1}; "
@@ -147,7 +147,7 @@ class LiveSegmentation:
 
     def refit(self) -> None:
         """Fit the contrast bin edges to the whole map as it is now, and divide every block again."""
-        self.bin_edges = contrast_cuts(contrast_histogram(self._grey_map.grey, self._grey_map.valid))
+        self.bin_edges = contrast_bin_edges(contrast_histogram(self._grey_map.grey, self._grey_map.valid))
         self._grey_map.flush_changes()
         self._changes.pop()
         self._update_blocks(*np.ones((2, *self._stale.shape), bool))
@@ -174,20 +174,20 @@ class LiveSegmentation:
         self._measure_ratios(divided)
         indices = _block_indices(own | divided)
         required = self._required[tuple(indices.T)]
-        classify_leaves(self._blocks, self._question, indices, required, self._leaves, self._intervals)
+        classify_leaves(self._blocks, self._query, indices, required, self._leaves, self._intervals)
 
     def _find_required(self, changed: Mask) -> None:
-        """Find which R of changed blocks the question requires, and reset their R."""
+        """Find which R of changed blocks the query requires, and reset their R."""
         indices = _block_indices(changed)
         rows, cols = indices.T
-        self._required[rows, cols] = required_ratios_at(self._blocks, self._question, indices)
+        self._required[rows, cols] = required_ratios_at(self._blocks, self._query, indices)
         self._blocks.ratios[rows, cols] = 0
 
     def _measure_ratios(self, divided: Mask) -> None:
         """Measure the required R of blocks."""
         for part, valid in self._by_validity(_block_indices(divided)):
             rows, cols = part.T
-            self._blocks.ratios[rows, cols] = wanted_ratios(
+            self._blocks.ratios[rows, cols] = selected_ratios(
                 self._grey_map.grey,
                 valid,
                 self.bin_edges,

@@ -6,20 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_of, undecided_in_block
-from uavseg.segmentation.pipeline import Question
+from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_v, required_ratios_of_block
+from uavseg.segmentation.pipeline import LeafQuery
 
 BlockIndices = NDArray[np.int64]
 LeafArrays = tuple[NDArray[np.uint8], NDArray[np.float64]]
 
 
-def required_ratios_at(blocks: BlockMap, question: Question, indices: BlockIndices) -> NDArray[np.uint32]:
-    """Which R of some blocks must be known to answer a question, see `block_map`.
+def required_ratios_at(blocks: BlockMap, query: LeafQuery, indices: BlockIndices) -> NDArray[np.uint32]:
+    """Which R of some blocks must be known to answer a query, see `block_map`.
 
     Parameters
     ----------
     blocks : BlockMap
-    question : Question
+    query : LeafQuery
     indices : (n, 2) int64 array
         Row and column of each block.
 
@@ -29,14 +29,14 @@ def required_ratios_at(blocks: BlockMap, question: Question, indices: BlockIndic
         One bit per R.
     """
     required = np.empty(len(indices), np.uint32)
-    edges = np.array(question.edges, np.float64)
-    _required_ratios(blocks.sums, blocks.counts, edges, question.step, indices, required)
+    edges = np.array(query.edges, np.float64)
+    _required_ratios(blocks.sums, blocks.counts, edges, query.division.step, indices, required)
     return required
 
 
 def classify_leaves(
     blocks: BlockMap,
-    question: Question,
+    query: LeafQuery,
     indices: BlockIndices,
     required: NDArray[np.uint32],
     scratch: LeafArrays,
@@ -48,7 +48,7 @@ def classify_leaves(
     ----------
     blocks : BlockMap
         Its R are known where `required_ratios_at` asks for them.
-    question : Question
+    query : LeafQuery
         Edges between the intervals, increasing, 254 at most; a mean on an edge lies in the interval below it.
         Threshold and step of the division.
     indices : (n, 2) int64 array
@@ -60,8 +60,8 @@ def classify_leaves(
     intervals : (8 B, 8 C) uint8 array
         Set at the cells of these blocks: counted from 1; 0 where a cell has no valid pixel.
     """
-    division = (blocks.sums, blocks.counts, blocks.ratios, question.threshold, question.step)
-    edges = np.array(question.edges, np.float64)
+    division = (blocks.sums, blocks.counts, blocks.ratios, query.division.threshold, query.division.step)
+    edges = np.array(query.edges, np.float64)
     _classify_leaves(*division, edges, indices, required, *scratch, intervals)
 
 
@@ -69,7 +69,7 @@ def classify_leaves(
 def _required_ratios(sums, counts, edges, step, indices, required):  # type: ignore[no-untyped-def]
     for k in range(indices.shape[0]):
         row, col = max(indices[k, 0], 0), max(indices[k, 1], 0)
-        required[k] = undecided_in_block(sums, counts, row, col, edges, step)
+        required[k] = required_ratios_of_block(sums, counts, row, col, edges, step)
 
 
 _CLASSIFY = (
@@ -94,7 +94,7 @@ def _classify_leaves(  # type: ignore[no-untyped-def]
     for k in range(indices.shape[0]):
         row, col = max(indices[k, 0], 0), max(indices[k, 1], 0)  # lets the compiler see that they are not < 0
         if required[k] == 0 and step == inf:  # all cells lie in one interval, whatever the division
-            one = index_of_interval(mean_of(sums, counts, 8 * row, 8 * col, 8), edges)
+            one = index_of_interval(mean_v(sums, counts, 8 * row, 8 * col, 8), edges)
             for r in range(8):
                 for c in range(8):
                     is_valid = np.uint8(counts[8 * row + r, 8 * col + c] > 0)

@@ -44,32 +44,6 @@ def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) 
     return np.asarray(np.sqrt(squares, out=squares) * (width / 2))
 
 
-def cells_with_clearance(
-    mask: NDArray[np.bool_], metres: float, width: float = 1.0, height: float = 1.0
-) -> NDArray[np.bool_]:
-    """Cells whose centre keeps a distance from every impassable cell and from the edge of the map.
-
-    Parameters
-    ----------
-    mask : (M, N) bool array
-        The passable cells.
-    metres : float
-        The distance, in the unit of `width` and `height`.
-    width, height : float
-        Of a cell.
-
-    Returns
-    -------
-    clear : (M, N) bool array
-
-    Examples
-    --------
-    >>> cells_with_clearance(np.ones((3, 4), bool), 1.5).sum()
-    np.int64(2)
-    """
-    return np.asarray(mask & is_at_least(clearance(mask, width, height), metres))
-
-
 def is_at_least(distance: Any, metres: float) -> Any:
     """Whether distances are at least so many metres, with a tolerance for rounding."""
     return distance >= metres * (1 - _TOLERANCE)

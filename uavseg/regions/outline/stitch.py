@@ -12,7 +12,7 @@ from uavseg.regions.outline.chains import Chains, trace_tile
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import link
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
-from uavseg.segmentation.labels.components import equal_components, united
+from uavseg.segmentation.labels.components import label_equal_values, union_roots
 from uavseg.units import CELL
 
 
@@ -133,12 +133,12 @@ class Joined:
         sums = _concatenated(self._sums)
         pairs = np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
         if leaves is None:
-            parts = united(pairs, self._count)
+            parts = union_roots(pairs, self._count)
             return _in_order(sums, parts, self._pieces, parts)
         row, col = sums.firsts.T // CELL
         kinds = leaves[row, col]
-        parts = united(pairs[kinds[pairs[:, 0]] == kinds[pairs[:, 1]]], self._count)
-        segments, _ = equal_components(leaves)
+        parts = union_roots(pairs[kinds[pairs[:, 0]] == kinds[pairs[:, 1]]], self._count)
+        segments, _ = label_equal_values(leaves)
         return _in_order(sums, parts, self._pieces, segments[row, col].astype(np.int64))
 
     def _numbered(self, border: NDArray[np.uint32]) -> NDArray[np.int64]:

@@ -13,7 +13,7 @@ from uavseg.execution.executors import Map, serial
 from uavseg.regions.outline.chains import OWNER, START, Chains, trace_tile
 from uavseg.regions.outline.linking import joined_chains, simple_rings
 from uavseg.regions.outline.rings import Rings, gathered
-from uavseg.segmentation.labels.components import equal_components, united, values_of
+from uavseg.segmentation.labels.components import component_values, label_equal_values, union_roots
 
 STRIP = 256  # rows of a label image that are traced at a time: what that takes is used again and again
 
@@ -48,7 +48,7 @@ def trace(labels: LabelRows, map: Map = serial) -> Rings:
     for strip, offset in zip(strips, before, strict=False):
         strip.chains.table[:, OWNER] += offset
     names = _stacked([strip.names for strip in strips], (0,), np.int64)
-    return link([strip.chains for strip in strips], names, united(_meetings(strips, before), len(names)))
+    return link([strip.chains for strip in strips], names, union_roots(_meetings(strips, before), len(names)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +67,13 @@ def _trace_strip(image: LabelRows, top: int) -> _Strip:
     near = np.ascontiguousarray(image[max(top - 1, 0) : top + STRIP + 1], np.uint32)
     first = 1 if top == 0 else 0
     own = near[1 - first :][:STRIP]
-    pieces, count = equal_components(own)
+    pieces, count = label_equal_values(own)
     rows, cols = pieces.shape
     framed = np.zeros((rows + 2, cols + 2), np.uint32)
     framed[first : first + len(near), 1:-1] = near
     chains = trace_tile(framed, pieces, 1, (top, 0), cols)
     chains.table[:, OWNER] -= 1
-    names = values_of(own, pieces, count)
+    names = component_values(own, pieces, count)
     return _Strip(chains, names, pieces[0].astype(np.int64) - 1, pieces[-1].astype(np.int64) - 1)
 
 
