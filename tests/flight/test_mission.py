@@ -5,14 +5,14 @@ import pytest
 
 from uavseg.errors import MissionError
 from uavseg.flight.items import (
-    AMSL,
     CHANGE_SPEED,
+    FRAME_AMSL,
+    FRAME_MISSION,
+    FRAME_RELATIVE,
+    FRAME_TERRAIN,
     LAND,
-    NO_PLACE,
-    RELATIVE,
     RETURN,
     TAKEOFF,
-    TERRAIN,
     WAYPOINT,
     Home,
     Item,
@@ -20,13 +20,14 @@ from uavseg.flight.items import (
 from uavseg.flight.mission import Mission
 
 HOME = Home(47.0, 8.0, 400.0)
-UP = Item(TAKEOFF, RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)
-BACK = Item(RETURN, NO_PLACE)
+UP = Item(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)
+BACK = Item(RETURN, FRAME_MISSION)
 
 
 def waypoint(lat: float = 47.001, lon: float = 8.0, altitude_m: float = 50.0, **changes: Any) -> Item:
     return Item(
-        **{"command": WAYPOINT, "frame": RELATIVE, "lat": lat, "lon": lon, "altitude_m": altitude_m} | changes
+        **{"command": WAYPOINT, "frame": FRAME_RELATIVE, "lat": lat, "lon": lon, "altitude_m": altitude_m}
+        | changes
     )
 
 
@@ -55,7 +56,7 @@ def test_an_altitude_at_the_ground_or_absurd_is_refused(altitude_m: float) -> No
 
 
 def test_a_landing_may_be_at_the_ground() -> None:
-    assert Item(LAND, RELATIVE, lat=47.0, lon=8.0).altitude_m == 0
+    assert Item(LAND, FRAME_RELATIVE, lat=47.0, lon=8.0).altitude_m == 0
 
 
 @pytest.mark.parametrize("altitude_m", [-501.0, 9001.0, math.nan])
@@ -66,7 +67,7 @@ def test_home_is_on_the_ground_of_the_earth(altitude_m: float) -> None:
 
 def test_a_place_needs_a_frame_of_places() -> None:
     with pytest.raises(MissionError, match="frame 3"):
-        waypoint(frame=NO_PLACE)
+        waypoint(frame=FRAME_MISSION)
 
 
 @pytest.mark.parametrize("params", [(0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0), (0.0, math.inf, 0.0, 0.0)])
@@ -103,21 +104,21 @@ def test_a_waypoint_far_from_home_is_refused_wherever_it_comes() -> None:
 
 
 def test_heights_above_the_sea_are_held_against_home() -> None:
-    Mission(HOME, (waypoint(frame=AMSL, altitude_m=1300.0),))
+    Mission(HOME, (waypoint(frame=FRAME_AMSL, altitude_m=1300.0),))
     with pytest.raises(MissionError, match="1100 m above home"):
-        Mission(HOME, (waypoint(frame=AMSL, altitude_m=1500.0),))
+        Mission(HOME, (waypoint(frame=FRAME_AMSL, altitude_m=1500.0),))
 
 
 @pytest.mark.parametrize(
     ("item", "firmware"),
     [
-        (waypoint(frame=TERRAIN), "px4"),
+        (waypoint(frame=FRAME_TERRAIN), "px4"),
         (waypoint(command=18), "px4"),
-        (Item(RETURN, RELATIVE), "px4"),
-        (Item(CHANGE_SPEED, RELATIVE, (1.0, 5.0, -1.0, 0.0)), "px4"),
+        (Item(RETURN, FRAME_RELATIVE), "px4"),
+        (Item(CHANGE_SPEED, FRAME_RELATIVE, (1.0, 5.0, -1.0, 0.0)), "px4"),
         (waypoint(params=(None, 0.0, 0.0, 0.0)), "ardupilot"),
-        (Item(CHANGE_SPEED, NO_PLACE, (1.0, 5.0, None, 0.0)), "ardupilot"),
-        (Item(214, NO_PLACE), "ardupilot"),
+        (Item(CHANGE_SPEED, FRAME_MISSION, (1.0, 5.0, None, 0.0)), "ardupilot"),
+        (Item(214, FRAME_MISSION), "ardupilot"),
     ],
 )
 def test_what_one_firmware_refuses_only_the_other_may_have(item: Item, firmware: str) -> None:
@@ -132,7 +133,9 @@ def test_an_unknown_firmware_is_refused() -> None:
 
 
 def test_distance_and_time_are_those_of_the_way_there_and_back() -> None:
-    mission = Mission(HOME, (UP, Item(CHANGE_SPEED, NO_PLACE, (1.0, 10.0, -1.0, 0.0)), waypoint(47.01), BACK))
+    mission = Mission(
+        HOME, (UP, Item(CHANGE_SPEED, FRAME_MISSION, (1.0, 10.0, -1.0, 0.0)), waypoint(47.01), BACK)
+    )
     twice = math.radians(94.01)  # a degree of latitude after the series of the ellipsoid
     north = (111132.954 - 559.822 * math.cos(twice) + 1.175 * math.cos(2 * twice)) / 100
     assert mission.speed_m_s == 10
@@ -147,7 +150,7 @@ def test_without_return_nothing_is_flown_after_the_last_item() -> None:
 
 
 def test_a_takeoff_at_zero_is_where_the_vehicle_is() -> None:
-    here = Item(TAKEOFF, RELATIVE, altitude_m=50.0)
+    here = Item(TAKEOFF, FRAME_RELATIVE, altitude_m=50.0)
     assert Mission(HOME, (here, waypoint())).distance_m == Mission(HOME, (UP, waypoint())).distance_m
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pyproj import Geod
 
 from uavseg.errors import MissionError, ParameterError, UavsegError
-from uavseg.flight.items import CHANGE_SPEED, NO_PLACE, RELATIVE, RETURN, TAKEOFF, WAYPOINT
+from uavseg.flight.items import CHANGE_SPEED, FRAME_MISSION, FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from uavseg.flight.mission import Mission
 from uavseg.flight.plane import Plane
 from uavseg.flight.planner import PlanParams, plan
@@ -48,15 +48,15 @@ def test_a_mission_takes_off_at_home_sets_its_speed_and_returns(
     start, speed, *flight, end = mission.items
     assert (start.command, start.frame, start.lat, start.lon, start.altitude_m) == (
         TAKEOFF,
-        RELATIVE,
+        FRAME_RELATIVE,
         47,
         8,
         60,
     )
-    assert (speed.command, speed.frame, speed.params) == (CHANGE_SPEED, NO_PLACE, (1, 7.5, -1, 0))
-    assert (end.command, end.frame) == (RETURN, NO_PLACE)
+    assert (speed.command, speed.frame, speed.params) == (CHANGE_SPEED, FRAME_MISSION, (1, 7.5, -1, 0))
+    assert (end.command, end.frame) == (RETURN, FRAME_MISSION)
     assert {(i.command, i.frame, i.altitude_m, i.params) for i in flight} == {
-        (WAYPOINT, RELATIVE, 60, (0, 0, 0, None))
+        (WAYPOINT, FRAME_RELATIVE, 60, (0, 0, 0, None))
     }
     assert mission.firmware == firmware
     assert (mission.home.lat, mission.home.lon, mission.home.altitude_m) == HOME

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from shapely.affinity import rotate
 
-from uavseg.flight.legs import between, leaving_hull, lengths_m, outside_m
-from uavseg.flight.survey import backwards, survey
+from uavseg.flight.legs import leaving_hull, legs_between, lengths_m, outside_m
+from uavseg.flight.survey import reverse_path, survey
 from uavseg.flight.sweep import sweep
 
 U = shapely.box(0, 0, 200, 200) - shapely.box(60, 60, 140, 200)
@@ -33,7 +33,7 @@ def test_every_piece_is_flown_once_and_no_leg_leaves_the_hull(
     flown = survey(region, spacing_m, angle_deg)
     for path in flown.paths:
         assert rows(path) == rows(sweep(region, spacing_m, flown.angle_deg).segments)
-        assert len(leaving_hull(region, between(path), spacing_m)) == 0
+        assert len(leaving_hull(region, legs_between(path), spacing_m)) == 0
 
 
 def test_a_convex_region_is_flown_to_and_fro() -> None:
@@ -51,16 +51,16 @@ def test_little_is_flown_between_pieces_and_hardly_outside(
 ) -> None:
     turned = rotate(region, turn_deg, origin=(0, 0))
     path = survey(turned, 15, -turn_deg).paths[0]
-    assert outside_m(turned, between(path)).sum() <= most + 1e-6
+    assert outside_m(turned, legs_between(path)).sum() <= most + 1e-6
     least = 15 * (len(path) - 1)
-    assert lengths_m(between(path)).sum() <= 2 * least
+    assert lengths_m(legs_between(path)).sum() <= 2 * least
 
 
 def test_a_long_step_to_the_next_line_is_avoided() -> None:
     """Flying the arms to and fro with the bottom would step from the top of an arm down to the bottom."""
     wide = shapely.box(0, 0, 200, 200) - shapely.box(50, 60, 150, 200)
     path = survey(wide, 20, 0).paths[0]
-    assert lengths_m(between(path)).sum() <= 20 * len(path) + 25
+    assert lengths_m(legs_between(path)).sum() <= 20 * len(path) + 25
 
 
 def test_the_arms_of_a_u_are_flown_one_after_the_other() -> None:
@@ -87,8 +87,8 @@ def test_a_survey_is_the_same_every_time() -> None:
 
 def test_backwards_twice_is_forwards() -> None:
     path = survey(U, 15).paths[0]
-    assert np.array_equal(backwards(backwards(path)), path)
-    assert np.array_equal(backwards(path)[0], path[-1, ::-1])
+    assert np.array_equal(reverse_path(reverse_path(path)), path)
+    assert np.array_equal(reverse_path(path)[0], path[-1, ::-1])
 
 
 @given(

@@ -217,7 +217,7 @@ def test_a_mission_is_drawn_where_it_flies(suffix: str, tmp_path: Path) -> None:
     box = GeoBox((200, 200), NORTH_UP, UTM)
     lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(np.array([20, 30, 60]), np.array([20, 70, 40])))
     flight = tmp_path / f"m{suffix}"
-    files.write(a_mission(list(zip(lon.tolist(), lat.tolist(), strict=True))), flight)
+    files.write_mission(a_mission(list(zip(lon.tolist(), lat.tolist(), strict=True))), flight)
     mask = colored(preview(raster, tmp_path / "a.png", mission=flight, width_px=500))
     body = mask[: int(0.8 * len(mask))]  # without the legend
     row, col = middle_of(body)

@@ -126,7 +126,7 @@ def _flight(mission: str | None, options: dict[str, Any]) -> Any:
     from uavseg.cli._mission import home_position, mission_params
     from uavseg.flight import files
 
-    files.check_format(mission)
+    files.check_mission_format(mission)
     home_position(options["home"], [(0.0, 0.0)])
     return mission_params(**options)
 
@@ -185,7 +185,7 @@ def _write_mission(made: Mission, regions: int, path: Any, overwrite: bool, repo
     from uavseg.cli._mission import report
     from uavseg.flight import files
 
-    files.write(made, path, overwrite)
+    files.write_mission(made, path, overwrite)
     if not reporter.quiet:
         report(made, regions, path)
 

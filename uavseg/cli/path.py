@@ -136,7 +136,7 @@ def _flight(output: str, options: dict[str, Any]) -> PlanParams | None:
     from uavseg.flight.params import PlanParams
 
     try:
-        files.check_format(output)
+        files.check_mission_format(output)
     except MissionError:
         raise OutputError(f"{output}: a path is written to .geojson, .json, .waypoints or .plan") from None
     if options["altitude"] is None:
@@ -185,7 +185,7 @@ def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bo
     from uavseg.occupancy.paths.path_geojson import path_to_geojson
 
     if mission is not None:
-        files.write(mission, output, overwrite)
+        files.write_mission(mission, output, overwrite)
     elif output == "-":
         sys.stdout.write(path_to_geojson(way))
     else:

@@ -46,13 +46,13 @@ def command(
     from uavseg.regions.formats.read import load
     from uavseg.regions.select.choose import choose
 
-    files.check_format(output)
+    files.check_mission_format(output)
     check_target(output, overwrite)
     params = mission_params(**flight)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     chosen = choose(load(source, layer), parse_ids(ids), largest, where)
     mission = planned(chosen, list(chosen.polygons), params, flight["home"])
-    files.write(mission, output, overwrite)
+    files.write_mission(mission, output, overwrite)
     if not quiet:
         report(mission, len(chosen), output)
 

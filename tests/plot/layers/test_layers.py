@@ -236,7 +236,7 @@ def test_a_path_may_be_a_mission(suffix: str, tmp_path: Path) -> None:
     way, frame = a_way(BOX), Frame(BOX)
     lon, lat = path_lonlat(way)
     mission = fly_along(lon, lat, PlanParams(10.0, speed_m_s=3.0), (float(lat[0]), float(lon[0]), 0.0))
-    files.write(mission, tmp_path / f"path{suffix}")
+    files.write_mission(mission, tmp_path / f"path{suffix}")
     [line] = path_layer.PathLayer.of(tmp_path / f"path{suffix}", frame).lines
     assert np.allclose(line, path_layer.PathLayer.of(way, frame).lines[0], atol=0.05)
 

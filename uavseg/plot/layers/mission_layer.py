@@ -49,9 +49,9 @@ class MissionLayer:
         from uavseg.flight import files
         from uavseg.flight.mission import LANDINGS, RETURN, TAKEOFF, VTOL_TAKEOFF
 
-        flight = files.read(mission) if isinstance(mission, str | os.PathLike) else mission
+        flight = files.read_mission(mission) if isinstance(mission, str | os.PathLike) else mission
         lat, lon, _ = flight.path
-        flown = [item for item in flight.items if item.is_place or item.command == RETURN]
+        flown = [item for item in flight.items if item.has_position or item.command == RETURN]
         aside = {TAKEOFF, VTOL_TAKEOFF, RETURN, *LANDINGS}
         counts = np.array([False] + [item.command not in aside for item in flown])
         return cls(

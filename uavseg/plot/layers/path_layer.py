@@ -86,7 +86,7 @@ def _read_mission_path(source: str | os.PathLike[str], frame: Frame) -> Floats:
     from uavseg.flight import files
     from uavseg.flight.items import WAYPOINT
 
-    places = [item for item in files.read(source).items if item.command == WAYPOINT]
+    places = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
     if not places:
         raise PathError(f"{source} has no waypoints, so there is no path to draw")
     return frame.plot_from_lonlat([item.lon for item in places], [item.lat for item in places])
