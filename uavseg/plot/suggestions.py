@@ -58,7 +58,7 @@ def draw_suggestions(
 
 
 def _figure(found: Suggestions, dataset: Dataset | None) -> Any:
-    frame = Frame(found.about.geobox)
+    frame = Frame(found.source.geobox)
     view, height = _view(frame, _MIN_PLOT_IN + _legend_height(found))
     page = height + _HEAD_IN + _FOOT_IN
     figure = new_figure(_WIDTH_IN, page, _WIDTH_PX / _WIDTH_IN)
@@ -76,7 +76,7 @@ def _figure(found: Suggestions, dataset: Dataset | None) -> Any:
     )
     _draw_histogram(plot, found)
     _write_legend(figure, left / _WIDTH_IN, found)
-    x, about = _MARGIN_IN / _WIDTH_IN, found.about
+    x, about = _MARGIN_IN / _WIDTH_IN, found.source
     figure.text(x, 1 - 0.12 / page, about.name, size=12, weight="bold", color=TEXT_COLOR, va="top")
     caption = raster_caption(about.geobox, about.band_names, about.stretch.name)
     figure.text(x, 0.12 / page, caption, size=7.5, color=CAPTION_COLOR, va="bottom")
@@ -95,7 +95,7 @@ def _view(frame: Frame, min_height: float) -> tuple[tuple[float, float, float, f
 def _draw_map(ax: Any, point: float, frame: Frame, found: Suggestions, dataset: Dataset | None) -> None:
     counts = found.blocks.counts
     if dataset is not None:
-        draw_raster(ax, dataset, frame, found.about.stretch)
+        draw_raster(ax, dataset, frame, found.source.stretch)
     else:
         greys = (found.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
         draw_cells(ax, greys, counts > 0, frame, _MAX_PIXELS)

@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas, ring_perimeters
-from uavseg.regions.outline.rings import Rings
 from uavseg.regions.shapes import Polygons, Shapes, batches
 from uavseg.units import GREY_MAX
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
+
+    from uavseg.regions.outline.rings import Rings
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -74,7 +75,7 @@ class Regions:
 
 
 def make(
-    rings: Rings,
+    rings: "Rings",
     geobox: GeoBox,
     counts: NDArray[np.integer[Any]],
     sums: NDArray[np.integer[Any]],

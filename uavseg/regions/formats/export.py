@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
 import shapely
 from numpy.typing import NDArray
 
@@ -175,7 +176,8 @@ def _batches(regions: Regions, promoted: bool = False) -> Any:
             if promoted:
                 polygons = _multi(polygons)
             columns = [_null_for_nan(column[part]) for column in regions.columns.values()]
-            yield pyarrow.record_batch([*columns, pyarrow.array(shapely.to_wkb(polygons))], schema=schema)
+            geometry = _arrow_bytes(shapely.to_wkb(polygons).tolist(), pyarrow.binary())
+            yield pyarrow.record_batch([*columns, geometry], schema=schema)
 
     return pyarrow.RecordBatchReader.from_batches(schema, made())
 
@@ -214,8 +216,27 @@ def _write_parquet(regions: Regions, path: Path) -> None:
 def _null_for_nan(column: NDArray[Any]) -> Any:
     import pyarrow
 
-    kind = pyarrow.string() if column.dtype == object else None
-    return pyarrow.array(column, kind, from_pandas=True)
+    if column.dtype != object:
+        return pyarrow.array(column, from_pandas=True)
+    texts = [None if text is None or text != text else text.encode() for text in column.tolist()]
+    return _arrow_bytes(texts, pyarrow.string())
+
+
+def _arrow_bytes(values: list[bytes | None], kind: Any) -> Any:
+    """Texts or bytes as an Arrow array, from buffers: `pyarrow.array` imports pandas to look at objects."""
+    import pyarrow
+
+    mask = None
+    if None in values:
+        there = [value is not None for value in values]
+        mask = pyarrow.py_buffer(np.packbits(there, bitorder="little"))
+        values = [value or b"" for value in values]
+    ends = np.zeros(len(values) + 1, np.int64)
+    np.cumsum(np.fromiter(map(len, values), np.int64, len(values)), out=ends[1:])  # type: ignore[arg-type]
+    if ends[-1] > np.iinfo(np.int32).max:
+        raise OutputError("one batch of regions holds more than 2 GB of text or corners; simplify them")
+    content = [mask, pyarrow.py_buffer(ends.astype(np.int32)), pyarrow.py_buffer(b"".join(values))]  # type: ignore[arg-type]
+    return pyarrow.Array.from_buffers(kind, len(values), content)
 
 
 def _geo(regions: Regions) -> dict[str, Any]:

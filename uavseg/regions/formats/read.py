@@ -52,7 +52,22 @@ def load(source: str | os.PathLike[str] | bytes, layer: str | None = None) -> Re
         coordinates.
     """
     name = "standard input" if isinstance(source, bytes) else str(source)
-    frame = _on_the_globe(_read(source, name, layer), name)
+    return _regions_of(_read(source, name, layer), name)
+
+
+def regions_of_frame(frame: "GeoDataFrame") -> Regions:
+    """Regions of a GeoDataFrame, in WGS 84, completed like those of a file.
+
+    Raises
+    ------
+    RegionError
+        If it has no polygons or not only polygons, no coordinate system, or local coordinates.
+    """
+    return _regions_of(frame, "the frame")
+
+
+def _regions_of(frame: "GeoDataFrame", name: str) -> Regions:
+    frame = _on_the_globe(frame, name)
     columns = {
         str(column): np.asarray(frame[column]) for column in frame.columns if column != frame.geometry.name
     }

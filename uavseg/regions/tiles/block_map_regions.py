@@ -29,7 +29,7 @@ def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> Outlined:
     Returns
     -------
     Outlined
-        In pixels of the raster. The first pixel of a region is that of its first cell, valid or not.
+        In pixels of the raster.
     """
     rows, cols = _cells_of(blocks)
     leaves, count = label_equal_values(np.ascontiguousarray(kinds[:rows, :cols]))
@@ -71,5 +71,5 @@ def _sums_of_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> 
     np.add.at(counts, flat, blocks.counts[:rows, :cols].reshape(-1))
     names, first = np.unique(flat, return_index=True)
     firsts = np.zeros((count + 1, 2), np.int64)
-    firsts[names] = np.stack(np.divmod(first, cols), axis=1) * CELL
+    firsts[names] = CELL * np.stack(np.divmod(first, cols), axis=1)
     return Sums(counts[1:], greys[1:], np.full(count, np.nan), firsts[1:])
