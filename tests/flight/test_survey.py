@@ -1,3 +1,5 @@
+"""Surveys: every piece once, short legs, cells flown one after another."""
+
 import numpy as np
 import pytest
 import shapely
@@ -6,16 +8,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from shapely.affinity import rotate
 
+from tests.flight.survey_regions import HOLES, RING, U
 from uavseg.flight.legs import leaving_hull, legs_between, lengths_m, outside_m
 from uavseg.flight.survey import reverse_path, survey
 from uavseg.flight.sweep import sweep
 
-U = shapely.box(0, 0, 200, 200) - shapely.box(60, 60, 140, 200)
 COMB = shapely.union_all(
     [shapely.box(0, 0, 260, 40), *(shapely.box(x, 0, x + 30, 150) for x in range(0, 260, 57))]
 )
-RING = shapely.Point(0, 0).buffer(100) - shapely.Point(10, 5).buffer(45)
-HOLES = shapely.box(0, 0, 300, 200) - shapely.box(60, 60, 110, 140) - shapely.Point(200, 100).buffer(30)
+
+
 SHAPES = [U, COMB, RING, HOLES, shapely.box(0, 0, 50, 400)]
 
 
@@ -89,29 +91,3 @@ def test_backwards_twice_is_forwards() -> None:
     path = survey(U, 15).paths[0]
     assert np.array_equal(reverse_path(reverse_path(path)), path)
     assert np.array_equal(reverse_path(path)[0], path[-1, ::-1])
-
-
-@given(
-    st.lists(st.tuples(*[st.integers(-120_000, 320_000)] * 4), min_size=1, max_size=8),
-    st.sampled_from([U, RING, HOLES]),
-)
-@settings(max_examples=40, deadline=None)
-def test_metres_outside_agree_with_geos(
-    ends: list[tuple[int, int, int, int]], region: shapely.Polygon
-) -> None:
-    legs = np.array(ends).reshape(-1, 2, 2) / 1000  # GEOS loses lines whose ends are 1e-222 m from a corner
-    lines = shapely.linestrings(legs)
-    ours = outside_m(region, legs)
-    assert (ours <= shapely.length(shapely.difference(lines, region)) + 1e-6).all()
-    assert (ours >= shapely.length(shapely.difference(lines, region.buffer(0.02))) - 1e-6).all()
-
-
-def test_a_leg_along_an_edge_is_not_outside() -> None:
-    turned = rotate(U, 33.3, origin=(0, 0))
-    edges = shapely.get_coordinates(turned.exterior)
-    assert outside_m(turned, np.stack((edges[:-1], edges[1:]), axis=1)).sum() == 0
-
-
-def test_a_leg_out_of_the_hull_is_found() -> None:
-    legs = np.array([[[0.0, 0], [200, 200]], [[0, 0], [-20, 0]]])
-    assert np.array_equal(leaving_hull(U, legs, 15), legs[1:])

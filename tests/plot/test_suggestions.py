@@ -1,39 +1,16 @@
 """A picture of suggested ranges shows their colours where they are."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from affine import Affine
 from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
+from tests.plot.halves import found_in, halves
 from uavseg.errors import OutputError, OutputExistsError
-from uavseg.jobs.open_source import Raster
-from uavseg.jobs.suggest import Suggestions, suggest
-from uavseg.plot.frame import Frame
-from uavseg.plot.layers.range_layer import RANGE_COLORS, RangeLayer, range_colors, upsample_cells
+from uavseg.plot.layers.range_layer import range_colors
 from uavseg.plot.suggestions import draw_suggestions
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox
-from uavseg.raster.intensity.stretch import StretchSpec
-
-
-def raster(image: np.ndarray) -> Dataset:
-    return Dataset.of_values(image, GeoBox(image.shape, Affine.identity(), None), "halves.tif")
-
-
-def halves() -> np.ndarray:
-    image = np.full((160, 240), 0.0, np.float32)
-    image[:, 120:] = 0.9
-    image[:64, :64] = np.nan
-    return image
-
-
-def found_in(image: np.ndarray) -> tuple[Suggestions, Dataset]:
-    dataset = raster(image)
-    return suggest(Raster(dataset, StretchSpec("none"))), dataset
 
 
 def has(picture: np.ndarray, color: tuple[float, ...]) -> bool:
@@ -70,26 +47,3 @@ def test_a_picture_is_a_png_and_replaces_nothing(tmp_path: Path) -> None:
     with pytest.raises(OutputExistsError, match="--overwrite"):
         draw_suggestions(found, tmp_path / "look.png")
     assert draw_suggestions(found, tmp_path / "look.png", overwrite=True).stat().st_size > 1000
-
-
-def test_every_range_has_a_colour_of_its_own() -> None:
-    for count in range(1, len(RANGE_COLORS) + 1):
-        assert len(set(range_colors(count))) == count
-
-
-@pytest.mark.parametrize("max_side", [10, 100, 5000])
-def test_cells_are_spread_over_exactly_the_raster(max_side: int) -> None:
-    box = GeoBox((75, 133), Affine(2, 0, 100, 0, -2, 900), None)
-    cells = np.arange(16 * 24, dtype=np.uint8).reshape(16, 24)
-    picture, pixels = upsample_cells(cells, Frame(box), max_side)
-    assert max(picture.shape) <= max(max_side, 133) and (max_side < 133 or picture.shape == box.shape)
-    assert np.allclose(pixels * (picture.shape[1], picture.shape[0]), Frame(box).plot_from_pixel * (133, 75))
-    if max_side > 133:
-        assert np.array_equal(picture, cells.repeat(8, 0).repeat(8, 1)[:75, :133])
-
-
-def test_ranges_of_a_large_raster_are_thinned() -> None:
-    found, _ = found_in(halves())
-    layer = RangeLayer.of(found.intervals, 2, Frame(replace(found.source.geobox)), 60)
-    assert layer.intervals.shape == (40, 60)
-    assert set(layer.intervals[:, :30].ravel()) == {0, 1} and set(layer.intervals[:, 30:].ravel()) == {2}

@@ -8,29 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.occupancy import plain_beams
+from tests.occupancy.random_scans import random_scan
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.log_odds import probabilities_and_grey
 from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.raster.geobox import upright
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
-
-
-def random_scan(rng: np.random.Generator, shape: tuple[int, int], cell_m: float) -> Scan:
-    """Beams of all kinds: some leave from the corner of a cell, some run along edges or through corners."""
-    side = max(shape) * cell_m
-    x, y = rng.uniform(-0.2 * side, 1.2 * side, 2)
-    if rng.random() < 0.5:
-        x, y = (math.floor(2 * number / cell_m) / 2 * cell_m for number in (x, y))
-    count = int(rng.integers(1, 60))
-    angles = rng.uniform(-math.pi, math.pi, count)
-    if rng.random() < 0.5:
-        angles = np.arctan2(*rng.integers(-6, 7, (2, count)))
-    ranges = np.where(rng.random(count) < 0.4, math.inf, rng.uniform(0, side, count))
-    ranges[rng.random(count) < 0.05] = math.nan
-    heading = float(rng.choice([0, 45, 90, 30, rng.uniform(0, 360)]))
-    sigma = cell_m * float(rng.choice([0.1, 0.6, 2]))
-    return Scan(Pose(x, y, heading), angles, ranges, side * rng.uniform(0.1, 1), sigma)
 
 
 def assert_in_step(grid: OccupancyGrid) -> None:
@@ -92,16 +76,6 @@ def test_free_said_a_thousand_times_is_as_free_as_can_be() -> None:
     grid = OccupancyGrid.from_probabilities(np.full((1, 70), 1.0), upright((1, 70), 1.0, (0, 0)))
     grid.merge(Scan(Pose(0.0, 0.5), np.full(1000, 1e-4), np.full(1000, math.inf), 50.0, 1.0))
     assert (grid.log_odds[0, :50] == -6).all() and (grid.log_odds[0, 50:] == 6).all()
-
-
-def test_probabilities_are_those_of_the_log_odds() -> None:
-    odds = np.linspace(-6, 6, 100_001).astype(np.float32)
-    p, grey = probabilities_and_grey(odds)
-    exact = 1 / (1 + np.exp(-odds.astype(np.float64)))
-    assert np.abs(p - exact).max() < 4e-8
-    assert (p == exact.astype(np.float32)).mean() > 0.9999
-    assert (np.diff(p) >= 0).all() and (np.diff(grey.astype(int)) >= 0).all()
-    assert probabilities_and_grey(np.zeros(1, np.float32))[0] == 0.5
 
 
 def test_probabilities_are_the_same_whenever_somebody_looks() -> None:

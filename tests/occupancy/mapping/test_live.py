@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.occupancy.mapping.test_apply_pending import random_scan
+from tests.occupancy.random_scans import random_scan
 from uavseg.errors import ParameterError, SceneError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.live import LiveSegmentation

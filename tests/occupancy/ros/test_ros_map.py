@@ -3,7 +3,6 @@
 import math
 import shutil
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +13,15 @@ from hypothesis.extra import numpy as hnp
 from PIL import Image
 from rasterio.crs import CRS
 
+from tests.occupancy.ros.map_files import ALL, put, yaml_text
 from uavseg.errors import MapError, OutputExistsError, RasterReadError
-from uavseg.occupancy.ros.pgm import pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_map import RosMap, read_ros_map, write_ros_map
-from uavseg.raster.formats.png import read_grey, to_8_bits
+from uavseg.raster.formats.png import read_grey
 from uavseg.raster.geobox import GeoBox, upright
 
 BYTES = hnp.arrays(np.uint8, hnp.array_shapes(min_dims=2, max_dims=2, max_side=9))
+
+
 f4 = np.float32
 
 
@@ -41,24 +42,6 @@ def nav2_cell(grey: int, alpha: int, mode: str, negate: int, occupied: float, fr
         return -1
     percent = (occupancy - f4(free)) / f4(occupied - free) * f4(100)
     return math.floor(float(percent) + 0.5)
-
-
-def yaml_text(**keys: Any) -> str:
-    usual = {
-        "image": "map.pgm",
-        "resolution": 0.05,
-        "origin": "[-1.0, 2.0, 0.0]",
-        "negate": 0,
-        "occupied_thresh": 0.65,
-        "free_thresh": 0.196,
-    }
-    return "".join(f"{key}: {value}\n" for key, value in (usual | keys).items() if value is not None)
-
-
-def put(folder: Path, grey: np.ndarray, **keys: Any) -> Path:
-    (folder / "map.pgm").write_bytes(pgm_bytes(grey))
-    (folder / "map.yaml").write_text(yaml_text(**keys))
-    return folder / "map.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -101,45 +84,6 @@ def test_what_is_not_opaque_is_unknown_except_in_raw(
     path = put(folder, grey, image="alpha.png", mode=mode, negate=negate)
     expected = np.vectorize(lambda x, a: nav2_cell(int(x), int(a), mode, negate, 0.65, 0.196))(grey, alpha)
     assert (read_ros_map(path).cells == expected).all()
-
-
-ALL = np.arange(256, dtype=np.uint8).reshape(16, 16)
-
-
-def plain(samples: np.ndarray, maximum: int) -> bytes:
-    rows, cols = samples.shape
-    text = "\n".join(" ".join(map(str, row)) for row in samples.tolist())
-    return f"P2 # plain\n# by hand\n{cols} {rows}\n{maximum}\n{text}\n".encode()
-
-
-def raw(samples: np.ndarray, maximum: int) -> bytes:
-    rows, cols = samples.shape
-    return (
-        b"P5\n# raw\n%d\t%d\n%d\n" % (cols, rows, maximum)
-        + samples.astype(">u2" if maximum > 255 else "u1").tobytes()
-    )
-
-
-@pytest.mark.parametrize("form", [plain, raw])
-@pytest.mark.parametrize(
-    ("samples", "maximum", "grey"),
-    [
-        (ALL, 255, ALL),
-        (ALL.astype(int) * 257, 65535, ALL),
-        (ALL.astype(int) * 257 + 256 * (ALL < 255), 65535, ALL),  # rounded down
-        (np.arange(16).reshape(4, 4), 15, np.arange(16).reshape(4, 4) * 17),
-        (np.array([[0, 1], [1, 0]]), 1, np.array([[0, 255], [255, 0]])),
-        (np.array([[0, 500, 1000]]), 1000, np.array([[0, 127, 255]])),
-        (np.array([[7, 200]]), 100, np.array([[17, 255]])),  # beyond the maximum is white
-    ],
-)
-def test_pgms_of_every_depth_are_read(
-    tmp_path: Path, form: Any, samples: np.ndarray, maximum: int, grey: np.ndarray
-) -> None:
-    path = put(tmp_path, ALL, mode="raw")
-    (tmp_path / "map.pgm").write_bytes(form(samples, maximum))
-    assert (to_8_bits(*read_pgm(tmp_path / "map.pgm")) == grey).all()
-    assert (read_ros_map(path).cells == np.where(grey <= 100, grey.astype(int), -1)).all()
 
 
 @pytest.mark.parametrize("kind", ["L", "RGB", "P", "1", "16"])
@@ -306,85 +250,9 @@ def test_a_real_map_of_all_greys(shared_data: Path, tmp_path: Path, mode: str) -
     assert (found.cells == np.array(table)[grey]).all()
 
 
-@pytest.mark.parametrize(
-    ("keys", "told"),
-    [
-        ({"free_thresh": 0.7}, "free_thresh (0.7) lies below occupied_thresh (0.65)"),
-        ({"free_thresh": 0.65}, "free_thresh (0.65) lies below"),
-        ({"free_thresh": ".nan"}, "thresholds are finite"),
-        ({"resolution": -0.05}, "a number above 0, not -0.05"),
-        ({"resolution": 0}, "a number above 0, not 0"),
-        ({"resolution": ".nan"}, "a number above 0, not nan"),
-        ({"resolution": ".inf"}, "a number above 0, not inf"),
-        ({"resolution": "fine"}, "resolution is a number, not 'fine'"),
-        ({"resolution": "true"}, "resolution is a number, not True"),
-        ({"origin": "[0, 0]"}, "origin is a list of three numbers"),
-        ({"origin": "[0, 0, .nan]"}, "origin is finite x, y and yaw"),
-        ({"origin": 0}, "origin is a list of three numbers"),
-        ({"mode": "ternary"}, "mode is trinary, scale or raw, not 'ternary'"),
-        ({"negate": "maybe"}, "negate is 0 or 1, not 'maybe'"),
-        ({"image": "[]"}, "image is the file name of an image"),
-        ({"image": "none.pgm"}, "there is no such file"),
-        ({"image": None}, "missing here: image"),
-        ({"resolution": None, "negate": None}, "missing here: resolution, negate"),
-        ({"origin": "[0, 0"}, "is not valid YAML"),
-        ({"image": "map.yaml"}, "cannot be read as a picture"),
-    ],
-)
-def test_a_yaml_that_is_no_map_is_refused_in_one_line(
-    tmp_path: Path, keys: dict[str, Any], told: str
-) -> None:
-    path = put(tmp_path, ALL, **keys)
-    with pytest.raises((MapError, RasterReadError)) as caught:
-        read_ros_map(path)
-    assert told in str(caught.value) and "map.yaml" in str(caught.value) and "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("content", "told"),
-    [
-        (b"P5\n4 4\n255\n" + bytes(15), "says 4 x 4 pixels and holds 15; it is truncated"),
-        (b"P5\n4 4\n65535\n" + bytes(31), "says 4 x 4 pixels and holds 15; it is truncated"),
-        (b"P5\n100000000 100000000\n255\n" + bytes(99), "holds 99; it is truncated"),
-        (b"P5\n99999999999999999999 9\n255\n" + bytes(99), "holds 99; it is truncated"),
-        (b"P2\n99999999999999999999 9\n255\n1 2 3", "holds 3; it is truncated"),
-        (b"P5\n0 4\n255\n", "is 0 x 4 pixels of up to 255"),
-        (b"P5\n4 4\n0\n" + bytes(16), "a maximum of 1 to 65535"),
-        (b"P5\n4 4\n65536\n" + bytes(32), "a maximum of 1 to 65535"),
-        (b"P5\n4 -4\n255\n" + bytes(16), "is not a PGM"),
-        (b"P5", "is not a PGM"),
-        (b"P2\n2 2\n255\n1 2 x 4", "something other than numbers"),
-        (b"P2\n2 2\n255\n1 -2 3 4", "something other than numbers"),
-        (b"", "cannot be read as a picture"),
-        (b"\x89PNG\r\n\x1a\n", "cannot be read as a picture"),
-    ],
-)
-def test_a_picture_that_is_none_is_refused_in_one_line(tmp_path: Path, content: bytes, told: str) -> None:
-    path = put(tmp_path, ALL)
-    (tmp_path / "map.pgm").write_bytes(content)
-    with pytest.raises(RasterReadError) as caught:
-        read_ros_map(path)
-    assert told in str(caught.value) and "map.pgm" in str(caught.value) and "\n" not in str(caught.value)
-
-
 def test_a_truncated_png_is_refused(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (90, 90), np.uint8)
     Image.fromarray(noise).save(tmp_path / "map.png")
     (tmp_path / "map.png").write_bytes((tmp_path / "map.png").read_bytes()[:3000])
     with pytest.raises(RasterReadError, match="cannot be read as a picture"):
         read_ros_map(put(tmp_path, ALL, image="map.png"))
-
-
-@pytest.mark.parametrize("number", ["5e-2", '"0.05"', "0.05"])
-def test_numbers_are_read_as_yaml_cpp_reads_them(tmp_path: Path, number: str) -> None:
-    assert read_ros_map(put(tmp_path, ALL, resolution=number)).geobox.transform.a == 0.05
-
-
-@pytest.mark.parametrize(("negate", "first"), [("0", 100), ("1", 0), ("true", 0), ("no", 100), ("2", 0)])
-def test_negate_is_a_number_or_a_flag(tmp_path: Path, negate: str, first: int) -> None:
-    assert read_ros_map(put(tmp_path, ALL, negate=negate)).cells[0, 0] == first
-
-
-def test_a_missing_yaml_is_told(tmp_path: Path) -> None:
-    with pytest.raises(RasterReadError, match=r"there is no file .*none\.yaml"):
-        read_ros_map(tmp_path / "none.yaml")
