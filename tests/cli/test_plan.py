@@ -150,7 +150,7 @@ def test_an_unknown_format_is_refused_before_anything_is_read(tmp_path: Path) ->
     assert ".plan or .waypoints" in str(refused)
 
 
-def test_a_mission_is_not_replaced_unasked(regions: Path) -> None:
+def test_a_mission_is_not_replaced_without_overwrite(regions: Path) -> None:
     output = regions.with_suffix(".plan")
     output.write_text("mine")
     assert isinstance(run(regions, "-o", output, *FLY).exception, OutputExistsError)

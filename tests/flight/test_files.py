@@ -1,3 +1,5 @@
+"""Mission files: round trips, independent readers, one line for each fault."""
+
 import json
 import math
 from pathlib import Path
@@ -53,7 +55,7 @@ def written(mission: Mission, folder: Path, suffix: str) -> Path:
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
 @given(mission=missions)
 @settings(max_examples=40, deadline=None)
-def test_a_mission_comes_back_equal(
+def test_a_mission_written_is_read_equal(
     mission: Mission, suffix: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     assert files.read_mission(written(mission, tmp_path_factory.getbasetemp(), suffix)) == mission
@@ -99,7 +101,7 @@ def test_mavwp_reads_every_row(tmp_path: Path) -> None:
         assert (row.x, row.y, row.z) == (item.lat, item.lon, item.altitude_m)
 
 
-def test_a_plan_has_every_key_that_some_reader_requires() -> None:
+def test_a_plan_has_every_key_that_any_reader_requires() -> None:
     plan = json.loads(files.plan_text(MISSION), parse_constant=pytest.fail)
     assert set(plan) == {"fileType", "groundStation", "version", "mission", "geoFence", "rallyPoints"}
     assert (plan["fileType"], plan["version"], plan["mission"]["version"]) == ("Plan", 1, 2)
@@ -136,7 +138,7 @@ def test_the_extension_chooses_and_another_is_refused(tmp_path: Path) -> None:
             files.read_mission(tmp_path / name)
 
 
-def test_a_mission_is_not_replaced_unasked(tmp_path: Path) -> None:
+def test_a_mission_is_not_replaced_without_overwrite(tmp_path: Path) -> None:
     path = written(MISSION, tmp_path, ".plan")
     before = path.read_bytes()
     with pytest.raises(OutputExistsError):
@@ -172,7 +174,7 @@ def changed_item(**changes: Any) -> str:
         (changed_item(command="fly"), "not a mission"),
     ],
 )
-def test_a_plan_that_is_none_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
+def test_an_invalid_plan_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "odd.plan"
     path.write_text(text)
     with pytest.raises(MissionError, match=words) as refused:
@@ -191,19 +193,19 @@ def test_a_plan_that_is_none_is_refused_by_name(tmp_path: Path, text: str, words
         ("151.21512", "351.21512", "-180..180"),
     ],
 )
-def test_waypoints_that_are_none_are_refused_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_invalid_waypoints_are_refused_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
     path = tmp_path / "odd.waypoints"
     path.write_text(files.waypoints_text(MISSION).replace(old, new))
     with pytest.raises(MissionError, match=words):
         files.read_mission(path)
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MissionError, match=r"none\.plan cannot be read"):
         files.read_mission(tmp_path / "none.plan")
 
 
-def test_a_fence_that_is_not_read_is_said(tmp_path: Path) -> None:
+def test_a_fence_that_is_not_read_gives_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "fenced.plan"
     path.write_text(changed(geoFence={"version": 2, "circles": [{}], "polygons": []}))
     assert "fence" in files.read_mission(path).warnings[0]

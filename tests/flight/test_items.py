@@ -27,7 +27,7 @@ from uavseg.flight.items import (
         (122.3, 49.4, "swapped"),
     ],
 )
-def test_a_place_that_is_not_on_earth_is_refused(lat: float, lon: float, words: str) -> None:
+def test_a_position_that_is_not_on_earth_is_refused(lat: float, lon: float, words: str) -> None:
     with pytest.raises(MissionError, match=words):
         Home(lat, lon)
     with pytest.raises(MissionError, match=words):
@@ -50,7 +50,7 @@ def test_home_is_on_the_ground_of_the_earth(altitude_m: float) -> None:
         Home(47, 8, altitude_m)
 
 
-def test_a_place_needs_a_frame_of_places() -> None:
+def test_a_position_needs_a_frame_of_positions() -> None:
     with pytest.raises(MissionError, match="frame 3"):
         waypoint(frame=FRAME_MISSION)
 

@@ -29,12 +29,12 @@ BACK = Item(RETURN, FRAME_MISSION)
 
 
 @pytest.mark.parametrize("items", [(), (UP,), (UP, BACK)])
-def test_a_mission_without_a_place_to_fly_to_is_refused(items: tuple[Item, ...]) -> None:
+def test_a_mission_without_a_position_to_fly_to_is_refused(items: tuple[Item, ...]) -> None:
     with pytest.raises(MissionError, match="has none"):
         Mission(HOME, items)
 
 
-def test_more_items_than_a_link_counts_are_refused_and_many_are_said() -> None:
+def test_more_items_than_a_link_counts_are_refused_and_many_give_a_warning() -> None:
     assert not Mission(HOME, (waypoint(),) * 650).warnings
     assert "651 items" in Mission(HOME, (waypoint(),) * 651).warnings[0]
     assert "501 items" in Mission(HOME, (waypoint(),) * 501, "px4").warnings[0]
@@ -55,7 +55,7 @@ def test_a_waypoint_far_from_home_is_refused_wherever_it_comes() -> None:
         Mission(HOME, (UP, waypoint(), waypoint(48.0)))
 
 
-def test_heights_above_the_sea_are_held_against_home() -> None:
+def test_heights_above_the_sea_are_checked_relative_to_home() -> None:
     Mission(HOME, (waypoint(frame=FRAME_AMSL, altitude_m=1300.0),))
     with pytest.raises(MissionError, match="1100 m above home"):
         Mission(HOME, (waypoint(frame=FRAME_AMSL, altitude_m=1500.0),))
@@ -73,7 +73,7 @@ def test_heights_above_the_sea_are_held_against_home() -> None:
         (Item(214, FRAME_MISSION), "ardupilot"),
     ],
 )
-def test_what_one_firmware_refuses_only_the_other_may_have(item: Item, firmware: str) -> None:
+def test_items_that_one_firmware_refuses_are_allowed_for_the_other(item: Item, firmware: str) -> None:
     with pytest.raises(MissionError, match=r"PX4|ArduPilot"):
         Mission(HOME, (waypoint(), item), firmware)
     Mission(HOME, (waypoint(), item), "px4" if firmware == "ardupilot" else "ardupilot")
@@ -84,7 +84,7 @@ def test_an_unknown_firmware_is_refused() -> None:
         Mission(HOME, (waypoint(),), "betaflight")
 
 
-def test_distance_and_time_are_those_of_the_way_there_and_back() -> None:
+def test_distance_and_time_include_the_return() -> None:
     mission = Mission(
         HOME, (UP, Item(CHANGE_SPEED, FRAME_MISSION, (1.0, 10.0, -1.0, 0.0)), waypoint(47.01), BACK)
     )
@@ -106,7 +106,7 @@ def test_a_takeoff_at_zero_is_where_the_vehicle_is() -> None:
     assert Mission(HOME, (here, waypoint())).distance_m == Mission(HOME, (UP, waypoint())).distance_m
 
 
-def test_high_and_long_flights_are_said() -> None:
+def test_high_and_long_flights_give_warnings() -> None:
     high = Mission(HOME, (waypoint(altitude_m=121.0),), notes=("mind the wind",))
     assert high.warnings[0] == "mind the wind" and "121 m" in high.warnings[1]
     long = Mission(HOME, (waypoint(47.0), waypoint(47.1), BACK))

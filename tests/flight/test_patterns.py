@@ -20,7 +20,7 @@ def test_a_perimeter_is_the_outline_and_closed() -> None:
     assert "1 m" in planned(polygons, pattern="perimeter").warnings[0]
 
 
-def test_legs_outside_of_a_region_and_what_no_line_reaches_are_said() -> None:
+def test_legs_outside_of_a_region_and_uncovered_area_give_warnings() -> None:
     around = shapely.box(0, 0, 300, 200) - shapely.box(100, 50, 200, 150)
     said = planned([degrees(around)], pattern="survey", spacing_m=30, angle_deg=45).warnings
     assert any("outside of their regions" in warning for warning in said)

@@ -1,3 +1,5 @@
+"""The local plane: distances compared with geodesics."""
+
 import numpy as np
 import pytest
 import shapely

@@ -77,7 +77,7 @@ def test_each_part_of_a_region_is_flown() -> None:
     assert np.isclose(found, inside(parts)[0], atol=1e-8, rtol=0).all(axis=1).any()
 
 
-def test_two_surveys_begin_where_that_is_near() -> None:
+def test_two_surveys_are_joined_at_near_ends() -> None:
     mission = planned(
         [box(500, 0, 200, 100), box(0, 0, 200, 100)], pattern="survey", spacing_m=20, angle_deg=90
     )
@@ -117,5 +117,5 @@ def test_a_region_that_touches_itself_is_flown() -> None:
     assert len(waypoints(mission)) > 10
 
 
-def test_every_error_is_one_that_the_user_can_mend() -> None:
+def test_errors_descend_from_those_of_users() -> None:
     assert issubclass(MissionError, UavsegError) and issubclass(ParameterError, ValueError)

@@ -1,3 +1,5 @@
+"""Route order: compared with all permutations, and invariances."""
+
 from itertools import permutations
 
 import numpy as np

@@ -76,7 +76,7 @@ def test_the_arms_of_a_u_are_flown_one_after_the_other() -> None:
         assert (np.diff(where) == 1).all()
 
 
-def test_a_small_hole_does_not_part_a_survey() -> None:
+def test_a_small_hole_does_not_split_a_survey() -> None:
     region = shapely.box(0, 0, 200, 100) - shapely.box(96, 0.5, 104, 99.5)
     flown = survey(region, 10, 90)
     assert flown.cells == 1
@@ -87,7 +87,7 @@ def test_a_survey_is_the_same_every_time() -> None:
     assert np.array_equal(survey(HOLES, 7).paths[0], survey(HOLES, 7).paths[0])
 
 
-def test_backwards_twice_is_forwards() -> None:
+def test_a_path_reversed_twice_is_the_path() -> None:
     path = survey(U, 15).paths[0]
     assert np.array_equal(reverse_path(reverse_path(path)), path)
     assert np.array_equal(reverse_path(path)[0], path[-1, ::-1])

@@ -38,13 +38,13 @@ def table(shapes: list[Any], crs: Any = UTM) -> geopandas.GeoDataFrame:
 
 
 def colored(path: Path) -> np.ndarray:
-    """Where a picture is not grey."""
+    """Mask of the coloured pixels of a picture."""
     rgb = np.asarray(Image.open(path).convert("RGB")).astype(int)
     return np.ptp(rgb, axis=2) > 40
 
 
 def middle_of(mask: np.ndarray) -> tuple[float, float]:
-    """Mean row and column as shares of the picture."""
+    """Mean row and column as fractions of the picture."""
     rows, cols = np.nonzero(mask)
     return rows.mean() / mask.shape[0], cols.mean() / mask.shape[1]
 

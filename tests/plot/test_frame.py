@@ -29,7 +29,9 @@ def test_a_unit_across_is_as_long_as_on_the_ellipsoid(epsg: int, x: float, y: fl
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(-180, 180), st.sampled_from([1, -1]), st.floats(0.01, 100))
-def test_there_and_back_degrees_lead_to_the_same_place(angle: float, flip: int, pixel: float) -> None:
+def test_degrees_and_map_coordinates_have_one_position_in_the_plot(
+    angle: float, flip: int, pixel: float
+) -> None:
     turned = Affine.translation(4e5, 4.9e6) * Affine.rotation(angle) * Affine.scale(pixel, flip * pixel)
     box = GeoBox((50, 80), turned, UTM)
     frame = Frame(box)

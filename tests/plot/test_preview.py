@@ -1,4 +1,4 @@
-"""A preview shows raster, regions and mission where they are, and never reads the whole raster."""
+"""Previews: any raster gives a picture, faults are reported before anything is written."""
 
 from pathlib import Path
 from typing import Any
@@ -40,7 +40,7 @@ def test_any_place_gives_a_picture_with_its_region(transform: Affine, crs: Any, 
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 400), (400, 3)])
-def test_any_shape_gives_a_picture_one_can_look_at(shape: tuple[int, int], tmp_path: Path) -> None:
+def test_any_shape_gives_a_picture_of_usable_size(shape: tuple[int, int], tmp_path: Path) -> None:
     with Image.open(
         preview(write(tmp_path / "a.tif", np.ones(shape, np.uint8)), tmp_path / "a.png")
     ) as drawn:
@@ -48,7 +48,7 @@ def test_any_shape_gives_a_picture_one_can_look_at(shape: tuple[int, int], tmp_p
     assert size[0] == 1400 and 400 < size[1] < 2400
 
 
-def test_what_is_wrong_is_said_before_anything_is_written(tmp_path: Path) -> None:
+def test_faults_are_reported_before_anything_is_written(tmp_path: Path) -> None:
     raster = write(tmp_path / "a.tif", np.ones((20, 20), np.uint8))
     local = write(tmp_path / "local.tif", np.ones((20, 20), np.uint8), Affine(2, 0, 0, 0, -2, 0), None)
     (tmp_path / "there.png").write_text("mine")

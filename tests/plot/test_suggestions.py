@@ -1,4 +1,4 @@
-"""A picture of suggested ranges shows their colours where they are."""
+"""Pictures of suggested ranges: colours in their positions."""
 
 from pathlib import Path
 

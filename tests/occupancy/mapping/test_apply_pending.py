@@ -1,4 +1,4 @@
-"""Evidence that is counted first and added later: the same maps as beam by beam, to the last bit."""
+"""Counting free observations first gives the same maps as adding beam by beam, to the last bit."""
 
 import math
 
@@ -29,7 +29,7 @@ def assert_in_step(grid: OccupancyGrid) -> None:
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_counting_first_is_adding_beam_by_beam(seed: int) -> None:
+def test_counting_free_observations_equals_adding_beam_by_beam(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shape = (int(rng.integers(1, 150)), int(rng.integers(1, 150)))
     cell_m = float(rng.choice([0.05, 0.3, 1.0]))
@@ -60,7 +60,7 @@ def test_beams_through_corners_of_cells(u: int, v: int, right: int, down: int, r
     assert (grid.log_odds == plain).all()
 
 
-def test_a_cell_hears_its_beams_in_their_order() -> None:
+def test_updates_of_a_cell_are_applied_in_beam_order() -> None:
     """Free, then a return in the same cells, then free again: adding is not the same in another order."""
     for order in ([0, 1, 2], [2, 1, 0], [1, 0, 2]):
         ranges = np.array([math.inf, 20.3, 25.1])[order]
@@ -72,13 +72,13 @@ def test_a_cell_hears_its_beams_in_their_order() -> None:
         assert (grid.log_odds == plain).all()
 
 
-def test_free_said_a_thousand_times_is_as_free_as_can_be() -> None:
+def test_a_thousand_free_observations_lead_to_the_minimum() -> None:
     grid = OccupancyGrid.from_probabilities(np.full((1, 70), 1.0), upright((1, 70), 1.0, (0, 0)))
     grid.merge(Scan(Pose(0.0, 0.5), np.full(1000, 1e-4), np.full(1000, math.inf), 50.0, 1.0))
     assert (grid.log_odds[0, :50] == -6).all() and (grid.log_odds[0, 50:] == 6).all()
 
 
-def test_probabilities_are_the_same_whenever_somebody_looks() -> None:
+def test_probabilities_do_not_depend_on_when_they_are_read() -> None:
     rng = np.random.default_rng(3)
     first, last = OccupancyGrid.empty((100, 130), 0.1), OccupancyGrid.empty((100, 130), 0.1)
     seen = first.probabilities

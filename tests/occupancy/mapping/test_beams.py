@@ -1,4 +1,4 @@
-"""Evidence of beams: against a plain model, an exact traversal in fractions, and by invariances."""
+"""The beam model, compared with a plain transcription and an exact traversal in fractions; invariances."""
 
 import math
 from fractions import Fraction
@@ -18,7 +18,7 @@ FREE = math.log(0.1 / 0.9)
 
 
 def model(d: float, r: float, sigma: float) -> float:
-    """P(d) as it is written, one number at a time."""
+    """P(d) by its formula, one number at a time."""
     if d > r + 3 * sigma:
         return 0.5
     x = (d - r) / sigma
@@ -36,7 +36,7 @@ def one_beam(
 def crossings(
     u0: float, v0: float, du: float, dv: float, shape: tuple[int, int]
 ) -> dict[tuple[int, int], tuple[Fraction, Fraction]]:
-    """Every cell that a ray comes near, with where along it enters and leaves, exactly."""
+    """Exact entry and exit of a ray in every cell that it comes near."""
     found = {}
     for row in range(shape[0]):
         for col in range(shape[1]):
@@ -112,7 +112,7 @@ def test_cells_along_a_beam_follow_the_model(measured: float, sigma: float) -> N
     np.testing.assert_allclose(grid.probabilities[0], expected, rtol=1e-6)
 
 
-def test_the_model_is_what_the_page_says() -> None:
+def test_the_model_has_its_documented_values() -> None:
     grid = OccupancyGrid.empty((1, 60), 1.0)
     grid.merge(one_beam(30.5))
     assert grid.probabilities[0, 30] == pytest.approx(0.9, rel=1e-6)  # at the return
@@ -236,7 +236,7 @@ def test_a_beam_that_hardly_rises_runs_along_its_row(heading: float) -> None:
     assert grid.merge(one_beam(math.inf, heading, (0.0, 1.0), max_range_m=5.0)) == Window(2, 0, 1, 5)
 
 
-def test_a_beam_that_cannot_tell_changes_nothing() -> None:
+def test_a_beam_without_measurement_changes_nothing() -> None:
     grid = OccupancyGrid.empty((5, 5), 1.0)
     assert grid.merge(one_beam(math.nan)) == Window(0, 0, 0, 0)
     assert (grid.probabilities == 0.5).all()

@@ -10,7 +10,7 @@ from uavseg.occupancy.mapping.scan import Pose, Scan
 
 
 @pytest.mark.parametrize(
-    ("angles", "ranges", "max_range", "sigma", "told"),
+    ("angles", "ranges", "max_range", "sigma", "message"),
     [
         ([0.0], [1.0, 2.0], 1.0, 1.0, "one range for each angle"),
         ([0.0], [-1.0], 1.0, 1.0, "not negative"),
@@ -20,7 +20,7 @@ from uavseg.occupancy.mapping.scan import Pose, Scan
     ],
 )
 def test_a_scan_checks_itself(
-    angles: list[float], ranges: list[float], max_range: float, sigma: float, told: str
+    angles: list[float], ranges: list[float], max_range: float, sigma: float, message: str
 ) -> None:
-    with pytest.raises(SceneError, match=told):
+    with pytest.raises(SceneError, match=message):
         Scan(Pose(0, 0), np.array(angles), np.array(ranges), max_range, sigma)

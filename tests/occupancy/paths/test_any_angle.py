@@ -1,4 +1,4 @@
-"""Tight strings: no longer than the path, from end to end, and never off the mask."""
+"""String pulling: no longer than the path, with the same ends, over passable cells only."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -42,7 +42,7 @@ def touched(one: Cell, other: Cell) -> set[Cell]:
 
 @given(MASKS, st.data())
 @settings(max_examples=300, deadline=None)
-def test_a_leg_is_allowed_where_all_cells_that_it_touches_are_passable(
+def test_a_leg_is_allowed_if_all_cells_that_it_touches_are_passable(
     mask: np.ndarray, data: st.DataObject
 ) -> None:
     cells = st.tuples(*(st.integers(0, path_length - 1) for path_length in mask.shape))
@@ -52,7 +52,7 @@ def test_a_leg_is_allowed_where_all_cells_that_it_touches_are_passable(
 
 
 def check(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[float, float] | None:
-    """Cost and tightened length of a path, after looking at every leg."""
+    """Cost of a path, and its length after string pulling; checks every leg."""
     try:
         path = shortest_path(mask, start, goal)
     except PathError:
@@ -90,7 +90,7 @@ def test_around_a_wall_the_string_touches_its_two_corners() -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_shortest_string_over_all_corners_is_hardly_shorter(seed: int) -> None:
-    """Against the shortest path in the graph of all pairs of cells that see each other, on small maps."""
+    """Compared with the shortest path in the visibility graph of all cells, on small maps."""
     from scipy.sparse.csgraph import dijkstra
 
     rng = np.random.default_rng(seed)

@@ -1,4 +1,4 @@
-"""A*: the shortest path is as short as others find it, and cuts no corner."""
+"""A*: costs compared with Dijkstra's algorithm and scikit-image; no corner is cut."""
 
 import heapq
 from itertools import pairwise
@@ -26,7 +26,7 @@ def picture(text: str) -> np.ndarray:
 
 
 def steps_from(mask: np.ndarray, cell: Cell) -> list[Cell]:
-    """The neighbours that may be entered, as the definition has it."""
+    """The neighbours that may be entered, by definition."""
     rows, cols = mask.shape
     found = []
     for down, right in STEPS:
@@ -43,7 +43,7 @@ def steps_from(mask: np.ndarray, cell: Cell) -> list[Cell]:
 
 
 def dijkstra(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[int, int] | None:
-    """Straight and diagonal steps of a shortest path, by the plainest program there is."""
+    """Straight and diagonal steps of a shortest path, by Dijkstra's algorithm."""
     best = {start: 0.0}
     queue: list[tuple[float, int, int, Cell]] = [(0.0, 0, 0, start)]
     while queue:
@@ -62,7 +62,7 @@ def dijkstra(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[int, int] | Non
 
 
 def by_skimage(mask: np.ndarray, start: Cell, goal: Cell) -> float:
-    """The least cost as scikit-image finds it in a graph that has no cut corners.
+    """The smallest cost as scikit-image finds it in a graph that has no cut corners.
 
     Its own eight-connected metric cuts them. So each step of ours becomes two of its steps in space: from a
     cell (level 1, both coordinates even) down to the middle of an edge (level 0), or up to the middle of four
@@ -82,7 +82,7 @@ def by_skimage(mask: np.ndarray, start: Cell, goal: Cell) -> float:
 
 
 def found(mask: np.ndarray, start: Cell, goal: Cell) -> CellPath | None:
-    """The path, after looking at every step of it; None where there is none."""
+    """The path, or None; checks every step."""
     try:
         path = shortest_path(mask, start, goal)
     except PathError:
@@ -129,17 +129,17 @@ def test_the_shortest_path_goes_round_a_wall_without_touching_its_corner() -> No
     assert path is not None and (path.straight, path.diagonal) == (4, 2)
 
 
-def test_between_two_corners_there_is_no_way() -> None:
+def test_no_path_leads_between_two_corners() -> None:
     assert agreed(picture(".# #."), (0, 0), (1, 1)) is None
     assert agreed(picture(".# .."), (0, 0), (1, 1)).cost == 2  # type: ignore[union-attr]
 
 
-def test_a_path_to_where_one_is_has_one_cell() -> None:
+def test_a_path_to_its_start_has_one_cell() -> None:
     path = agreed(picture("#.#"), (0, 1), (0, 1))
     assert path is not None and path.cells.tolist() == [[0, 1]] and path.cost == 0
 
 
-def test_on_an_open_field_nothing_but_the_goal_is_looked_for() -> None:
+def test_on_an_open_field_only_the_start_is_expanded() -> None:
     path = shortest_path(np.ones((700, 900), bool), (3, 5), (650, 890))
     assert path.cost == 238 + 647 * sqrt(2) and path.expanded == 1
 
@@ -238,7 +238,7 @@ def test_costs_are_compared_as_real_numbers_are() -> None:
 
 
 @pytest.mark.parametrize("cell", [(-1, 0), (0, -1), (2, 0), (0, 3), (1, 1)])
-def test_a_start_or_goal_that_is_no_passable_cell_is_told(cell: Cell) -> None:
+def test_a_start_or_goal_that_is_not_passable_is_refused(cell: Cell) -> None:
     mask = picture("... .#.")
     with pytest.raises(PathError, match="start"):
         shortest_path(mask, cell, (0, 0))

@@ -1,4 +1,4 @@
-"""Distances to what is impassable: exact, from the centre of a cell to the nearest point."""
+"""Clearance: exact distances from the centre of a cell to the nearest point of an impassable one."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ MASKS = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=15))
 
 
 def plain(mask: np.ndarray, width: float, height: float) -> np.ndarray:
-    """The least distance to any impassable rectangle, and a ring of those around the map."""
+    """Smallest distance to any impassable cell, including a ring of them around the map."""
     around = np.pad(mask, 1)
     blocked = np.argwhere(~around) - 1
     distance = np.zeros(mask.shape)
@@ -24,7 +24,7 @@ def plain(mask: np.ndarray, width: float, height: float) -> np.ndarray:
 
 
 def cells_with_clearance(mask: np.ndarray, metres: float, width: float = 1, height: float = 1) -> np.ndarray:
-    """Cells that are at least so far from every impassable cell and from the edge of the map."""
+    """Cells that keep a distance from every impassable cell and from the edge of the map."""
     return np.asarray(mask & is_at_least(clearance(mask, width, height), metres))
 
 
@@ -44,7 +44,7 @@ def test_cells_may_be_longer_than_wide(mask: np.ndarray, width: float, height: f
 
 @pytest.mark.parametrize("seed", range(5))
 def test_scipy_agrees_on_large_maps(seed: int) -> None:
-    """On a grid twice as fine: centres of cells are odd, what is impassable is drawn with its edges."""
+    """On a grid twice as fine: centres of cells are odd, impassable cells are drawn with their edges."""
     mask = np.random.default_rng(seed).random((150, 211)) < 0.999 - 0.05 * seed
     fine = np.ones((2 * 150 + 1, 2 * 211 + 1), bool)
     fine[[0, -1]] = fine[:, [0, -1]] = False
@@ -55,7 +55,7 @@ def test_scipy_agrees_on_large_maps(seed: int) -> None:
     assert clearance(mask) == pytest.approx(expected, rel=1e-12)
 
 
-def test_the_edge_of_the_map_is_kept_clear_of() -> None:
+def test_clearance_is_kept_from_the_edge_of_the_map() -> None:
     assert cells_with_clearance(np.ones((5, 6), bool), 1.5).tolist() == [
         [False] * 6,
         *([False, *[True] * 4, False] for _ in range(3)),

@@ -1,14 +1,17 @@
 """PGM images of all depths, and damaged ones."""
 
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis.extra.numpy import array_shapes, arrays
 
 from tests.occupancy.ros.map_files import ALL, put
 from uavseg.errors import RasterReadError
-from uavseg.occupancy.ros.pgm import read_pgm
+from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_map import read_ros_map
 from uavseg.raster.formats.png import to_8_bits
 
@@ -50,7 +53,7 @@ def test_pgms_of_every_depth_are_read(
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (b"P5\n4 4\n255\n" + bytes(15), "says 4 x 4 pixels and holds 15; it is truncated"),
         (b"P5\n4 4\n65535\n" + bytes(31), "says 4 x 4 pixels and holds 15; it is truncated"),
@@ -68,9 +71,19 @@ def test_pgms_of_every_depth_are_read(
         (b"\x89PNG\r\n\x1a\n", "cannot be read as a picture"),
     ],
 )
-def test_a_picture_that_is_none_is_refused_in_one_line(tmp_path: Path, content: bytes, told: str) -> None:
+def test_an_invalid_image_is_refused_in_one_line(tmp_path: Path, content: bytes, message: str) -> None:
     path = put(tmp_path, ALL)
     (tmp_path / "map.pgm").write_bytes(content)
     with pytest.raises(RasterReadError) as caught:
         read_ros_map(path)
-    assert told in str(caught.value) and "map.pgm" in str(caught.value) and "\n" not in str(caught.value)
+    assert message in str(caught.value) and "map.pgm" in str(caught.value) and "\n" not in str(caught.value)
+
+
+@given(arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=20)))
+def test_a_pgm_written_is_read_equal(grey: np.ndarray) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "map.pgm"
+        path.write_bytes(pgm_bytes(grey))
+        assert is_pgm(path) and not is_pgm(Path(folder) / "none.pgm")
+        samples, maximum = read_pgm(path)
+    assert maximum == 255 and np.array_equal(samples, grey)

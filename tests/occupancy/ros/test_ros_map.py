@@ -1,7 +1,9 @@
-"""ROS maps: against a plain transcription of Nav2's rules, there and back, and real ones."""
+"""ROS maps: compared with a transcription of Nav2's rules, round trips, real maps."""
 
 import math
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -73,7 +75,7 @@ def test_cells_are_those_of_nav2(
 
 @given(st.data(), st.sampled_from(["trinary", "scale", "raw"]), st.integers(0, 1))
 @settings(max_examples=40, deadline=None)
-def test_what_is_not_opaque_is_unknown_except_in_raw(
+def test_pixels_that_are_not_opaque_are_unknown_except_in_raw(
     folder: Path, data: st.DataObject, mode: str, negate: int
 ) -> None:
     grey = data.draw(BYTES)
@@ -161,7 +163,7 @@ def test_states_written_are_states_read(
     )
 
 
-def test_what_is_written_is_what_nav2_writes(tmp_path: Path) -> None:
+def test_files_are_those_that_nav2_writes(tmp_path: Path) -> None:
     write_ros_map(tmp_path / "a b.yaml", np.array([[1, 2, 3]]), upright((1, 3), 0.05, (-10, -10)))
     assert (tmp_path / "a b.pgm").read_bytes() == b"P5\n3 1\n255\n\xfe\xcd\x00"
     assert (tmp_path / "a b.yaml").read_text().splitlines() == [
@@ -175,7 +177,7 @@ def test_what_is_written_is_what_nav2_writes(tmp_path: Path) -> None:
     ]
 
 
-def test_what_is_unknown_in_scale_is_transparent_and_in_raw_255(tmp_path: Path) -> None:
+def test_unknown_cells_are_transparent_in_scale_and_255_in_raw(tmp_path: Path) -> None:
     states, geobox = np.array([[0, 1, 2, 3]]), upright((1, 4), 0.05, (0, 0))
     write_ros_map(tmp_path / "scale.yaml", states, geobox, mode="scale")
     with Image.open(tmp_path / "scale.png") as picture:
@@ -188,7 +190,7 @@ def test_what_is_unknown_in_scale_is_transparent_and_in_raw_255(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("there", ["out.yaml", "out.pgm"])
-def test_nothing_is_overwritten_unasked(tmp_path: Path, there: str) -> None:
+def test_nothing_is_replaced_without_overwrite(tmp_path: Path, there: str) -> None:
     (tmp_path / there).write_text("mine")
     with pytest.raises(OutputExistsError):
         write_ros_map(tmp_path / "out.yaml", np.ones((2, 2), int), upright((2, 2), 1, (0, 0)))
@@ -196,7 +198,7 @@ def test_nothing_is_overwritten_unasked(tmp_path: Path, there: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("transform", "crs", "told"),
+    ("transform", "crs", "message"),
     [
         (Affine.scale(1, -2), None, "square cells"),
         (Affine(1, 0.5, 0, 0, -1, 0), None, "square cells"),
@@ -204,11 +206,11 @@ def test_nothing_is_overwritten_unasked(tmp_path: Path, there: str) -> None:
         (Affine.scale(1, -1), 2263, "in metres and this one in US survey foot"),
     ],
 )
-def test_a_place_that_ros_cannot_express_is_refused(
-    tmp_path: Path, transform: Affine, crs: int | None, told: str
+def test_a_geobox_that_ros_cannot_express_is_refused(
+    tmp_path: Path, transform: Affine, crs: int | None, message: str
 ) -> None:
     geobox = GeoBox((2, 2), transform, crs and CRS.from_epsg(crs))
-    with pytest.raises(MapError, match=told):
+    with pytest.raises(MapError, match=message):
         write_ros_map(tmp_path / "out.yaml", np.ones((2, 2), int), geobox)
     assert not list(tmp_path.iterdir())
 
@@ -232,7 +234,7 @@ def test_real_maps_are_read_as_nav2_reads_them(shared_data: Path, name: str) -> 
     assert found.geobox.transform.a == 0.05
 
 
-def test_a_real_map_whose_picture_has_another_name_is_told(shared_data: Path, tmp_path: Path) -> None:
+def test_a_real_map_whose_image_has_another_name_is_refused(shared_data: Path, tmp_path: Path) -> None:
     shutil.copy(shared_data / "maps" / "turtlebot3_map.yaml", tmp_path)
     with pytest.raises(RasterReadError, match=r"names the image .*map\.pgm, and there is no such file"):
         read_ros_map(tmp_path / "turtlebot3_map.yaml")
@@ -256,3 +258,12 @@ def test_a_truncated_png_is_refused(tmp_path: Path) -> None:
     (tmp_path / "map.png").write_bytes((tmp_path / "map.png").read_bytes()[:3000])
     with pytest.raises(RasterReadError, match="cannot be read as a picture"):
         read_ros_map(put(tmp_path, ALL, image="map.png"))
+
+
+@pytest.mark.parametrize("module", ["uavseg.occupancy.ros", "uavseg.occupancy.ros.ros_map"])
+def test_reading_ros_maps_loads_no_beams_and_no_kernels(module: str) -> None:
+    code = f"import sys, {module}; print(*sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = found.stdout.split()
+    assert module in loaded
+    assert not [name for name in loaded if name.startswith("uavseg.occupancy.mapping") or name == "numba"]

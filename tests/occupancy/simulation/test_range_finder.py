@@ -1,4 +1,4 @@
-"""What a range finder sees: against closed forms and shapely."""
+"""Range finders: angles of beams, noise, maximum range."""
 
 import math
 
@@ -11,7 +11,7 @@ from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 
 
-def test_noise_has_the_deviation_asked_for_and_a_seed() -> None:
+def test_noise_has_its_standard_deviation_and_a_seed() -> None:
     sensor = RangeFinder(sigma_m=0.05, max_range_m=5, fov_deg=360, step_deg=0.01)
     ring = Scene(circles=[(0, 0, 3)])
     scans = [sensor.scan(ring, Pose(0, 0), np.random.default_rng(seed)) for seed in (7, 7, 8)]
@@ -31,7 +31,7 @@ def test_beams_are_spread_evenly_around_the_heading() -> None:
     assert rest == pytest.approx([-4.5, -1.5, 1.5, 4.5])
 
 
-def test_what_lies_beyond_the_range_returns_nothing() -> None:
+def test_surfaces_beyond_the_range_return_nothing() -> None:
     sensor = RangeFinder(sigma_m=0.01, max_range_m=2, fov_deg=1, step_deg=1)
     random = np.random.default_rng(0)
     assert np.isinf(sensor.scan(Scene(circles=[(5, 0, 2.9)]), Pose(0, 0), random).ranges).all()
@@ -39,7 +39,7 @@ def test_what_lies_beyond_the_range_returns_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("how", "told"),
+    ("how", "message"),
     [
         ({"sigma_m": -1.0}, "deviation of ranges is a number above 0, not -1"),
         ({"sigma_m": 0.0}, "deviation of ranges is a number above 0, not 0"),
@@ -50,6 +50,6 @@ def test_what_lies_beyond_the_range_returns_nothing() -> None:
         ({"step_deg": 1e-9}, "beams; at most"),
     ],
 )
-def test_a_range_finder_checks_itself(how: dict[str, float], told: str) -> None:
-    with pytest.raises(SceneError, match=told):
+def test_a_range_finder_checks_itself(how: dict[str, float], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
         RangeFinder(**how)

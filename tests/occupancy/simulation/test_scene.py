@@ -19,7 +19,7 @@ STAR = [(0, 0), (4, 1), (8, 0), (7, 4), (8, 8), (4, 6), (0, 8), (1, 4)]
 
 @given(st.floats(0.1, 5), st.floats(1.01, 4), st.floats(-math.pi, math.pi))
 @settings(deadline=None)
-def test_a_circle_is_met_where_the_closed_form_says(radius: float, times: float, bearing: float) -> None:
+def test_a_circle_is_hit_where_the_closed_form_says(radius: float, times: float, bearing: float) -> None:
     distance = radius * times
     center = (3 + distance * math.cos(bearing), -2 + distance * math.sin(bearing))
     aside = np.linspace(-0.999, 0.999, 21) * math.asin(1 / times)
@@ -32,13 +32,13 @@ def test_a_circle_is_met_where_the_closed_form_says(radius: float, times: float,
     assert np.isinf(away).all()
 
 
-def test_from_inside_a_circle_every_beam_meets_it() -> None:
+def test_from_inside_a_circle_every_beam_hits_it() -> None:
     np.testing.assert_allclose(Scene(circles=[(0, 0, 2)]).cast(0, 0, np.linspace(-3, 3, 9)), 2)
 
 
 @given(PLACES, PLACES, st.integers(0, 360))
 @settings(max_examples=60, deadline=None)
-def test_polygons_are_met_where_shapely_says(x: float, y: float, first: int) -> None:
+def test_polygons_are_hit_where_shapely_says(x: float, y: float, first: int) -> None:
     angles = np.radians(first + np.arange(0, 360, 17.3))
     met = Scene(polygons=[STAR, [(10, 2), (12, 2), (11, 5)]]).cast(x, y, angles)
     outlines = shapely.MultiLineString([[*STAR, STAR[0]], [(10, 2), (12, 2), (11, 5), (10, 2)]])
@@ -79,7 +79,7 @@ def test_contains_is_what_shapely_says() -> None:
 
 
 @pytest.mark.parametrize(
-    ("polygons", "circles", "told"),
+    ("polygons", "circles", "message"),
     [
         ([[(0, 0), (2, 2), (2, 0), (0, 2)]], [], "polygon 1 crosses or touches itself"),
         ([STAR, [(0, 0), (1, 1), (2, 2)]], [], "polygon 2"),
@@ -90,6 +90,21 @@ def test_contains_is_what_shapely_says() -> None:
         ([], [(0, math.inf, 1)], "circle 1 needs finite"),
     ],
 )
-def test_a_scene_checks_itself(polygons: list, circles: list, told: str) -> None:
-    with pytest.raises(SceneError, match=told):
+def test_a_scene_checks_itself(polygons: list, circles: list, message: str) -> None:
+    with pytest.raises(SceneError, match=message):
         Scene(polygons, circles)
+
+
+@given(PLACES, PLACES, st.floats(0, math.tau))
+@settings(max_examples=60, deadline=None)
+def test_a_beam_ends_on_a_surface_and_is_free_before_it(x: float, y: float, angle: float) -> None:
+    scene = Scene(polygons=[STAR], circles=[(12, 4, 1.5)])
+    [distance] = scene.cast(x, y, [angle])
+    if math.isinf(distance):
+        return
+    solid = shapely.Polygon(STAR).boundary.union(shapely.Point(12, 4).buffer(1.5, quad_segs=2000).boundary)
+    end = shapely.Point(x + distance * math.cos(angle), y + distance * math.sin(angle))
+    assert end.distance(solid) < 1e-5
+    share = np.linspace(0.01, 0.99, 9) * distance
+    inside = scene.contains(x + share * math.cos(angle), y + share * math.sin(angle))
+    assert (inside == inside[0]).all()  # no surface in between

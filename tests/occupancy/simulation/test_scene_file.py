@@ -24,7 +24,7 @@ def test_a_scene_comes_from_a_file(tmp_path: Path) -> None:
     assert simulation.scene.contains([0, 2.5, 1], [0, 0.5, 1]).tolist() == [True, True, False]
 
 
-def test_a_sensor_left_out_is_the_usual_one() -> None:
+def test_a_scene_without_sensor_has_the_default_one() -> None:
     simulation = build_simulation({"map": SCENE["map"], "poses": SCENE["poses"]})
     assert simulation.sensor == RangeFinder(0.05, 2.0, 360, 0.5)
 
@@ -34,7 +34,7 @@ def changed(**keys: Any) -> str:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("{", "is not valid JSON"),
         ("[]", "the scene is an object with map and poses"),
@@ -60,14 +60,14 @@ def changed(**keys: Any) -> str:
         ('{"map": {}, "map": {}}', "'map' is there twice"),
     ],
 )
-def test_a_scene_that_cannot_be_is_refused_in_one_line(tmp_path: Path, text: str, told: str) -> None:
+def test_an_invalid_scene_is_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "scene.json"
     path.write_text(text)
-    with pytest.raises(SceneError, match=told) as caught:
+    with pytest.raises(SceneError, match=message) as caught:
         load_scene(path)
     assert "\n" not in str(caught.value) and str(path) in str(caught.value)
 
 
-def test_a_missing_scene_is_told(tmp_path: Path) -> None:
+def test_a_missing_scene_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="there is no such file; name lens, circles or a JSON file"):
         load_scene(tmp_path / "none.json")

@@ -1,4 +1,4 @@
-"""Simulations: the two of the paper, scenes from files, and the truth beside them."""
+"""Simulations: seeds, and the ground truth compared with lines of sight."""
 
 import math
 

@@ -29,7 +29,7 @@ def write(path: Path, values: np.ndarray, box: GeoBox = BOX, **how: Any) -> Path
 
 
 def states() -> np.ndarray:
-    """Free left, unknown in the middle, occupied right, nothing below."""
+    """Free left, unknown in the middle, occupied right, no data below."""
     found = np.zeros((128, 192), np.uint8)
     found[:96] = np.repeat([1, 2, 3], 64)
     return found
@@ -44,7 +44,7 @@ def rgb(path: Path) -> np.ndarray:
 
 
 def of_raster(path: Path, row: float, col: float) -> np.ndarray:
-    """The colour of a picture of a 128 x 192 raster at a share of its rows and columns."""
+    """Colour in a picture of a 128 x 192 raster, at a fraction of its rows and columns."""
     picture = rgb(path)
     page, height = picture.shape[1] / 9.0, picture.shape[0]  # pixels per inch
     width = page * (9.0 - 0.3)

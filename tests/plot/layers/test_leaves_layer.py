@@ -65,7 +65,7 @@ def test_leaves_are_outlined_where_they_lie(tmp_path: Path) -> None:
     assert changed.any()
 
 
-def test_leaves_of_another_raster_or_of_none_are_refused(tmp_path: Path) -> None:
+def test_block_maps_of_another_raster_and_other_files_are_refused(tmp_path: Path) -> None:
     values = np.full((128, 192), 0.5, np.float32)
     raster = write(tmp_path / "a.tif", values)
     shifted = GeoBox(BOX.shape, Affine(0.5, 0, 4e5 + 8, 0, -0.5, 5e6), UTM)

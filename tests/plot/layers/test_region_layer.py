@@ -54,7 +54,7 @@ def test_regions_of_a_file_look_like_regions_in_memory(suffix: str, tmp_path: Pa
     assert (colored(drawn[0]) != colored(drawn[1])).mean() < 0.002
 
 
-def test_no_regions_is_a_picture_of_none(tmp_path: Path) -> None:
+def test_without_regions_the_picture_has_no_colour(tmp_path: Path) -> None:
     raster = write(tmp_path / "a.tif", np.full((40, 60), 128, np.uint8))
     empty = preview(raster, tmp_path / "a.png", table([]), width_px=300)
     point = preview(raster, tmp_path / "b.png", table([shapely.Point(NORTH_UP * (9, 9))]), width_px=300)

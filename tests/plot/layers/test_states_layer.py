@@ -62,7 +62,7 @@ def test_contours_are_as_long_as_the_edges_of_segments(seed: int) -> None:
     assert np.array_equal(layer.states, field)
 
 
-def test_what_holds_no_states_is_refused(tmp_path: Path) -> None:
+def test_rasters_without_states_are_refused(tmp_path: Path) -> None:
     raster = write(tmp_path / "a.tif", beliefs())
     for wrong, error in (
         (write(tmp_path / "b.tif", np.full((128, 192), 4, np.uint8)), MapError),
