@@ -140,7 +140,7 @@ def path(
 
     Returns
     -------
-    way : Way
+    way : PlannedPath
         Its corners are `way.xy` on the map; its length is `way.length_m`, in units of the map where that has
         no CRS; `way.warnings` are warnings too.
 

@@ -159,7 +159,7 @@ def _flown(way: PlannedPath, flight: PlanParams, home: str | None) -> Mission:
 
 
 def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bool) -> None:
-    from uavseg.atomic import whole_file
+    from uavseg.atomic import atomic_file
     from uavseg.flight import files
     from uavseg.occupancy.paths.path_geojson import path_to_geojson
 
@@ -168,7 +168,7 @@ def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bo
     elif output == "-":
         sys.stdout.write(path_to_geojson(way))
     else:
-        with whole_file(output, overwrite) as temporary:
+        with atomic_file(output, overwrite) as temporary:
             temporary.write_text(path_to_geojson(way), encoding="utf-8", newline="\n")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import MissionError
 from uavseg.flight.items import (
     FIRMWARES,
@@ -55,7 +55,7 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
         If the file exists, or cannot be written.
     """
     text = _WRITERS[check_mission_format(path)](mission)
-    with whole_file(path, overwrite) as temporary:
+    with atomic_file(path, overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 

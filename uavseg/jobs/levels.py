@@ -6,9 +6,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
-from uavseg.jobs.open_source import Blocks, ProbabilityMap, Raster, Source
+from uavseg.jobs.open_source import Blocks, Pixels, Source
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.drawing import Drawing
@@ -95,9 +95,7 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     )
 
 
-def _of_pixels(
-    source: Raster | ProbabilityMap, request: LevelsRequest, work: Work
-) -> tuple[Outlined, Kinds, SourceInfo]:
+def _of_pixels(source: Pixels, request: LevelsRequest, work: Work) -> tuple[Outlined, Kinds, SourceInfo]:
     """Outlines of segments, the level of each cell (from 1), and the source."""
     stretching, dividing, outlining = work.over(source).stages(3)
     grey = source.grey(stretching)
@@ -105,9 +103,9 @@ def _of_pixels(
     blocks = measure_block_map_for(grey, request.levels, segment, dividing)
     kinds = cell_levels(blocks, request.levels, segment.division)
     del blocks
-    give_back()
+    trim_heap()
     outlined = outline_segments(grey, kinds, outlining)
-    give_back()
+    trim_heap()
     return outlined, kinds, SourceInfo.of(grey)
 
 

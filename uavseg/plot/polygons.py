@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
+from uavseg.raster.geodesy.globe import transform_between
 from uavseg.regions.formats.read import load
 from uavseg.regions.table import Regions
 
@@ -44,22 +45,17 @@ class PolygonTable:
         RegionError
             If the file cannot be read.
         """
-        found = (
-            _table_of_file(os.fspath(source))
-            if isinstance(source, str | os.PathLike)
-            else _table_of_memory(source)
-        )
+        is_file = isinstance(source, str | os.PathLike)
+        found = _table_of_file(os.fspath(source)) if is_file else _table_of_memory(source)
         present = ~(shapely.is_missing(found.polygons) | shapely.is_empty(found.polygons))
         columns = {name: values[present] for name, values in found.columns.items()}
         return cls(found.polygons[present], found.crs, columns)
 
     def in_plot(self, frame: Frame) -> PolygonArray:
         """The polygons in plot coordinates; not reprojected if they or the raster have no CRS."""
-        import pyproj
-
         polygons, wkt = self.polygons, frame.geobox.wkt
         if self.crs is not None and wkt is not None:
-            project = pyproj.Transformer.from_crs(self.crs, wkt, always_xy=True).transform
+            project = transform_between(self.crs, wkt)
             polygons = shapely.transform(polygons, lambda x, y: project(x, y), interleaved=False)
         return np.asarray(shapely.transform(polygons, frame.plot_from_xy), dtype=object)
 

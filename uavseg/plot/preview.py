@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import ParameterError
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
@@ -97,7 +97,7 @@ def preview(
     sources = LayerSources(levels, states, leaves, regions, path, mission)
     layers = make_layers(sources, frame, max_side=2 * width_px)
     figure = _figure(dataset, frame, grey, layers, width_px / _WIDTH_IN)
-    with whole_file(target, overwrite) as temporary:
+    with atomic_file(target, overwrite) as temporary:
         save_figure(figure, temporary)
     return target
 

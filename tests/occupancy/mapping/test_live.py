@@ -18,7 +18,7 @@ from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
@@ -202,7 +202,7 @@ def test_states_are_those_of_the_reference(
         grid.refit()
         grey = to_grey(grid.probabilities[np.newaxis], 0.0, 1.0)
         leaves = reference.divide(grey, np.ones(grey.shape, bool))
-        states = reference.paint(leaves, grey.shape, lambda op: int(StateLimits().of(op)))
+        states = reference.classify_cells(leaves, grey.shape, lambda op: int(StateLimits().of(op)))
         states[-(-grey.shape[0] // 8) :] = states[:, -(-grey.shape[1] // 8) :] = 0
         assert (grid.segmentation.intervals == states).all()
         assert {1, 2, 3} <= set(np.unique(states).tolist())
@@ -235,7 +235,7 @@ def test_agreeing_pixels_lie_in_the_interval_as_their_leaves_do(
 
 def test_bin_edges_stay_until_they_are_refitted(drive: tuple[OccupancyGrid, list[Scan]]) -> None:
     grid = OccupancyGrid.from_probabilities(
-        np.random.default_rng(0).random((100, 90)), upright((100, 90), 0.1, (0, 0))
+        np.random.default_rng(0).random((100, 90)), local_geobox((100, 90), 0.1, (0, 0))
     )
     bin_edges = grid.segmentation.bin_edges.copy()
     assert bin_edges[1:].all()

@@ -16,7 +16,7 @@ from uavseg.occupancy.mapping.log_odds import Float32s, probabilities_and_grey
 from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS, empty_pending
 from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox, check_metres, upright
+from uavseg.raster.geobox import GeoBox, check_metres, local_geobox
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.intervals import Intervals
 from uavseg.segmentation.params import SegmentParams
@@ -95,7 +95,7 @@ class OccupancyGrid:
         origin : (float, float)
             x and y of the lower left corner in metres.
         """
-        return cls(upright(shape, cell_m, origin))
+        return cls(local_geobox(shape, cell_m, origin))
 
     @classmethod
     def from_probabilities(cls, probabilities: ArrayLike, geobox: GeoBox) -> "OccupancyGrid":

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import OutputError, RasterError
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import densify_line, split_at_antimeridian, wrap_lon_beyond_180
 from uavseg.regions.wgs84 import to_wgs84
 
 Floats = NDArray[np.float64]
@@ -58,7 +59,7 @@ def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Float
     lon, lat = path.geobox.lonlat_from_xy(*path.geobox.xy_from_pixel(rows, cols))
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
         raise RasterError("the path leaves the area in which the map's projection is defined")
-    return np.where(np.abs(lon) > 180, np.remainder(lon + 180, 360) - 180, lon), lat
+    return wrap_lon_beyond_180(lon), lat
 
 
 def path_to_geojson(path: PlannedPath) -> str:
@@ -81,7 +82,7 @@ def _geometry(path: PlannedPath) -> dict[str, Any]:
     if path.geobox.crs is None:
         return _line(path.xy)
     degrees = np.stack(path_lonlat(path, _densify(path)), axis=1)
-    parts = [np.round(part, _DECIMALS) for part in _split_at_antimeridian(degrees)]
+    parts = [np.round(part, _DECIMALS) for part in split_at_antimeridian(degrees)]
     if len(parts) == 1:
         return _line(parts[0])
     return {"type": "MultiLineString", "coordinates": [part.tolist() for part in parts]}
@@ -92,31 +93,12 @@ def _line(positions: Floats) -> dict[str, Any]:
     return {"type": "LineString", "coordinates": whole.tolist()}
 
 
-def _densify(path: PlannedPath) -> NDArray[Any]:
+def _densify(path: PlannedPath) -> Floats:
     """The corners in pixels, with points added on legs that are long enough to bend on the globe."""
-    corners = path.corners + 0.5
+    corners: Floats = path.corners + np.float64(0.5)
     if len(corners) < 2:
         return corners
     legs = np.hypot(*np.diff(corners, axis=0).T)
     metres = path.length_m * legs / legs.sum()
     pieces = np.maximum(np.ceil(metres / _LONGEST_LEG_M), 1).astype(np.int64)
-    ends = np.concatenate([[0], np.cumsum(pieces)])
-    points = np.empty((ends[-1] + 1, 2), np.float64)
-    for axis in (0, 1):
-        points[:, axis] = np.interp(np.arange(len(points)), ends, corners[:, axis])
-    return points
-
-
-def _split_at_antimeridian(degrees: Floats) -> list[Floats]:
-    """The parts of a line, (n, 2) longitudes and latitudes, on either side of the antimeridian."""
-    jumps = np.flatnonzero(np.abs(np.diff(degrees[:, 0])) > 180)
-    parts, begin = [], degrees[:0]
-    last = 0
-    for k in jumps.tolist():
-        (lon, lat), (lon_after, lat_after) = degrees[k], degrees[k + 1]
-        edge = np.copysign(180.0, lon)
-        share = (edge - lon) / (lon_after + 2 * edge - lon) if lon_after + 2 * edge != lon else 0.0
-        crossing = lat + share * (lat_after - lat)
-        parts.append(np.concatenate([begin, degrees[last : k + 1], [[edge, crossing]]]))
-        begin, last = np.array([[-edge, crossing]]), k + 1
-    return [*parts, np.concatenate([begin, degrees[last:]])]
+    return densify_line(corners, pieces)

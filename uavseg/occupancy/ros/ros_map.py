@@ -15,7 +15,7 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import MapError, RasterReadError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_yaml import ROS_MODES, read_ros_yaml, ros_yaml_text
@@ -128,7 +128,7 @@ def write_ros_map(
     grey = GREY_OF_STATE[mode][rows_down]
     position = {"resolution": resolution, "origin": origin}
     described = {"image": image_path.name, "mode": mode, **position, "negate": 0, **_WRITTEN_THRESHOLDS}
-    with whole_file(path, overwrite) as target:
+    with atomic_file(path, overwrite) as target:
         if mode == "scale":
             write_png(target.with_name(image_path.name), grey, opaque=rows_down % 2 == 1)
         else:

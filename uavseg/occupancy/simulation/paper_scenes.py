@@ -16,7 +16,7 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 
 _MAP_SHAPE = (320, 320)
 _CELL_M = 0.01
@@ -82,4 +82,4 @@ def _views_around(
         for angle in angles
     ]
     sensor = RangeFinder(sigma_m, 2.0, fov_deg, 0.5)
-    return Simulation(scene, sensor, poses, upright(_MAP_SHAPE, _CELL_M, (0.0, 0.0)))
+    return Simulation(scene, sensor, poses, local_geobox(_MAP_SHAPE, _CELL_M, (0.0, 0.0)))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterError
 from uavseg.plot.frame import Frame
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.overview import Coarse
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window
 
@@ -20,9 +20,9 @@ def draw_raster(ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | Stre
     """Draw a raster in grey, hatched where it is invalid; returns the name of the stretch."""
     from matplotlib.patches import Polygon
 
-    coarse = Coarse.of(dataset, _max_side(ax))
+    coarse = DatasetOverview.of(dataset, _max_side(ax))
     window = Window(0, 0, *coarse.geobox.shape)
-    fitted = fit(coarse, stretch, TilePass([window]))
+    fitted = fit_stretch(coarse, stretch, TilePass([window]))
     values, valid = coarse.read(window)
     picture = np.full((window.rows, window.cols, 4), 255, np.uint8)
     picture[..., :3] = (fitted.apply(values, valid) >> 8).astype(np.uint8)[..., None]
@@ -59,7 +59,9 @@ def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: f
     image.set_clip_path(ax.patch)
 
 
-def open_coarse(path: str | os.PathLike[str], frame: Frame, max_side: int, band: int | None = None) -> Coarse:
+def open_coarse(
+    path: str | os.PathLike[str], frame: Frame, max_side: int, band: int | None = None
+) -> DatasetOverview:
     """Open another raster over that of the picture, with at most `max_side` rows and columns.
 
     Raises
@@ -70,14 +72,14 @@ def open_coarse(path: str | os.PathLike[str], frame: Frame, max_side: int, band:
     return read_coarsely(Dataset.open(path, band=band), frame, max_side)
 
 
-def read_coarsely(dataset: Dataset, frame: Frame, max_side: int) -> Coarse:
+def read_coarsely(dataset: Dataset, frame: Frame, max_side: int) -> DatasetOverview:
     """As `open_coarse`, for an open dataset."""
     if dataset.geobox.crs != frame.geobox.crs:
         raise RasterError(
             f"{dataset.source} has another coordinate system than the raster of the picture; "
             "draw it over the one that it was made from"
         )
-    return Coarse.of(dataset, max_side)
+    return DatasetOverview.of(dataset, max_side)
 
 
 def _max_side(ax: Any) -> int:

@@ -14,8 +14,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
+from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions import shapes
 from uavseg.regions.formats import geojson, kml
 from uavseg.regions.formats.check_written import is_whole
@@ -57,7 +58,7 @@ def write(regions: Regions, path: str | os.PathLike[str] | IO[Any], overwrite: b
         _stream(regions, path)
         return
     target = check(path, overwrite)
-    with whole_file(target, overwrite) as part:
+    with atomic_file(target, overwrite) as part:
         _WRITERS[target.suffix.lower()](regions, part)
 
 
@@ -241,12 +242,10 @@ def _arrow_bytes(values: list[bytes | None], kind: Any) -> Any:
 
 def _geo(regions: Regions) -> dict[str, Any]:
     """What GeoParquet says of its geometry column."""
-    import pyproj
-
     column: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),
-        "crs": None if regions.wkt is None else pyproj.CRS.from_wkt(regions.wkt).to_json_dict(),
+        "crs": None if regions.wkt is None else parse_crs(regions.wkt).to_json_dict(),
     }
     if len(regions):
         column["bbox"] = [float(bound) for bound in shapely.total_bounds(regions.polygons)]

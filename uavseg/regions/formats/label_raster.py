@@ -62,7 +62,7 @@ def write_labels(
         parts = Sketches(rings, label_windows(geobox.shape))
         write_label_tiles(path, parts, geobox, overwrite, map)
     else:
-        geotiff.write_labels(path, painted(rings, geobox.shape, map), geobox, overwrite)
+        geotiff.write_label_geotiff(path, painted(rings, geobox.shape, map), geobox, overwrite)
 
 
 def painted(
