@@ -1,8 +1,9 @@
-"""Sessions on other versions: the lowest of every dependency that pyproject.toml allows, and the newest.
+"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`; `nox -l` lists them.
 
-``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed;
-``-- job`` or ``-- tests`` after them runs one of the two. All main jobs of a call must write the same bytes.
-A Python that is not installed is named and skipped.
+``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed,
+with the lowest version of every dependency that pyproject.toml allows and with the newest; ``-- job`` or
+``-- tests`` after them runs one of the two. All main jobs of a call must write the same bytes. A Python
+that is not installed is named and skipped.
 """
 
 import hashlib
@@ -12,6 +13,9 @@ import tomllib
 from pathlib import Path
 
 import nox
+
+nox.options.sessions = ["fast", "lint"]
+nox.options.reuse_existing_virtualenvs = True
 
 PYTHONS = ["3.11", "3.12", "3.13"]
 ROOT = Path(__file__).resolve().parent
@@ -32,6 +36,43 @@ preview {samples}/quarry.tif --regions quarry.regions.geojson -o quarry.png
 """
 SAME = {".geojson", ".kml", ".plan", ".waypoints"}  # the others hold what GDAL and matplotlib add to them
 _jobs: dict[str, dict[str, str]] = {}
+
+
+@nox.session
+def fast(session: nox.Session) -> None:
+    """Tests without clusters and killed processes."""
+    session.install("-e", ".[test]")
+    session.run("pytest", "-n", "auto", "-m", "not slow", *session.posargs)
+
+
+@nox.session
+def tests(session: nox.Session) -> None:
+    """All tests, with coverage and its floor."""
+    session.install("-e", ".[test]")
+    session.run("pytest", "-n", "auto", "--cov", *session.posargs)
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Style, format and types."""
+    session.install("-e", ".[dev,bench]")
+    session.run("ruff", "check", ".")
+    session.run("ruff", "format", "--check", ".")
+    session.run("mypy")
+
+
+@nox.session
+def docs(session: nox.Session) -> None:
+    """The documentation site; a warning is an error."""
+    session.install("-e", ".[docs]")
+    session.run("sphinx-build", "-W", "--keep-going", "-q", "docs", "build/docs", *session.posargs)
+
+
+@nox.session
+def bench(session: nox.Session) -> None:
+    """Benchmarks: `nox -s bench -- --help` says which there are."""
+    session.install("-e", ".[bench,test]")
+    session.run("python", "-m", "benchmarks", *session.posargs)
 
 
 @nox.session(python=PYTHONS)

@@ -1,8 +1,8 @@
-"""Nanoseconds per pixel of the kernels, beside what copying the same arrays costs.
+"""Nanoseconds per pixel of the kernels, compared with a copy of the same arrays.
 
     python -m benchmarks.kernels
 
-One thread, one tile of 2048 x 2048 of the synthetic scene; the least of several runs.
+One thread, one tile of 2048 x 2048 of the synthetic scene; the minimum of several runs.
 """
 
 import json
@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.competitors import LOW, MIN_PIXELS, with_project
+from uavseg.units import BLOCK
 
 SIDE = 2048
 RUNS = 7
@@ -29,29 +30,29 @@ class Speed:
     title : str
     ns : float
         Per pixel of the tile.
-    floor_ns : float
-        Copying what is read and what is written, once each.
+    copy_ns : float
+        For copying each input and output array once, per pixel of the tile.
     remark : str
     """
 
     title: str
     ns: float
-    floor_ns: float
+    copy_ns: float
     remark: str = ""
 
 
 def speeds() -> list[Speed]:
-    """All rows, measured in a process of its own so that the caller stays small."""
+    """All rows, measured in a child process so that the caller needs little memory."""
     command = [sys.executable, "-m", "benchmarks.kernels"]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Speed(*row) for row in json.loads(told)]
+    return [Speed(*row) for row in json.loads(output)]
 
 
 @dataclass(frozen=True, slots=True)
 class _Case:
-    """What is timed: `call` on fresh `scratch` copies; `arrays` are those it reads and writes once each."""
+    """A timed call on fresh copies of `scratch`; `arrays` are those that it reads or writes."""
 
     title: str
     call: Callable[..., Any]
@@ -64,17 +65,16 @@ def _cases() -> Iterator[_Case]:
     import numpy as np
     import rasterio.features
 
-    from uavseg.raster.stretch import Stretch
-    from uavseg.regions.outline import trace
-    from uavseg.regions.tracing import trace_tile
-    from uavseg.segmentation.blockmap import cell_sums
-    from uavseg.segmentation.components import components
-    from uavseg.segmentation.cuts import IntensityRange
-    from uavseg.segmentation.denoising import denoised
-    from uavseg.segmentation.division import BLOCK, block_ratios
-    from uavseg.segmentation.refinement import scan
-    from uavseg.segmentation.sums import component_sums
-    from uavseg.segmentation.texture import contrast_cuts, contrast_histogram, symbols
+    from uavseg.raster.intensity.stretch import Stretch
+    from uavseg.regions.outline.chains import trace_tile
+    from uavseg.regions.outline.trace import trace
+    from uavseg.segmentation.blocks.block_map import cell_sums
+    from uavseg.segmentation.blocks.division import block_ratios
+    from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
+    from uavseg.segmentation.components import component_sums, label_components
+    from uavseg.segmentation.params import IntensityRange
+    from uavseg.segmentation.refine.range_scans import refine_by_scans
+    from uavseg.segmentation.refine.tv import refine_by_tv
 
     tile = _tile()
     stretch = Stretch(0.0, 255.0, "dtype")
@@ -84,48 +84,51 @@ def _cases() -> Iterator[_Case]:
     yield _Case("`Stretch.apply`, 8 to 16 bit", lambda: stretch.apply(tile), (tile, grey))
 
     sums, counts = cell_sums(grey, valid, 1)
-    yield _Case("`blockmap.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
+    yield _Case("`block_map.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
 
-    cuts = contrast_cuts(contrast_histogram(grey))
-    yield _Case("`texture.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
-    yield _Case("`texture.symbols`", lambda: symbols(grey, None, cuts), (grey, inner))
+    bin_edges = contrast_bin_edges(contrast_histogram(grey))
+    yield _Case("`lbp.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
+    yield _Case("`lbp.lbp_symbols`", lambda: lbp_symbols(grey, None, bin_edges), (grey, inner))
 
     starts = np.arange(0, SIDE, BLOCK)
     corners = np.stack(np.meshgrid(starts, starts, indexing="ij"), axis=-1).reshape(-1, 2)
-    yield _Case("`division.block_ratios`", lambda: block_ratios(grey, None, cuts, corners), (grey,))
+    yield _Case("`division.block_ratios`", lambda: block_ratios(grey, None, bin_edges, corners), (grey,))
 
     bright = sums >= LOW * 65535.0 * counts
     inside = bright.astype(np.uint8).repeat(8, axis=0).repeat(8, axis=1)
-    whole = np.ones_like(inside)
-    matching = (inner >= LOW * 65535).astype(np.uint8)
+    valid_pixels = np.ones_like(inside)
+    in_range = (inner >= LOW * 65535).astype(np.uint8)
     yield _Case(
-        "`refinement.scan`", lambda mask: scan(mask, whole, matching), (inside, whole, matching), (inside,)
+        "`range_scans.refine_by_scans`",
+        lambda mask: refine_by_scans(mask, valid_pixels, in_range),
+        (inside, valid_pixels, in_range),
+        (inside,),
     )
-    every = np.ones_like(bright, dtype=np.uint8)
+    all_cells = np.ones_like(bright, dtype=np.uint8)
     greys = IntensityRange(LOW, 1).greys
     yield _Case(
-        "`denoising.denoised`, all cells",
-        lambda mask: denoised(mask, every, whole, inner, matching, greys),
-        (inside, whole, inner, matching),
+        "`tv.refine_by_tv`, all cells",
+        lambda mask: refine_by_tv(mask, all_cells, valid_pixels, inner, in_range, greys),
+        (inside, valid_pixels, inner, in_range),
         (inside,),
     )
 
-    refined = scan(inside.copy(), whole, matching)
-    labels, count = components(refined)
-    yield _Case("`components.components`", lambda: components(refined), (refined, labels))
-    yield _Case("`sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
+    refined = refine_by_scans(inside.copy(), valid_pixels, in_range)
+    labels, count = label_components(refined)
+    yield _Case("`components.label_components`", lambda: label_components(refined), (refined, labels))
+    yield _Case("`components.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
 
     sizes = np.bincount(labels.ravel())
     labels[sizes[labels] < MIN_PIXELS] = 0
     framed = np.pad((labels > 0).astype(np.uint8), 1)
     regions = f"{len(np.unique(labels)) - 1} regions"
     yield _Case(
-        "`tracing.trace_tile`",
+        "`chains.trace_tile`",
         lambda: trace_tile(framed, labels, 1, (0, 0), SIDE),
         (framed, labels),
         remark=f"{regions}, chains of corners",
     )
-    yield _Case("`outline.trace`", lambda: trace(labels), (labels,), remark=f"{regions}, rings")
+    yield _Case("`trace.trace`", lambda: trace(labels), (labels,), remark=f"{regions}, rings")
     signed = labels.astype(np.int32)
     yield _Case(
         "rasterio.features.shapes",
@@ -136,7 +139,7 @@ def _cases() -> Iterator[_Case]:
 
 
 def _tile() -> Any:
-    """A (1, 2050, 2050) uint8 picture of the scene."""
+    """Image of the scene, a (1, 2050, 2050) uint8 array."""
     import numpy as np
 
     from benchmarks.data import TILE, draw
@@ -148,19 +151,19 @@ def _tile() -> Any:
 
 
 def _seconds(call: Callable[..., Any], scratch: tuple[Any, ...] = ()) -> float:
-    """The least of several runs, each on copies of `scratch`; the first run does not count."""
+    """Minimum of several runs, each on copies of `scratch`, after one warm-up run."""
     call(*(array.copy() for array in scratch))
-    least = float("inf")
+    fastest = float("inf")
     for _ in range(RUNS):
         copies = tuple(array.copy() for array in scratch)
         start = time.perf_counter()
         call(*copies)
-        least = min(least, time.perf_counter() - start)
-    return least
+        fastest = min(fastest, time.perf_counter() - start)
+    return fastest
 
 
-def _floor(arrays: tuple[Any, ...]) -> float:
-    """Seconds to copy some arrays into memory that is there already."""
+def _copy_seconds(arrays: tuple[Any, ...]) -> float:
+    """Seconds to copy arrays into allocated memory."""
     import numpy as np
 
     targets = [array.copy() for array in arrays]
@@ -172,12 +175,12 @@ def _floor(arrays: tuple[Any, ...]) -> float:
     return _seconds(copy)
 
 
-def _measured() -> Iterator[Speed]:
+def _measure() -> Iterator[Speed]:
     for case in _cases():
         seconds = _seconds(case.call, case.scratch)
         per_pixel = 1e9 / SIDE**2
-        yield Speed(case.title, seconds * per_pixel, _floor(case.arrays) * per_pixel, case.remark)
+        yield Speed(case.title, seconds * per_pixel, _copy_seconds(case.arrays) * per_pixel, case.remark)
 
 
 if __name__ == "__main__":
-    print(json.dumps([(row.title, row.ns, row.floor_ns, row.remark) for row in _measured()]))
+    print(json.dumps([(row.title, row.ns, row.copy_ns, row.remark) for row in _measure()]))

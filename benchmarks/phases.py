@@ -1,4 +1,4 @@
-"""Where the time of `uavseg extract` goes, function by function, with one thread.
+"""Time of `uavseg extract` by function, with one thread.
 
 python -m benchmarks.phases RASTER
 """
@@ -13,77 +13,77 @@ from pathlib import Path
 
 from benchmarks.competitors import LOW, MIN_PIXELS, with_project
 
-WATCHED = (
-    ("raster/files.py", "read", "decoding, twice: `files.read`"),
-    ("raster/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
-    ("segmentation/blockmap.py", "cell_sums", "`blockmap.cell_sums`"),
-    ("segmentation/texture.py", "contrast_histogram", "`texture.contrast_histogram`"),
-    ("segmentation/patches.py", "put", "mixed blocks kept: `Patches.put`"),
-    ("segmentation/division.py", "wanted_ratios", "`division.wanted_ratios`"),
-    ("segmentation/segments.py", "in_range", "`segments.in_range`"),
-    ("segmentation/segments.py", "matching", "`segments.matching`"),
-    ("segmentation/segments.py", "pixels_of", "`segments.pixels_of`"),
-    ("segmentation/unsettled.py", "unsettled", "`unsettled.unsettled`"),
-    ("segmentation/denoising.py", "denoised", "total variation: `denoising.denoised`"),
-    ("segmentation/components.py", "components", "`components.components`"),
-    ("segmentation/sums.py", "component_sums", "`sums.component_sums`"),
-    ("regions/tracing.py", "trace_tile", "`tracing.trace_tile`"),
-    ("regions/outline.py", "link", "`outline.link`"),
-    ("regions/table.py", "make", "areas, lengths, points inside: `table.make`"),
-    ("regions/export.py", "write", "GeoPackage: `export.write`"),
+TIMED_FUNCTIONS = (
+    ("raster/raster_file.py", "read", "decoding, twice: `raster_file.read`"),
+    ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
+    ("segmentation/blocks/block_map.py", "cell_sums", "`block_map.cell_sums`"),
+    ("segmentation/blocks/lbp.py", "contrast_histogram", "`lbp.contrast_histogram`"),
+    ("segmentation/source.py", "put", "mixed blocks cached: `BlockCache.put`"),
+    ("segmentation/blocks/division.py", "selected_ratios", "`division.selected_ratios`"),
+    ("segmentation/blocks/leaves.py", "cells_in_range", "`leaves.cells_in_range`"),
+    ("segmentation/blocks/leaves.py", "pixels_in_range", "`leaves.pixels_in_range`"),
+    ("segmentation/blocks/leaves.py", "cells_to_pixels", "`leaves.cells_to_pixels`"),
+    ("segmentation/blocks/leaves.py", "mixed_cells", "`leaves.mixed_cells`"),
+    ("segmentation/refine/tv.py", "refine_by_tv", "total variation: `tv.refine_by_tv`"),
+    ("segmentation/components.py", "label_components", "`components.label_components`"),
+    ("segmentation/components.py", "component_sums", "`components.component_sums`"),
+    ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
+    ("regions/outline/trace.py", "link", "`trace.link`"),
+    ("regions/table.py", "make", "areas, lengths, interior points: `table.make`"),
+    ("regions/formats/export.py", "write", "GeoPackage: `export.write`"),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """Seconds spent in one function and what it calls."""
+    """Cumulative seconds of one function, callees included."""
 
     title: str
     seconds: float
 
 
 def phases(raster: Path) -> list[Phase]:
-    """All phases, imports first and the whole last, measured in a process of its own."""
+    """All phases, imports first and the total last, measured in a child process."""
     command = [sys.executable, "-m", "benchmarks.phases", str(raster)]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Phase(*row) for row in json.loads(told)]
+    return [Phase(*row) for row in json.loads(output)]
 
 
-def _measured(raster: str) -> list[tuple[str, float]]:
+def _measure(raster: str) -> list[tuple[str, float]]:
     start = time.perf_counter()
     import cProfile
     import pstats
     import tempfile
 
-    from uavseg.__main__ import Absent
+    from uavseg import _lazy_pandas
 
-    sys.meta_path.insert(0, Absent())  # as the program does
-    from uavseg.raster.dataset import Dataset
-    from uavseg.regions import export
-    from uavseg.regions.cleaning import Area
-    from uavseg.regions.extract import ExtractParams, extract
-    from uavseg.segmentation.cuts import IntensityRange
+    _lazy_pandas.install()  # as the program does
+    from uavseg.jobs.extract import ExtractRequest, extract
+    from uavseg.jobs.open_source import open_source
+    from uavseg.regions.edit.small import Area
+    from uavseg.regions.formats import export
+    from uavseg.segmentation.params import IntensityRange
 
     profile = cProfile.Profile()
     imported = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
         profile.enable()
-        params = ExtractParams(min_area=Area(MIN_PIXELS, True))
-        found = extract(Dataset.open(raster), IntensityRange(LOW, 1), params)
+        request = ExtractRequest(IntensityRange(LOW, 1), min_area=Area(MIN_PIXELS, True))
+        found = extract(open_source(raster), request)
         export.write(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
         profile.disable()
-    whole = time.perf_counter() - start
+    total = time.perf_counter() - start
     spent = {
         (file.rpartition("uavseg/")[2], function): cumulative
         for (file, _, function), (_, _, _, cumulative, _) in pstats.Stats(profile).stats.items()  # type: ignore[attr-defined]
     }
     rows = [("imports", imported - start)]
-    rows += [(title, spent.get((file, function), 0.0)) for file, function, title in WATCHED]
-    rows.append(("all else", whole - sum(seconds for _, seconds in rows)))
-    return [*rows, ("the whole", whole)]
+    rows += [(title, spent.get((file, function), 0.0)) for file, function, title in TIMED_FUNCTIONS]
+    rows.append(("everything else", total - sum(seconds for _, seconds in rows)))
+    return [*rows, ("total", total)]
 
 
 if __name__ == "__main__":
-    print(json.dumps(_measured(sys.argv[1])))
+    print(json.dumps(_measure(sys.argv[1])))

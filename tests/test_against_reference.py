@@ -1,4 +1,4 @@
-"""Every pixel of the labels, against the slow implementation that was written from the description alone."""
+"""Labels agree with the reference implementation at every pixel."""
 
 import warnings
 from collections.abc import Iterator
@@ -14,19 +14,20 @@ import rasterio
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.parallel import Map, serial, threads
+from uavseg.execution.executors import Map, serial, threads
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Raster
+from uavseg.jobs.work import Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.stretch import Stretch, StretchSpec
-from uavseg.raster.tiling import Window, tiles
-from uavseg.regions.extract import ExtractParams, extract
-from uavseg.regions.joining import Outlined
-from uavseg.regions.painting import rasterise
-from uavseg.regions.tilewise import outline_regions
-from uavseg.segmentation.cuts import IntensityRange
-from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
-from uavseg.segmentation.segments import in_range
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec
+from uavseg.raster.tiling import TilePass, Window, tiles
+from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.tiles.range_tiles import outline_regions
+from uavseg.segmentation.blocks.leaves import cells_in_range
+from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 
 CHUNK = 20
@@ -36,7 +37,7 @@ RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
 
 
 class Case(NamedTuple):
-    """A raster, what is asked of it, and the answer."""
+    """A raster, the request, and the expected labels."""
 
     values: NDArray[Any]
     valid: NDArray[np.bool_]
@@ -59,7 +60,7 @@ def cases(reference: ModuleType, seed: int) -> Iterator[Case]:
 
 @dataclass(frozen=True)
 class InMemory:
-    """Stands in for a dataset: an array, read by window."""
+    """A dataset in memory: an array, read by window."""
 
     values: NDArray[Any]
     valid: NDArray[np.bool_]
@@ -77,19 +78,19 @@ class InMemory:
 
 
 def segmented(case: Case, side: int, run: Map) -> Outlined:
-    """The project's own answer, tile by tile."""
+    """The regions by the package, tile by tile."""
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)
-    blocks = block_map_for(source, case.interval, case.params, windows, run)
-    inside = in_range(blocks, case.interval, case.params.threshold, case.params.step)
-    return outline_regions(source, inside, case.interval, case.params.refine, windows, run)
+    blocks = measure_block_map_for(source, case.interval, case.params, TilePass(windows, run))
+    inside = cells_in_range(blocks, case.interval, case.params.division)
+    return outline_regions(source, inside, case.interval, case.params.refine, TilePass(windows, run))
 
 
-def painted(rings: Any, shape: tuple[int, int]) -> NDArray[np.uint32]:
+def labels_of(rings: Any, shape: tuple[int, int]) -> NDArray[np.uint32]:
     return rasterise(rings, Window(0, 0, *shape))
 
 
-def told(seed: int, case: Case, side: int) -> str:
+def describe(seed: int, case: Case, side: int) -> str:
     return f"seed {seed}, tiles of {side}, {case.params}"
 
 
@@ -100,16 +101,16 @@ def test_labels_are_those_of_the_reference(reference: ModuleType, first: int) ->
         for case in cases(reference, seed):
             for side, run in RUNNERS:
                 found = segmented(case, side, run)
-                if not np.array_equal(painted(found.rings, case.valid.shape), case.labels):
-                    different.append(told(seed, case, side))
+                if not np.array_equal(labels_of(found.rings, case.valid.shape), case.labels):
+                    different.append(describe(seed, case, side))
                 pixels = np.bincount(case.labels.ravel(), minlength=1)[1:]
                 if not np.array_equal(found.sums.counts, pixels):
-                    different.append("sums of " + told(seed, case, side))
+                    different.append("sums of " + describe(seed, case, side))
     assert not different
 
 
 def write(path: Path, values: NDArray[Any], valid: NDArray[np.bool_], seed: int) -> None:
-    """A GeoTIFF that tells invalid pixels by NaN, by a nodata value, or where none is free by a mask."""
+    """A GeoTIFF that marks invalid pixels by NaN, by a nodata value, or if no value is free by a mask."""
     pixels, nodata = values.copy(), None
     if values.dtype.kind == "f":
         nodata = (None, -9999.0)[seed % 2]
@@ -145,12 +146,14 @@ def test_regions_of_a_file_are_those_of_the_reference(
         given = StretchSpec("given", (Fraction(low), Fraction(high)))
         side, run = [(192, serial), (64, threads(2))][seed % 2]
         for case in cases(reference, seed):
-            found = extract(dataset, case.interval, ExtractParams(case.params, given, tile=side), run)
-            if not np.array_equal(painted(found.rings, valid.shape), case.labels):
-                different.append(told(seed, case, side))
-            mine = np.bincount(case.labels.ravel(), minlength=1)[1:]
-            if not np.array_equal(found.regions.columns["pixels"], mine):
-                different.append("pixels of " + told(seed, case, side))
+            found = extract(
+                Raster(dataset, given), ExtractRequest(case.interval, case.params), Work(side, run)
+            )
+            if not np.array_equal(labels_of(found.rings, valid.shape), case.labels):
+                different.append(describe(seed, case, side))
+            pixels = np.bincount(case.labels.ravel(), minlength=1)[1:]
+            if not np.array_equal(found.regions.columns["pixels"], pixels):
+                different.append("pixels of " + describe(seed, case, side))
     assert not different
 
 

@@ -1,6 +1,7 @@
 """Which way imports point, and that starting up brings in nothing heavy."""
 
 import ast
+import json
 import os
 import subprocess
 import sys
@@ -73,80 +74,80 @@ def room_of(module: str) -> str:
     return parts[1] if len(parts) > 1 else "uavseg"
 
 
-# Rooms, and the rooms that each may import. Data walks through them in one direction.
+# Folders, and the folders that each may import. Data passes through them in one direction.
 
-GROUND = {"errors", "_jit", "_memory", "parallel", "cluster", "atomic"}
-GROUND |= {"fingerprint", "resultfile", "resuming"}
+GROUND = {"errors", "units", "_jit", "_memory", "atomic", "execution"}
 TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
 MAY_IMPORT = {
     "errors": set(),
+    "units": set(),
     "_jit": set(),
     "_memory": set(),
-    "parallel": {"errors"},
-    "cluster": {"errors", "parallel"},
     "atomic": {"errors"},
-    "fingerprint": set(),
-    "resultfile": set(),
-    "resuming": {"errors", "parallel", "atomic", "fingerprint", "resultfile", "uavseg"},  # for the version
+    "_version": set(),
+    "execution": {"errors", "atomic", "_version"},
     "raster": GROUND,
     "segmentation": GROUND | {"raster"},
     "regions": GROUND | {"raster", "segmentation"},
     "occupancy": TO_REGIONS,
     "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
-    "look": TO_REGIONS - {"segmentation"} | {"occupancy", "flight"},  # it draws what the others made
-    "api": TO_REGIONS | {"occupancy"},
-    "uavseg": TO_REGIONS | {"occupancy", "flight", "api"},  # by name, on first use
-    "cli": TO_REGIONS | {"occupancy", "flight", "look", "api", "uavseg"},
-    "__main__": {"cli"},
+    "jobs": TO_REGIONS | {"occupancy", "flight"},
+    "plot": TO_REGIONS - {"segmentation"} | {"occupancy", "flight", "jobs"},  # it draws what the others made
+    "api": TO_REGIONS | {"occupancy", "flight", "jobs"},
+    "uavseg": {"_version"} | TO_REGIONS | {"occupancy", "flight", "jobs", "api"},  # by name, on first use
+    "cli": TO_REGIONS | {"occupancy", "flight", "plot", "jobs", "api", "uavseg"},
+    "_lazy_pandas": set(),
+    "__main__": {"cli", "_lazy_pandas"},
 }
 
 # Within segmentation, the phases take arrays: they import neither raster nor each other, except for these.
 
 PHASES = {
-    "texture": set(),
-    "division": {"texture"},  # its kernel takes the symbols of a block as they are made
-    "blockmap": {"division"},
-    "cuts": {"blockmap"},  # the largest grey
-    "segments": {"blockmap", "cuts"},
-    "unsettled": {"blockmap"},
-    "denoising": {"noise", "specks", "variation"},
-    "leafmeans": {"blockmap"},
-    "refinement": set(),
-    "statescans": set(),
+    "params": set(),
     "components": set(),
-    "sums": set(),
-    "chance": set(),
-    "likeness": {"texture", "chance"},
-    "pixelwise": {"likeness", "texture"},
-    "coarser": {"texture"},
-    "evidence": {"likeness", "texture"},
+    "dilation": set(),
+    "blocks.lbp": set(),
+    "blocks.g_statistic": set(),
+    "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
+    "blocks.block_map": {"blocks.division", "params"},
+    "blocks.leaves": {"blocks.block_map", "params"},
+    "refine.noise": {"dilation"},
+    "refine.total_variation": set(),
+    "refine.tv": {"dilation", "refine.noise", "refine.total_variation"},
+    "refine.range_scans": set(),
+    "states.state_scans": set(),
+    "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
+    "sample.pixel_decision": {"dilation", "sample.g_scores", "blocks.lbp"},
+    "sample.coarse_lbp": {"blocks.lbp"},
+    "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
 }
 EVERY_PHASE = set(PHASES)
-PHASES["arrays"] = EVERY_PHASE  # the phases one by one, for notebooks
-PHASES["merging"] = {"components"}  # of the original algorithm
-PHASES["original"] = EVERY_PHASE | {"arrays", "merging"}  # a method of its own, made of them
-ON_RASTERS = {
+PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks
+PHASES["baseline.merging"] = {"blocks.g_statistic", "blocks.lbp", "components"}
+PHASES["baseline.lbpc"] = EVERY_PHASE | {"in_memory", "baseline.merging"}  # a method of its own, made of them
+ON_RASTERS = {  # these may import raster, and all phases
     "source",
-    "patches",
     "pipeline",
-    "blockfile",
-    "stateimage",
-    "classification",
-}  # these may import raster, and all phases
+    "blocks.block_file",
+    "states.state_image",
+    "states.classify_strips",
+    "range_candidates",
+}
 
 # Packages, and the only places that import them (for more than types).
 
 ONLY_IN = {
     "rasterio": {"raster", "flight.terrain"},
+    "pyproj": {"raster.geodesy.globe", "flight.plane", "regions.formats.read"},  # a local plane, an exception
     "numba": {"_jit"},
     "llvmlite": {"_jit"},
     "geopandas": {"regions"},
     "pandas": {"regions"},
     "pymavlink": {"flight.files", "flight.link"},
-    "dask": {"cluster"},
-    "distributed": {"cluster"},
+    "dask": {"execution.cluster"},
+    "distributed": {"execution.cluster"},
     "click": {"cli"},
-    "matplotlib": {"look"},
+    "matplotlib": {"plot"},
 }
 
 
@@ -165,11 +166,12 @@ def test_rooms_import_only_what_comes_before_them(room: str) -> None:
 def test_phases_of_segmentation_stand_alone() -> None:
     wrong = set()
     for found in imports():
-        phase = found.importer.rpartition(".")[2]
-        if room_of(found.importer) != "segmentation" or phase in ON_RASTERS | {"segmentation"}:
+        phase = found.importer.removeprefix("uavseg.segmentation.")
+        if room_of(found.importer) != "segmentation" or phase in ON_RASTERS:
             continue
         allowed = {f"uavseg.segmentation.{name}" for name in PHASES.get(phase, set())} | {
             "uavseg.errors",
+            "uavseg.units",
             "uavseg._jit",
         }
         if found.imported.startswith("uavseg") and found.imported not in allowed:
@@ -212,13 +214,21 @@ def test_commands_import_only_click_before_they_are_called() -> None:
 
 def test_the_imports_are_seen() -> None:
     seen = {(found.importer, found.imported) for found in imports()}
-    assert ("uavseg.cli.info", "uavseg.raster.dataset") in seen  # in a function
-    assert ("uavseg.segmentation.pipeline", "uavseg.parallel") in seen
-    assert ("uavseg.raster.stretch", "uavseg.raster.histogram") in seen  # from a package import a module
+    assert ("uavseg.cli.info", "uavseg.jobs.info") in seen  # in a function
+    assert ("uavseg.raster.tiling", "uavseg.execution.executors") in seen
+    assert (
+        "uavseg.raster.intensity.stretch",
+        "uavseg.raster.intensity.histogram",
+    ) in seen  # from a package import a module
 
 
 def loaded_by(program: str) -> set[str]:
     """Top-level packages that a program has loaded at its end."""
+    return {name.split(".")[0] for name in modules_loaded_by(program)}
+
+
+def modules_loaded_by(program: str) -> set[str]:
+    """Modules that a program has loaded at its end."""
     script = f"{program}\nimport sys; print('\\n' + ' '.join(sys.modules))"
     search = os.pathsep.join([str(PACKAGE.parent), os.environ.get("PYTHONPATH", "")])
     run = subprocess.run(
@@ -229,7 +239,7 @@ def loaded_by(program: str) -> set[str]:
         env={**os.environ, "PYTHONPATH": search},
     )
     assert run.returncode == 0, run.stderr
-    return {name.split(".")[0] for name in run.stdout.splitlines()[-1].split()}
+    return set(run.stdout.splitlines()[-1].split())
 
 
 def test_importing_the_package_brings_in_nothing_heavy() -> None:
@@ -252,6 +262,26 @@ def test_help_of_a_command_brings_in_nothing_heavy_but_numpy() -> None:
         "    main([name, '--help'], standalone_mode=False)"
     )
     assert not loaded_by(program) & HEAVY - {"numpy"}  # which comes with the hook that tells of compiling
+
+
+def test_planning_over_a_file_of_regions_loads_no_tracer(tmp_path: Path) -> None:
+    square = {
+        "type": "Polygon",
+        "coordinates": [[[8, 47], [8.001, 47], [8.001, 47.001], [8, 47.001], [8, 47]]],
+    }
+    feature = {"type": "Feature", "properties": {"id": 1}, "geometry": square}
+    regions, mission = tmp_path / "regions.geojson", tmp_path / "fly.plan"
+    regions.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    words = ["plan", str(regions), "-o", str(mission), "--altitude", "60", "--home", "auto", "-q"]
+    loaded = modules_loaded_by(f"from uavseg.cli import main; main({words!r}, standalone_mode=False)")
+    assert mission.exists() and "uavseg.regions.table" in loaded
+    assert not {name for name in loaded if name.startswith(("uavseg.regions.outline", "uavseg.segmentation"))}
+
+
+def test_ros_maps_load_no_beams() -> None:
+    loaded = modules_loaded_by("import uavseg.occupancy.ros, uavseg.occupancy.ros.ros_map")
+    assert "uavseg.occupancy.ros.ros_map" in loaded
+    assert not {name for name in loaded if name.startswith("uavseg.occupancy.mapping")}
 
 
 def test_public_words_are_there_when_they_are_used() -> None:

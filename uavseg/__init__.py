@@ -7,27 +7,27 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from uavseg._version import __version__
 
 if TYPE_CHECKING:
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import path as path
+    from uavseg.api.missions import plan as plan
     from uavseg.api.questions import match as match
     from uavseg.api.questions import suggest as suggest
     from uavseg.api.rasters import divide as divide
     from uavseg.api.rasters import extract as extract
     from uavseg.api.rasters import levels as levels
     from uavseg.errors import UavsegError as UavsegError
-    from uavseg.flight.planner import PlanParams as PlanParams
-    from uavseg.flight.planner import plan as plan
-    from uavseg.occupancy.grid import OccupancyGrid as OccupancyGrid
-    from uavseg.occupancy.rangefinder import Pose as Pose
-    from uavseg.occupancy.rangefinder import Scan as Scan
+    from uavseg.flight.params import PlanParams as PlanParams
+    from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
+    from uavseg.occupancy.mapping.scan import Pose as Pose
+    from uavseg.occupancy.mapping.scan import Scan as Scan
     from uavseg.raster.dataset import Dataset as Dataset
     from uavseg.raster.geobox import GeoBox as GeoBox
-    from uavseg.regions.outline import trace as trace
-    from uavseg.segmentation.cuts import IntensityRange as IntensityRange
-    from uavseg.segmentation.cuts import StateLimits as StateLimits
+    from uavseg.regions.outline.trace import trace as trace
+    from uavseg.segmentation.params import IntensityRange as IntensityRange
+    from uavseg.segmentation.params import StateLimits as StateLimits
 
 _HOMES = {
     "extract": "uavseg.api.rasters",
@@ -37,16 +37,16 @@ _HOMES = {
     "match": "uavseg.api.questions",
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
-    "plan": "uavseg.flight.planner",
-    "PlanParams": "uavseg.flight.planner",
+    "plan": "uavseg.api.missions",
+    "PlanParams": "uavseg.flight.params",
     "Dataset": "uavseg.raster.dataset",
     "GeoBox": "uavseg.raster.geobox",
-    "IntensityRange": "uavseg.segmentation.cuts",
-    "StateLimits": "uavseg.segmentation.cuts",
-    "OccupancyGrid": "uavseg.occupancy.grid",
-    "Pose": "uavseg.occupancy.rangefinder",
-    "Scan": "uavseg.occupancy.rangefinder",
-    "trace": "uavseg.regions.outline",
+    "IntensityRange": "uavseg.segmentation.params",
+    "StateLimits": "uavseg.segmentation.params",
+    "OccupancyGrid": "uavseg.occupancy.mapping.grid",
+    "Pose": "uavseg.occupancy.mapping.scan",
+    "Scan": "uavseg.occupancy.mapping.scan",
+    "trace": "uavseg.regions.outline.trace",
     "UavsegError": "uavseg.errors",
 }
 __all__ = ["__version__", *_HOMES]

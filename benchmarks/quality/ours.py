@@ -1,4 +1,4 @@
-"""uavseg as a method: what ``uavseg extract`` gives, over an array in memory."""
+"""uavseg as a method: the regions of ``uavseg extract`` as a mask, for an array in memory."""
 
 from collections.abc import Sequence
 
@@ -7,13 +7,14 @@ from affine import Affine
 
 from benchmarks.quality.camera import Mask
 from benchmarks.quality.scenes import RANGE, Scene
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Raster
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.stretch import StretchSpec
 from uavseg.raster.tiling import Window
-from uavseg.regions.extract import ExtractParams, extract
-from uavseg.regions.painting import Painter
-from uavseg.segmentation.cuts import IntensityRange
-from uavseg.segmentation.params import SegmentParams
+from uavseg.regions.outline.rasterise import Painter
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 DEFAULT = "default"
 SETTINGS = {
@@ -25,21 +26,21 @@ SETTINGS = {
 }
 
 
-def settings(words: Sequence[str] = ()) -> dict[str, SegmentParams]:
-    """Our settings by name, and the adaptive method with each of these words of refinement.
+def settings(refinements: Sequence[str] = ()) -> dict[str, SegmentParams]:
+    """Settings of uavseg by name, and the adaptive method with each of these refinements.
 
     Raises
     ------
     uavseg.errors.ParameterError
-        If a word means nothing.
+        If a refinement is unknown.
     """
-    return SETTINGS | {f"adaptive, {word}": SegmentParams(refine=word) for word in words}  # type: ignore[arg-type]
+    return SETTINGS | {f"adaptive, {refine}": SegmentParams(refine=refine) for refine in refinements}  # type: ignore[arg-type]
 
 
 def extracted(scene: Scene, params: SegmentParams) -> Mask:
-    """Pixels of the regions of a scene."""
+    """Mask of the extracted regions of a scene."""
     dataset = Dataset.of_values(scene.v, GeoBox(scene.v.shape, Affine.identity(), None), "scene")
-    found = extract(dataset, IntensityRange(*RANGE), ExtractParams(params, "none"))
+    found = extract(Raster(dataset, StretchSpec("none")), ExtractRequest(IntensityRange(*RANGE), params))
     if len(found.rings.starts) == 0:
         return np.zeros(scene.v.shape, bool)
     return Painter(found.rings)(Window(0, 0, *scene.v.shape)) > 0

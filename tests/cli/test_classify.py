@@ -12,12 +12,12 @@ from affine import Affine
 from click.testing import CliRunner, Result
 
 from uavseg.cli import main
-from uavseg.occupancy.maps import open_map
-from uavseg.occupancy.rosmap import write_ros_map
+from uavseg.occupancy.probability_map import open_map
+from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions import export
-from uavseg.segmentation.cuts import StateLimits
+from uavseg.regions.formats import export
+from uavseg.segmentation.params import StateLimits
 
 BOX = GeoBox((100, 150), Affine(0.05, 0, -2, 0, -0.05, 6), None)
 MODES = ["trinary", "scale", "raw"]
@@ -183,7 +183,7 @@ def test_a_run_goes_on_where_it_stopped() -> None:
     done("map.tif", "-o", "s.tif", *how)
     wanted = {name: Path(name).read_bytes() for name in ("s.tif", "o.fgb")}
     again = done("map.tif", "-o", "s.tif", *how, "--overwrite")
-    assert "resumed: 6 of 6 tiles were done (codes)" in again.stderr
+    assert "resumed: 6 of 6 tiles were done (encode)" in again.stderr
     assert {name: Path(name).read_bytes() for name in wanted} == wanted
 
 
@@ -234,9 +234,9 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
     [
         (
             ["map.tif", "--free-below", "0.6"],
-            "states want 0 <= free below < occupied above <= 1",
+            "limits of states with 0 <= free below < occupied above <= 1",
         ),
-        (["map.tif", "--occupied-above", "nan"], "limits of the states want"),
+        (["map.tif", "--occupied-above", "nan"], "expected limits of states"),
         (["map.tif", "-o", "s.png"], "states are written to .tif, or to .yaml for a ROS map"),
         (["map.tif", "-o", "there.tif"], "there.tif exists; give --overwrite"),
         (["map.tif", "-o", "there.yaml"], "there.pgm exists; give --overwrite"),
@@ -256,8 +256,8 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
         (["overlap.yaml"], "free_thresh (0.7) lies below occupied_thresh (0.6)"),
         (["negative.yaml"], "resolution is metres per cell, a number above 0, not -0.05"),
         (["nan.yaml"], "resolution is metres per cell, a number above 0, not nan"),
-        (["good.yaml", "--nodata", "0"], "leave --band, --rgb and --nodata out"),
-        (["good.yaml", "--resume", "kept"], "leave --resume out"),
+        (["good.yaml", "--nodata", "0"], "leave band, rgb and nodata out"),
+        (["good.yaml", "--resume", "kept"], "leave resume out"),
         (["blocks.tif"], "is a block map; states are refined with the map, so give the map itself"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
@@ -285,12 +285,12 @@ def test_overwriting_is_allowed_when_asked() -> None:
 
 
 def test_a_disk_that_fills_up_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    import uavseg.segmentation.stateimage as stateimage
+    import uavseg.segmentation.states.state_image as stateimage
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(stateimage, "packed", full)
+    monkeypatch.setattr(stateimage, "pack_codes", full)
     assert "No space left on device" in refused("map.tif", "-o", "s.tif")
 
 

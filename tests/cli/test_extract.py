@@ -16,7 +16,7 @@ from affine import Affine
 from click.testing import CliRunner, Result
 from rasterio.enums import Compression
 
-import uavseg.regions.extract
+import uavseg.jobs.extract
 from uavseg.cli import main
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
@@ -475,7 +475,7 @@ def test_what_ends_the_work_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int, said: str
 ) -> None:
     for place in ("outline_regions", "measured"):
-        monkeypatch.setattr(uavseg.regions.extract, place, raises(error))
+        monkeypatch.setattr(uavseg.jobs.extract, place, raises(error))
         result = run("tile.tif", *RANGE, "--labels", "labels.tif")
         assert (result.exit_code, result.stderr) == (code, said)
         assert files() == {"tile.tif"}

@@ -14,9 +14,9 @@ from pyproj import Geod, Transformer
 
 from uavseg.cli import main
 from uavseg.flight import files as missions
-from uavseg.occupancy.clearance import clearance
-from uavseg.occupancy.rosmap import write_ros_map
-from uavseg.occupancy.tighten import is_visible
+from uavseg.occupancy.paths.any_angle import is_visible
+from uavseg.occupancy.paths.clearance import clearance
+from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.geobox import GeoBox
 
 CELL = 0.5

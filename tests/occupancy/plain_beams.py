@@ -5,8 +5,8 @@ from math import erf, exp, floor, inf, log, radians, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.occupancy.grid import OccupancyGrid
-from uavseg.occupancy.rangefinder import Scan
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.mapping.scan import Scan
 
 P_PEAK, P_MIN, P_MAX = 0.9, 0.1, 0.95
 

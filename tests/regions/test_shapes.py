@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
-from uavseg.regions.outline import trace
+from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import Shapes, any_multi, batches, total_area
 
 WAYS = [Affine(2, 0, 100, 0, -2, 900), Affine(2, 0, 0, 0, 2, 0), Affine(1, 0.5, 3, -0.5, 1, 4)]

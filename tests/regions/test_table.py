@@ -10,7 +10,7 @@ from rasterio import features
 from rasterio.crs import CRS
 
 from uavseg.raster.geobox import GeoBox
-from uavseg.regions.outline import trace
+from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import Shapes
 from uavseg.regions.table import COLUMNS, make
 

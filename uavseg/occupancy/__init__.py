@@ -1,1 +1,1 @@
-"""What a robot believes: occupancy maps, the sensor that makes them, paths over them."""
+"""Occupancy maps: mapping, paths, ROS files, simulation."""

@@ -1,1 +1,1 @@
-"""Where pixels are: files become grey tiles that know where they lie."""
+"""Files to grey tiles with a georeference: reading, mosaics, stretch, geodesy, label rasters."""

@@ -1,23 +1,26 @@
-"""Which bands of a raster are its intensity, and what their numbers mean."""
+"""Band selection: one band as intensity, or three for luminance; data type and bit depth."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
 
 
 @dataclass(frozen=True, slots=True)
 class BandLayout:
-    """What a file says about its bands, first band first.
+    """Types, colour interpretations and bit depths of the bands of a file, first band first.
 
     Parameters
     ----------
     dtypes, roles : tuple of str
         Type of each band, and its colour interpretation ("red", "alpha", "undefined", ...).
     bits : tuple of int
-        Bits of each band that are used: 12 for a sensor of 12 bits stored in uint16.
+        Bits of each band that are used: 12 for 12-bit data stored as uint16.
     """
 
     dtypes: tuple[str, ...]
@@ -34,7 +37,7 @@ class BandLayout:
 class BandChoice:
     """The bands, counted from 1, that are read as intensity: one, or three for luminance.
 
-    `expanded` says that the one band is an index into a palette, and is read as the three bands of it.
+    If `expanded`, the one band is an index into a palette, and is read as three bands of colours.
     """
 
     bands: tuple[int, ...]
@@ -44,12 +47,12 @@ class BandChoice:
 
     @property
     def planes(self) -> int:
-        """How many values a pixel is read as: 1, or 3 for luminance."""
+        """Number of values per pixel that is read: 1, or 3 for luminance."""
         return 3 if self.expanded else len(self.bands)
 
     @property
     def name(self) -> str:
-        """For people: "band 1", "luminance of bands 1,2,3"."""
+        """Description for messages: "band 1", "luminance of bands 1,2,3"."""
         if self.expanded:
             return f"luminance of the palette of band {self.bands[0]}"
         if len(self.bands) == 1:
@@ -57,26 +60,26 @@ class BandChoice:
         return f"luminance of bands {','.join(map(str, self.bands))}"
 
 
-def choose(
+def choose_bands(
     layout: BandLayout, band: int | None = None, rgb: Sequence[int] | None = None, palette: bool = False
 ) -> BandChoice:
-    """The bands that become intensity.
+    """Choose the bands that become intensity.
 
-    One named by `band`, three named by `rgb`, or else by what the file says: luminance where it is in colour
-    (or has three bands that are not alpha), the first band otherwise. The indices of a palette are read
-    as they are only if `band` names their band.
+    `band` names one, `rgb` three. The default is luminance if the file has colours (or three bands that are
+    not alpha), and the first band otherwise. The indices of a palette are read as they are only if `band`
+    names their band.
 
     Raises
     ------
     ParameterError
-        If both `band` and `rgb` are given, or a band that is not there.
+        If both `band` and `rgb` are given, or a band does not exist.
     RasterError
         If the bands cannot be intensity: complex numbers, CMYK, three bands of different types.
 
     Examples
     --------
     >>> layout = BandLayout(("uint8",) * 4, ("blue", "green", "red", "alpha"), (8,) * 4)
-    >>> choose(layout).bands, choose(layout, band=2).bands
+    >>> choose_bands(layout).bands, choose_bands(layout, band=2).bands
     ((3, 2, 1), (2,))
     """
     if band is not None and rgb is not None:
@@ -85,15 +88,15 @@ def choose(
         return BandChoice((1,), np.dtype(np.uint8), 8, expanded=True)
     named = (band,) if band is not None else tuple(rgb) if rgb is not None else None
     if rgb is not None and len(rgb) != 3:
-        raise ParameterError(f"rgb wants three bands, for instance 1,2,3, not {len(rgb)}")
-    bands = named or _usual(layout)
+        raise ParameterError(f"rgb takes three bands, for instance 1,2,3, not {len(rgb)}")
+    bands = named or _default_bands(layout)
     for number in bands:
         if not 1 <= number <= len(layout.dtypes):
             raise ParameterError(f"there is no band {number}: {_count_text(len(layout.dtypes))}")
     return BandChoice(bands, _common_type(layout, bands), max(layout.bits[number - 1] for number in bands))
 
 
-def _usual(layout: BandLayout) -> tuple[int, ...]:
+def _default_bands(layout: BandLayout) -> tuple[int, ...]:
     roles = layout.roles
     if {"red", "green", "blue"} <= set(roles):
         return tuple(roles.index(color) + 1 for color in ("red", "green", "blue"))
@@ -118,3 +121,80 @@ def _common_type(layout: BandLayout, bands: tuple[int, ...]) -> np.dtype[np.gene
 
 def _count_text(count: int) -> str:
     return "the raster has one band" if count == 1 else f"the raster has bands 1 to {count}"
+
+
+Values = NDArray[Any]
+Valid = NDArray[np.bool_]
+
+
+def usable_nodata(nodata: float | None, dtype: np.dtype[np.generic]) -> tuple[float | None, str | None]:
+    """The nodata value if pixels of `dtype` can hold it, else None and a warning.
+
+    Examples
+    --------
+    >>> usable_nodata(255, np.dtype("uint8"))
+    (255, None)
+    >>> usable_nodata(-9999.0, np.dtype("uint8"))
+    (None, 'nodata -9999 does not fit uint8 pixels, so no pixel can have it: it is ignored')
+    """
+    if nodata is None:
+        return None, None
+    if dtype.kind == "f":
+        fits = not math.isfinite(nodata) or abs(nodata) <= float(np.finfo(dtype.name).max) * (1 + 1e-6)
+    else:
+        limits = np.iinfo(dtype.name)
+        fits = math.isfinite(nodata) and nodata == int(nodata) and limits.min <= nodata <= limits.max
+    if fits:
+        return nodata, None
+    return None, f"nodata {nodata:g} does not fit {dtype} pixels, so no pixel can have it: it is ignored"
+
+
+def valid_pixels(
+    values: Values, nodatas: Sequence[float | None], alpha: Values | None, mask: Valid | None
+) -> Valid | None:
+    """Which pixels are valid; None if all are.
+
+    A pixel is invalid where `mask` is false, alpha is 0 or a band is not finite. With one band it is invalid
+    where the band is nodata. With three, a nodata value that cannot be a colour (of float bands, or negative)
+    makes a pixel invalid where *any* band has it; one that can be (0 or 255 of a photograph) only where *all*
+    three have it, as in GDAL's mask of a whole file.
+
+    Parameters
+    ----------
+    values : (bands, rows, cols) array
+    nodatas : sequence of float or None
+        One for each band.
+    alpha : (rows, cols) array, optional
+    mask : (rows, cols) bool array, optional
+    """
+    invalid = [] if mask is None else [~mask]
+    if alpha is not None:
+        invalid.append(alpha == 0)
+    if values.dtype.kind == "f":
+        invalid += [~np.isfinite(plane) for plane in values]
+    invalid += _nodata_pixels(values, nodatas)
+    if not invalid:
+        return None
+    total = invalid[0]
+    for other in invalid[1:]:
+        total |= other
+    return ~total if total.any() else None
+
+
+def _nodata_pixels(values: Values, nodatas: Sequence[float | None]) -> list[Valid]:
+    numbers = [None if nodata is None or math.isnan(nodata) else nodata for nodata in nodatas]
+    pairs = zip(values, numbers, strict=True)
+    hits = [_equal(plane, number) for plane, number in pairs if number is not None]
+    not_a_color = values.dtype.kind == "f" or any(number is not None and number < 0 for number in numbers)
+    if len(hits) <= 1 or not_a_color:
+        return hits if not_a_color or len(values) == 1 else []
+    return [hits[0] & hits[1] & hits[2]] if len(hits) == len(values) else []
+
+
+def _equal(plane: Values, number: float) -> Valid:
+    """Where pixels equal `number`, rounded and clipped to their type."""
+    if plane.dtype.kind == "f":
+        limit = float(np.finfo(plane.dtype.name).max)
+        number = min(max(number, -limit), limit)
+    hits: Valid = plane == plane.dtype.type(number)
+    return hits

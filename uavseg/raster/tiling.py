@@ -1,18 +1,27 @@
-"""Which window, which halo, which part to keep: integers only."""
+"""Tiling: windows, halos, and a window's blocks and cells; integer arithmetic only."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
+from uavseg.execution.executors import Map, Progress, serial, split_progress
+from uavseg.units import BLOCK, CELL
 
-BLOCK = 64  # pixels: the largest block of the division; tiles are multiples of it
-CELL = 8  # pixels: the smallest block
-PANEL = 8192  # columns of tiles that are read together
+PANEL = 8192  # columns of a panel
+
+if TYPE_CHECKING:
+    from uavseg.raster.dataset import Dataset
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A rectangle of pixels: first row and column, and how many of each."""
+    """A rectangle of pixels: first row and column, number of rows and columns."""
 
     row: int
     col: int
@@ -25,7 +34,7 @@ class Window:
         return slice(self.row, self.row + self.rows), slice(self.col, self.col + self.cols)
 
     def grown(self, margin: int) -> "Window":
-        """The window with `margin` pixels more on every side; it may leave the raster."""
+        """The window with a halo of `margin` pixels on every side; it may extend past the raster."""
         return Window(self.row - margin, self.col - margin, self.rows + 2 * margin, self.cols + 2 * margin)
 
     def clipped(self, shape: tuple[int, int]) -> "Window":
@@ -60,7 +69,7 @@ def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     tile_rows, tile_cols = side if isinstance(side, tuple) else (side, side)
     for length in (tile_rows, tile_cols):
         if length <= 0 or length % BLOCK:
-            raise ParameterError(f"a tile's side is a positive multiple of {BLOCK} pixels, not {length}")
+            raise ParameterError(f"the side of a tile is a positive multiple of {BLOCK} pixels, not {length}")
     return list(_windows(shape, tile_rows, tile_cols))
 
 
@@ -71,10 +80,10 @@ def _windows(shape: tuple[int, int], tile_rows: int, tile_cols: int) -> Iterator
 
 
 def in_panels(windows: list[Window]) -> list[Window]:
-    """The same tiles, panel after panel of 8192 columns, each row by row.
+    """The same tiles, panel by panel of 8192 columns, each panel row by row.
 
-    A tile is read with some pixels of its neighbours. In this order a neighbour's blocks are likely to be
-    decoded still, however wide the raster is.
+    A tile is read with a halo. In this order the blocks of its neighbours are likely to be in the cache of
+    decoded blocks, however wide the raster is.
 
     Examples
     --------
@@ -86,10 +95,9 @@ def in_panels(windows: list[Window]) -> list[Window]:
 
 
 def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int = 1 << 22) -> tuple[int, int]:
-    """A tile of about `pixels` pixels that suits how a file is stored.
+    """Rows and columns of a tile of about `pixels` pixels that suits the layout of a file.
 
-    Square where the file is tiled; whole rows where it is stored in strips, since a strip is decoded
-    whole whatever part of it is asked for.
+    Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole.
 
     Parameters
     ----------
@@ -98,11 +106,105 @@ def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int =
     """
     in_strips = file_block[1] >= shape[1] and shape[1] > 2 * BLOCK
     if in_strips:
-        cols = _up(shape[1])
+        cols = whole_blocks(shape[1])
         return max(pixels // cols // BLOCK, 1) * BLOCK, cols
     side = max(int(pixels**0.5) // BLOCK, 1) * BLOCK
     return side, side
 
 
-def _up(length: int) -> int:
+def whole_blocks(length: int) -> int:
+    """A length in pixels, rounded up to whole blocks of 64."""
     return -(-length // BLOCK) * BLOCK
+
+
+def cells_around(cells: NDArray[Any], window: Window, reach: int) -> NDArray[Any]:
+    """Cells of a window with a halo of `reach` pixels, a multiple of 8; 0 outside the raster."""
+    margin = reach // CELL
+    rows, cols = whole_blocks(window.rows) // CELL, whole_blocks(window.cols) // CELL
+    around = np.zeros((rows + 2 * margin, cols + 2 * margin), cells.dtype)
+    first = Window(window.row // CELL - margin, window.col // CELL - margin, *around.shape)
+    part = first.clipped(cells.shape)
+    inner = Window(part.row - first.row, part.col - first.col, part.rows, part.cols)
+    around[inner.slices] = cells[part.slices]
+    return around
+
+
+def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
+    """The nearest of `count` evenly spaced rows or columns of a range; all of them if `count` is `length`.
+
+    Examples
+    --------
+    >>> sample_positions(10, 6, 3), sample_positions(10, 2, 2)
+    (array([11, 13, 15]), array([10, 11]))
+    """
+    return start + ((np.arange(count) + 0.5) * (length / count)).astype(np.int64)
+
+
+def window_blocks(window: Window) -> tuple[slice, slice]:
+    """Index of a window's blocks in the block map."""
+    return _in_units(window, BLOCK)
+
+
+def window_cells(window: Window) -> tuple[slice, slice]:
+    """Index of a window's cells in the block map, up to the end of its last blocks."""
+    return _in_units(window, CELL)
+
+
+def _in_units(window: Window, unit: int) -> tuple[slice, slice]:
+    rows, cols = whole_blocks(window.rows), whole_blocks(window.cols)
+    return Window(window.row // unit, window.col // unit, rows // unit, cols // unit).slices
+
+
+def windows_of(dataset: "Dataset", tile: int | None) -> list[Window]:
+    """The tiles of a dataset in reading order: squares of this side, or a size that suits its files."""
+    shape = dataset.geobox.shape
+    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))
+
+
+@dataclass(frozen=True, slots=True)
+class TilePass:
+    """One pass over the tiles of a raster.
+
+    Parameters
+    ----------
+    windows : sequence of Window
+        Tiles that cover the raster, each after those above it and to its left in its panel.
+    map : Map
+        The executor.
+    progress : callable, optional
+        Called with (done, total).
+    """
+
+    windows: Sequence[Window]
+    map: Map = serial
+    progress: Progress | None = None
+
+    @classmethod
+    def over(
+        cls, dataset: "Dataset", tile: int | None = None, map: Map = serial, progress: Progress | None = None
+    ) -> "TilePass":
+        """A pass over a dataset, in tiles of this side or of one that suits its files.
+
+        Raises
+        ------
+        ParameterError
+            If the side is not a positive multiple of 64.
+        """
+        return cls(windows_of(dataset, tile), map, progress)
+
+    def run(
+        self, function: Callable[[Any], Result], items: Sequence[Any] | None = None
+    ) -> Generator[Result, None, None]:
+        """Results of a function for each window, or for each of some other items, in their order."""
+        return self.map(function, self.windows if items is None else items, self.progress)
+
+    def stages(self, count: int) -> list["TilePass"]:
+        """The pass `count` times, each of which reports its share of the progress."""
+        if self.progress is None:
+            return [self] * count
+        return [replace(self, progress=progress) for progress in split_progress(self.progress, count)]
+
+    @property
+    def silent(self) -> "TilePass":
+        """The pass without progress."""
+        return replace(self, progress=None)

@@ -1,1 +1,1 @@
-"""Labels become polygons with what is known of them."""
+"""Labels to polygons with attributes."""

@@ -9,12 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.ground import ring_areas, ring_perimeters
-from uavseg.regions.outline import Rings
+from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
+from uavseg.raster.geodesy.ground import ring_areas, ring_perimeters
 from uavseg.regions.shapes import Polygons, Shapes, batches
+from uavseg.units import GREY_MAX
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
+
+    from uavseg.regions.outline.rings import Rings
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -34,8 +37,6 @@ COLUMNS: dict[str, type] = {
     "source": object,
 }
 """The columns in their order, and what they hold."""
-
-_WHITE = 65535
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ class Regions:
 
 
 def make(
-    rings: Rings,
+    rings: "Rings",
     geobox: GeoBox,
     counts: NDArray[np.integer[Any]],
     sums: NDArray[np.integer[Any]],
@@ -137,7 +138,7 @@ def _mean_and_std(
 ) -> tuple[Floats, Floats]:
     mean = sums / counts
     variance = np.maximum(square_sums / counts - mean * mean, 0)
-    return mean / _WHITE, np.sqrt(variance) / _WHITE
+    return mean / GREY_MAX, np.sqrt(variance) / GREY_MAX
 
 
 def _points_inside(polygons: Shapes, geobox: GeoBox) -> tuple[Floats, Floats]:
@@ -151,4 +152,4 @@ def _points_inside(polygons: Shapes, geobox: GeoBox) -> tuple[Floats, Floats]:
         return np.full(len(polygons), np.nan), np.full(len(polygons), np.nan)
     nowhere = ~(np.isfinite(lon) & np.isfinite(lat))
     lon[nowhere] = lat[nowhere] = np.nan
-    return np.where(np.abs(lon) > 180, np.remainder(lon + 180, 360) - 180, lon), lat
+    return wrap_lon_beyond_180(lon), lat

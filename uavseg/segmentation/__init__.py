@@ -1,1 +1,1 @@
-"""Grey becomes labels: arrays in, arrays out."""
+"""Grey to labels: arrays in, arrays out."""

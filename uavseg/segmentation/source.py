@@ -1,36 +1,45 @@
-"""A dataset seen through a stretch: grey by window."""
+"""GreySource: windowed reads of a dataset as 16-bit grey."""
 
+import threading
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.stretch import Stretch
-from uavseg.raster.tiling import BLOCK, Window
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.tiling import Window, whole_blocks
+from uavseg.units import BLOCK
 
 
 @dataclass(frozen=True, slots=True)
 class GreyTile:
-    """Grey of a window with a margin; what lies outside the raster is invalid.
+    """Grey of a window with a margin; pixels outside the raster are invalid.
 
     Parameters
     ----------
     grey : (M + 2 m, N + 2 m) uint16 array
         0 where invalid; M and N are the window's sides, rounded up to whole blocks.
     valid : (M + 2 m, N + 2 m) uint8 array
-    every : bool
-        Whether all of it is valid.
+        1 where a pixel is valid.
+    all_valid : bool
+        Whether every pixel of the array is valid.
     """
 
     grey: NDArray[np.uint16]
     valid: NDArray[np.uint8]
-    every: bool
+    all_valid: bool
+
+    @property
+    def mask(self) -> NDArray[np.uint8] | None:
+        """`valid`, or None where every pixel is valid."""
+        return None if self.all_valid else self.valid
 
 
 @dataclass(frozen=True)
 class GreySource:
-    """A dataset seen through a stretch."""
+    """A dataset and the stretch that maps its values to grey."""
 
     dataset: Dataset
     stretch: Stretch
@@ -41,21 +50,83 @@ class GreySource:
         return self.dataset.geobox.shape
 
     def read(self, window: Window, margin: int) -> GreyTile:
-        """The grey of a window with `margin` pixels more on every side."""
+        """Read the grey of a window with `margin` more pixels on every side."""
         shape = (whole_blocks(window.rows) + 2 * margin, whole_blocks(window.cols) + 2 * margin)
         part = window.grown(margin).clipped(self.shape)
-        values, known = self.dataset.read(part)
-        pixels = self.stretch.apply(values, known)
+        values, mask = self.dataset.read(part)
+        pixels = self.stretch.apply(values, mask)
         if part.rows == shape[0] and part.cols == shape[1]:
-            whole = np.ones(shape, np.uint8) if known is None else known.view(np.uint8)
-            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(whole), known is None)
+            valid = np.ones(shape, np.uint8) if mask is None else mask.view(np.uint8)
+            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None)
         grey, valid = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
-        place = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
-        grey[place.slices] = pixels
-        valid[place.slices] = 1 if known is None else known
+        inner = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
+        grey[inner.slices] = pixels
+        valid[inner.slices] = 1 if mask is None else mask
         return GreyTile(grey, valid, False)
 
 
-def whole_blocks(length: int) -> int:
-    """A length in pixels, up to the end of its last block of 64."""
-    return -(-length // BLOCK) * BLOCK
+CAPACITY = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
+CACHED_SIDE = BLOCK + 2  # a block with a border of one pixel
+
+
+@dataclass(frozen=True, slots=True)
+class CachedBlocks:
+    """Blocks of one tile, stacked vertically.
+
+    Parameters
+    ----------
+    grey : (66 k, 66) uint16 array
+        Each block with a border of one pixel.
+    valid : (66 k, 66) uint8 array or None
+        1 where a pixel is valid; None where all are.
+    """
+
+    grey: NDArray[np.uint16]
+    valid: NDArray[np.uint8] | None
+
+
+class BlockCache:
+    """Cached blocks by tile; thread-safe. A pickled copy is empty and caches nothing."""
+
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self._free = capacity
+        self._tiles: dict[Window, CachedBlocks] = {}
+        self._lock = threading.Lock()
+
+    def __reduce__(self) -> tuple[type["BlockCache"], tuple[int]]:
+        return BlockCache, (0,)
+
+    def fingerprint(self) -> tuple[()]:
+        """Empty: no result depends on the cache."""
+        return ()
+
+    def put(self, window: Window, tile: GreyTile, corners: NDArray[np.int64]) -> None:
+        """Cache the blocks of a tile that begin at `corners`, if there is room for them.
+
+        Parameters
+        ----------
+        window : Window
+        tile : GreyTile
+            Grey with a margin of one pixel.
+        corners : (k, 2) int64 array
+            Row and column of each block's first pixel within the window.
+        """
+        size = len(corners) * CACHED_SIDE * CACHED_SIDE * (2 if tile.all_valid else 3)
+        with self._lock:
+            if size == 0 or size > self._free:
+                return
+            self._free -= size
+        valid = None if tile.all_valid else _crop_blocks(tile.valid, corners)
+        self._tiles[window] = CachedBlocks(_crop_blocks(tile.grey, corners), valid)
+
+    def take(self, window: Window) -> CachedBlocks | None:
+        """Remove and return the cached blocks of a tile; None if there are none."""
+        return self._tiles.pop(window, None)
+
+
+def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any]:
+    """The blocks that begin at `corners` of an array with a border of one pixel, stacked vertically."""
+    blocks = np.empty((len(corners), CACHED_SIDE, CACHED_SIDE), image.dtype)
+    for block, (row, col) in zip(blocks, corners, strict=True):
+        block[:] = image[row : row + CACHED_SIDE, col : col + CACHED_SIDE]
+    return blocks.reshape(-1, CACHED_SIDE)

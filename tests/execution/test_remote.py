@@ -1,0 +1,96 @@
+"""A cloud-optimised GeoTIFF read over HTTP, locally and by workers: the same bytes as from the disk."""
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import chdir
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from click.testing import CliRunner
+
+from uavseg.cli import main
+
+RANGE = ("--range", "0.55,1")
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def cog(tmp_path: Path) -> Path:
+    rng = np.random.default_rng(2)
+    image = np.kron(rng.integers(20, 240, (30, 30)), np.ones((40, 40))) + rng.normal(0, 9, (1200, 1200))
+    place = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6), "dtype": "uint16"}
+    path = tmp_path / "tile.tif"
+    with rasterio.open(path, "w", "COG", 1200, 1200, 1, blocksize=256, **place) as file:
+        file.write((np.clip(image, 1, 255) * 90).astype(np.uint16), 1)
+    return path
+
+
+class Server:
+    """A process that serves a folder; not a thread, since GDAL may hold the GIL while it waits."""
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        assert process.stdout is not None
+        self.url = f"http://127.0.0.1:{process.stdout.readline().strip()}"
+        self._process = process
+
+    def served(self) -> list[int]:
+        """Lengths of the parts that were served; stops the server."""
+        self._process.terminate()
+        return [int(line) for line in self._process.communicate()[0].split()]
+
+
+@pytest.fixture
+def server(cog: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
+    """A server of the folder of the raster."""
+    monkeypatch.setenv("NO_PROXY", "127.0.0.1")
+    monkeypatch.setenv("no_proxy", "127.0.0.1")
+    program = Path(__file__).with_name("ranges.py")
+    command = [sys.executable, "-u", str(program), str(cog.parent)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        yield Server(process)
+        process.kill()
+
+
+def extracted(raster: object, output: Path, *options: object) -> bytes:
+    arguments = ["extract", raster, *RANGE, "-o", output, "-q", *options]
+    result = CliRunner().invoke(main, [str(argument) for argument in arguments])
+    assert result.exit_code == 0, result.output
+    return output.read_bytes()
+
+
+def test_a_file_on_a_server_gives_the_same_bytes(server: Server, cog: Path, tmp_path: Path) -> None:
+    expected = extracted(cog, tmp_path / "disk.fgb")
+    assert len(expected) > 1000
+    assert extracted(f"/vsicurl/{server.url}/tile.tif", tmp_path / "vsicurl.fgb", "--threads", 2) == expected
+    assert extracted(f"{server.url}/./tile.tif", tmp_path / "http.fgb") == expected
+    served = server.served()
+    assert len(served) > 2 and max(served) < cog.stat().st_size
+
+
+def test_workers_read_from_the_server_themselves(
+    processes: Any, server: Server, cog: Path, tmp_path: Path
+) -> None:
+    how = ("--tile", 256, "--scheduler", processes.address)
+    assert extracted(f"{server.url}/tile.tif", tmp_path / "http.fgb", *how) == extracted(
+        cog, tmp_path / "disk.fgb"
+    )
+    assert sum(server.served()) > cog.stat().st_size
+
+
+def test_a_block_map_finds_its_raster_on_the_server(server: Server, cog: Path, tmp_path: Path) -> None:
+    with chdir(tmp_path):
+        divide = ["divide", f"{server.url}/tile.tif", "-o", "blocks.tif", "-q"]
+        assert CliRunner().invoke(main, divide).exit_code == 0
+    assert extracted(tmp_path / "blocks.tif", tmp_path / "b.fgb") == extracted(cog, tmp_path / "disk.fgb")
+
+
+def test_a_file_missing_on_the_server_is_one_line(server: Server) -> None:
+    arguments = ["extract", f"{server.url}/gone.tif", *RANGE, "-o", "-"]
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 1 and len(result.stderr.splitlines()) == 1
+    assert "gone.tif cannot be opened as a raster" in result.stderr

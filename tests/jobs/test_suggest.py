@@ -1,0 +1,172 @@
+"""Ranges that are suggested are what extracting them gives."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from affine import Affine
+
+import uavseg
+from uavseg.errors import ParameterError, RasterError
+from uavseg.execution.executors import threads
+from uavseg.jobs import suggest as module
+from uavseg.jobs.divide import divide
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Blocks, Raster
+from uavseg.jobs.suggest import Suggestions, SuggestRequest, suggest
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.otsu import multi_otsu
+from uavseg.raster.intensity.stretch import parse_stretch
+from uavseg.segmentation.blocks.block_file import is_block_map
+from uavseg.segmentation.blocks.leaves import cells_in_range
+from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.range_candidates import RangeCandidates
+
+NONE = SegmentParams(refine="none")
+
+
+def scene(seed: int, shape: tuple[int, int] = (210, 170)) -> np.ndarray:
+    """Patches with noise; what is missing is NaN."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.choice([0.15, 0.5, 0.85], (shape[0] // 24 + 1, shape[1] // 24 + 1))
+    image = np.kron(coarse, np.ones((24, 24)))[: shape[0], : shape[1]] + rng.normal(0, 0.06, shape)
+    image = np.clip(image, 0, 1).astype(np.float32)
+    image[rng.random(shape) < 0.03] = np.nan
+    image[50:80, 30:90] = np.nan
+    return image
+
+
+def dataset(image: np.ndarray) -> Dataset:
+    return Dataset.of_values(image, GeoBox(image.shape, Affine.identity(), None), "scene")
+
+
+def raster(image: np.ndarray) -> Raster:
+    return Raster(dataset(image), parse_stretch("none"))
+
+
+def suggested(
+    image: np.ndarray, classes: int | None = None, segment: SegmentParams = NONE, work: Work = SERIAL
+) -> Suggestions:
+    return suggest(raster(image), SuggestRequest(classes, segment), work)
+
+
+def saved(image: np.ndarray) -> Blocks:
+    return Blocks(divide(raster(image)).saved, "blocks.tif")
+
+
+@pytest.mark.parametrize(
+    "segment", [NONE, SegmentParams("paper", refine="none"), SegmentParams("adaptive", 2, 0.2, "none")]
+)
+@pytest.mark.parametrize("classes", [None, 2, 7])
+def test_regions_and_pixels_are_those_of_extracting_each_range(
+    classes: int | None, segment: SegmentParams
+) -> None:
+    blocks = saved(scene(1))
+    found = suggest(blocks, SuggestRequest(classes, segment))
+    assert len(found.ranges) == (classes or 3 if segment is NONE else len(found.ranges))
+    for chosen in found.ranges:
+        interval = IntensityRange(*chosen.range)
+        regions = extract(blocks, ExtractRequest(interval, segment)).regions
+        known = blocks.saved.blocks
+        inside = cells_in_range(known, interval, segment.division)
+        assert (len(regions), int(known.counts[inside > 0].sum())) == (chosen.regions, chosen.pixels)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_ranges_are_all_of_v_and_their_shares_are_all_of_the_area(seed: int) -> None:
+    image = scene(seed)
+    for classes in (None, 2, 3, 8):
+        ranges = suggested(image, classes).ranges
+        assert sum(chosen.pixels for chosen in ranges) == np.isfinite(image).sum()
+        assert sum(chosen.share for chosen in ranges) == pytest.approx(1, abs=1e-12)
+        assert [chosen.low for chosen in ranges] == [0, *(chosen.high for chosen in ranges[:-1])]
+        assert ranges[-1].high == 1 and all(chosen.regions > 0 for chosen in ranges)
+
+
+def test_a_cut_that_is_a_mean_moves_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise the leaves on it would belong to the ranges on both of its sides."""
+    image = np.full((128, 128), 0.4, np.float32)
+    image[:64] = 0.8
+    monkeypatch.setattr(
+        module, "propose_ranges", lambda *_: RangeCandidates((0.4,), multi_otsu([1, 1], 2)[1], True)
+    )
+    found = suggest(saved(image))
+    assert [chosen.range for chosen in found.ranges] == [(0, 0.40001), (0.40001, 1)]
+    assert [chosen.share for chosen in found.ranges] == [0.5, 0.5]
+
+
+def test_tiles_threads_and_a_block_map_change_nothing() -> None:
+    image = scene(2, (330, 270))
+    wanted = suggested(image)
+    blocks = suggest(saved(image))
+    assert blocks.ranges == wanted.ranges and np.array_equal(blocks.histogram, wanted.histogram)
+    for tile in (64, 128, 4096):
+        found = suggested(image, work=Work(tile, threads(2)))
+        assert found.ranges == wanted.ranges and np.array_equal(found.intervals, wanted.intervals)
+
+
+def test_known_classes_are_found() -> None:
+    found = suggested(scene(3)).ranges
+    assert len(found) == 3
+    assert [chosen.high for chosen in found[:2]] == [
+        pytest.approx(0.325, abs=0.06),
+        pytest.approx(0.675, abs=0.06),
+    ]
+
+
+def test_a_constant_raster_is_one_class_and_no_range() -> None:
+    found = suggested(np.full((100, 90), 0.25, np.float32))
+    assert found.ranges == () and found.warnings == (
+        "all leaves have the mean v = 0.25: one class, and no range to choose",
+    )
+
+
+def test_fewer_means_than_classes_are_told() -> None:
+    image = np.full((64, 128), 0.2, np.float32)
+    image[:, 64:] = 0.9
+    found = suggested(image, 5)
+    assert len(found.ranges) == 2 and "fall into 2 bins, which are no 5 classes" in found.warnings[0]
+
+
+def test_doubt_is_told() -> None:
+    image = np.random.default_rng(4).normal(0.5, 0.1, (512, 512)).astype(np.float32)
+    assert "make one hump, without a valley" in suggested(image).warnings[0]
+
+
+def test_what_cannot_be_is_refused() -> None:
+    with pytest.raises(RasterError, match="no pixel of scene is valid"):
+        suggested(np.full((20, 20), np.nan, np.float32))
+    for classes in (-1, 0, 1, 9):
+        with pytest.raises(ParameterError, match="ranges are 2 to 8 in number"):
+            suggested(scene(1), classes)
+
+
+# In Python
+
+
+def test_the_public_word_gives_ranges_to_extract() -> None:
+    image = scene(5)
+    ranges = uavseg.suggest(image, stretch="none", tile=64, threads=2)
+    assert [chosen.range for chosen in ranges] == [chosen.range for chosen in suggested(image).ranges]
+    for chosen in ranges:
+        regions = uavseg.extract(image, chosen.range, stretch="none", refine="none")
+        assert len(regions) == chosen.regions
+
+
+def test_the_public_word_warns_and_refuses() -> None:
+    with pytest.warns(UserWarning, match="one class"):
+        assert uavseg.suggest(np.full((70, 70), 9, np.uint8)) == []
+    for wrong in ("many", 2.5):
+        with pytest.raises(ParameterError, match='"auto" or a number'):
+            uavseg.suggest(scene(1), wrong)  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="2 to 8"):
+        uavseg.suggest(scene(1), 12)
+
+
+@pytest.mark.parametrize("name", ["imagery/naip_forest_gap_1m.tif", "imagery/landsat_bahamas_RGB.byte.tif"])
+def test_real_rasters(shared_data: Path, name: str) -> None:
+    assert not is_block_map(shared_data / name)
+    found = suggest(Raster(Dataset.open(shared_data / name)))
+    assert len(found.ranges) >= 2 and sum(chosen.share for chosen in found.ranges) == pytest.approx(1)

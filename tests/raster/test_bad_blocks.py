@@ -1,0 +1,263 @@
+"""Damaged files: an error that names the bad block, or invalid pixels."""
+
+import pickle
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavseg.errors import RasterReadError
+from uavseg.execution.executors import serial, threads
+from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.tiling import Window, tiles
+
+ROWS, COLS = 300, 350
+PIXELS = np.random.default_rng(0).integers(1, 255, (ROWS, COLS), np.uint8)
+TILED = {"tiled": True, "blockxsize": 64, "blockysize": 64, "compress": "deflate"}
+BAD = [(0, 1), (2, 3), (4, 5)]  # the last one is clipped by the edges of the raster
+
+
+def spoil(path: Path, blocks: Iterable[tuple[int, int]], band: int = 1) -> Path:
+    """Overwrite bytes of some blocks (row and column of blocks) of a GeoTIFF."""
+    with rasterio.open(path) as file:
+        places = [
+            (int(file.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", "TIFF", bidx=band)), file.block_size(band, i, j))
+            for i, j in blocks
+        ]
+    data = bytearray(path.read_bytes())
+    for offset, size in places:
+        data[offset + 2 : offset + size] = bytes(size - 2)
+    path.write_bytes(data)
+    return path
+
+
+def box(i: int, j: int, side: int = 64) -> tuple[slice, slice]:
+    return slice(i * side, min((i + 1) * side, ROWS)), slice(j * side, min((j + 1) * side, COLS))
+
+
+def without(blocks: Iterable[tuple[int, int]]) -> np.ndarray:
+    valid = np.ones((ROWS, COLS), bool)
+    for block in blocks:
+        valid[box(*block)] = False
+    return valid
+
+
+def bad_blocks(path: Path, blocks: Iterable[tuple[int, int]]) -> list[BadBlock]:
+    return [
+        BadBlock(str(path), i * 64, j * 64, min(64, ROWS - i * 64), min(64, COLS - j * 64)) for i, j in blocks
+    ]
+
+
+def seen(dataset: Dataset, side: Any, run: Any = serial) -> tuple[np.ndarray, np.ndarray, list[BadBlock]]:
+    """All pixels, read tile by tile with a halo; which are valid; and the bad blocks that were recorded."""
+    rows, cols = dataset.geobox.shape
+    values, valid = np.zeros((rows, cols), dataset.dtype), np.zeros((rows, cols), bool)
+    found: set[BadBlock] = set()
+    windows = tiles((rows, cols), side)
+    for window, (pixels, known) in zip(
+        windows, with_bad_blocks(run, found)(dataset.read, windows), strict=True
+    ):
+        values[window.slices] = pixels[0]
+        valid[window.slices] = True if known is None else known
+    return values, valid, sorted(found)
+
+
+SIDES = pytest.mark.parametrize("side", [64, (64, 384), (128, 192), 4096], ids=str)
+
+
+@SIDES
+@pytest.mark.parametrize("run", [serial, threads(3)], ids=["serial", "3 threads"])
+def test_exactly_the_bad_blocks_are_invalid(write_raster: Callable, side: Any, run: Any) -> None:
+    path = spoil(write_raster(PIXELS, **TILED), BAD)
+    values, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side, run)
+    assert np.array_equal(valid, without(BAD))
+    assert np.array_equal(values[valid], PIXELS[valid])
+    assert found == bad_blocks(path, BAD)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.data())
+def test_any_window_reads_the_same_pixels(write_raster: Callable, data: Any) -> None:
+    path = spoil(write_raster(PIXELS, **TILED), BAD)
+    row, col = data.draw(st.integers(0, ROWS - 1)), data.draw(st.integers(0, COLS - 1))
+    window = Window(row, col, data.draw(st.integers(1, ROWS - row)), data.draw(st.integers(1, COLS - col)))
+    values, valid = Dataset.open(path, skip_bad_tiles=True).read(window)
+    known = without(BAD)[window.slices]
+    assert (valid is None and known.all()) or np.array_equal(valid, known)
+    assert np.array_equal(values[0][known], PIXELS[window.slices][known])
+
+
+@pytest.mark.parametrize(
+    "window", [Window(0, 0, ROWS, COLS), Window(190, 250, 3, 3), Window(64, 64, 200, 200)]
+)
+def test_without_skipping_the_error_names_file_and_block(write_raster: Callable, window: Window) -> None:
+    path = spoil(write_raster(PIXELS, **TILED), [(2, 3)])
+    with pytest.raises(
+        RasterReadError, match=r"rows 128 to 192, columns 192 to 256 \(.*--skip-bad-tiles"
+    ) as caught:
+        Dataset.open(path).read(window)
+    assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
+
+
+def test_without_bad_blocks_nothing_changes(write_raster: Callable) -> None:
+    path = write_raster(PIXELS, nodata=7, **TILED)
+    plain, skipping = (seen(Dataset.open(path, skip_bad_tiles=skip), 128) for skip in (False, True))
+    assert all(map(np.array_equal, plain, skipping)) and skipping[2] == []
+
+
+def test_a_block_is_bad_if_it_is_bad_in_one_of_the_used_bands(write_raster: Callable) -> None:
+    planes = np.stack([PIXELS, PIXELS[::-1], PIXELS[:, ::-1]])
+    path = write_raster(planes, interleave="band", colors="red green blue", **TILED)
+    spoil(spoil(path, [(0, 1)], band=1), [(2, 3)], band=3)
+    for how, bad in (
+        ({}, [(0, 1), (2, 3)]),
+        ({"band": 1}, [(0, 1)]),
+        ({"band": 2}, []),
+    ):
+        _, valid, found = seen(Dataset.open(path, skip_bad_tiles=True, **how), 128)
+        assert np.array_equal(valid, without(bad)) and found == bad_blocks(path, bad)
+
+
+@SIDES
+def test_strips_including_the_last(write_raster: Callable, side: Any) -> None:
+    path = write_raster(PIXELS, compress="deflate", blockysize=40)
+    path.write_bytes(path.read_bytes()[: -path.stat().st_size // 3])
+    with rasterio.open(path) as file:
+        strip = file.block_shapes[0][0]
+    values, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side)
+    first = found[0].row
+    assert first % strip == 0 and 100 < first < 250
+    assert valid[:first].all() and not valid[first:].any()
+    assert np.array_equal(values[valid], PIXELS[valid])
+    assert [block.row for block in found] == list(range(first, ROWS, strip))
+
+
+@SIDES
+def test_a_mask_with_blocks_of_its_own(tmp_path: Path, write_raster: Callable, side: Any) -> None:
+    """A bad block of the mask makes the whole block of the file that it intersects bad."""
+    mask = np.where(np.arange(COLS) < 330, np.uint8(255), np.uint8(0)) * np.ones((ROWS, 1), np.uint8)
+    path = write_raster(PIXELS, tmp_path / "a.tif", **TILED | {"blockxsize": 128, "blockysize": 128})
+    beside = write_raster(mask, tmp_path / "mask.tif", **TILED | {"blockxsize": 32, "blockysize": 32})
+    with rasterio.open(beside, "r+") as file:
+        file.update_tags(INTERNAL_MASK_FLAGS_1="2")
+    spoil(beside, [(1, 1)]).rename(f"{path}.msk")
+    _, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side)
+    expected = mask > 0
+    expected[:128, :128] = False
+    assert np.array_equal(valid, expected)
+    assert found == [BadBlock(str(path), 0, 0, 128, 128)]
+
+
+def parts(folder: Path, write_raster: Callable) -> list[Path]:
+    """Two files that overlap in columns 128 to 256 of a mosaic, each with bad blocks."""
+    place = {"transform": Affine(2, 0, 4e5, 0, -2, 5e6), **TILED}
+    east = place | {"transform": Affine(2, 0, 4e5 + 256, 0, -2, 5e6)}
+    left = spoil(write_raster(PIXELS[:, :256], folder / "left.tif", **place), [(1, 1), (2, 3)])
+    right = spoil(write_raster(PIXELS[:, 128:], folder / "right.tif", **east), [(0, 0), (2, 1), (4, 3)])
+    return [left, right]
+
+
+@SIDES
+def test_in_a_mosaic_another_file_replaces_a_bad_block(
+    tmp_path: Path, write_raster: Callable, side: Any
+) -> None:
+    left, right = parts(tmp_path, write_raster)
+    values, valid, found = seen(Dataset.open([left, right], skip_bad_tiles=True), side)
+    assert np.array_equal(valid, without([(1, 1), (2, 3), (4, 5)]))
+    assert np.array_equal(values[valid], PIXELS[valid])
+    assert found == [
+        *(BadBlock(str(left), 64, 64, 64, 64), BadBlock(str(left), 128, 192, 64, 64)),
+        *(BadBlock(str(right), 128, 64, 64, 64), BadBlock(str(right), 256, 192, 44, 30)),
+    ]  # but not the first of the right file, which is not needed
+
+
+def test_a_mosaic_names_the_damaged_file(tmp_path: Path, write_raster: Callable) -> None:
+    left, right = parts(tmp_path, write_raster)
+    dataset = Dataset.open([left, right])
+    with pytest.raises(
+        RasterReadError, match=r"left\.tif cannot be read in rows 64 to 128, columns 64 to 128"
+    ):
+        dataset.read(Window(0, 0, ROWS, 100))
+    with pytest.raises(
+        RasterReadError, match=r"right\.tif cannot be read in rows 256 to 300, columns 192 to 222"
+    ):
+        dataset.read(Window(250, 260, 50, 90))
+
+
+@SIDES
+def test_a_vrt_is_read_by_its_own_blocks(tmp_path: Path, write_raster: Callable, side: Any) -> None:
+    path = spoil(write_raster(PIXELS, tmp_path / "a.tif", **TILED), [(2, 3)])
+    source = f"<SourceFilename relativeToVRT='1'>{path.name}</SourceFilename><SourceBand>1</SourceBand>"
+    band = f"<VRTRasterBand dataType='Byte' band='1'><SimpleSource>{source}</SimpleSource></VRTRasterBand>"
+    vrt = tmp_path / "a.vrt"
+    vrt.write_text(f"<VRTDataset rasterXSize='{COLS}' rasterYSize='{ROWS}'>{band}</VRTDataset>")
+    values, valid, found = seen(Dataset.open(vrt, skip_bad_tiles=True), side)
+    assert found == [BadBlock(str(vrt), 128, 128, 128, 128)]
+    expected = np.ones((ROWS, COLS), bool)
+    expected[128:256, 128:256] = False
+    assert np.array_equal(valid, expected) and np.array_equal(values[valid], PIXELS[valid])
+
+
+def test_bad_blocks_are_invalid_in_a_downsampled_read_too(write_raster: Callable) -> None:
+    path = spoil(write_raster(PIXELS, **TILED), BAD)
+    found: set[BadBlock] = set()
+    with recording_bad_blocks(found):
+        values, valid, _ = Dataset.open(path, skip_bad_tiles=True).read_coarse(70)
+    whole, _, _ = Dataset.open(write_raster(PIXELS, **TILED)).read_coarse(70)
+    rows, cols = (
+        (np.arange(n) + 0.5) * (full / n) for n, full in zip(valid.shape, (ROWS, COLS), strict=True)
+    )
+    assert np.array_equal(valid, without(BAD)[np.ix_(rows.astype(int), cols.astype(int))])
+    assert np.array_equal(values[0][valid], whole[0][valid])
+    assert sorted(found) == bad_blocks(path, BAD)
+
+
+def test_a_missing_file_is_an_error_and_not_a_bad_block(write_raster: Callable) -> None:
+    path = write_raster(PIXELS, **TILED)
+    dataset = Dataset.open(path, skip_bad_tiles=True)
+    path.unlink()
+    with pytest.raises(RasterReadError):
+        dataset.read(Window(0, 0, 64, 64))
+
+
+def test_bad_blocks_are_returned_with_results_from_another_process(write_raster: Callable) -> None:
+    path = spoil(write_raster(PIXELS, **TILED), BAD)
+
+    def elsewhere(function: Any, items: Any, progress: Any = None) -> Any:
+        """As on a cluster: functions, items and results are pickled."""
+        for item in items:
+            yield pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(function))(item)))
+
+    _, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), 128, elsewhere)
+    assert np.array_equal(valid, without(BAD)) and found == bad_blocks(path, BAD)
+
+
+def test_a_change_of_the_file_or_of_how_it_is_read_changes_its_fingerprint(
+    tmp_path: Path, write_raster: Callable
+) -> None:
+    from uavseg.execution.fingerprint import fingerprint
+
+    path = write_raster(PIXELS, tmp_path / "a.tif", **TILED)
+    other = write_raster(PIXELS, tmp_path / "b.tif", **TILED)
+    opened = [
+        Dataset.open(path),
+        Dataset.open(path, nodata=3),
+        Dataset.open(path, skip_bad_tiles=True),
+        Dataset.open(other),
+        Dataset.open([path, other]),
+    ]
+    hashes = [fingerprint(dataset) for dataset in opened]
+    assert len(set(hashes)) == len(hashes)
+    assert fingerprint(Dataset.open(path)) == hashes[0]
+    Path(f"{path}.msk").write_bytes(path.read_bytes())
+    assert fingerprint(Dataset.open(path)) != hashes[0]
+    Path(f"{path}.msk").unlink()
+    write_raster(PIXELS[::-1], path, **TILED)
+    assert fingerprint(Dataset.open(path)) != hashes[0]

@@ -1,0 +1,176 @@
+import json
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+from pyproj import CRS, Geod, Transformer
+
+from uavseg.errors import RegionError
+from uavseg.regions.formats import export
+from uavseg.regions.formats.read import load
+from uavseg.regions.table import COLUMNS, Regions
+
+UTM = 32632
+PARTS = [shapely.box(0, 0, 100, 100) - shapely.box(20, 20, 40, 40), shapely.box(300, 0, 350, 100)]
+MAP = [shapely.transform(part, lambda xy: xy + np.array((500_000, 5_250_000))) for part in PARTS]
+TO_GLOBE = Transformer.from_crs(UTM, 4326, always_xy=True)
+
+
+def made() -> Regions:
+    points = shapely.get_coordinates(shapely.point_on_surface(MAP))
+    lon, lat = TO_GLOBE.transform(points[:, 0], points[:, 1])
+    values: dict[str, Any] = {name: np.linspace(0.1, 0.9, 2) for name in COLUMNS}
+    values |= {"id": [1, 2], "pixels": [9600, 5000], "area_m2": [9600.0, 5000.0], "holes": [1, 0]}
+    values |= {"lon": lon, "lat": lat, "source": ["a.tif", "b.tif"]}
+    columns = {name: np.array(values[name]).astype(kind) for name, kind in COLUMNS.items()}
+    return Regions(columns, np.array(MAP, dtype=object), CRS(UTM).to_wkt())
+
+
+def frame(geometries: list[Any], crs: Any = 4326, **columns: Any) -> geopandas.GeoDataFrame:
+    return geopandas.GeoDataFrame(columns, geometry=geometries, crs=crs)
+
+
+def near(lon: float = 0.0, lat: float = 0.0) -> shapely.Polygon:
+    return shapely.box(8 + lon, 47 + lat, 8.001 + lon, 47.001 + lat)
+
+
+@pytest.mark.parametrize("suffix", ["geojson", "gpkg", "fgb", "parquet", "shp", "kml"])
+def test_every_format_that_is_written_is_read_back(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"regions.{suffix}"
+    export.write(made(), path)
+    found = load(path)
+    assert list(found.columns) == list(COLUMNS)
+    for name, column in made().columns.items():
+        if name == "source":
+            assert found.columns[name].tolist() == column.tolist()
+        else:
+            assert np.allclose(found.columns[name], column, rtol=0, atol=1e-6), name
+    for ours, theirs in zip(found.polygons, MAP, strict=True):
+        expected = shapely.transform(theirs, lambda xy: np.column_stack(TO_GLOBE.transform(*xy.T)))
+        assert shapely.hausdorff_distance(ours, expected) < 2e-7
+        assert len(shapely.get_rings(ours)) == len(shapely.get_rings(theirs))
+
+
+def test_geojson_may_come_as_bytes(tmp_path: Path) -> None:
+    path = tmp_path / "regions.geojson"
+    export.write(made(), path)
+    assert load(path.read_bytes()).columns["id"].tolist() == [1, 2]
+
+
+def test_what_others_made_is_counted_measured_and_taken_apart(tmp_path: Path) -> None:
+    path = tmp_path / "theirs.gpkg"
+    two = shapely.MultiPolygon([near(0.01), near(0.02)])
+    frame([shapely.force_3d(near()), two], name=["field", "woods"]).to_file(path)
+    found = load(path)
+    assert found.columns["id"].tolist() == [1, 2, 3]
+    assert found.columns["name"].tolist() == ["field", "woods", "woods"]
+    assert not shapely.has_z(found.polygons).any()
+    on_ground = abs(Geod(ellps="WGS84").geometry_area_perimeter(near())[0])
+    assert found.columns["area_m2"] == pytest.approx([on_ground] * 3)
+    assert shapely.contains_xy(found.polygons, found.columns["lon"], found.columns["lat"]).all()
+
+
+def test_regions_with_an_id_stay_whole_and_come_in_its_order(tmp_path: Path) -> None:
+    path = tmp_path / "regions.gpkg"
+    two = shapely.MultiPolygon([near(0.01), near(0.02)])
+    frame([near(), two], id=[7, 3]).to_file(path)
+    found = load(path)
+    assert found.columns["id"].tolist() == [3, 7]
+    assert [polygon.geom_type for polygon in found.polygons] == ["MultiPolygon", "MultiPolygon"]
+
+
+def test_a_point_outside_of_its_region_is_not_taken(tmp_path: Path) -> None:
+    path = tmp_path / "regions.geojson"
+    frame([near(), near(1)], id=[1, 2], lon=[8.0005, 8.0005], lat=[47.0005, 47.0005]).to_file(path)
+    found = load(path)
+    assert found.columns["lon"][0] == 8.0005
+    assert 9 < found.columns["lon"][1] < 9.001
+
+
+def test_a_projected_file_is_brought_to_the_globe(tmp_path: Path) -> None:
+    path = tmp_path / "mercator.fgb"
+    frame([near()]).to_crs(3857).to_file(path)
+    assert load(path).polygons[0].equals_exact(near(), 1e-9) or shapely.hausdorff_distance(
+        load(path).polygons[0], near()
+    ) == pytest.approx(0, abs=1e-9)
+
+
+def geojson(geometry: Any) -> str:
+    feature = {"type": "Feature", "properties": {}, "geometry": geometry}
+    return json.dumps({"type": "FeatureCollection", "features": [feature]})
+
+
+BOWTIE = {"type": "Polygon", "coordinates": [[[8, 47], [8.1, 47.1], [8.1, 47], [8, 47.1], [8, 47]]]}
+LOCAL = {"type": "Polygon", "coordinates": [[[0, 0], [640, 0], [640, 480], [0, 480], [0, 0]]]}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "cannot be read"),
+        ("{}", "cannot be read"),
+        ("id,mean\n1,2\n", "cannot be read"),
+        (geojson({"type": "Point", "coordinates": [8, 47]}), "holds Point; regions are polygons"),
+        (geojson({"type": "LineString", "coordinates": [[8, 47], [9, 47]]}), "LineString"),
+        (geojson(LOCAL), "local coordinates"),
+        (geojson(BOWTIE), "no valid polygon"),
+        (geojson(None), "holds no regions"),
+        ('{"type": "FeatureCollection", "features": []}', "no regions|no geometries"),
+    ],
+)
+def test_what_holds_no_regions_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "odd.geojson"
+    path.write_text(text)
+    for source in (path, text.encode()):
+        with pytest.raises(RegionError, match=words) as refused:
+            load(source)
+        assert "\n" not in str(refused.value) and "vsimem" not in str(refused.value)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RegionError, match="does not exist"):
+        load(tmp_path / "none.gpkg")
+
+
+def test_a_parquet_that_is_none_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "odd.parquet").write_text("not at all")
+    with pytest.raises(RegionError, match="cannot be read"):
+        load(tmp_path / "odd.parquet")
+
+
+def test_a_file_without_a_coordinate_system_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "lost.shp"
+    with pytest.warns(UserWarning, match="crs"):
+        frame([near()], crs=None, id=[1]).to_file(path)
+    with pytest.raises(RegionError, match="does not say its coordinate system"):
+        load(path)
+
+
+def test_regions_on_the_moon_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "moon.gpkg"
+    frame([near()], crs="+proj=longlat +R=1737400 +no_defs", id=[1]).to_file(path)
+    with pytest.raises(RegionError, match="place on Earth"):
+        load(path)
+
+
+def test_one_of_several_layers_is_chosen_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "both.gpkg"
+    frame([near()], id=[1]).to_file(path, layer="near")
+    frame([near(1)], id=[2]).to_file(path, layer="far")
+    assert load(path, "far").columns["id"].tolist() == [2]
+    with pytest.raises(RegionError, match="2 layers; choose with --layer one of near, far"):
+        load(path)
+    with pytest.raises(RegionError, match="no layer 'away'; it has near, far"):
+        load(path, "away")
+
+
+def test_a_polygon_that_only_touches_itself_is_mended(tmp_path: Path) -> None:
+    path = tmp_path / "touching.gpkg"
+    ring = [(8, 47), (8.06, 47), (8.03, 47.03), (8.06, 47.06), (8, 47.06), (8.03, 47.03), (8, 47)]
+    frame([shapely.Polygon(ring)], id=[4]).to_file(path)
+    found = load(path)
+    assert found.columns["id"].tolist() == [4]
+    assert shapely.is_valid(found.polygons).all()

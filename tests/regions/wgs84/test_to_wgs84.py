@@ -1,0 +1,178 @@
+"""Regions on the globe: cut, folded and rounded without losing ground."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyproj
+import pytest
+import shapely
+from affine import Affine
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rasterio.crs import CRS
+
+from uavseg.errors import OutputError
+from uavseg.raster.geobox import GeoBox
+from uavseg.regions.outline.trace import trace
+from uavseg.regions.table import make
+from uavseg.regions.wgs84 import to_wgs84
+
+PLACES = {
+    "the south pole on a corner": (3031, Affine(50_000, 0, -300_000, 0, -50_000, 300_000)),
+    "the south pole in a pixel": (3031, Affine(50_000, 0, -330_000, 0, -50_000, 310_000)),
+    "the north pole": (3413, Affine(5000, 0, -33_000, 0, -5000, 31_000)),
+    "the antimeridian in UTM": (32701, Affine(5000, 0, 150_000, 0, -5000, 8e6)),
+    "the antimeridian in Mercator": (3832, Affine(10_000, 0, 3_279_584, 0, -10_000, 2e6)),
+    "degrees past 180": (4326, Affine(1, 0, 174, 0, -1, 12)),
+    "degrees from 0 to 360": (4326, Affine(30, 0, 0, 0, -15, 90)),
+    "a globe that begins before -180": (4326, Affine(30, 0, -195, 0, -15, 90)),
+    "pixels half beyond the poles": (4326, Affine(30, 0, -180, 0, -16, 96)),
+    "degrees up to 180": (4326, Affine(1, 0, 168, 0, -1, 12)),
+    "an older datum past 180": (4267, Affine(1, 0, 174, 0, -1, 60)),
+    "grads of Paris": (4807, Affine(0.1, 0, 1, 0, -0.1, 50)),
+    "a sphere, half beyond the poles": ("+proj=longlat +R=6371229", Affine(30, 0, -15, 0, -16, 96)),
+    "south-up": (32660, Affine(5000, 0, 650_000, 0, 5000, 4e6)),
+    "south for x and west for y": (5513, Affine(500, 0, 1_080_000, 0, -500, 706_000)),
+    "west and south for x and y": (2053, Affine(500, 0, 9000, 0, -500, 3e6)),
+}
+pictures = st.integers(2, 4).flatmap(
+    lambda kinds: st.lists(
+        st.lists(st.integers(0, kinds - 1), min_size=12, max_size=12), min_size=12, max_size=12
+    )
+)
+RING = np.ones((12, 12), np.uint32)
+RING[3:9, 3:9] = 0
+RING[5:7, 5:7] = 2
+
+
+def regions_of(labels, transform, crs):
+    names = np.unique(np.append(0, labels), return_inverse=True)[1][1:]
+    labels = np.ascontiguousarray(names.reshape(np.shape(labels)), np.uint32)
+    box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_user_input(crs))
+    rings, counts = trace(labels), np.bincount(labels.reshape(-1))[1:]
+    return make(rings, box, counts, counts, counts, (0, 1), "picture.tif")
+
+
+def ground(geometries):
+    """Areas on the ellipsoid of geometries that are straight in longitude and latitude."""
+    to_equal_area = pyproj.Transformer.from_crs(4326, 6933, always_xy=True)
+    width = to_equal_area.transform(90, 0)[0] / 90
+
+    def stretched(lonlat):
+        return np.stack(
+            [lonlat[:, 0] * width, to_equal_area.transform(lonlat[:, 0] * 0, lonlat[:, 1])[1]], axis=1
+        )
+
+    return shapely.area(shapely.transform(shapely.segmentize(geometries, 0.05), stretched))
+
+
+def check(regions):
+    drawn = to_wgs84.geometries(regions)
+    west, south, east, north = shapely.total_bounds(drawn)
+    assert west >= -180 and east <= 180 and south >= -90 and north <= 90
+    assert shapely.is_valid(drawn).all()
+    assert shapely.is_ccw(shapely.get_exterior_ring(shapely.get_parts(drawn))).all()
+    assert shapely.intersects_xy(drawn, regions.columns["lon"], regions.columns["lat"]).all()
+    assert ground(drawn) == pytest.approx(regions.columns["area_m2"], rel=1e-2)
+    total = regions.columns["area_m2"].sum()
+    assert ground(drawn).sum() == pytest.approx(total, rel=5e-3)
+    assert ground(shapely.union_all(drawn)) == pytest.approx(total, rel=5e-3)
+    return drawn
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_ring_around_an_island_keeps_its_ground(place):
+    crs, transform = PLACES[place]
+    assert len(check(regions_of(RING, transform, crs))) == 2
+
+
+@given(st.sampled_from(sorted(PLACES)), pictures)
+@settings(deadline=None, max_examples=40)
+def test_any_picture_keeps_its_ground(place, picture):
+    crs, transform = PLACES[place]
+    if np.any(picture):
+        check(regions_of(picture, transform, crs))
+
+
+def test_what_crosses_the_antimeridian_is_cut_there():
+    drawn = check(regions_of([[1, 1]], Affine(5, 0, 175, 0, -5, 10), 4326))
+    assert drawn[0].equals(shapely.union(shapely.box(175, 5, 180, 10), shapely.box(-180, 5, -175, 10)))
+
+
+def test_what_ends_at_the_antimeridian_is_not_cut():
+    drawn = check(regions_of([[1, 2]], Affine(5, 0, 175, 0, -5, 10), 4326))
+    assert drawn[0].equals(shapely.box(175, 5, 180, 10))
+    assert drawn[1].equals(shapely.box(-180, 5, -175, 10))
+
+
+def test_a_cap_over_the_pole_reaches_it_at_every_longitude():
+    drawn = check(regions_of(np.ones((2, 2)), Affine(1e5, 0, -1e5, 0, -1e5, 1e5), 3413))
+    assert shapely.contains_xy(drawn[0], [-179, -45, 0, 135], 89.9).all()
+    assert drawn[0].bounds[0::2] == (-180, 180)
+
+
+def test_long_edges_keep_their_course():
+    regions = regions_of([[1] * 2000], Affine(100, 0, 1e5, 0, -100, 6e6), 32618)  # one pixel, 200 km wide
+    one, other = (
+        check(regions),
+        to_wgs84.geometries(regions_of([[1, 1]], Affine(1e5, 0, 1e5, 0, -100, 6e6), 32618)),
+    )
+    assert shapely.get_num_coordinates(one)[0] > shapely.get_num_coordinates(other)[0]
+    assert ground(one) == pytest.approx(regions.columns["area_m2"], rel=2e-3)
+
+
+@pytest.mark.parametrize("side", [0.002, 0.01, 0.02, 0.03, 0.05])
+@given(pictures)
+@settings(deadline=None, max_examples=15)
+def test_small_pixels_stay_valid_with_seven_decimals(side, picture):
+    if not np.any(picture):
+        return
+    regions = regions_of(picture, Affine(side, 0, 4e5, 0, -side, 5e6), 32618)
+    drawn = to_wgs84.geometries(regions)
+    assert shapely.is_valid(drawn).all()
+    assert not shapely.is_empty(drawn).any()
+    reach = shapely.hausdorff_distance(drawn, shapely.set_precision(drawn, 1e-7))
+    assert (reach[shapely.area(drawn) > 1e-12] < 1e-8).all()
+
+
+@given(pictures)
+@settings(deadline=None, max_examples=30)
+def test_large_pixels_need_no_look_at_each_polygon(picture):
+    if not np.any(picture):
+        return
+    regions = regions_of(picture, Affine(0.04, 0, 4e5, 0, -0.04, 5e6), 32618)
+    assert shapely.is_valid(to_wgs84.geometries(regions)).all()
+
+
+def test_batches_change_nothing():
+    rng = np.random.default_rng(1)
+    regions = regions_of(
+        np.arange(1, 145).reshape(12, 12) * rng.integers(0, 2, (12, 12)),
+        *PLACES["a globe that begins before -180"][::-1],
+    )
+    whole = to_wgs84.geometries(regions)
+    pieces = list(to_wgs84.batches(regions, vertices=1))
+    assert len(pieces) == len(regions) and len(whole) == len(regions)
+    assert sum(len(batch.others) for batch in pieces) == (shapely.get_type_id(whole) == 6).sum() > 0
+
+
+def test_another_celestial_body_is_refused():
+    europa = pyproj.CRS.from_proj4("+proj=eqc +R=1560800 +units=m +no_defs").to_wkt()
+    with pytest.raises(OutputError, match="not on the Earth"):
+        to_wgs84.geometries(replace(regions_of([[1]], Affine(1, 0, 0, 0, -1, 0), None), wkt=europa))
+
+
+def test_a_plane_without_a_globe_is_refused():
+    regions = regions_of([[1]], Affine(1, 0, 0, 0, -1, 0), CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]'))
+    with pytest.raises(OutputError, match="no place on the globe"):
+        to_wgs84.geometries(regions)
+
+
+def test_the_edge_of_a_projection_is_refused():
+    regions = regions_of([[1]], Affine(36e6, 0, -18e6, 0, -18e6, 9e6), "ESRI:54009")
+    with pytest.raises(OutputError, match="past the edge"):
+        to_wgs84.geometries(regions)
+
+
+def test_no_regions_have_no_geometries():
+    assert len(to_wgs84.geometries(regions_of([[0]], Affine(1, 0, 0, 0, -1, 0), 4326))) == 0

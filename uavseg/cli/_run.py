@@ -1,0 +1,279 @@
+"""How a command is run: tiles, workers and checkpoint, and what it reports on stderr."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from uavseg.execution.executors import Map
+    from uavseg.jobs.work import Work
+    from uavseg.raster.tiling import Window
+
+Command = Callable[..., Any]
+
+_REDRAW_S = 0.1
+_WIDTH = 24
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """How a command is run: what `running_options` say.
+
+    Parameters
+    ----------
+    tile : int or None
+        Side of a tile in pixels.
+    threads : int or None
+        How many were asked for.
+    scheduler : str or None
+        Address of a cluster.
+    resume : str or None
+        The folder of finished tiles.
+    overwrite : bool
+        Whether files that are there may be replaced.
+    reporter : Reporter
+    """
+
+    tile: int | None
+    threads: int | None
+    scheduler: str | None
+    resume: str | None
+    overwrite: bool
+    reporter: Reporter
+
+    @classmethod
+    def of(cls, options: dict[str, Any]) -> RunOptions:
+        """From the options of a command, which begins with this."""
+        reporter = Reporter(options["quiet"], options["verbose"], options["progress"])
+        names = ("tile", "threads", "scheduler", "resume", "overwrite")
+        return cls(**{name: options[name] for name in names}, reporter=reporter)
+
+    def work(self) -> Work:
+        """How the job is run: by threads of this process, or by a cluster, which is released when the command
+        ends.
+
+        Raises
+        ------
+        ParameterError
+            If the number of threads is below 1.
+        ClusterError
+            If the scheduler does not answer or its workers do not fit.
+        """
+        from uavseg.execution import executors
+        from uavseg.jobs.work import Work
+
+        cluster = self._cluster()
+        local = executors.threads(self.threads)
+        return Work(
+            self.tile,
+            cluster or local,
+            local,
+            self.reporter.progress,
+            self.resume,
+            self.reporter.resumed,
+            self.reporter.begin,
+        )
+
+    def _cluster(self) -> Map | None:
+        if self.scheduler is None:
+            return None
+        if self.threads is not None:
+            raise click.UsageError(
+                "--threads are this machine's, --scheduler has its own; give one of the two"
+            )
+        from uavseg.execution.cluster import dask
+
+        cluster = dask(self.scheduler)
+        click.get_current_context().call_on_close(cluster.close)
+        return cluster
+
+
+def running_options(command: Command) -> Command:
+    """Give a command --tile, --threads, --scheduler, --resume, --overwrite, -q, -v and --progress.
+
+    See `RunOptions`.
+    """
+    for option in reversed(
+        (
+            click.option(
+                "--tile",
+                type=int,
+                metavar="PIXELS",
+                help="Side of a tile, a multiple of 64; changes no result.",
+            ),
+            click.option(
+                "--threads", type=int, metavar="N", help="Threads to work with.  [default: all cores]"
+            ),
+            click.option(
+                "--scheduler",
+                metavar="tcp://HOST:PORT",
+                help="Let the workers of a dask.distributed scheduler do the work.",
+            ),
+            click.option(
+                "--resume",
+                type=click.Path(),
+                metavar="DIR",
+                help="Keep finished tiles in this folder, and take up those that are there, so that a run "
+                "that was stopped goes on where it stopped. Remove the folder when you are done.",
+            ),
+            click.option("--overwrite", is_flag=True, help="Replace files that are there."),
+            click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
+            click.option("-v", "--verbose", is_flag=True, help="Say more."),
+            click.option(
+                "--progress",
+                type=click.Choice(["auto", "plain", "none"]),
+                default="auto",
+                show_default=True,
+                help="A bar on a terminal; plain: lines 'progress NN' on stderr, for programs.",
+            ),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+class Reporter:
+    """Progress, warnings and the final table of a command, on stderr."""
+
+    def __init__(self, quiet: bool, verbose: bool, progress: str) -> None:
+        self.quiet = quiet
+        self.verbose = verbose
+        self._plain = progress == "plain"
+        self._bar = progress == "auto" and not quiet and sys.stderr.isatty()
+        self._percent = -1
+        self._start = time.perf_counter()
+        self._begun = self._drawn = self._start
+        self._amount: Amount | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Since the command began."""
+        return time.perf_counter() - self._start
+
+    def begin(self, windows: Sequence[Window]) -> None:
+        """The work on the tiles of a source begins."""
+        if self._bar:
+            pixels = sum(window.rows * window.cols for window in windows)
+            self._amount = Amount(len(windows), pixels)
+            self._begun = time.perf_counter()
+
+    def progress(self, done: int, total: int) -> None:
+        """Take in that `done` of `total` steps are done."""
+        if self._bar:
+            self._draw(done / max(total, 1))
+        percent = 100 * done // max(total, 1)
+        if percent <= self._percent:
+            return
+        self._percent = percent
+        if self._plain:
+            click.echo(f"progress {percent}", err=True)
+
+    def _draw(self, share: float) -> None:
+        now = time.perf_counter()
+        if now - self._drawn >= _REDRAW_S or share == 1:
+            self._drawn = now
+            click.echo(f"\r{bar(share, now - self._begun, self._amount)}\x1b[K", err=True, nl=False)
+
+    def finish(self, warnings: Sequence[str] = ()) -> None:
+        """The work is done: the bar goes, plain progress ends at 100, and warnings are printed."""
+        if self._plain:
+            self.progress(1, 1)
+        elif self._bar and self._percent >= 0:
+            click.echo("\r\x1b[K", err=True, nl=False)
+        for warning in warnings:
+            self.warn(warning)
+
+    def resumed(self, stage: str, done: int, total: int) -> None:
+        """Some tiles of a stage were found in the checkpoint."""
+        self.say(f"resumed: {done:,} of {total:,} tiles were done ({stage})")
+
+    def warn(self, text: str) -> None:
+        """Something that the user should know."""
+        if not self.quiet:
+            click.echo(f"uavseg: warning: {text}", err=True)
+
+    def say(self, text: str) -> None:
+        """A line, unless the command is quiet."""
+        if not self.quiet:
+            click.echo(text, err=True)
+
+    def table(self, rows: dict[str, str]) -> None:
+        """The short table at the end."""
+        for name, value in rows.items():
+            self.say(f"  {name:<12}{value}")
+
+    def detail(self, text: str) -> None:
+        """A line where the command is verbose."""
+        if self.verbose and not self.quiet:
+            click.echo(f"uavseg: {text}", err=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """How much there is to do.
+
+    Parameters
+    ----------
+    tiles : int
+    pixels : int
+    """
+
+    tiles: int
+    pixels: int
+
+
+def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
+    """One line: how much is done, tiles, pixels per second and the time left.
+
+    A tile is passed several times, and counts by the share of all passes that is done.
+
+    Parameters
+    ----------
+    share : float
+        How much of the work is done, 0 to 1.
+    seconds : float
+        That the work took so far.
+    amount : Amount, optional
+
+    Examples
+    --------
+    >>> bar(0.25, 60, Amount(80, 240_000_000))
+    '[######..................]  25 %  20/80 tiles  1.0 Mpx/s  3:00 left'
+    >>> bar(0, 0.1)
+    '[........................]   0 %'
+    """
+    filled = int(share * _WIDTH)
+    parts = [f"[{'#' * filled}{'.' * (_WIDTH - filled)}] {int(100 * share):3d} %"]
+    if amount is not None:
+        parts.append(f"{int(share * amount.tiles):,}/{amount.tiles:,} tiles")
+    if share > 0 and seconds > 0:
+        if amount is not None:
+            parts.append(f"{_si(share * amount.pixels / seconds)}px/s")
+        parts.append(f"{clock(seconds * (1 - share) / share)} left")
+    return "  ".join(parts)
+
+
+def clock(seconds: float) -> str:
+    """A time as one reads it.
+
+    Examples
+    --------
+    >>> clock(59.6), clock(3 * 3600 + 62)
+    ('1:00', '3:01:02')
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def _si(number: float) -> str:
+    for size, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if number >= size:
+            return f"{number / size:.1f} {prefix}"
+    return f"{number:.0f} "

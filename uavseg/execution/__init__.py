@@ -1,0 +1,1 @@
+"""Executors: serial, threads or a cluster; checkpoints of long runs."""

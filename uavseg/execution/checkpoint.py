@@ -1,0 +1,136 @@
+"""Checkpoints: an executor that saves each result in a folder, so that a stopped run can resume.
+
+Each stage of the work (one function with its arguments: the rasters, how they are read, the stretch) has a
+subfolder, and each tile a file in it. Both are named by a hash of everything that the result depends on: if
+anything changes (a raster, an option, the tile size, the program itself), other files are used, and no stale
+result is read. Runs share the stages that they have in common: a second range finds the rasters measured.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+from uavseg._version import __version__
+from uavseg.atomic import atomic_file
+from uavseg.errors import OutputError
+from uavseg.execution.executors import Item, Map, Progress, Result
+from uavseg.execution.fingerprint import fingerprint
+from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
+
+OnResume = Callable[[str, int, int], object]
+"""Called with the name of a stage, how many of its tiles are done already, and how many it has."""
+
+
+def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResume | None = None) -> Map:
+    """An executor that saves every result in a folder, and reads those that are there already.
+
+    The calling thread reads and writes the files; only missing results are computed by the other executor.
+    A file is written whole or not at all; a damaged one is computed again. The folder remains at the end: it
+    may be used again, or removed.
+
+    Parameters
+    ----------
+    map : Map
+        The executor that computes what is missing.
+    folder : path
+        Created if it does not exist; its parent folder must exist.
+    on_resume : callable, optional
+        Called once for each stage of which some tiles are done already.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be created, or a result cannot be written to it.
+    """
+    root = Path(folder)
+    _make_folder(root)
+
+    def run(
+        function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
+    ) -> Generator[Result, None, None]:
+        name = stage_name(function)
+        stage = root / f"{name}-{fingerprint(__version__, _code_hash(), function)}"
+        _make_folder(stage)
+        keys = [fingerprint(item) for item in items]
+        existing = {path.name for path in stage.iterdir()}
+        missing = [k for k, key in enumerate(keys) if _file_name(key) not in existing]
+        if on_resume is not None and len(missing) < len(keys):
+            on_resume(name, len(keys) - len(missing), len(keys))
+        is_missing = set(missing)
+        with closing(map(function, _Some(items, missing))) as computed:  # no work continues after this ends
+            for k, key in enumerate(keys):
+                if k in is_missing:
+                    result = next(computed)
+                    _save(stage, key, result)
+                else:
+                    result = _read_or_compute(stage, key, partial(map, function, _Some(items, [k])))
+                yield result
+                if progress is not None:
+                    progress(k + 1, len(keys))
+
+    return run
+
+
+class _Some(Sequence[Any]):
+    """Some of a sequence's items, each made when it is indexed."""
+
+    def __init__(self, items: Sequence[Any], which: Sequence[int]) -> None:
+        self._items = items
+        self._which = which
+
+    def __len__(self) -> int:
+        return len(self._which)
+
+    def __getitem__(self, k: Any) -> Any:
+        return self._items[self._which[k]]
+
+
+def stage_name(function: Any) -> str:
+    """Name of a stage for messages: "measure" for `_measure_tile` with any arguments."""
+    while not hasattr(function, "__name__"):
+        inner = getattr(function, "func", None) or getattr(function, "function", None)
+        if inner is None:
+            return type(function).__name__.strip("_").lower()
+        function = inner
+    return str(function.__name__).strip("_").removesuffix("_tile")
+
+
+@lru_cache
+def _code_hash() -> str:
+    """Hash of the package's source: two states of it between two releases have the same version."""
+    hasher = hashlib.sha256()
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
+        hasher.update(path.read_bytes())
+    return hasher.hexdigest()
+
+
+def _file_name(key: str) -> str:
+    return f"{key}.npz"
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        reason = "it is a file" if folder.exists() else error.strerror
+        raise OutputError(f"the folder {folder} to resume from cannot be created: {reason}") from error
+
+
+def _save(stage: Path, key: str, result: Any) -> None:
+    """Write a result; not synced, since a file torn by a power cut is detected and computed again."""
+    with atomic_file(stage / _file_name(key), overwrite=True, sync=False) as path:
+        path.write_bytes(encode_result(result, key))
+
+
+def _read_or_compute(stage: Path, key: str, compute: Callable[[], Iterator[Any]]) -> Any:
+    """A result from its file; computed again where that is damaged."""
+    try:
+        return decode_result((stage / _file_name(key)).read_bytes(), key)
+    except (OSError, DamagedResultError):
+        [result] = compute()
+        _save(stage, key, result)
+        return result

@@ -1,0 +1,141 @@
+"""Executors: the only module that knows about threads.
+
+An executor (`Map`) takes a function and a sequence of items, and yields the results in the order of the
+items. Functions and items must be picklable, so that the same call can run on a cluster.
+"""
+
+import os
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from uavseg.errors import ParameterError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+Progress = Callable[[int, int], None]
+"""Called with the number of items done, and the number of items."""
+
+
+class Map(Protocol):
+    """An executor: applies a function to each item, and yields the results in the order of the items.
+
+    Closing the generator stops the work.
+    """
+
+    def __call__(
+        self,
+        function: Callable[[Item], Result],
+        items: Sequence[Item],
+        progress: Progress | None = None,
+    ) -> Generator[Result, None, None]: ...
+
+
+def serial(
+    function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
+) -> Generator[Result, None, None]:
+    """Executor that runs one item after the other in the calling thread.
+
+    Examples
+    --------
+    >>> list(serial(abs, [-1, 2, -3]))
+    [1, 2, 3]
+    """
+    for done, item in enumerate(items, start=1):
+        yield function(item)
+        if progress is not None:
+            progress(done, len(items))
+
+
+def threads(count: int | None = None) -> Map:
+    """Executor that runs `count` threads, by default one for each core that the process may use.
+
+    At most 2 x `count` items are started and not yet consumed, so memory does not grow with their number.
+
+    Raises
+    ------
+    ParameterError
+        If `count` is below 1.
+    """
+    count = usable_cores() if count is None else count
+    if count < 1:
+        raise ParameterError(f"the number of threads is at least 1, not {count}")
+    if count == 1:
+        return serial
+
+    def run(
+        function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
+    ) -> Generator[Result, None, None]:
+        from concurrent.futures import ThreadPoolExecutor  # takes 13 ms, which one thread saves
+
+        with ThreadPoolExecutor(count) as pool:
+
+            def submit(item: Item) -> "Future[Result]":
+                return pool.submit(function, item)
+
+            yield from in_order(submit, lambda future: future.result(), lambda: 2 * count, items, progress)
+
+    return run
+
+
+def in_order(
+    submit: Callable[[Item], Any],
+    result: Callable[[Any], Result],
+    capacity: Callable[[], int],
+    items: Sequence[Item],
+    progress: Progress | None,
+) -> Generator[Result, None, None]:
+    """Results of futures in the order of the items; pending ones are cancelled when the generator is closed.
+
+    Parameters
+    ----------
+    submit : callable
+        Starts an item and returns its future.
+    result : callable
+        Waits for a future and returns its result.
+    capacity : callable
+        How many items may be started and not yet consumed.
+    items : sequence
+    progress : callable or None
+    """
+    pending: deque[Any] = deque()
+    done = 0
+    try:
+        for item in items:
+            pending.append(submit(item))
+            while len(pending) >= capacity():
+                yield result(pending.popleft())
+                done += 1
+                if progress is not None:
+                    progress(done, len(items))
+        while pending:
+            yield result(pending.popleft())
+            done += 1
+            if progress is not None:
+                progress(done, len(items))
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def usable_cores() -> int:
+    """Number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def split_progress(progress: Progress, count: int) -> list[Progress]:
+    """One progress callback for each of several stages; together they drive the given one.
+
+    Each stage counts for the same share of the whole.
+    """
+
+    def report(k: int, done: int, total: int) -> None:
+        progress(k * total + done, count * total)
+
+    return [partial(report, k) for k in range(count)]

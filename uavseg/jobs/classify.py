@@ -1,0 +1,204 @@
+"""Classification of a map of probabilities: free, unknown and occupied cells, and occupied objects."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._memory import trim_heap
+from uavseg.errors import MapError, ParameterError
+from uavseg.jobs.open_source import Blocks, ProbabilityMap
+from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.tiling import TilePass
+from uavseg.regions.drawing import Drawing
+from uavseg.regions.edit.small import Area, without_small_regions
+from uavseg.regions.outline.rings import Rings
+from uavseg.regions.tiles.kind_tiles import outline_state
+from uavseg.segmentation.blocks.leaves import cell_states
+from uavseg.segmentation.params import SegmentParams, StateLimits
+from uavseg.segmentation.pipeline import measure_block_map_for
+from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.states.classify_strips import (
+    ClassifiedStates,
+    StateRefinement,
+    classify_states,
+    state_strips,
+)
+from uavseg.segmentation.states.state_image import StateImage
+from uavseg.units import OCCUPIED
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+
+@dataclass(frozen=True, slots=True)
+class ClassifyRequest:
+    """Which states, and what becomes of occupied objects.
+
+    Parameters
+    ----------
+    limits : StateLimits
+    segment : SegmentParams
+        The paper's method by default; its `refine` is "scan" or "none".
+    objects : bool
+        Whether occupied segments are outlined as objects.
+    drawing : Drawing
+        How their outlines are drawn.
+    min_area : Area, optional
+        Objects of less are dropped; states stay as they are.
+
+    Raises
+    ------
+    ParameterError
+        If the refinement is another.
+    """
+
+    limits: StateLimits = StateLimits()
+    segment: SegmentParams = SegmentParams("paper")
+    objects: bool = True
+    drawing: Drawing = Drawing()
+    min_area: Area | None = None
+
+    def __post_init__(self) -> None:
+        _ = self.refine
+
+    @property
+    def refine(self) -> StateRefinement:
+        """How states are refined."""
+        refine = self.segment.refine
+        if refine == "smooth" or refine == "tv":
+            raise ParameterError(
+                f"states are refined by scans or not at all: refine is scan or none, not {refine}"
+            )
+        return refine
+
+
+@dataclass(frozen=True)
+class Classification:
+    """The states of a map's cells.
+
+    Parameters
+    ----------
+    image : StateImage
+        Reads the states window by window.
+    cells : dict of int to int
+        How many cells have each state.
+    occupied_in_free : int
+        Cells that are called free and whose own v lies above the occupied limit: thin walls, perhaps. Paths
+        over free cells have to check v as well.
+    occupied_by_value : int
+        All cells whose own v lies above the occupied limit.
+    objects : Extraction or None
+        What is occupied, if it was asked for: connected cells, 1..n with the largest first.
+    source : SourceInfo
+        The map.
+    warnings : tuple of str
+    """
+
+    image: StateImage
+    cells: dict[int, int]
+    occupied_in_free: int
+    occupied_by_value: int
+    objects: Extraction | None
+    source: SourceInfo
+    warnings: tuple[str, ...]
+
+    @property
+    def states(self) -> NDArray[np.uint8]:
+        """The state of each cell: 1 free, 2 unknown, 3 occupied, 0 no data; (rows, cols) uint8."""
+        return self.image.read()
+
+    def frame(self) -> "GeoDataFrame":
+        """The objects as a GeoDataFrame.
+
+        Raises
+        ------
+        ParameterError
+            If no objects were asked for.
+        """
+        if self.objects is None:
+            raise ParameterError("no objects were asked for; classify with objects=True")
+        return self.objects.regions.frame()
+
+    @property
+    def geobox(self) -> GeoBox:
+        """Where the cells lie."""
+        return self.source.geobox
+
+
+def classify(
+    source: ProbabilityMap | Blocks, request: ClassifyRequest = ClassifyRequest(), work: Work = SERIAL
+) -> Classification:
+    """Free, unknown and occupied cells of a map of probabilities, refined to the cell.
+
+    What is held for each cell, beyond the block map, is half a byte, and that lies in a temporary file where
+    the map is large; see `segmentation.states.classify_strips`.
+
+    Parameters
+    ----------
+    source : ProbabilityMap
+    request : ClassifyRequest
+    work : Work
+
+    Raises
+    ------
+    MapError
+        If no cell of the map is valid, or it holds something else than probabilities.
+    ParameterError
+        If the source is a block map.
+    """
+    work = work.begun()
+    if isinstance(source, Blocks):
+        raise ParameterError(
+            f"{source.path} is a block map; states are refined with the map, so give the map itself"
+        )
+    tile_pass = work.over(source)
+    grey = source.grey(tile_pass.silent)
+    strips = state_strips(grey.shape, grey.dataset.file_block, work.tile)
+    tile_pass = replace(tile_pass, windows=[tile for strip in strips for tile in strip])
+    dividing, deciding, *outlining = tile_pass.stages(2 + request.objects)
+    segment = request.segment
+    blocks = measure_block_map_for(grey, request.limits, segment, dividing)
+    cells = cell_states(blocks, request.limits, segment.division)
+    del blocks
+    trim_heap()
+    if not cells.any():
+        raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
+    found = classify_states(grey, cells, request.limits, request.refine, deciding)
+    leaves = cells if request.refine == "none" else None
+    objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None
+    hazard = found.occupied_in_free, found.occupied_by_value
+    info = SourceInfo.of(grey)
+    return work.finished(Classification(found.image, found.pixels, *hazard, objects, info, info.warnings))
+
+
+def _objects(
+    grey: GreySource,
+    found: ClassifiedStates,
+    leaves: NDArray[np.uint8] | None,
+    request: ClassifyRequest,
+    tile_pass: TilePass,
+) -> Extraction:
+    outlined = outline_state(grey, found.image, OCCUPIED, tile_pass, leaves)
+    geobox = grey.dataset.geobox
+    if request.min_area is not None:
+        outlined = without_small_regions(outlined, geobox, request.min_area)
+    interval = request.limits.occupied_above, 1.0
+    bounds = _bounds(outlined.rings, geobox)
+    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, bounds)
+
+
+def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:
+    """The bounding box of each region, in the coordinates of the map."""
+    xy = geobox.xy_from_pixel(rings.vertices[:, 0], rings.vertices[:, 1])
+    first_rings = np.flatnonzero(np.diff(rings.labels, prepend=0))
+    starts = rings.starts[first_rings]
+    named = {}
+    for name, coordinates in zip("xy", xy, strict=True):
+        whole = np.asarray(coordinates, np.float64)
+        named[f"{name}_min"] = np.minimum.reduceat(whole, starts) if len(starts) else np.empty(0)
+        named[f"{name}_max"] = np.maximum.reduceat(whole, starts) if len(starts) else np.empty(0)
+    return {name: named[name] for name in ("x_min", "y_min", "x_max", "y_max")}

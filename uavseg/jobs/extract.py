@@ -1,0 +1,154 @@
+"""Extraction of the regions of a raster whose mean intensity lies in a range: the main job."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._memory import trim_heap
+from uavseg.errors import ParameterError
+from uavseg.jobs.open_source import Blocks, Pixels, Raster, Source, raster_of
+from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.tiling import TilePass
+from uavseg.regions.drawing import Drawing
+from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
+from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.tiles.range_tiles import outline_regions, summed
+from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.blocks.leaves import cells_in_range
+from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
+from uavseg.segmentation.source import GreySource
+
+
+@dataclass(frozen=True, slots=True)
+class ExtractRequest:
+    """Which regions, and how they are drawn.
+
+    Parameters
+    ----------
+    interval : IntensityRange
+        Of v, after the stretch.
+    segment : SegmentParams
+    drawing : Drawing
+        How outlines are drawn.
+    fill_holes : Area, optional
+        Holes of less are filled, and regions within them become part of what surrounds them; this comes
+        first.
+    min_area : Area, optional
+        Regions of less are dropped, after holes are filled.
+    """
+
+    interval: IntensityRange
+    segment: SegmentParams = SegmentParams()
+    drawing: Drawing = Drawing()
+    fill_holes: Area | None = None
+    min_area: Area | None = None
+
+
+def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Extraction:
+    """Regions of a raster whose mean intensity lies in a range.
+
+    A block map answers without its raster where regions may end at cells; otherwise they are refined with it,
+    if it is where it was.
+
+    Parameters
+    ----------
+    source : Raster or Blocks
+    request : ExtractRequest
+    work : Work
+
+    Raises
+    ------
+    RasterError
+        If the raster is not as it was when its block map was made.
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    work = work.begun()
+    hints = []
+    if not isinstance(source, Blocks):
+        found = regions_of_pixels(raster_of(source), request, work)
+    elif request.segment.refine == "none":
+        found = _at_block_edges(source, request)
+    elif source.raster is not None:
+        found = _refined(source, source.raster, request, work)
+    else:
+        hints.append(f"{source.saved.origin.rasters[0]} is not where it was, so regions end at block edges")
+        found = _at_block_edges(source, request)
+    if len(found.regions) == 0:
+        low, high = request.interval.low, request.interval.high
+        hints.append(f"no region has a mean v in {low:g}..{high:g}; uavseg info shows which v there are")
+    return work.finished(found, *hints)
+
+
+def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Extraction:
+    """The phases of the paper, from pixels to regions: read this first.
+
+    Parameters
+    ----------
+    source : Pixels
+    request : ExtractRequest
+    work : Work
+    """
+    stretching, dividing, outlining = work.over(source).stages(3)
+    grey = source.grey(stretching)  # intensity -> v
+    # texture, division of blocks
+    blocks = measure_block_map_for(grey, request.interval, request.segment, dividing)
+    cells = cells_to_refine(blocks, request.interval, request.segment)  # segments of leaves in range
+    del blocks
+    trim_heap()
+    outlined = _outlined(grey, cells, request, outlining)  # refinement to the pixel, outlines, small holes
+    return _measured(outlined, SourceInfo.of(grey), request)  # small regions, attributes, drawing
+
+
+def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work) -> Extraction:
+    """The same from the division on, with blocks that are known."""
+    if raster.geobox.shape != source.geobox.shape:
+        raise ParameterError(f"{raster.name} has not the size of the raster that the block map was made from")
+    outlining = work.over(raster)
+    grey = GreySource(raster.dataset, source.saved.stretch)
+    cells = cells_to_refine(source.saved.blocks, request.interval, request.segment)
+    outlined = _outlined(grey, cells, request, outlining, source.saved.blocks)
+    return _measured(outlined, SourceInfo.of(grey), request)
+
+
+def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
+    """Regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
+    from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
+
+    blocks, segment = source.saved.blocks, request.segment
+    outlined = outline_cells(blocks, cells_in_range(blocks, request.interval, segment.division))
+    if request.fill_holes is not None:
+        outlined = summed_cells(blocks, without_small_holes(outlined, source.geobox, request.fill_holes))
+    return _measured(outlined, SourceInfo.of(source), request)
+
+
+def _outlined(
+    grey: GreySource,
+    cells: NDArray[np.uint8],
+    request: ExtractRequest,
+    tile_pass: TilePass,
+    expected: BlockMap | None = None,
+) -> Outlined:
+    """Outlines of the regions, with small holes filled."""
+    outlined = outline_regions(grey, cells, request.interval, request.segment.refine, tile_pass, expected)
+    trim_heap()
+    return filled(grey, outlined, request.fill_holes, tile_pass)
+
+
+def filled(grey: GreySource, outlined: Outlined, smallest: Area | None, tile_pass: TilePass) -> Outlined:
+    """Regions whose holes of less than an area are filled, with the sums of all pixels they then enclose."""
+    if smallest is None:
+        return outlined
+    found = without_small_holes(outlined, grey.dataset.geobox, smallest)
+    return outlined if found is outlined else replace(found, sums=summed(grey, found, tile_pass))
+
+
+def _measured(outlined: Outlined, info: SourceInfo, request: ExtractRequest) -> Extraction:
+    """Regions with their attributes, the small ones dropped."""
+    if request.min_area is not None:
+        outlined = without_small_regions(outlined, info.geobox, request.min_area)
+    interval = request.interval
+    return measured(outlined, info, (interval.low, interval.high), request.drawing)

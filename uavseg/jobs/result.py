@@ -1,0 +1,101 @@
+"""Results of jobs: regions with what is needed to describe them and to rasterise them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uavseg.jobs.open_source import Blocks
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.regions.drawing import Drawing
+from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.table import Regions, make
+from uavseg.segmentation.source import GreySource
+
+
+@dataclass(frozen=True)
+class Extraction:
+    """Regions, and what is needed to describe them and to rasterise them.
+
+    Parameters
+    ----------
+    regions : Regions
+    rings : Rings
+        Their outlines on pixel edges, neither smoothed nor simplified.
+    geobox : GeoBox
+        Of the raster.
+    stretch : Stretch
+        The one that was used.
+    band_names : str
+    warnings : tuple of str
+    """
+
+    regions: Regions
+    rings: Rings
+    geobox: GeoBox
+    stretch: Stretch
+    band_names: str
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SourceInfo:
+    """What a result says of its source.
+
+    Parameters
+    ----------
+    name : str
+        Name of the first file, without folder.
+    geobox : GeoBox
+    stretch : Stretch
+    band_names : str
+    warnings : tuple of str
+    """
+
+    name: str
+    geobox: GeoBox
+    stretch: Stretch
+    band_names: str
+    warnings: tuple[str, ...]
+
+    @classmethod
+    def of(cls, source: GreySource | Blocks) -> "SourceInfo":
+        """About pixels that were read, or about a block map."""
+        if isinstance(source, Blocks):
+            saved = source.saved
+            return cls(source.name, saved.geobox, saved.stretch, saved.band_names, saved.stretch.warnings)
+        dataset, stretch = source.dataset, source.stretch
+        warnings = dataset.warnings + stretch.warnings
+        return cls(dataset.source, dataset.geobox, stretch, dataset.band_names, warnings)
+
+
+def measured(
+    outlined: Outlined,
+    info: SourceInfo,
+    interval: tuple[ArrayLike, ArrayLike],
+    drawing: Drawing = Drawing(),
+    more: Mapping[str, NDArray[Any]] = {},
+) -> Extraction:
+    """Regions with their attributes.
+
+    Parameters
+    ----------
+    outlined : Outlined
+    info : SourceInfo
+    interval : (float, float) or two (n,) arrays
+        Low and high v of all regions, or of each.
+    drawing : Drawing
+        How their outlines are drawn.
+    more : mapping of str to (n,) array
+        Columns that come after the id.
+    """
+    rings, sums = outlined.rings, outlined.sums
+    pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
+    regions = make(rings, info.geobox, sums.counts, sums.greys, sums.squares, interval, info.name, pixels)
+    columns = {"id": regions.columns["id"], **more} | regions.columns
+    regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
+    return Extraction(regions, rings, info.geobox, info.stretch, info.band_names, info.warnings)

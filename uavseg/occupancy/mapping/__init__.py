@@ -1,0 +1,1 @@
+"""Occupancy grids: log-odds, the beam model, live segmentation."""

@@ -1,0 +1,1 @@
+"""Path planning over free cells: A*, clearance, any-angle paths."""

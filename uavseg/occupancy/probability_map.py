@@ -1,0 +1,82 @@
+"""Maps of probabilities, whatever they are stored as, ready for the phases of segmentation."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uavseg.errors import MapError
+from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
+from uavseg.raster.bands import Valid, Values
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity.grey import Grey
+from uavseg.raster.intensity.stretch import Stretch, fit_stretch
+from uavseg.raster.tiling import TilePass
+
+
+@dataclass(frozen=True, slots=True)
+class ProbabilityStretch(Stretch):
+    """Floats that are probabilities already: v is what they are, and what leaves 0..1 is refused."""
+
+    def apply(self, values: Values, valid: Valid | None = None) -> Grey:
+        """Grey of each pixel, 0 where it is invalid.
+
+        Raises
+        ------
+        MapError
+            If a valid number lies outside 0..1.
+        """
+        outside = (values < 0) | (values > 1)
+        if valid is not None:
+            outside &= valid
+        if outside.any():
+            raise MapError(
+                f"a map of probabilities lies in 0..1 and this one holds {values[outside][0]:g}; "
+                "name a stretch (--stretch LOW,HIGH) or declare nodata (--nodata)"
+            )
+        return Stretch.apply(self, values, valid)
+
+
+def open_map(
+    path: str | os.PathLike[str], band: int | None = None, nodata: float | None = None
+) -> tuple[Dataset, Stretch]:
+    """A map of probabilities: a raster, or the YAML file of a ROS map.
+
+    It is never stretched by what it contains: integers are divided by the largest number of their type,
+    floats are taken as they are. Unknown cells of a ROS map are exactly 0.5.
+
+    Parameters
+    ----------
+    path : path
+    band : int, optional
+        Of a raster: the band to use, counted from 1.
+    nodata : float, optional
+        Of a raster: takes the place of its nodata value.
+
+    Returns
+    -------
+    dataset, stretch
+        Together they make the `GreySource` that the phases read by window. The stretch of floats raises
+        `MapError` where it meets a number that is no probability.
+
+    Raises
+    ------
+    RasterReadError
+        If a file cannot be opened.
+    MapError, RasterError
+        If it is of a kind that cannot be answered rightly.
+    """
+    if is_ros_map(path):
+        found = read_ros_map(path)
+        dataset = Dataset.of_values(found.probabilities, found.geobox, Path(path).name)
+    else:
+        dataset = Dataset.open(path, band=band, nodata=nodata)
+    return dataset, stretch_of(dataset)
+
+
+def stretch_of(dataset: Dataset) -> Stretch:
+    """How a map's numbers become grey, whatever they are: by their type alone."""
+    if np.dtype(dataset.dtype).kind == "f":
+        return ProbabilityStretch(0.0, 1.0, "none -> 0..1")
+    return fit_stretch(dataset, "dtype", TilePass([]))

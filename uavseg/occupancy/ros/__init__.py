@@ -1,0 +1,1 @@
+"""ROS maps: YAML, PGM."""

@@ -1,0 +1,1 @@
+"""Pictures: previews, suggested ranges."""

@@ -1,0 +1,82 @@
+"""Rasters in a picture: the one that it is of in grey, and others over it."""
+
+import os
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+
+from uavseg.errors import RasterError
+from uavseg.plot.frame import Frame
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.overview import DatasetOverview
+from uavseg.raster.tiling import TilePass, Window
+
+
+def draw_raster(ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str) -> str:
+    """Grey where pixels are valid, hatched where they are not; returns the name of the stretch."""
+    from matplotlib.patches import Polygon
+
+    coarse = DatasetOverview.of(dataset, _most_pixels(ax))
+    window = Window(0, 0, *coarse.geobox.shape)
+    fitted = fit_stretch(coarse, stretch, TilePass([window]))
+    values, valid = coarse.read(window)
+    picture = np.full((window.rows, window.cols, 4), 255, np.uint8)
+    picture[..., :3] = (fitted.apply(values, valid) >> 8).astype(np.uint8)[..., None]
+    if valid is not None:
+        picture[..., 3] = np.where(valid, 255, 0)
+        ax.add_patch(Polygon(frame.corners, fc="#f4f4f4", ec="#cfcfcf", hatch="////", lw=0, zorder=1))
+    show(ax, picture, frame.affine * coarse.geobox.transform, zorder=2)
+    return fitted.name
+
+
+def show(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) -> None:
+    """Show (rows, cols, 4) pixels, of which `transform` tells where they lie on the sheet."""
+    from matplotlib.transforms import Affine2D
+
+    t = transform
+    image = ax.imshow(
+        picture,
+        extent=(0, picture.shape[1], picture.shape[0], 0),
+        transform=Affine2D.from_values(t.a, t.d, t.b, t.e, t.c, t.f) + ax.transData,
+        interpolation="nearest" if _is_enlarged(ax, t) else "antialiased",
+        aspect="auto",
+        zorder=zorder,
+    )
+    image.set_clip_path(ax.patch)
+
+
+def coarse_over(
+    path: str | os.PathLike[str], frame: Frame, most: int, band: int | None = None
+) -> DatasetOverview:
+    """Another raster that lies over the one of the picture, in at most `most` rows and columns.
+
+    Raises
+    ------
+    RasterError
+        If its coordinate system is another one.
+    """
+    return coarse_of(Dataset.open(path, band=band), frame, most)
+
+
+def coarse_of(dataset: Dataset, frame: Frame, most: int) -> DatasetOverview:
+    """As `coarse_over`, of a dataset that is open already."""
+    if dataset.geobox.crs != frame.geobox.crs:
+        raise RasterError(
+            f"{dataset.source} has another coordinate system than the raster of the picture; "
+            "draw it over the one that it was made from"
+        )
+    return DatasetOverview.of(dataset, most)
+
+
+def _most_pixels(ax: Any) -> int:
+    box = ax.get_window_extent()
+    return int(2 * max(box.width, box.height))
+
+
+def _is_enlarged(ax: Any, transform: Affine) -> bool:
+    """Whether a pixel of the raster is larger than two of the picture."""
+    left, right = ax.get_xlim()
+    return bool(abs(transform.determinant) ** 0.5 > 2 * (right - left) / ax.get_window_extent().width)

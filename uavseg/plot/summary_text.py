@@ -1,0 +1,118 @@
+"""A summary as a block of text, with the histogram drawn in bars."""
+
+from pathlib import PurePath
+
+from uavseg.raster.summary import HISTOGRAM_BINS, Summary
+
+EIGHTHS = " ▏▎▍▌▋▊▉█"
+WIDTH = 40  # characters of the longest bar
+
+
+def summary_text(summary: Summary) -> str:
+    """A summary for people, one fact a line."""
+    rows = [
+        ("file", _files(summary)),
+        ("size", f"{summary.cols} x {summary.rows} pixels, {_megapixels(summary)}; {summary.driver}"),
+        ("CRS", _crs(summary)),
+        ("ground", _ground(summary)),
+        ("extent", _extent(summary)),
+        ("centre", _center(summary)),
+        ("bands", _bands(summary)),
+        ("intensity", f"{summary.used}, stretched by {summary.stretch}"),
+        ("nodata", f"{_percent(summary.nodata_share)} of the pixels ({_counted(summary)})"),
+        ("v", _moments(summary)),
+    ]
+    facts = [f"{name:<10} {text}" for name, text in rows if text]
+    notes = [f"note       {warning}" for warning in summary.warnings]
+    return "\n".join([*facts, *notes, "", *_bars(summary), "", f"try        {summary.command}"])
+
+
+def bar(share: float, width: int = WIDTH) -> str:
+    """A bar as long as a share of `width` characters, to an eighth of one.
+
+    Examples
+    --------
+    >>> bar(0.5, 4), bar(0.28125, 4), bar(0.0, 4)
+    ('██', '█▏', '')
+    """
+    eighths = round(share * width * 8)
+    return "█" * (eighths // 8) + EIGHTHS[eighths % 8].strip()
+
+
+def _bars(summary: Summary) -> list[str]:
+    """One line for each step of v."""
+    most, total = max(*summary.histogram, 1), max(summary.valid, 1)
+    lines = []
+    for n, count in enumerate(summary.histogram):
+        drawn = bar(count / most) or ("▏" if count else "")
+        label = f"{n / HISTOGRAM_BINS:.2f}-{(n + 1) / HISTOGRAM_BINS:.2f}"
+        lines.append(f"{label:<10} {drawn:<{WIDTH}} {100 * count / total:5.1f} %")
+    return lines
+
+
+def _files(summary: Summary) -> str:
+    first, others = summary.paths[0], len(summary.paths) - 1
+    if others == 0:
+        return first
+    return f"{first} and {others} more, one mosaic (the last: {PurePath(summary.paths[-1]).name})"
+
+
+def _megapixels(summary: Summary) -> str:
+    return f"{summary.rows * summary.cols / 1e6:.3g} megapixels"
+
+
+def _crs(summary: Summary) -> str:
+    if summary.crs is None:
+        return "none: coordinates are local" if summary.located else "none: coordinates are pixels"
+    return summary.crs + (f" (EPSG:{summary.epsg})" if summary.epsg else "")
+
+
+def _ground(summary: Summary) -> str:
+    across, along = summary.resolution
+    unit = "m" if summary.crs else "units"
+    size = f"{across:.4g}" if abs(across / along - 1) < 1e-3 else f"{across:.4g} x {along:.4g}"
+    return f"{size} {unit} per pixel; {across * summary.cols:.4g} x {along * summary.rows:.4g} {unit} in all"
+
+
+def _extent(summary: Summary) -> str:
+    left, bottom, right, top = (f"{value:.10g}" for value in summary.bounds)
+    return f"x {left} to {right}, y {bottom} to {top}"
+
+
+def _center(summary: Summary) -> str:
+    if summary.center is None:
+        return ""
+    lon, lat = summary.center
+    return f"lat {lat:.6f}, lon {lon:.6f}"
+
+
+def _bands(summary: Summary) -> str:
+    nodatas = {nodata for _, _, nodata in summary.bands}
+    shared = f", nodata {_number(nodatas.pop())}" if len(nodatas) == 1 and nodatas != {None} else ""
+    texts = [
+        f"{n}: {dtype} {color}"
+        + (f" (nodata {_number(nodata)})" if nodata is not None and not shared else "")
+        for n, (dtype, color, nodata) in enumerate(summary.bands, start=1)
+    ]
+    shown = texts if len(texts) <= 8 else [*texts[:7], f"... {len(texts)} in all"]
+    return "; ".join(shown) + shared
+
+
+def _moments(summary: Summary) -> str:
+    if summary.valid == 0:
+        return "there is no valid pixel"
+    return f"mean {summary.mean:.3f}, standard deviation {summary.std:.3f}"
+
+
+def _number(value: float | None) -> str:
+    return f"{value:.10g}" if value is not None else "none"
+
+
+def _percent(share: float) -> str:
+    return "none" if share == 0 else f"{100 * share:.2f} %" if share >= 0.0001 else "less than 0.01 %"
+
+
+def _counted(summary: Summary) -> str:
+    if summary.exact:
+        return f"all {summary.counted} counted"
+    return f"from a coarse look: {summary.counted} pixels of {summary.rows * summary.cols}"

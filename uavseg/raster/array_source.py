@@ -1,0 +1,137 @@
+"""Arrays as raster sources: arrays in memory, or a DataArray with `.rio`, read by slices to keep it lazy."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from rasterio.crs import CRS
+
+from uavseg.errors import ParameterError, RasterError
+from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.tiling import Window, sample_positions
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ArraySource:
+    """A raster source backed by an array; the attributes are those of `RasterFile`."""
+
+    array: Any
+    path: str
+    shape: tuple[int, int]
+    transform: Affine
+    crs: CRS | None
+    located: bool
+    layout: BandLayout
+    nodatas: tuple[float | None, ...]
+    block: tuple[int, int]
+    warnings: tuple[str, ...]
+    palette: None = None
+    driver: str = "DataArray"
+    overviews: tuple[int, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The name of the array."""
+        return self.path
+
+    def fingerprint(self) -> object:
+        """Refused: an array in memory cannot be recognised in another run.
+
+        Raises
+        ------
+        ParameterError
+            Always.
+        """
+        raise ParameterError(
+            f"{self.name} is an array, which cannot be checked for changes; to resume, give the file that it "
+            "comes from"
+        )
+
+    def read(
+        self, _handles: object, choice: BandChoice, window: Window, shape: tuple[int, int] | None = None
+    ) -> tuple[Values, Valid | None]:
+        """Pixels of the chosen bands, and which of them are valid (None: all); see `RasterFile.read`."""
+        rows = _index(window.row, window.rows, shape[0] if shape else window.rows)
+        cols = _index(window.col, window.cols, shape[1] if shape else window.cols)
+        planes = [self._read_plane(band, rows, cols) for band in choice.bands]
+        values = np.stack(planes).astype(choice.dtype, copy=False)
+        return values, valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], None, None)
+
+    def is_empty(self, _handles: object, _choice: BandChoice, _window: Window) -> bool:
+        """False: it is not known without reading."""
+        return False
+
+    def _read_plane(self, band: int, rows: Any, cols: Any) -> Values:
+        index = (rows, cols) if self.array.ndim == 2 else (band - 1, rows, cols)
+        return np.asarray(self.array[index])
+
+
+def is_array(source: object) -> bool:
+    """Whether a source is a DataArray with `.rio`."""
+    return hasattr(source, "dims") and hasattr(source, "rio")
+
+
+def from_array(array: Any) -> ArraySource:
+    """A source of a DataArray of (rows, cols) or (bands, rows, cols).
+
+    Raises
+    ------
+    RasterError
+        If the array has other dimensions or no pixels.
+    """
+    if array.ndim not in (2, 3) or 0 in array.shape:
+        raise RasterError(
+            f"a DataArray must have dimensions (rows, cols) or (bands, rows, cols), not {array.dims} "
+            f"of shape {array.shape}"
+        )
+    dtype = np.dtype(np.uint8) if array.dtype == bool else np.dtype(array.dtype)
+    count = 1 if array.ndim == 2 else array.shape[0]
+    name = str(getattr(array, "name", None) or "array")
+    rows, cols = array.shape[-2:]
+    crs = array.rio.crs
+    bits = 1 if array.dtype == bool else dtype.itemsize * 8
+    return ArraySource(
+        array=array,
+        path=name,
+        shape=(int(rows), int(cols)),
+        transform=array.rio.transform(),
+        crs=CRS.from_user_input(crs) if crs else None,
+        located=True,
+        layout=BandLayout((dtype.name,) * count, ("undefined",) * count, (bits,) * count),
+        nodatas=(array.rio.nodata,) * count,
+        block=_chunk(array),
+        warnings=() if crs else (f"{name}: it has no coordinate reference system: coordinates are local",),
+    )
+
+
+def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
+    """A source of a (rows, cols) array, which is neither copied nor changed."""
+    assert values.shape == geobox.shape, f"values of shape {values.shape} for a grid of {geobox.shape}"
+    return ArraySource(
+        array=values,
+        path=name,
+        shape=geobox.shape,
+        transform=geobox.transform,
+        crs=geobox.crs,
+        located=True,
+        layout=BandLayout((values.dtype.name,), ("undefined",), (values.dtype.itemsize * 8,)),
+        nodatas=(None,),
+        block=(512, 512),
+        warnings=(),
+        driver="array",
+    )
+
+
+def _chunk(array: Any) -> tuple[int, int]:
+    """Rows and columns of the first chunk; 512 x 512 where the array is in memory."""
+    chunks = getattr(array, "chunks", None)
+    if not chunks:
+        return 512, 512
+    return int(chunks[-2][0]), int(chunks[-1][0])
+
+
+def _index(start: int, length: int, count: int) -> Any:
+    """Index of a range of rows or columns: a slice, or evenly spaced positions where it is downsampled."""
+    return slice(start, start + length) if count == length else sample_positions(start, length, count)

@@ -1,0 +1,182 @@
+"""Bad blocks: blocks of damaged files that cannot be read, and the pixels of all other blocks.
+
+A file is decoded in blocks. A window that fails is read again block by block, so the result depends on the
+file alone, not on the windows.
+"""
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import RasterReadError
+from uavseg.execution.executors import Item, Map, Progress, Result
+from uavseg.raster.bands import BandChoice, Valid, Values
+from uavseg.raster.opening import OpenFiles, gdal_read_errors
+from uavseg.raster.raster_file import RasterFile
+from uavseg.raster.tiling import Window, sample_positions
+
+Indices = NDArray[np.int64]
+Slices = tuple[slice, slice]
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class BadBlock:
+    """A block of a file that cannot be read: first row and column, and size, in pixels of the file."""
+
+    path: str
+    row: int
+    col: int
+    rows: int
+    cols: int
+
+    def __str__(self) -> str:
+        return (
+            f"{self.path} cannot be read in rows {self.row} to {self.row + self.rows}, columns {self.col} to "
+            f"{self.col + self.cols}: its pixels there count as nodata"
+        )
+
+
+MissingPart = tuple[BadBlock, Slices]
+"""A block that cannot be read, and its index in the array that is read."""
+
+_recorder: ContextVar[set[BadBlock] | None] = ContextVar("recorder", default=None)
+
+
+def record_bad_block(block: BadBlock) -> None:
+    """Report to the enclosing `recording_bad_blocks`, if any, that pixels of this block are missing."""
+    found = _recorder.get()
+    if found is not None:
+        found.add(block)
+
+
+@contextmanager
+def recording_bad_blocks(found: set[BadBlock]) -> Iterator[None]:
+    """Collect the bad blocks that are found in this context, in this thread."""
+    token = _recorder.set(found)
+    try:
+        yield
+    finally:
+        _recorder.reset(token)
+
+
+def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
+    """An executor that also collects the bad blocks which its function finds.
+
+    They are returned with each result, so they are collected from any thread or process, and from results
+    that an earlier run saved, see `execution.checkpoint`.
+
+    Parameters
+    ----------
+    map : Map
+        The executor that runs the function.
+    found : set of BadBlock
+        Updated as results arrive.
+    """
+
+    def run(
+        function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
+    ) -> Generator[Result, None, None]:
+        with closing(map(_Listening(function), items, progress)) as results:
+            for result, blocks in results:
+                found.update(blocks)
+                yield result
+
+    return run
+
+
+@dataclass(frozen=True)
+class _Listening:
+    """A function that returns its result with the bad blocks that it found."""
+
+    function: Callable[[Any], Any]
+
+    def __call__(self, item: Any) -> tuple[Any, tuple[BadBlock, ...]]:
+        found: set[BadBlock] = set()
+        with recording_bad_blocks(found):
+            result = self.function(item)
+        return result, tuple(sorted(found))
+
+
+def read_naming_bad_block(
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
+) -> tuple[Values, Valid | None]:
+    """`RasterFile.read`; where it fails, the error names the first block that cannot be read.
+
+    Raises
+    ------
+    RasterReadError
+    """
+    try:
+        return file.read(handles, choice, window, shape)
+    except RasterReadError:
+        for block in file.blocks_in(window):
+            file.read(handles, choice, block)
+        raise
+
+
+def read_skipping_bad_blocks(
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
+) -> tuple[Values, Valid | None, list[MissingPart]]:
+    """`RasterFile.read`, with the pixels of bad blocks invalid.
+
+    Returns
+    -------
+    values, valid
+        As of `RasterFile.read`.
+    bad : list of (BadBlock, (slice, slice))
+        The blocks that cannot be read, in raster order, and their index in the arrays.
+    """
+    try:
+        if shape != (window.rows, window.cols) or file.fails_by_block:
+            return *file.read(handles, choice, window, shape), []
+        return *_read_whole_blocks(file, handles, choice, window), []
+    except RasterReadError:
+        return _read_block_by_block(file, handles, choice, window, shape)
+
+
+def _read_whole_blocks(
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window
+) -> tuple[Values, Valid | None]:
+    """A window, read together with the rest of all blocks that it intersects."""
+    block_rows, block_cols = file.block
+    row, col = window.row // block_rows * block_rows, window.col // block_cols * block_cols
+    rows = -(-(window.row + window.rows) // block_rows) * block_rows - row
+    cols = -(-(window.col + window.cols) // block_cols) * block_cols - col
+    values, valid = file.read(handles, choice, Window(row, col, rows, cols).clipped(file.shape))
+    own = Window(window.row - row, window.col - col, window.rows, window.cols).slices
+    return values[:, *own], None if valid is None else valid[own]
+
+
+def _read_block_by_block(
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
+) -> tuple[Values, Valid, list[MissingPart]]:
+    rows = sample_positions(window.row, window.rows, shape[0])
+    cols = sample_positions(window.col, window.cols, shape[1])
+    with gdal_read_errors(file.path, window):
+        handles.open(file.path, file.located)  # a missing file is an error, not a bad block
+    values = np.zeros((choice.planes, *shape), choice.dtype)
+    valid = np.zeros(shape, bool)
+    bad = []
+    for block in file.blocks_in(window):
+        here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
+        if here[0].start == here[0].stop or here[1].start == here[1].stop:
+            continue
+        try:
+            pixels, known = file.read(handles, choice, block)
+        except RasterReadError:
+            bad.append((BadBlock(file.path, block.row, block.col, block.rows, block.cols), here))
+            continue
+        sampled = np.ix_(rows[here[0]] - block.row, cols[here[1]] - block.col)
+        values[:, here[0], here[1]] = pixels[:, sampled[0], sampled[1]]
+        valid[here] = True if known is None else known[sampled]
+    return values, valid, bad
+
+
+def _indices_within(indices: Indices, start: int, length: int) -> slice:
+    first, end = np.searchsorted(indices, [start, start + length]).tolist()
+    return slice(first, end)

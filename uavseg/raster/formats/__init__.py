@@ -1,0 +1,1 @@
+"""Rasters written: GeoTIFF, tiles under a VRT, PNG."""

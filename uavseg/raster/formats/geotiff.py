@@ -1,0 +1,246 @@
+"""GeoTIFF writer and reader: label rasters tile by tile, and bands in one or several pages."""
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+from rasterio.windows import Window as FileWindow
+
+from uavseg.atomic import atomic_file
+from uavseg.errors import OutputError, RasterReadError
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
+from uavseg.raster.tiling import Window
+
+STRIPE = 256  # rows that are written at once, and the side of a block in the file
+
+Labels = NDArray[np.uint32]
+Path_ = str | os.PathLike[str]
+
+
+@dataclass(frozen=True, slots=True)
+class LabelBand:
+    """Type of the labels in a file, and the name of their band in GIS programs."""
+
+    dtype: Any = np.uint32
+    description: str | None = None
+
+
+def write_label_geotiff(
+    path: Path_,
+    tiles: Iterable[tuple[Window, NDArray[Any]]],
+    geobox: GeoBox,
+    overwrite: bool = False,
+    tags: Mapping[str, str] | None = None,
+    threads: int = 1,
+    band: LabelBand = LabelBand(),
+) -> None:
+    """Write labels, or states, as a tiled, compressed GeoTIFF in which 0 is nodata.
+
+    The bytes of the file do not depend on the tiles. One row of tiles is held in memory.
+
+    Parameters
+    ----------
+    path : path
+    tiles : iterable of (Window, (rows, cols) array)
+        Cover the raster once, row of tiles after row of tiles, from the top.
+    geobox : GeoBox
+        Of the labelled raster.
+    overwrite : bool
+        Whether to replace an existing file.
+    tags : mapping of str to str, optional
+        Metadata items.
+    threads : int
+        Number of threads that compress; the bytes of the file do not depend on it.
+    band : LabelBand
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        If the file exists, or cannot be written.
+    """
+    with atomic_file(path, overwrite) as target, _write_errors(path):
+        options = _profile(geobox, 1, np.dtype(band.dtype)) | {"nodata": 0, "num_threads": str(threads)}
+        with quiet_open(target, "w", **options) as file:
+            file.update_tags(**(tags or {}))
+            if band.description is not None:
+                file.set_band_description(1, band.description)
+            for row, stripe in _stripes(tiles, geobox.shape, band.dtype):
+                file.write(stripe, 1, window=FileWindow(0, row, stripe.shape[1], stripe.shape[0]))
+        _check_complete(target)
+
+
+def _stripes(
+    tiles: Iterable[tuple[Window, NDArray[Any]]], shape: tuple[int, int], dtype: Any
+) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Stripes of 256 rows from the top, each with its first row, whatever the tiles are."""
+    buffer, top = np.zeros((0, shape[1]), dtype), 0  # rows from `top` on, not all of them complete
+    for window, labels in tiles:
+        complete = (window.row - top) // STRIPE * STRIPE  # what lies above a row of tiles is complete
+        yield from _split_rows(buffer[:complete], top)
+        buffer, top = buffer[complete:], top + complete
+        end = window.row + window.rows - top
+        if end > len(buffer):
+            buffer, shorter = np.zeros((end, shape[1]), dtype), buffer
+            buffer[: len(shorter)] = shorter
+        buffer[window.row - top : end, window.slices[1]] = labels
+    yield from _split_rows(buffer, top)
+    assert top + len(buffer) == shape[0], f"tiles end at row {top + len(buffer)} of {shape[0]}"
+
+
+def _split_rows(rows: NDArray[Any], top: int) -> Iterator[tuple[int, NDArray[Any]]]:
+    for start in range(0, len(rows), STRIPE):
+        yield top + start, rows[start : start + STRIPE]
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One image of a GeoTIFF: bands of one type, their grid, and their names in GIS programs."""
+
+    bands: Sequence[NDArray[Any]]
+    geobox: GeoBox
+    descriptions: Sequence[str]
+
+
+def write_geotiff(
+    path: Path_,
+    bands: Sequence[NDArray[Any]],
+    geobox: GeoBox,
+    descriptions: Sequence[str] | None = None,
+    tags: Mapping[str, str] | None = None,
+    overwrite: bool = False,
+    nodata: float | None = None,
+) -> None:
+    """Write bands of one type as a tiled, compressed GeoTIFF.
+
+    Parameters
+    ----------
+    path : path
+    bands : sequence of (rows, cols) arrays
+    geobox : GeoBox
+    descriptions : sequence of str, optional
+        Names of the bands in GIS programs.
+    tags : mapping of str to str, optional
+        Metadata items of the file.
+    overwrite : bool
+        Whether to replace an existing file.
+    nodata : float, optional
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        If the file exists, or cannot be written.
+    """
+    page = Page(bands, geobox, descriptions or [""] * len(bands))
+    write_geotiff_pages(path, [page], tags, overwrite, nodata)
+
+
+def write_geotiff_pages(
+    path: Path_,
+    pages: Sequence[Page],
+    tags: Mapping[str, str] | None = None,
+    overwrite: bool = False,
+    nodata: float | None = None,
+) -> None:
+    """Write several images to one GeoTIFF; GDAL calls all but the first its subdatasets.
+
+    Tags and nodata belong to the first. Other parameters, and errors, are those of `write_geotiff`.
+    """
+    with atomic_file(path, overwrite) as target, _write_errors(path):
+        for number, page in enumerate(pages, start=1):
+            dtype = np.result_type(*page.bands)
+            options = _profile(page.geobox, len(page.bands), dtype) | {"append_subdataset": number > 1}
+            with quiet_open(target, "w", **options, nodata=nodata if number == 1 else None) as file:
+                if number == 1:
+                    file.update_tags(**(tags or {}))
+                _write_bands(file, page, dtype)
+        for number in range(1, len(pages) + 1):
+            _check_complete(target, number)
+
+
+def _write_bands(file: Any, page: Page, dtype: np.dtype[Any]) -> None:
+    for band, (values, name) in enumerate(zip(page.bands, page.descriptions, strict=True), start=1):
+        file.write(values.astype(dtype, copy=False), band)
+        if name:
+            file.set_band_description(band, name)
+
+
+def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list[str], dict[str, str]]:
+    """Read a whole image that `write_geotiff` wrote.
+
+    Parameters
+    ----------
+    path : path
+    page : int
+        Which image of the file, counted from 1.
+
+    Returns
+    -------
+    bands : (bands, rows, cols) array
+    geobox : GeoBox
+    descriptions : list of str
+        Names of the bands, "" where one has none.
+    tags : dict of str to str
+
+    Raises
+    ------
+    RasterReadError
+        If there is no such raster.
+    """
+    try:
+        with gdal_env(), quiet_open(_page_name(path, page), num_threads="all_cpus") as file:
+            geobox = GeoBox(file.shape, file.transform, file.crs)
+            return file.read(), geobox, [text or "" for text in file.descriptions], file.tags()
+    except GDAL_ERRORS as error:
+        raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({error})") from error
+
+
+def _page_name(path: Path_, page: int) -> str:
+    """The name by which GDAL opens one image of a file."""
+    return os.fspath(path) if page == 1 else f"GTIFF_DIR:{page}:{os.fspath(path)}"
+
+
+def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any]) -> dict[str, Any]:
+    place = {} if geobox.transform == Affine.identity() else {"transform": geobox.transform}
+    return place | {
+        "driver": "GTiff",
+        "height": geobox.shape[0],
+        "width": geobox.shape[1],
+        "count": count,
+        "dtype": dtype.name,
+        "crs": geobox.crs,
+        "tiled": True,
+        "blockxsize": STRIPE,
+        "blockysize": STRIPE,
+        "compress": "deflate",
+        "zlevel": 6,
+        "interleave": "band",
+        "bigtiff": "IF_SAFER",
+    }
+
+
+def _check_complete(path: Path, page: int = 1) -> None:
+    """Check that every block lies inside the file: GDAL does not report a full disk on close."""
+    size = path.stat().st_size
+    with quiet_open(_page_name(path, page)) as file:
+        for band in file.indexes:
+            for (i, j), _ in file.block_windows(band):
+                offset = int(file.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", dm="TIFF", bidx=band) or size)
+                if offset + file.block_size(band, i, j) > size:
+                    raise OutputError(f"{path.name} cannot be written whole; is the disk full?")
+
+
+@contextmanager
+def _write_errors(path: Path_) -> Iterator[None]:
+    """GDAL's errors on writing as OutputError."""
+    try:
+        with gdal_env():
+            yield
+    except GDAL_ERRORS as error:
+        raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error

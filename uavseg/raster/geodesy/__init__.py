@@ -1,0 +1,1 @@
+"""True areas and lengths in any coordinate reference system."""

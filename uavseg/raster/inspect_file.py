@@ -1,0 +1,158 @@
+"""Raster metadata: read once when a file is opened; unsupported kinds of raster are refused here."""
+
+import os
+import shlex
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from affine import Affine
+from rasterio.crs import CRS
+from rasterio.io import DatasetReader
+
+from uavseg.errors import RasterError, RasterReadError
+from uavseg.raster.bands import BandLayout
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, quiet_open, root_cause
+from uavseg.raster.raster_file import RasterFile
+
+Answer = TypeVar("Answer")
+
+_BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
+
+
+def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
+    """Read the metadata of a raster file.
+
+    Raises
+    ------
+    RasterReadError
+        If the file is not a raster that can be opened.
+    RasterError
+        If it is of an unsupported kind.
+    """
+    name = os.fspath(path)
+    try:
+        with gdal_env(), quiet_open(name) as source:
+            return _metadata(name, source)
+    except GDAL_ERRORS as error:
+        raise RasterReadError(open_error_text(name, error)) from error
+
+
+def _metadata(path: str, source: DatasetReader) -> RasterFile:
+    warnings: list[str] = []
+    crs = _crs(source, warnings)
+    if crs is not None:
+        _check_proj()
+    layout = _layout(source)
+    if not layout.dtypes:
+        raise RasterError(f"{path} has no bands{_subdatasets(source)}")
+    structure = _retry(lambda: source.tags(ns="IMAGE_STRUCTURE"))
+    inverted = structure.get("MINISWHITE") == "YES"
+    transform = _transform(path, source)
+    if transform is None:
+        crs = None
+        warnings.append("it has no place on the map (no geotransform): coordinates are pixels")
+    elif crs is None and not warnings:
+        warnings.append("it has no coordinate reference system: coordinates are local")
+    return RasterFile(
+        path=path,
+        shape=source.shape,
+        transform=transform or Affine.identity(),
+        crs=crs,
+        located=transform is not None,
+        layout=layout,
+        nodatas=tuple(source.nodatavals),
+        block=tuple(source.block_shapes[0]),
+        masks=_masks(source),
+        white_is_zero=inverted and np.dtype(layout.dtypes[0]).kind == "u",
+        palette=None if inverted else _palette(source, layout),
+        driver=source.driver,
+        overviews=tuple(source.overviews(1)),
+        warnings=tuple(f"{Path(path).name}: {text}" for text in warnings),
+    )
+
+
+def _retry(query: Callable[[], Answer]) -> Answer:
+    """Call a query of GDAL, twice if needed: the first call may report an error left by an earlier one."""
+    try:
+        return query()
+    except GDAL_ERRORS:
+        return query()
+
+
+def _crs(source: DatasetReader, warnings: list[str]) -> CRS | None:
+    """The CRS, or None with a warning; GDAL may report an invalid one only on the next call."""
+    try:
+        crs = source.crs
+        source.colorinterp  # noqa: B018 - raises a pending error about the CRS
+    except GDAL_ERRORS as error:
+        warnings.append(f"its coordinate reference system cannot be read ({error}): coordinates are local")
+        return None
+    return crs or None
+
+
+@lru_cache
+def _check_proj() -> None:
+    """Check PROJ's database: with one of another version, PROJ misreads coordinate reference systems."""
+    try:
+        CRS.from_epsg(4326)
+    except GDAL_ERRORS as error:
+        raise RasterError(
+            "coordinate reference systems cannot be read: PROJ finds no database, or that of another "
+            f"installation ({root_cause(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
+        ) from error
+
+
+def _layout(source: DatasetReader) -> BandLayout:
+    dtypes = tuple(_retry(lambda: source.dtypes))
+    bits = []
+    for band, name in enumerate(dtypes, start=1):
+        size = np.dtype(name).itemsize * 8
+        stored = source.tags(band, ns="IMAGE_STRUCTURE").get("NBITS", size)
+        bits.append(int(stored) if np.dtype(name).kind in "iu" else size)
+    return BandLayout(dtypes, tuple(role.name for role in source.colorinterp), tuple(bits))
+
+
+def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int, int, int], ...] | None:
+    if layout.roles[0] != "palette":
+        return None
+    colors = source.colormap(1)
+    if colors == _BLACK_AND_WHITE:  # GDAL's palette for bits, which are used as they are
+        return None
+    return tuple(colors.get(index, (0, 0, 0, 0)) for index in range(max(colors) + 1))
+
+
+def _masks(source: DatasetReader) -> str:
+    flags = source.mask_flag_enums
+    names = [{flag.name for flag in band} for band in flags]
+    if "per_dataset" in names[0] and "alpha" not in names[0]:
+        return "file"
+    return "band" if any(not band for band in names) else ""
+
+
+def _transform(path: str, source: DatasetReader) -> Affine | None:
+    """The geotransform, or None."""
+    transform = source.transform
+    missing = transform.is_identity or not abs(transform.determinant) > 1e-200  # some drivers leave it zero
+    if not missing:
+        return transform
+    warped = f"{Path(path).stem}.warped.tif"
+    if source.gcps[0]:
+        raise RasterError(
+            f"{path} has ground control points and no geotransform; warp it first: "
+            f"gdalwarp -tps -r near {shlex.quote(path)} {shlex.quote(warped)}"
+        )
+    if source.rpcs is not None:
+        raise RasterError(
+            f"{path} has rational polynomial coefficients (RPC) and no geotransform; warp it first: "
+            f"gdalwarp -rpc -r near {shlex.quote(path)} {shlex.quote(warped)}"
+        )
+    return None
+
+
+def _subdatasets(source: DatasetReader) -> str:
+    if not source.subdatasets:
+        return ""
+    return f"; name one of its subdatasets, for instance {source.subdatasets[0]}"

@@ -1,0 +1,1 @@
+"""Intensity to grey: stretch, quantisation, histograms, Otsu thresholds."""

@@ -1,0 +1,167 @@
+"""Grey levels: v = (intensity − low) / (high − low) clipped to [0, 1], quantised to floor(65535 v + 0.5)."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+
+RED, GREEN, BLUE = 0.2126, 0.7152, 0.0722  # weights of luminance, Rec. 709
+
+Grey = NDArray[np.uint16]
+Values = NDArray[Any]
+
+
+def to_grey(values: Values, low: float, high: float) -> Grey:
+    """Grey of every pixel, in double precision, with exactly this order of operations.
+
+    If low = high, grey is 0 below, 65535 above and 32768 at that intensity.
+
+    Parameters
+    ----------
+    values : (1, rows, cols) or (3, rows, cols) array of any real type
+        Intensity, or red, green and blue.
+
+    Returns
+    -------
+    grey : (rows, cols) uint16 array
+    """
+    grey = np.empty(values.shape[1:], np.uint16)
+    flat = np.ascontiguousarray(values).reshape(len(values), -1)
+    if len(values) == 3:
+        _from_colors(flat, low, high, grey.reshape(-1))
+    else:
+        _from_intensity(flat[0], low, high, grey.reshape(-1))
+    return grey
+
+
+def _from_intensity(values: Values, low: float, high: float, grey: Grey) -> None:
+    if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
+        table = _lookup_table(low, high, values.dtype.str)
+        look_up = _look_up_u1 if values.dtype.itemsize == 1 else _look_up_u2
+        look_up(values.view(f"u{values.dtype.itemsize}"), table, grey)
+    elif values.dtype == np.float32:
+        _grey_f4(values, low, high, grey)
+    else:
+        _grey_f8(values.astype(np.float64, copy=False), low, high, grey)
+
+
+def _from_colors(planes: Values, low: float, high: float, grey: Grey) -> None:
+    if planes.dtype == np.uint8:
+        _grey_rgb_u1(planes, low, high, grey)
+    elif planes.dtype == np.uint16:
+        _grey_rgb_u2(planes, low, high, grey)
+    elif planes.dtype == np.float32:
+        _grey_rgb_f4(planes, low, high, grey)
+    else:
+        _grey_f8(luminance(planes), low, high, grey)
+
+
+def luminance(planes: Values) -> NDArray[np.float64]:
+    """0.2126 R + 0.7152 G + 0.0722 B of each pixel, in double precision, added from left to right.
+
+    Parameters
+    ----------
+    planes : (3, ...) array
+
+    Returns
+    -------
+    (...) float64 array
+    """
+    total: NDArray[np.float64] = planes[0] * np.float64(RED)
+    total += planes[1] * np.float64(GREEN)
+    total += planes[2] * np.float64(BLUE)
+    return total
+
+
+def luminance_f4(values: Values) -> NDArray[np.float32]:
+    """Luminance in double precision, rounded to single: (3, rows, cols) becomes (rows, cols)."""
+    result = np.empty(values.shape[1:], np.float32)
+    planes = np.ascontiguousarray(values).reshape(3, -1)
+    if planes.dtype == np.uint8:
+        _luminance_u1(planes, result.reshape(-1))
+    elif planes.dtype == np.uint16:
+        _luminance_u2(planes, result.reshape(-1))
+    else:
+        result[...] = luminance(values)
+    return result
+
+
+@lru_cache(maxsize=16)
+def _lookup_table(low: float, high: float, type_code: str) -> Grey:
+    """Lookup table: grey of every value of an integer type of at most 16 bits, by bit pattern."""
+    dtype = np.dtype(type_code)
+    patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}")
+    grey = np.empty(len(patterns), np.uint16)
+    _grey_f8(patterns.view(dtype.newbyteorder("=")).astype(np.float64), low, high, grey)
+    return grey
+
+
+@kernel("void(u1[::1], u2[::1], u2[::1])")
+def _look_up_u1(values, table, grey):  # type: ignore[no-untyped-def]
+    for i in range(values.size):
+        grey[i] = table[values[i]]
+
+
+@kernel("void(u2[::1], u2[::1], u2[::1])")
+def _look_up_u2(values, table, grey):  # type: ignore[no-untyped-def]
+    for i in range(values.size):
+        grey[i] = table[values[i]]
+
+
+@inlined
+def _grey_of(intensity, low, high):  # type: ignore[no-untyped-def]
+    v = (intensity - low) / (high - low)  # low = high: infinite on either side, NaN at that intensity
+    middle = 0.5 if low == high else 0.0
+    v = v if v > 0.0 else (0.0 if v <= 0.0 else middle)
+    v = v if v < 1.0 else 1.0
+    return np.int32(65535.0 * v + 0.5)
+
+
+@kernel("void(f4[::1], f8, f8, u2[::1])")
+def _grey_f4(values, low, high, grey):  # type: ignore[no-untyped-def]
+    for i in range(values.size):
+        grey[i] = _grey_of(np.float64(values[i]), low, high)
+
+
+@kernel("void(f8[::1], f8, f8, u2[::1])")
+def _grey_f8(values, low, high, grey):  # type: ignore[no-untyped-def]
+    for i in range(values.size):
+        grey[i] = _grey_of(values[i], low, high)
+
+
+@inlined
+def _luminance(red, green, blue):  # type: ignore[no-untyped-def]
+    return RED * red + GREEN * green + BLUE * blue
+
+
+@kernel("void(u1[:,::1], f8, f8, u2[::1])")
+def _grey_rgb_u1(planes, low, high, grey):  # type: ignore[no-untyped-def]
+    for i in range(grey.size):
+        grey[i] = _grey_of(_luminance(planes[0, i], planes[1, i], planes[2, i]), low, high)
+
+
+@kernel("void(u2[:,::1], f8, f8, u2[::1])")
+def _grey_rgb_u2(planes, low, high, grey):  # type: ignore[no-untyped-def]
+    for i in range(grey.size):
+        grey[i] = _grey_of(_luminance(planes[0, i], planes[1, i], planes[2, i]), low, high)
+
+
+@kernel("void(f4[:,::1], f8, f8, u2[::1])")
+def _grey_rgb_f4(planes, low, high, grey):  # type: ignore[no-untyped-def]
+    for i in range(grey.size):
+        grey[i] = _grey_of(_luminance(planes[0, i], planes[1, i], planes[2, i]), low, high)
+
+
+@kernel("void(u1[:,::1], f4[::1])")
+def _luminance_u1(planes, result):  # type: ignore[no-untyped-def]
+    for i in range(result.size):
+        result[i] = _luminance(planes[0, i], planes[1, i], planes[2, i])
+
+
+@kernel("void(u2[:,::1], f4[::1])")
+def _luminance_u2(planes, result):  # type: ignore[no-untyped-def]
+    for i in range(result.size):
+        result[i] = _luminance(planes[0, i], planes[1, i], planes[2, i])

@@ -1,0 +1,158 @@
+"""Multi-level Otsu thresholds of a histogram, found exactly by dynamic programming."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+SMOOTHING = 1 / 32  # standard deviation of the Gaussian, as a share of the non-empty extent
+VALLEY = 1 / 3  # largest height of a valley, as a share of the lower of two modes
+
+
+@dataclass(frozen=True, slots=True)
+class Classes:
+    """A partition of a histogram into classes of adjacent bins.
+
+    Parameters
+    ----------
+    ends : tuple of int
+        The last non-empty bin of each class but the last.
+    starts : tuple of int
+        The first non-empty bin of each class but the first. All bins between the end of a class and the start
+        of the next are empty, so any threshold between them is equally good.
+    explained : float
+        Between-class variance as a share of the total variance, 0 to 1.
+    """
+
+    ends: tuple[int, ...]
+    starts: tuple[int, ...]
+    explained: float
+
+    @property
+    def count(self) -> int:
+        """Number of classes."""
+        return len(self.ends) + 1
+
+
+def multi_otsu(counts: ArrayLike, max_classes: int) -> list[Classes]:
+    """The optimal partitions of a histogram into 1, 2, ..., `max_classes` classes.
+
+    Optimal means least within-class variance (Otsu, IEEE Trans. SMC 9 (1979) 62-66; Liao, Chen and Chung, J.
+    Inf. Sci. Eng. 17 (2001) 713-727). The contribution of a class depends on its first and last bin alone, so
+    dynamic programming over the bins finds the optimum (Fisher, JASA 53 (1958) 789-798). Bins have equal
+    width; empty ones have no influence.
+
+    Parameters
+    ----------
+    counts : (n,) array of non-negative numbers
+    max_classes : int
+        At least 1.
+
+    Returns
+    -------
+    found : list of Classes
+        Element k has k + 1 classes; at most as many as there are non-empty bins. Of equally good partitions,
+        the one with the lower last threshold.
+
+    Examples
+    --------
+    >>> multi_otsu([5, 1, 0, 0, 1, 5], 2)[1].ends, multi_otsu([5, 1, 0, 0, 1, 5], 2)[1].starts
+    ((1,), (4,))
+    """
+    every = np.asarray(counts, np.float64)
+    bins = np.flatnonzero(every)
+    if not bins.size:
+        return []
+    values, weights = (bins - bins[0]).astype(np.float64), every[bins]
+    gains = _gains(values, weights)
+    total = weights.sum()
+    mean = (weights * values).sum() / total
+    variance = (weights * (values - mean) ** 2).sum()
+    found = []
+    for inner, gain in _optimal_partitions(gains, min(max_classes, bins.size)):
+        ends, starts = tuple(bins[[k - 1 for k in inner]].tolist()), tuple(bins[list(inner)].tolist())
+        found.append(Classes(ends, starts, min(float(gain / variance), 1.0) if variance > 0 else 1.0))
+    return found
+
+
+def select_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
+    """The natural number of classes: the largest for which all classes are separated, else two.
+
+    Parameters
+    ----------
+    counts : (n,) array of non-negative numbers
+    found : sequence of Classes
+        Result of `multi_otsu` for it; at least one.
+    """
+    separated = [classes for classes in found[1:] if are_separated(counts, classes)]
+    return separated[-1] if separated else found[min(1, len(found) - 1)]
+
+
+def are_separated(counts: ArrayLike, classes: Classes) -> bool:
+    """Whether there is a valley between every two adjacent classes.
+
+    The histogram is smoothed by a Gaussian with a standard deviation of 1/32 of its extent. Between the
+    highest bins of two classes it must fall below a third of the lower one.
+
+    Parameters
+    ----------
+    counts : (n,) array of non-negative numbers
+    classes : Classes
+        Of that histogram.
+    """
+    every = np.asarray(counts, np.float64)
+    first, last = np.flatnonzero(every)[[0, -1]]
+    smooth = _smoothed(every[first : last + 1], (last - first + 1) * SMOOTHING)
+    begins = [0, *(start - first for start in classes.starts)]
+    ends = [*(end - first for end in classes.ends), last - first]
+    tops = [begin + int(smooth[begin : end + 1].argmax()) for begin, end in zip(begins, ends, strict=True)]
+    return all(
+        smooth[one : other + 1].min() < VALLEY * min(smooth[one], smooth[other])
+        for one, other in pairwise(tops)
+    )
+
+
+def _smoothed(counts: Floats, sigma: float) -> Floats:
+    reach = math.ceil(4 * sigma)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    smooth: Floats = np.convolve(counts, weights / weights.sum())[reach:-reach]
+    return smooth
+
+
+def _gains(values: Floats, weights: Floats) -> Floats:
+    """Contribution of a class of bins i..j - 1 to the between-class sum of squares, at [i, j]."""
+    mean = (weights * values).sum() / weights.sum()
+    below = np.concatenate([[0.0], np.cumsum(weights)])
+    sums = np.concatenate([[0.0], np.cumsum(weights * (values - mean))])
+    number = below[None, :] - below[:, None]
+    gains = np.full(number.shape, -np.inf)
+    is_class = np.triu(np.ones(number.shape, bool), 1)
+    total = sums[None, :] - sums[:, None]
+    gains[is_class] = total[is_class] ** 2 / number[is_class]
+    return gains
+
+
+def _optimal_partitions(gains: Floats, max_classes: int) -> list[tuple[tuple[int, ...], float]]:
+    """For 1..max_classes classes: the start of each but the first, and the sum of their gains."""
+    best, begins = gains[0], []
+    found: list[tuple[tuple[int, ...], float]] = [((), float(best[-1]))]
+    for _ in range(1, max_classes):
+        with_one_more = best[:, None] + gains
+        begins.append(with_one_more.argmax(axis=0))
+        best = with_one_more.max(axis=0)
+        found.append((_backtrack(begins), float(best[-1])))
+    return found
+
+
+def _backtrack(begins: Sequence[NDArray[np.intp]]) -> tuple[int, ...]:
+    """The start of each class but the first, traced back from the last bin."""
+    end, inner = len(begins[0]) - 1, []
+    for begin in reversed(begins):
+        end = int(begin[end])
+        inner.append(end)
+    return tuple(reversed(inner))

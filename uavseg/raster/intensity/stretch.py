@@ -1,0 +1,238 @@
+"""Contrast stretch: fitted once over a whole dataset, applied to each tile."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial, reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError
+from uavseg.raster.bands import Valid, Values
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity import histogram
+from uavseg.raster.intensity.grey import Grey, luminance_f4, to_grey
+from uavseg.raster.tiling import TilePass, Window
+
+FORMS = "auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH"
+AUTO_PERCENTILES = (Fraction(2), Fraction(98))
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Linear map from intensity to grey.
+
+    v = (intensity − low) / (high − low), clipped to [0, 1], and grey = floor(65535 v + 0.5). If low = high, v
+    is 0 below, 1 above and 0.5 at that intensity, so a constant image is middle grey.
+
+    Parameters
+    ----------
+    low, high : float
+        The intensities that become black and white.
+    name : str
+        Description for messages: "percentile:2,98 -> 113..2045".
+    warnings : tuple of str
+        For the user.
+
+    Examples
+    --------
+    >>> Stretch(0.0, 255.0, "dtype").apply(np.array([[[0, 128, 255]]], np.uint8))
+    array([[    0, 32896, 65535]], dtype=uint16)
+    """
+
+    low: float
+    high: float
+    name: str
+    warnings: tuple[str, ...] = ()
+
+    def apply(self, values: Values, valid: Valid | None = None) -> Grey:
+        """Grey of each pixel, 0 where it is invalid.
+
+        Parameters
+        ----------
+        values : (1, rows, cols) or (3, rows, cols) array of any real type
+            Intensity, or red, green and blue, whose luminance is used.
+        valid : (rows, cols) bool array, optional
+
+        Returns
+        -------
+        grey : (rows, cols) uint16 array
+        """
+        grey = to_grey(values, self.low, self.high)
+        if valid is not None:
+            grey *= valid
+        return grey
+
+
+@dataclass(frozen=True, slots=True)
+class StretchSpec:
+    """A requested stretch, before it is fitted.
+
+    Parameters
+    ----------
+    form : str
+        "auto", "dtype", "minmax", "percentile", "none" or "given".
+    bounds : tuple of two Fractions, optional
+        Percentiles, or intensities.
+    """
+
+    form: str
+    bounds: tuple[Fraction, Fraction] | None = None
+
+    def __str__(self) -> str:
+        if self.bounds is None:
+            return self.form
+        pair = ",".join(f"{float(bound):g}" for bound in self.bounds)
+        return f"percentile:{pair}" if self.form == "percentile" else pair
+
+
+def parse_stretch(text: str) -> StretchSpec:
+    """Parse a stretch.
+
+    Raises
+    ------
+    ParameterError
+        If it is none of auto, dtype, minmax, percentile:P,Q, none, LOW,HIGH, or its numbers are out of order.
+
+    Examples
+    --------
+    >>> str(parse_stretch("percentile:2,98")), str(parse_stretch("0,2047"))
+    ('percentile:2,98', '0,2047')
+    """
+    word = text.strip().lower()
+    if word in ("auto", "dtype", "minmax", "none"):
+        return StretchSpec(word)
+    form = "percentile" if word.startswith("percentile:") else "given"
+    low, high = _pair(text, word.removeprefix("percentile:"))
+    if form == "percentile" and not 0 <= low < high <= 100:
+        raise ParameterError(f"a percentile stretch takes 0 <= P < Q <= 100, not {text}")
+    if low >= high:
+        raise ParameterError(f"the low intensity of a stretch must be below its high one, not {text}")
+    return StretchSpec(form, (low, high))
+
+
+def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
+    try:
+        low, high = (Fraction(part.strip()) for part in numbers.split(","))
+    except (ValueError, ZeroDivisionError) as error:
+        raise ParameterError(f"a stretch is one of {FORMS}, not {text!r}") from error
+    return low, high
+
+
+def fit_stretch(
+    dataset: Dataset,
+    spec: Stretch | StretchSpec | str,
+    tile_pass: TilePass,
+) -> Stretch:
+    """Fit a stretch to a whole dataset.
+
+    Only `minmax` and `percentile` read pixels. Percentiles are nearest ranks: percentile p is the smallest
+    intensity with at least p percent of the valid pixels at or below it; exact for integers of up to 16 bits,
+    with the precision of float32 for all other types.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    spec : Stretch, StretchSpec or str
+        A fitted stretch is returned unchanged.
+    tile_pass : TilePass
+        Tiles that cover the dataset once; the result does not depend on them.
+
+    Raises
+    ------
+    ParameterError
+        If `dtype` is requested for floating point bands, which have no maximum.
+    """
+    if isinstance(spec, Stretch):
+        return spec
+    spec = parse_stretch(spec) if isinstance(spec, str) else spec
+    if spec.form == "auto":
+        spec = StretchSpec("dtype") if _is_8_bit(dataset) else StretchSpec("percentile", AUTO_PERCENTILES)
+    if spec.form == "none":
+        return Stretch(0.0, 1.0, "none -> 0..1")
+    if spec.form == "given" and spec.bounds is not None:
+        return _stretch_of(spec, float(spec.bounds[0]), float(spec.bounds[1]))
+    if spec.form == "dtype":
+        return _stretch_of(spec, 0.0, _maximum(dataset))
+    percents = spec.bounds or (Fraction(0), Fraction(100))
+    found = _order_statistics(dataset, percents, tile_pass)
+    if found is None:
+        return Stretch(0.0, 1.0, f"{spec} -> nothing", ("no pixel is valid, so there is nothing to stretch",))
+    return _stretch_of(spec, *found)
+
+
+def _stretch_of(spec: StretchSpec, low: float, high: float) -> Stretch:
+    warnings: tuple[str, ...] = ()
+    if low == high:
+        warnings = (f"the stretch {spec} finds one intensity, {low:g}: it becomes v = 0.5, less 0, more 1",)
+    return Stretch(low, high, f"{spec} -> {low:g}..{high:g}", warnings)
+
+
+def _is_8_bit(dataset: Dataset) -> bool:
+    return dataset.dtype.kind in "iu" and dataset.bits <= 8
+
+
+def _maximum(dataset: Dataset) -> float:
+    if dataset.dtype.kind == "f":
+        raise ParameterError(
+            f"{dataset.dtype} bands have no maximum for the stretch dtype; use minmax, percentile:P,Q or "
+            "LOW,HIGH, or none if values are 0 to 1 already"
+        )
+    return math.ldexp(1.0, dataset.bits - (dataset.dtype.kind == "i")) - 1
+
+
+def _order_statistics(
+    dataset: Dataset,
+    percents: Sequence[Fraction],
+    tile_pass: TilePass,
+) -> list[float] | None:
+    """The intensities at some percentiles of all valid pixels; None if there are none."""
+    integers = _is_counted_exactly(dataset)
+    counts = reduce(np.add, tile_pass.run(partial(_count_upper, dataset)))
+    total = int(counts.sum())
+    if total == 0:
+        return None
+    bins = histogram.bins_of_ranks(counts, [histogram.rank_of(percent, total) for percent in percents])
+    if integers:
+        smallest = np.iinfo(dataset.dtype.name).min
+        return [float(index + smallest) for index, _ in bins]
+    uppers = tuple(sorted({index for index, _ in bins}))
+    lowers = reduce(np.add, tile_pass.run(partial(_count_lower, dataset, uppers)))
+    return [_value_of_rank(index, rank, lowers[uppers.index(index)]) for index, rank in bins]
+
+
+def _value_of_rank(upper: int, rank: int, lowers: NDArray[np.int64]) -> float:
+    [(lower, _)] = histogram.bins_of_ranks(lowers, [rank])
+    return histogram.value_of_key(upper, lower)
+
+
+def _is_counted_exactly(dataset: Dataset) -> bool:
+    """Whether one histogram has a bin for each possible value."""
+    single = len(dataset.bands) == 1 and not dataset.choice.expanded
+    return single and dataset.dtype.kind in "iu" and dataset.dtype.itemsize <= 2
+
+
+def _count_upper(dataset: Dataset, window: Window) -> NDArray[np.int64]:
+    if dataset.is_empty(window):
+        return np.zeros(1 << (8 * dataset.dtype.itemsize if _is_counted_exactly(dataset) else 16), np.int64)
+    values, valid = dataset.read(window)
+    if _is_counted_exactly(dataset):
+        return histogram.count_integers(values[0], valid)
+    return histogram.count_upper_halves(_floats(values), valid)
+
+
+def _count_lower(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> NDArray[np.int64]:
+    if dataset.is_empty(window):
+        return np.zeros((len(uppers), 1 << 16), np.int64)
+    values, valid = dataset.read(window)
+    return histogram.count_lower_halves(_floats(values), valid, uppers)
+
+
+def _floats(values: Values) -> NDArray[np.float32]:
+    if len(values) == 3:
+        return luminance_f4(values)
+    with np.errstate(over="ignore"):  # doubles beyond the range of float32 count as infinite
+        floats: NDArray[np.float32] = values[0].astype(np.float32, copy=False)
+    return floats

@@ -1,0 +1,44 @@
+"""Dataset overview: a downsampled copy of a dataset, held in memory."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.tiling import Window
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetOverview(Dataset):
+    """A downsampled dataset in memory, with the interface of `Dataset`.
+
+    Parameters
+    ----------
+    values : (1 or 3, rows, cols) array
+    valid : (rows, cols) bool array or None
+    grid : GeoBox
+    """
+
+    values: NDArray[Any] = field(kw_only=True)
+    valid: NDArray[np.bool_] | None = field(kw_only=True)
+    grid: GeoBox = field(kw_only=True)
+
+    @classmethod
+    def of(cls, dataset: Dataset, max_side: int) -> "DatasetOverview":
+        """A dataset downsampled to at most `max_side` rows and columns; it is never read whole."""
+        values, valid, grid = dataset.read_coarse(max_side)
+        unchanged = (dataset.mosaic, dataset.choice, dataset.warnings)
+        return cls(*unchanged, values=values, valid=valid, grid=grid)
+
+    @property
+    def geobox(self) -> GeoBox:
+        """The grid of the downsampled pixels; its extent is that of the dataset."""
+        return self.grid
+
+    def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+        """Values and validity of a window of downsampled pixels."""
+        rows, cols = window.slices
+        return self.values[:, rows, cols], None if self.valid is None else self.valid[rows, cols]

@@ -1,0 +1,225 @@
+"""Raster file: its metadata as a value, and windowed reads of its pixels."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from affine import Affine
+from rasterio.crs import CRS
+from rasterio.errors import RasterBlockError
+from rasterio.io import DatasetReader
+
+from uavseg.errors import RasterReadError
+from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
+from uavseg.raster.opening import (
+    GDAL_ERRORS,
+    OpenFiles,
+    absolute_path,
+    gdal_env,
+    gdal_read_errors,
+    quiet_open,
+    rasterio_window,
+    root_cause,
+)
+from uavseg.raster.tiling import Window
+
+FileState = tuple[str, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class RasterFile:
+    """Metadata of a raster file; the pixels stay in the file.
+
+    Parameters
+    ----------
+    path : str
+    shape : (int, int)
+    transform : affine.Affine
+        The identity if the file is not georeferenced.
+    crs : rasterio.crs.CRS or None
+    layout : BandLayout
+    nodatas : tuple of float or None
+        The nodata value of each band.
+    block : (int, int)
+        Rows and columns of one block of the file.
+    masks : str
+        "file" if all bands share a mask, "band" if each has its own, or "".
+    white_is_zero : bool
+        Whether large values are dark.
+    palette : tuple of (red, green, blue, alpha), or None
+    driver : str
+    overviews : tuple of int
+        Downsampling factors of the overviews in the file.
+    warnings : tuple of str
+    """
+
+    path: str
+    shape: tuple[int, int]
+    transform: Affine
+    crs: CRS | None
+    located: bool
+    layout: BandLayout
+    nodatas: tuple[float | None, ...]
+    block: tuple[int, int]
+    masks: str
+    white_is_zero: bool
+    palette: tuple[tuple[int, int, int, int], ...] | None
+    driver: str
+    overviews: tuple[int, ...]
+    warnings: tuple[str, ...]
+
+    def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
+        # A relative path becomes absolute: another process may have another working directory.
+        values = (getattr(self, part.name) for part in fields(self))
+        path, *others = values
+        return RasterFile, (
+            absolute_path(path),
+            *others,
+        )
+
+    @property
+    def name(self) -> str:
+        """The last part of the path."""
+        return Path(self.path).name
+
+    @property
+    def fails_by_block(self) -> bool:
+        """Whether a part of a block can be read if and only if the whole block can.
+
+        False for drivers that read parts of blocks (VRT), and for masks with blocks of their own.
+        """
+        return self.driver == "GTiff" and not self.masks
+
+    def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
+        """Content hash input: the state of each file that it consists of, and the nodata values."""
+        return file_states(self.path), self.nodatas
+
+    def blocks_in(self, window: Window) -> Iterator[Window]:
+        """The blocks of the file that intersect a window, row by row, clipped to the raster."""
+        rows, cols = self.block
+        for i, j in self._block_indices(window):
+            yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
+
+    def read(
+        self,
+        handles: OpenFiles,
+        choice: BandChoice,
+        window: Window,
+        shape: tuple[int, int] | None = None,
+    ) -> tuple[Values, Valid | None]:
+        """Read the chosen bands, and which pixels are valid (None: all).
+
+        With `shape`, downsampled to that many rows and columns by nearest neighbour.
+
+        Raises
+        ------
+        RasterReadError
+            If the file cannot be read inside the window.
+        """
+        with gdal_read_errors(self.path, window):
+            source = handles.open(self.path, self.located)
+            options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
+            values, alpha = self._read_bands(source, choice, options)
+            mask = self._read_mask(source, choice, options)
+        valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, mask)
+        return self._decode(values, valid, choice)
+
+    def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:
+        """Whether a sparse file stores no block inside `window`, so that every pixel is invalid.
+
+        False where that is not known without decoding.
+        """
+        if self.driver != "GTiff":
+            return False
+        with gdal_read_errors(self.path, window):
+            source = handles.open(self.path, self.located)
+            filled = [source.nodatavals[band - 1] for band in choice.bands]  # the value of missing blocks
+            if None in filled or filled != [self.nodatas[band - 1] for band in choice.bands]:
+                return False
+            blocks = ((band, i, j) for i, j in self._block_indices(window) for band in choice.bands)
+            return not any(_is_stored(source, *block) for block in blocks)
+
+    def _block_indices(self, window: Window) -> Iterator[tuple[int, int]]:
+        rows, cols = self.block
+        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
+            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
+                yield i, j
+
+    def _read_bands(
+        self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]
+    ) -> tuple[Values, Values | None]:
+        """Values of the chosen bands, and those of the alpha band."""
+        bands, alpha = list(choice.bands), self.layout.alpha
+        if alpha is None:
+            return source.read(bands, **options), None
+        if self.layout.dtypes[alpha - 1] == self.layout.dtypes[bands[0] - 1]:
+            pixels = source.read([*bands, alpha], **options)
+            return pixels[:-1], pixels[-1]
+        return source.read(bands, **options), source.read(alpha, **options)
+
+    def _read_mask(self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]) -> Valid | None:
+        if not self.masks:
+            return None
+        bands = list(choice.bands[:1] if self.masks == "file" else choice.bands)
+        mask: Valid = (source.read_masks(bands, **options) != 0).all(axis=0)
+        return mask
+
+    def _decode(self, values: Values, valid: Valid | None, choice: BandChoice) -> tuple[Values, Valid | None]:
+        """Stored numbers as brightness: palette colours, and inverted values where white is 0."""
+        if self.palette is not None and choice.expanded:
+            table = np.array(self.palette, np.uint8)
+            opaque = table[np.minimum(values[0], len(table) - 1), 3] != 0
+            colors = np.ascontiguousarray(table[:, :3].T)[:, np.minimum(values[0], len(table) - 1)]
+            if opaque.all():
+                return colors, valid
+            return colors, opaque if valid is None else opaque & valid
+        if self.white_is_zero:
+            values = values.dtype.type((1 << choice.bits) - 1) - values
+        return values.astype(choice.dtype, copy=False), valid
+
+
+def _is_stored(source: DatasetReader, band: int, i: int, j: int) -> bool:
+    try:
+        return bool(source.block_size(band, i, j))
+    except RasterBlockError:
+        return False
+
+
+def file_states(path: str) -> tuple[FileState, ...]:
+    """Path, size in bytes and modification time in ns of every file that a raster consists of.
+
+    These are the file itself, its sidecar files (masks, overviews) and those that it refers to (a VRT). A
+    file in an archive is represented by the archive; a remote file by its address, with -1 and -1.
+
+    Raises
+    ------
+    RasterReadError
+        If the raster cannot be opened.
+    """
+    try:
+        with gdal_env(), quiet_open(path) as source:
+            names = sorted({path, *source.files})
+    except GDAL_ERRORS as error:
+        raise RasterReadError(f"{path} cannot be opened as a raster ({root_cause(error)})") from error
+    return tuple(_state(name) for name in names)
+
+
+def _state(name: str) -> FileState:
+    for path in _on_disk(name):
+        try:
+            found = path.stat()
+        except OSError:
+            continue
+        return str(path.absolute()), found.st_size, found.st_mtime_ns
+    return name, -1, -1
+
+
+def _on_disk(name: str) -> list[Path]:
+    """Paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
+    if not name.startswith("/vsi"):
+        return [Path(name)]
+    inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))
+    candidates = [inner, Path("/") / inner]
+    return [path for start in candidates for path in (start, *start.parents) if path.name]

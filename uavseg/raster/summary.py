@@ -1,0 +1,230 @@
+"""Raster summary: metadata, histogram and moments of intensity, and a command to try."""
+
+import math
+import shlex
+from dataclasses import asdict, dataclass
+from functools import partial, reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.execution.executors import Map, Progress, serial
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import crs_name
+from uavseg.raster.geodesy.ground import ground_resolution
+from uavseg.raster.intensity.otsu import multi_otsu
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.mosaic import RasterSource
+from uavseg.raster.overview import DatasetOverview
+from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
+from uavseg.units import GREY_LEVELS
+
+EXACT_PIXELS = 100_000_000  # larger rasters are downsampled before counting
+COARSE_SIDE = 4096
+HISTOGRAM_BINS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Metadata and intensity statistics of a raster.
+
+    Parameters
+    ----------
+    paths : tuple of str
+    driver : str
+    rows, cols : int
+    crs : str or None
+        Name of the CRS.
+    epsg : int or None
+    located : bool
+        Whether the raster is georeferenced.
+    resolution : (float, float)
+        Ground metres of a pixel along a row and along a column (map units if there is no CRS).
+    bounds : (float, float, float, float)
+        left, bottom, right, top in map coordinates.
+    center : (float, float) or None
+        lon, lat in degrees.
+    bands : tuple of (dtype, colour interpretation, nodata)
+    used : str
+        The bands that become intensity.
+    exact : bool
+        Whether every pixel was counted; otherwise a sample of `counted` pixels.
+    counted, valid : int
+        Number of pixels counted, and how many of them are valid.
+    stretch : str
+        The stretch and its bounds.
+    histogram : tuple of HISTOGRAM_BINS ints
+        Valid pixels by v, in equal steps from 0 to 1.
+    mean, std : float
+        Of v; NaN if no pixel is valid.
+    cut : float
+        Otsu's threshold: the v that splits the histogram best into dark and bright.
+    overviews : tuple of int
+    warnings : tuple of str
+    """
+
+    paths: tuple[str, ...]
+    driver: str
+    rows: int
+    cols: int
+    crs: str | None
+    epsg: int | None
+    located: bool
+    resolution: tuple[float, float]
+    bounds: tuple[float, float, float, float]
+    center: tuple[float, float] | None
+    bands: tuple[tuple[str, str, float | None], ...]
+    used: str
+    exact: bool
+    counted: int
+    valid: int
+    stretch: str
+    histogram: tuple[int, ...]
+    mean: float
+    std: float
+    cut: float
+    overviews: tuple[int, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def nodata_share(self) -> float:
+        """Share of the counted pixels that are invalid."""
+        return 1 - self.valid / self.counted
+
+    @property
+    def command(self) -> str:
+        """A command to try next: the rarer of dark and bright.
+
+        It uses Otsu's threshold of the pixels, in steps of 0.05. `suggest` partitions the leaf means instead,
+        which noise hardly affects, into as many ranges as they have classes.
+        """
+        edge = round(self.cut * HISTOGRAM_BINS)
+        bright = 0 < 2 * sum(self.histogram[edge:]) <= self.valid
+        interval = f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
+        return f"uavseg extract {shlex.join(self.paths[:3])} --range {interval}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """All fields as plain values for JSON, with None instead of NaN."""
+        found = asdict(self)
+        found["bands"] = [
+            dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
+        ]
+        more = {"nodata_share": self.nodata_share, "command": self.command}
+        return {key: _plain(value) for key, value in (found | more).items()}
+
+
+def summarize(
+    dataset: Dataset,
+    stretch: Stretch | StretchSpec | str = "auto",
+    map: Map = serial,
+    progress: Progress | None = None,
+) -> Summary:
+    """Summarise a dataset.
+
+    Every pixel of a raster of up to 100 megapixels is counted, tile by tile; a larger one is downsampled to
+    at most 4096 rows and columns.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    stretch : Stretch, StretchSpec or str
+    map : Map
+        The executor.
+    progress : callable, optional
+    """
+    box, first = dataset.geobox, dataset.mosaic.files[0]
+    exact = math.prod(box.shape) <= EXACT_PIXELS
+    seen = dataset if exact else DatasetOverview.of(dataset, COARSE_SIDE)
+    fitted, greys = _count(seen, stretch, map, progress)
+    mean, std = _moments(greys)
+    return Summary(
+        paths=dataset.paths,
+        driver=first.driver,
+        rows=box.shape[0],
+        cols=box.shape[1],
+        crs=crs_name(box.wkt),
+        epsg=None if box.crs is None else box.crs.to_epsg(),
+        located=first.located,
+        resolution=ground_resolution(box),
+        bounds=_bounds(box),
+        center=_center(box),
+        bands=_bands(first),
+        used=dataset.band_names,
+        exact=exact,
+        counted=math.prod(seen.geobox.shape),
+        valid=int(greys.sum()),
+        stretch=fitted.name,
+        histogram=tuple(_binned(greys).tolist()),
+        mean=mean,
+        std=std,
+        cut=_otsu_threshold(greys),
+        overviews=first.overviews,
+        warnings=(*dataset.warnings, *fitted.warnings),
+    )
+
+
+def _count(
+    dataset: Dataset,
+    stretch: Stretch | StretchSpec | str,
+    map: Map,
+    progress: Progress | None,
+) -> tuple[Stretch, NDArray[np.int64]]:
+    """The stretch, and the histogram of grey levels under it."""
+    shape = dataset.geobox.shape
+    windows = tiles(shape, tile_side(shape, dataset.file_block))
+    fitted = fit_stretch(dataset, stretch, TilePass(windows, map))
+    counts = map(partial(_grey_histogram, dataset, fitted), windows, progress)
+    return fitted, reduce(np.add, counts, np.zeros(GREY_LEVELS, np.int64))
+
+
+def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> NDArray[np.int64]:
+    values, valid = dataset.read(window)
+    grey = stretch.apply(values, valid)
+    return np.bincount((grey if valid is None else grey[valid]).reshape(-1), minlength=GREY_LEVELS)
+
+
+def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Histogram in equal bins of v; v = 1 belongs to the last bin."""
+    bins = np.minimum(np.arange(GREY_LEVELS) * HISTOGRAM_BINS // (GREY_LEVELS - 1), HISTOGRAM_BINS - 1)
+    return np.bincount(bins, weights=greys, minlength=HISTOGRAM_BINS).astype(np.int64)
+
+
+def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
+    """Mean and standard deviation of v."""
+    if not greys.any():
+        return math.nan, math.nan
+    v = np.arange(GREY_LEVELS) / (GREY_LEVELS - 1)
+    mean = float(np.average(v, weights=greys))
+    return mean, float(np.sqrt(np.average((v - mean) ** 2, weights=greys)))
+
+
+def _otsu_threshold(greys: NDArray[np.int64]) -> float:
+    """Otsu's threshold at a bin edge; the middle one of equally good edges between empty bins."""
+    classes = multi_otsu(_binned(greys), 2)
+    if len(classes) < 2:
+        return 0.5
+    [below], [above] = classes[1].ends, classes[1].starts
+    return round((below + above + 1) // 2 / HISTOGRAM_BINS, 2)
+
+
+def _bounds(box: GeoBox) -> tuple[float, float, float, float]:
+    rows, cols = box.shape
+    x, y = box.xy_from_pixel(np.array([0, 0, rows, rows]), np.array([0, cols, 0, cols]))
+    return float(x.min()), float(y.min()), float(x.max()), float(y.max())
+
+
+def _center(box: GeoBox) -> tuple[float, float] | None:
+    if box.crs is None:
+        return None
+    lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(box.shape[0] / 2, box.shape[1] / 2))
+    return (float(lon), float(lat)) if np.isfinite(lon) and np.isfinite(lat) else None
+
+
+def _bands(file: RasterSource) -> tuple[tuple[str, str, float | None], ...]:
+    return tuple(zip(file.layout.dtypes, file.layout.roles, file.nodatas, strict=True))
+
+
+def _plain(value: Any) -> Any:
+    return None if isinstance(value, float) and math.isnan(value) else value

@@ -1,0 +1,1 @@
+"""Edits of regions: small holes and regions, elimination, adjacency, simplification."""

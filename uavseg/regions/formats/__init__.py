@@ -1,0 +1,1 @@
+"""Regions in files: GeoJSON, GeoPackage, FlatGeobuf, Parquet, Shapefile, KML, label rasters."""

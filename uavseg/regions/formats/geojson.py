@@ -1,0 +1,101 @@
+"""Regions as GeoJSON (RFC 7946), one feature a line, in bulk from integer coordinates."""
+
+import json
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+from math import isfinite
+from typing import IO, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import mapping
+
+from uavseg.regions.formats.decimal_text import lines_of, words_of, write_degrees
+from uavseg.regions.ragged import Ragged
+from uavseg.regions.table import Regions
+from uavseg.regions.wgs84.to_wgs84 import batches
+
+
+def dump(regions: Regions, stream: IO[bytes]) -> None:
+    """Write regions as a FeatureCollection.
+
+    Longitudes and latitudes are WGS 84 with seven decimals, exteriors run counter-clockwise, and what crosses
+    the antimeridian is cut there. Without a CRS the local coordinates are written as they are.
+
+    Parameters
+    ----------
+    regions : Regions
+    stream : binary file
+
+    Raises
+    ------
+    OutputError
+        If the regions are not on the Earth.
+    """
+    stream.write(b'{"type":"FeatureCollection","features":[')
+    separator = b"\n"
+    for feature in _features(regions):
+        stream.write(separator + feature)
+        separator = b",\n"
+    stream.write(b"\n]}\n")
+
+
+def _features(regions: Regions) -> Iterator[bytes]:
+    geometries = _local(regions) if regions.wkt is None else _on_globe(regions)
+    ids = regions.columns["id"].tolist()
+    for parts in zip(ids, _properties(regions), geometries, strict=True):
+        yield b'{"type":"Feature","id":%d,"properties":%b,"geometry":%b}' % parts
+
+
+def _properties(regions: Regions) -> Iterable[bytes]:
+    """The attributes of each region as a JSON object."""
+    columns = regions.columns
+    template = "{" + ",".join(f"{json.dumps(name)}:%s" for name in columns) + "}"
+    texts = [_texts(column) for column in columns.values()]
+    return ((template % values).encode() for values in zip(*texts, strict=True))
+
+
+def _texts(column: NDArray[Any]) -> list[str]:
+    """Each value as JSON: a number with up to twelve digits and a point, or null for what is no number."""
+    if column.dtype.kind == "f":
+        return [repr(float(f"{x:.12g}")) if isfinite(x) else "null" for x in column.tolist()]
+    if column.dtype.kind in "iu":
+        return [str(x) for x in column.tolist()]
+    known = {x: json.dumps(x, ensure_ascii=False) for x in set(column.tolist())}
+    return [known[x] for x in column.tolist()]
+
+
+def _local(regions: Regions) -> Iterator[bytes]:
+    return (text.encode() for text in shapely.to_geojson(regions.polygons))
+
+
+def _on_globe(regions: Regions) -> Iterator[bytes]:
+    for batch in batches(regions):
+        polygons = _polygons(batch.drawn)
+        for place, (first, last) in enumerate(pairwise(batch.drawn.regions.tolist())):
+            if place in batch.others:
+                yield json.dumps(mapping(batch.others[place]), separators=(",", ":")).encode()
+            elif last == first + 1:
+                yield b'{"type":"Polygon","coordinates":%b}' % polygons[first]
+            else:
+                yield b'{"type":"MultiPolygon","coordinates":[%b]}' % b",".join(polygons[first:last])
+
+
+def _polygons(flat: Ragged) -> list[bytes]:
+    """The coordinates of each polygon: a row of words for every vertex, with its brackets."""
+    rows = np.empty((len(flat.vertices), 8), np.uint32)
+    ends = flat.rings[flat.polygons]
+    rows[:, 0] = _OPEN_VERTEX
+    rows[flat.rings[:-1], 0] = _OPEN_RING
+    rows[ends[:-1], 0] = _OPEN_POLYGON
+    rows[:, 7] = _CLOSE_VERTEX
+    rows[flat.rings[1:] - 1, 7] = _CLOSE_RING
+    rows[ends[1:] - 1, 7] = _CLOSE_POLYGON
+    write_degrees(flat.vertices[:, 0], rows[:, 1:4])
+    write_degrees(flat.vertices[:, 1], rows[:, 4:7], after=",")
+    return lines_of(rows)
+
+
+_OPEN_VERTEX, _OPEN_RING, _OPEN_POLYGON = words_of(["[", "[[", "[[["])
+_CLOSE_VERTEX, _CLOSE_RING, _CLOSE_POLYGON = words_of(["],", "]],", "]]]\n"])

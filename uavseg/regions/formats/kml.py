@@ -1,0 +1,97 @@
+"""Regions as KML: outlines with names, and their attributes in a table."""
+
+from collections.abc import Iterator
+from html import escape
+from itertools import pairwise
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.regions.formats.decimal_text import UNITS, lines_of, words_of, write_degrees
+from uavseg.regions.ragged import Ragged
+from uavseg.regions.table import Regions
+from uavseg.regions.wgs84.to_wgs84 import batches
+
+_HEAD = """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2">
+<Document id="uavseg">
+<Style id="region">
+<LineStyle><color>ff00a5ff</color><width>2</width></LineStyle><PolyStyle><fill>0</fill></PolyStyle>
+</Style>
+<Schema name="regions" id="regions">
+%s
+</Schema>
+<Folder><name>regions</name>
+"""
+_TAIL = "</Folder>\n</Document>\n</kml>\n"
+_KINDS = {"i": "int", "f": "double", "O": "string"}
+_RING = b"<LinearRing><coordinates>%b</coordinates></LinearRing>"
+
+
+def dump(regions: Regions, stream: IO[bytes]) -> None:
+    """Write regions as KML: WGS 84, seven decimals, cut at the antimeridian.
+
+    Parameters
+    ----------
+    regions : Regions
+    stream : binary file
+
+    Raises
+    ------
+    OutputError
+        If the regions have no place on the Earth.
+    """
+    fields = (
+        f'<SimpleField name="{name}" type="{_KINDS[column.dtype.kind]}"/>'
+        for name, column in regions.columns.items()
+    )
+    stream.write((_HEAD % "\n".join(fields)).encode())
+    ids = regions.columns["id"].tolist()
+    for id_, attributes, geometry in zip(ids, _attributes(regions), _geometries(regions), strict=True):
+        stream.write(
+            b'<Placemark id="region.%d"><name>%d</name><styleUrl>#region</styleUrl>%b%b</Placemark>\n'
+            % (id_, id_, attributes, geometry)
+        )
+    stream.write(_TAIL.encode())
+
+
+def _attributes(regions: Regions) -> Iterator[bytes]:
+    """The attributes of each region; what is not known is left out."""
+    columns = [_data(name, column) for name, column in regions.columns.items()]
+    for values in zip(*columns, strict=True):
+        table = f'<SchemaData schemaUrl="#regions">{"".join(values)}</SchemaData>'
+        yield f"<ExtendedData>{table}</ExtendedData>".encode()
+
+
+def _data(name: str, column: NDArray[Any]) -> Iterator[str]:
+    for value in column.tolist():
+        text = f"{value:.12g}" if isinstance(value, float) else escape(str(value), quote=False)
+        yield "" if text == "nan" else f'<SimpleData name="{name}">{text}</SimpleData>'
+
+
+def _geometries(regions: Regions) -> Iterator[bytes]:
+    for batch in batches(regions):
+        flat = Ragged.of(batch.geometries())
+        rings = [_RING % text for text in _rings(flat)]
+        polygons = [_polygon(rings[first:last]) for first, last in pairwise(flat.polygons.tolist())]
+        for first, last in pairwise(flat.regions.tolist()):
+            whole = b"".join(polygons[first:last])
+            yield whole if last == first + 1 else b"<MultiGeometry>%b</MultiGeometry>" % whole
+
+
+def _polygon(rings: list[bytes]) -> bytes:
+    exterior, *holes = rings
+    inner = b"".join(b"<innerBoundaryIs>%b</innerBoundaryIs>" % hole for hole in holes)
+    return b"<Polygon><outerBoundaryIs>%b</outerBoundaryIs>%b</Polygon>" % (exterior, inner)
+
+
+def _rings(flat: Ragged) -> list[bytes]:
+    """The coordinates of each ring."""
+    units = np.rint(flat.vertices * UNITS).astype(np.int64)
+    rows = np.empty((len(units), 7), np.uint32)
+    write_degrees(units[:, 0], rows[:, 0:3])
+    write_degrees(units[:, 1], rows[:, 3:6], after=",")
+    rows[:, 6] = words_of([" "])
+    rows[flat.rings[1:] - 1, 6] = words_of(["\n"])
+    return lines_of(rows)

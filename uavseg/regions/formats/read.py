@@ -1,0 +1,231 @@
+"""Regions from vector files of any making, as degrees on the globe."""
+
+import io
+import os
+import re
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.errors import RegionError
+from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
+from uavseg.regions.table import COLUMNS, Regions
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+MENDED = 0.01  # of its area, by which mending may change a polygon
+OF_EVERY_KML = {
+    *("Name", "description", "timestamp", "begin", "end", "altitudeMode", "tessellate", "extrude"),
+    *("visibility", "drawOrder", "icon"),
+}
+LONG_NAMES = {"perim_m": "perimeter_m", "range_lo": "range_low", "range_hi": "range_high"}  # of a shapefile
+
+
+def load(source: str | os.PathLike[str] | bytes, layer: str | None = None) -> Regions:
+    """Regions from a file, in WGS 84.
+
+    What other tools made is completed: regions without whole numbers as `id` are counted from 1, the
+    parts of a multipolygon one by one; `area_m2` (geodesic) and `lon`, `lat` of a point inside are found.
+
+    Parameters
+    ----------
+    source : path or bytes
+        GeoJSON, GeoPackage, FlatGeobuf, Parquet, Shapefile, KML, or whatever else GDAL reads; or the
+        content of such a file.
+    layer : str, optional
+        Which layer, where there are several. All layers of a KML file are read.
+
+    Returns
+    -------
+    regions : Regions
+        Polygons and multipolygons as (lon, lat), and every attribute that the file has.
+
+    Raises
+    ------
+    RegionError
+        If the file cannot be read, has no polygons or not only polygons, no coordinate system, or local
+        coordinates.
+    """
+    name = "standard input" if isinstance(source, bytes) else str(source)
+    return _regions_of(_read(source, name, layer), name)
+
+
+def regions_of_frame(frame: "GeoDataFrame") -> Regions:
+    """Regions of a GeoDataFrame, in WGS 84, completed like those of a file.
+
+    Raises
+    ------
+    RegionError
+        If it has no polygons or not only polygons, no coordinate system, or local coordinates.
+    """
+    return _regions_of(frame, "the frame")
+
+
+def _regions_of(frame: "GeoDataFrame", name: str) -> Regions:
+    frame = _on_the_globe(frame, name)
+    columns = {
+        str(column): np.asarray(frame[column]) for column in frame.columns if column != frame.geometry.name
+    }
+    geometries = _polygons(np.asarray(frame.geometry, dtype=object), name)
+    return _completed(_renamed(columns), geometries)
+
+
+def _read(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> "GeoDataFrame":
+    import geopandas
+    from pyarrow import ArrowException
+
+    if not isinstance(source, bytes) and not Path(source).exists():
+        raise RegionError(f"{name} does not exist; name a file of regions")
+    try:
+        if not isinstance(source, bytes) and Path(source).suffix.lower() in {".parquet", ".geoparquet"}:
+            frame = geopandas.read_parquet(source)
+        else:
+            frame = _layers(io.BytesIO(source) if isinstance(source, bytes) else source, name, layer)
+    except (RuntimeError, ValueError, OSError, ArrowException) as error:
+        if isinstance(error, RegionError):
+            raise
+        raise RegionError(f"{name} cannot be read as regions: {_cause(error)}") from error
+    if not isinstance(frame, geopandas.GeoDataFrame):
+        raise RegionError(f"{name} holds no geometries; regions are polygons")
+    return frame
+
+
+def _cause(error: Exception) -> str:
+    cause = (str(error).splitlines() or [type(error).__name__])[0]
+    unknown = "not recognized as being in a supported file format" in cause
+    return "it is neither GeoJSON nor another format of polygons that GDAL knows" if unknown else cause
+
+
+def _layers(source: Any, name: str, layer: str | None) -> Any:
+    import geopandas
+    import pandas
+    import pyogrio
+
+    if isinstance(source, io.BytesIO):
+        return geopandas.read_file(source)
+    layers = [str(known) for known in pyogrio.list_layers(source)[:, 0]]
+    if layer is not None and layer not in layers:
+        raise RegionError(f"{name} has no layer {layer!r}; it has {', '.join(layers)}")
+    wanted = layers if layer is None else [layer]
+    if len(wanted) > 1 and Path(source).suffix.lower() not in {".kml", ".kmz"}:
+        raise RegionError(f"{name} has {len(layers)} layers; choose with --layer one of {', '.join(layers)}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # about winding and measures, which do not matter here
+        frames = [geopandas.read_file(source, layer=one) for one in wanted]
+    frames = [frame for frame in frames if len(frame)] or frames
+    return frames[0] if len(frames) == 1 else pandas.concat(frames, ignore_index=True)
+
+
+def _on_the_globe(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
+    from pyproj.exceptions import ProjError
+
+    frame = frame[~(frame.geometry.isna() | frame.geometry.is_empty)]
+    if len(frame) == 0:
+        raise RegionError(f"{name} holds no regions")
+    if frame.crs is None:
+        raise RegionError(
+            f"{name} does not say its coordinate system, so nobody can fly there; give the file one "
+            "(ogr2ogr -a_srs), or extract from a raster that has one"
+        )
+    try:
+        frame = frame.to_crs(WGS84)
+    except ProjError as error:
+        raise RegionError(f"the coordinate system of {name} has no place on Earth: {error}") from error
+    west, south, east, north = frame.total_bounds
+    if not (west >= -180.001 and south >= -90.001 and east <= 180.001 and north <= 90.001):
+        raise RegionError(
+            f"{name} lies at {west:g} to {east:g} by {south:g} to {north:g}: no longitude and latitude; "
+            "local coordinates, it seems; give it its coordinate system"
+        )
+    return frame
+
+
+def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
+    others = sorted({g.geom_type for g in geometries} - {"Polygon", "MultiPolygon"})
+    if others:
+        raise RegionError(f"{name} holds {', '.join(others)}; regions are polygons")
+    geometries = shapely.force_2d(geometries)
+    for n in np.flatnonzero(~shapely.is_valid(geometries)):
+        geometries[n] = _mended(geometries[n], f"polygon {n + 1} of {name}")
+    return geometries
+
+
+def _mended(polygon: Any, what: str) -> Any:
+    """A valid polygon instead of one that touches itself; one that crosses itself is refused."""
+    valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
+    changed = abs(_shoelace_m2(polygon) - valid.area)
+    if valid.geom_type not in {"Polygon", "MultiPolygon"} or changed > MENDED * valid.area:
+        raise RegionError(f"{what} is no valid polygon ({shapely.is_valid_reason(polygon)}); mend it first")
+    return valid
+
+
+def _shoelace_m2(polygon: Any) -> float:
+    return float(sum(part.area for part in shapely.get_parts(polygon)))
+
+
+def _renamed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Columns by the names and types they had before a format shortened or lost them."""
+    columns = {LONG_NAMES.get(name, name): values for name, values in columns.items()}
+    if "tessellate" in columns:
+        columns = {name: values for name, values in columns.items() if name not in OF_EVERY_KML}
+    if "id2" in columns and _whole(columns.get("id")) is None:  # KML has an id of its own
+        columns["id"] = columns.pop("id2")
+    for name in columns.keys() & {name for name, kind in COLUMNS.items() if kind is not object}:
+        columns[name] = _numbers(columns[name])
+    return columns
+
+
+def _numbers(values: NDArray[Any]) -> NDArray[Any]:
+    if values.dtype.kind in "iuf":
+        return values
+    try:
+        return np.array([np.nan if value is None else float(value) for value in values])
+    except (TypeError, ValueError):
+        return values
+
+
+def _whole(values: NDArray[Any] | None) -> NDArray[np.int64] | None:
+    """Whole numbers that are given as numbers or as text; None if some are not."""
+    if values is None:
+        return None
+    texts = [re.sub(r"\.0$", "", str(value)) for value in values]
+    if not all(re.fullmatch(r"-?\d{1,18}", text) for text in texts):
+        return None
+    return np.array(texts, dtype=np.int64)
+
+
+def _completed(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) -> Regions:
+    ids = _whole(columns.get("id"))
+    if ids is None:
+        polygons, origin = shapely.get_parts(polygons, return_index=True)
+        columns = {
+            name: values[origin] for name, values in columns.items() if name not in {"area_m2", "lon", "lat"}
+        }
+        ids = np.arange(1, len(polygons) + 1)
+    lon, lat = _points_inside(polygons, columns.get("lon"), columns.get("lat"))
+    area = columns.get("area_m2")
+    if area is None or area.dtype.kind not in "iuf" or not np.isfinite(area).all():
+        area = _areas_m2(polygons)
+    columns = {"id": ids, "area_m2": area, **columns} | {"id": ids, "area_m2": area, "lon": lon, "lat": lat}
+    return Regions(columns, polygons, WGS84).chosen(np.argsort(ids, kind="stable"))
+
+
+def _points_inside(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[Any, Any]:
+    """The points given, where they are inside their polygons; others where not."""
+    own = shapely.get_coordinates(shapely.point_on_surface(polygons))
+    if lon is None or lat is None or lon.dtype.kind != "f" or lat.dtype.kind != "f":
+        return own[:, 0], own[:, 1]
+    inside = shapely.contains_xy(polygons, lon, lat)
+    return np.where(inside, lon, own[:, 0]), np.where(inside, lat, own[:, 1])
+
+
+def _areas_m2(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
+    geod = geod_wgs84()
+    return np.array(
+        [abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in shapely.orient_polygons(polygons)]
+    )

@@ -1,0 +1,1 @@
+"""Region outlines along pixel edges: traced per tile, linked to rings, stitched, rasterised."""

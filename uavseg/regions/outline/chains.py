@@ -1,0 +1,258 @@
+"""Walking along the edges between pixels: chains of corners, tile by tile.
+
+An edge of a region is walked with the region on the right-hand side: an exterior runs clockwise as one sees
+the picture, a hole the other way. Directions are 0 right, 1 down, 2 left, 3 up. A tile walks the edges of
+its own pixels; where a boundary goes on along a pixel of another tile, the chain ends, and says where it
+goes on.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+from uavseg.segmentation.components import WORD, view_as_words
+
+OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table
+
+
+@dataclass(frozen=True, slots=True)
+class Chains:
+    """Pieces of boundaries, as corners in order.
+
+    Parameters
+    ----------
+    vertices : (v, 2) int32 array
+        Row and column of pixel corners. A closed chain has its corners only; an open one begins with the
+        point where it starts, which may lie on a straight edge, and ends before the point where it goes on.
+    pinched : (v,) uint8 array
+        1 where the region touches itself or another piece of its label corner to corner.
+    table : (k, 6) int64 array
+        Of each chain: the label it belongs to, its first vertex, its first and its last direction, the key
+        of its first edge and the key of the edge after its last one; both keys are -1 if it is closed.
+    """
+
+    vertices: NDArray[np.int32]
+    pinched: NDArray[np.uint8]
+    table: NDArray[np.int64]
+
+
+def trace_tile(
+    image: NDArray[Any], labels: NDArray[np.uint32], margin: int, corner: tuple[int, int], width: int
+) -> Chains:
+    """The boundaries of a tile's pixels.
+
+    Parameters
+    ----------
+    image : (M + 2 m, N + 2 m) uint8 or uint32 array
+        Pixels of equal value, not 0, that share an edge belong together; m is at least 1.
+    labels : (M, N) uint32 array
+        Which chain belongs to whom: a number for each pixel of the tile.
+    margin : int
+        m.
+    corner : (int, int)
+        Row and column of the tile's first pixel in the whole raster.
+    width : int
+        Columns of the whole raster, which makes the keys of edges unique.
+    """
+    seen = np.zeros(labels.shape, np.uint8)
+    room, most = 1024 + labels.size // 4, 1024 + labels.size // 16  # what is not written to takes no memory
+    kernel_of_type = _trace_u1 if image.dtype == np.uint8 else _trace_u4
+    stride = image.shape[1]
+    ahead, steps = np.array([0, -1, -stride - 1, -stride]), np.array([1, stride, -1, -stride])
+    words = (
+        view_as_words(image)
+        if image.dtype == np.uint8 and margin % WORD == 0
+        else np.empty((0, 0), np.uint64)
+    )
+    while True:
+        vertices = np.empty((room, 2), np.int32)
+        pinched = np.empty(room, np.uint8)
+        table = np.empty((most, 6), np.int64)
+        sizes = np.zeros(2, np.int64)
+        known = (image, image.ravel(), ahead, steps, words, labels, margin, *corner, width)
+        kernel_of_type(*known, seen, vertices, pinched, table, sizes)
+        used, chains = sizes
+        if used <= room and chains <= most:
+            return Chains(vertices[:used].copy(), pinched[:used].copy(), table[:chains].copy())
+        room, most = int(used), int(chains)
+        seen[:] = 0
+
+
+@inlined
+def step_row(direction):  # type: ignore[no-untyped-def]
+    """Rows moved by one step."""
+    return (direction == 1) - (direction == 3)
+
+
+@inlined
+def step_col(direction):  # type: ignore[no-untyped-def]
+    """Columns moved by one step."""
+    return (direction == 0) - (direction == 2)
+
+
+@inlined
+def pixel_row(row, direction, right):  # type: ignore[no-untyped-def]
+    """Row of the pixel ahead of a corner, on the right-hand or the left-hand side."""
+    above = direction == 3 or (direction == 2 and right) or (direction == 0 and not right)
+    return row - above
+
+
+@inlined
+def pixel_col(col, direction, right):  # type: ignore[no-untyped-def]
+    """Column of the pixel ahead of a corner, on the right-hand or the left-hand side."""
+    before = direction == 2 or (direction == 1 and right) or (direction == 3 and not right)
+    return col - before
+
+
+@inlined
+def lies_within(row, col, shape):  # type: ignore[no-untyped-def]
+    """Whether a pixel is one of the tile's own."""
+    return row >= 0 and row < shape[0] and col >= 0 and col < shape[1]
+
+
+@inlined
+def begins_chain(image, shape, margin, row, col, direction):  # type: ignore[no-untyped-def]
+    """Whether the edge from a corner is one of the tile's whose predecessor runs along another tile's
+    pixel.
+    """
+    own_row = pixel_row(row, direction, True)
+    own_col = pixel_col(col, direction, True)
+    label = image[own_row + margin, own_col + margin]
+    beside_row = pixel_row(row, direction, False)
+    beside_col = pixel_col(col, direction, False)
+    if label == 0 or image[beside_row + margin, beside_col + margin] == label:
+        return False
+    back = (direction + 2) % 4
+    right_row = pixel_row(row, back, False)
+    right_col = pixel_col(col, back, False)
+    if image[right_row + margin, right_col + margin] != label:
+        return False
+    left_row = pixel_row(row, back, True)
+    left_col = pixel_col(col, back, True)
+    if image[left_row + margin, left_col + margin] != label:
+        return not lies_within(right_row, right_col, shape)
+    return not lies_within(left_row, left_col, shape)
+
+
+@inlined
+def steps_within(row, col, direction, shape):  # type: ignore[no-untyped-def]
+    """After how many steps from a corner the pixel ahead on the right-hand side is another tile's."""
+    if direction == 0:
+        return shape[1] - col
+    if direction == 1:
+        return shape[0] - row
+    return col if direction == 2 else row
+
+
+@inlined
+def walk(tile, found, row, col, direction):  # type: ignore[no-untyped-def]
+    """Write the chain that begins with an edge; past the end of the arrays only count.
+
+    Of the tile, `flat` is the image, `ahead` holds for each direction where, seen from the pixel at the lower
+    right of a corner, the pixel ahead on the right-hand side lies (on the left-hand side it is that of the
+    direction before), and `steps` how far one step goes.
+    """
+    flat, ahead, steps, labels, margin, top, left, width = tile
+    seen, vertices, pinched, table, sizes = found
+    shape = labels.shape
+    place = (row + margin) * steps[1] + col + margin
+    first = direction
+    first_place = place
+    label = flat[place + ahead[direction]]
+    chain = sizes[1]
+    used = sizes[0]
+    if chain < table.shape[0]:
+        table[chain, 0] = labels[pixel_row(row, direction, True), pixel_col(col, direction, True)]
+        table[chain, 1] = used
+        table[chain, 2] = direction
+        table[chain, 4] = ((top + row) * (width + 1) + left + col) * 4 + direction
+    sizes[1] += 1
+    pinch = False
+    while True:
+        if used < vertices.shape[0]:
+            vertices[used, 0] = top + row
+            vertices[used, 1] = left + col
+            pinched[used] = pinch
+        used += 1
+        if direction == 0:
+            seen[row, col] = 1
+        right = ahead[direction]
+        left_hand = ahead[(direction + 3) & 3]
+        step = steps[direction]
+        room = steps_within(row, col, direction, shape)
+        count = 0
+        same = False
+        while True:
+            place += step
+            count += 1
+            same = flat[place + left_hand] == label
+            if same or flat[place + right] != label or count == room:
+                break
+        row += count * step_row(direction)
+        col += count * step_col(direction)
+        before = direction
+        pinch = False
+        leaves = False
+        if flat[place + right] != label:
+            direction = (direction + 1) & 3
+            pinch = same
+        elif same:
+            direction = (direction + 3) & 3
+            leaves = not lies_within(pixel_row(row, direction, True), pixel_col(col, direction, True), shape)
+        else:
+            leaves = True
+        closed = place == first_place and direction == first
+        if closed or leaves:
+            sizes[0] = used
+            if chain < table.shape[0]:
+                table[chain, 3] = before
+                table[chain, 5] = ((top + row) * (width + 1) + left + col) * 4 + direction
+                if closed:
+                    table[chain, 4] = -1
+                    table[chain, 5] = -1
+                    if table[chain, 1] < vertices.shape[0]:
+                        pinched[table[chain, 1]] = pinch
+            return
+
+
+def _trace(  # type: ignore[no-untyped-def]
+    image, flat, ahead, steps, words, labels, margin, top, left, width, seen, vertices, pinched, table, sizes
+):
+    rows, cols = labels.shape
+    stride = steps[1]
+    tile = (flat, ahead, steps, labels, margin, top, left, width)
+    found = (seen, vertices, pinched, table, sizes)
+    # Chains that come in from another tile: they begin on the tile's border.
+    for r in range(rows + 1):
+        for c in range(0, cols + 1, 1 if r == 0 or r == rows else cols):
+            for direction in range(4):
+                own_row = pixel_row(r, direction, True)
+                own_col = pixel_col(c, direction, True)
+                if lies_within(own_row, own_col, labels.shape) and begins_chain(
+                    image, labels.shape, margin, r, c, direction
+                ):
+                    walk(tile, found, r, c, direction)
+    # Everything else is closed, and has an upper edge that begins with a corner.
+    for r in range(rows):
+        c = 0
+        while c < cols:
+            if words.shape[0] > 0 and c % WORD == 0:
+                word = (c + margin) // WORD
+                if words[r + margin, word] == words[r + margin - 1, word]:
+                    c += WORD
+                    continue
+            place = (r + margin) * stride + c + margin
+            label = flat[place]
+            edge = label != 0 and label != flat[place - stride] and not seen[r, c]
+            if edge and (flat[place - 1] != label or flat[place - 1 - stride] == label):
+                walk(tile, found, r, c, 0)
+            c += 1
+
+
+_READ = "i8[::1], i8[::1], u8[:,::1], u4[:,::1], i8, i8, i8, i8"
+_WRITTEN = "u1[:,::1], i4[:,::1], u1[::1], i8[:,::1], i8[::1]"
+_trace_u1 = kernel(f"void(u1[:,::1], u1[::1], {_READ}, {_WRITTEN})")(_trace)
+_trace_u4 = kernel(f"void(u4[:,::1], u4[::1], {_READ}, {_WRITTEN})")(_trace)

@@ -1,0 +1,1 @@
+"""Regions like a sample: where it lies, its model, scores of cells, rejection."""

@@ -1,0 +1,183 @@
+"""What a sample is given as, a disc or a file of polygons, and which pixels of a raster it covers."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.errors import ParameterError, SampleError
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
+from uavseg.raster.polygon_mask import pixels_inside
+from uavseg.raster.tiling import Window
+from uavseg.units import CELL
+
+MOST_PIXELS = 1 << 24  # of the rectangle around a sample, which is held in memory
+_CORNERS = 256  # of the polygon that a disc is taken for
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A disc on the map.
+
+    Parameters
+    ----------
+    x, y : float
+        Its centre in the raster's coordinates.
+    radius : float
+        In units of the map; in metres where those are degrees.
+
+    Raises
+    ------
+    ParameterError
+        If the radius is not above 0, or a number is not finite.
+    """
+
+    x: float
+    y: float
+    radius: float
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.x) and math.isfinite(self.y) and 0 < self.radius < math.inf):
+            raise ParameterError(
+                f"a sample X,Y,RADIUS has a centre on the map and a radius above 0, not "
+                f"{self.x:g},{self.y:g},{self.radius:g}"
+            )
+
+
+def parse_like(text: str) -> Disc | str:
+    """A disc if the text is three numbers between commas, else the name of a file.
+
+    Raises
+    ------
+    ParameterError
+        If it is numbers, but not three.
+
+    Examples
+    --------
+    >>> parse_like("500,-20.5,8")
+    Disc(x=500.0, y=-20.5, radius=8.0)
+    >>> parse_like("field.geojson")
+    'field.geojson'
+    """
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        return text
+    if len(numbers) != 3:
+        raise ParameterError(f"a sample is X,Y,RADIUS or a file of polygons, not {text!r}")
+    return Disc(*numbers)
+
+
+@dataclass(frozen=True)
+class Place:
+    """The pixels of a sample.
+
+    Parameters
+    ----------
+    window : Window
+        The rectangle around them, of whole cells; its part inside the raster.
+    bits : (rows, c) uint8 array
+        1 for each pixel of the sample, packed along rows.
+    """
+
+    window: Window
+    bits: NDArray[np.uint8]
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """The pixels of the sample, (rows, cols)."""
+        return np.unpackbits(self.bits, axis=1, count=self.window.cols).view(bool)
+
+
+def place_of(like: Disc | str, geobox: GeoBox) -> Place:
+    """The pixels of a raster whose centres lie in a sample.
+
+    Parameters
+    ----------
+    like : Disc or str
+        Or the name of a file of polygons in any coordinate system, see `regions.load`.
+    geobox : GeoBox
+        Of the raster.
+
+    Raises
+    ------
+    SampleError
+        If there is none, or the sample is larger than 2^24 pixels.
+    RegionError
+        If the file is not one of polygons.
+    """
+    polygons = _disc(like, geobox) if isinstance(like, Disc) else _of_file(like, geobox)
+    name = "the sample" if isinstance(like, Disc) else f"the sample {like}"
+    on_grid = _in_pixels(polygons, geobox)
+    bounds = shapely.total_bounds(on_grid)
+    if not np.isfinite(bounds).all():
+        raise SampleError(f"{name} has no place in the raster's coordinate system")
+    window = _around(bounds, geobox.shape)
+    if window.rows == 0 or window.cols == 0:
+        raise SampleError(f"{name} lies outside of the raster, which is {_extent(geobox)}")
+    if window.rows * window.cols > MOST_PIXELS:
+        raise SampleError(
+            f"{name} spans {window.rows:,} x {window.cols:,} pixels; at most {MOST_PIXELS:,} are looked at: "
+            "give a smaller one"
+        )
+    return Place(window, np.packbits(pixels_inside(on_grid, window), axis=1))
+
+
+def _disc(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
+    """A disc as a polygon of the map; on the ellipsoid where the map is in degrees."""
+    angles = np.linspace(0, 360, _CORNERS, endpoint=False)
+    wkt = geobox.wkt
+    if wkt is not None and is_geographic(wkt):
+        x, y, radius = (np.full(_CORNERS, number) for number in (disc.x, disc.y, disc.radius))
+        x, y, _ = geod_of(wkt).fwd(x, y, angles, radius)
+        x = wrap_lon(x, around=disc.x)
+    else:
+        x = disc.x + disc.radius * np.sin(np.radians(angles))
+        y = disc.y + disc.radius * np.cos(np.radians(angles))
+    return np.array([shapely.Polygon(np.stack([x, y], axis=1))], object)
+
+
+def _of_file(name: str, geobox: GeoBox) -> NDArray[np.object_]:
+    from uavseg.regions.formats.read import load
+
+    if geobox.wkt is None:
+        raise SampleError(
+            f"the raster has no CRS, so nobody knows where in it {name} lies; give the sample as X,Y,RADIUS"
+        )
+    regions = load(name)
+    project = transform_between(regions.wkt, geobox.wkt)
+    polygons: NDArray[Any] = shapely.transform(
+        np.asarray(regions.polygons), lambda x, y: project(x, y), interleaved=False
+    )
+    return polygons
+
+
+def _in_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.object_]:
+    """Polygons of the map in pixels, (col, row)."""
+    back = ~geobox.transform
+    found: NDArray[Any] = shapely.transform(
+        polygons,
+        lambda x, y: (back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f),
+        interleaved=False,
+    )
+    return found
+
+
+def _around(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
+    """The cells that the bounds (col, row, col, row) reach into, as far as they lie inside the raster."""
+    limit = np.array([shape[1], shape[0]])
+    first = np.clip(np.floor(bounds[:2]), 0, limit).astype(int) // CELL * CELL
+    end = np.clip(np.ceil(bounds[2:]), 0, limit).astype(int)
+    cols, rows = np.maximum(end - first, 0).tolist()
+    nothing = (bounds[2:] <= 0).any() or (bounds[:2] >= limit).any()
+    return Window(int(first[1]), int(first[0]), 0 if nothing else rows, 0 if nothing else cols)
+
+
+def _extent(geobox: GeoBox) -> str:
+    rows, cols = geobox.shape
+    x, y = geobox.xy_from_pixel([0, 0, rows, rows], [0, cols, 0, cols])
+    return f"x {x.min():.10g} to {x.max():.10g} by y {y.min():.10g} to {y.max():.10g}"

@@ -1,0 +1,1 @@
+"""Selection of regions by id, condition or size."""

@@ -1,0 +1,1 @@
+"""Smooth outlines: boundaries relaxed within half a pixel, shared borders stay shared."""

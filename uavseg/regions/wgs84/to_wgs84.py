@@ -1,0 +1,242 @@
+"""Polygons of any coordinate system as GeoJSON wants them: WGS 84, seven decimals, cut at the antimeridian.
+
+Coordinates stay integers of 1e-7 degrees in flat arrays; the few polygons that need a geometry library
+(cut in two, around a pole, or made invalid by rounding) are handed back as geometries of their own.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.errors import OutputError, RasterError
+from uavseg.raster.geodesy.globe import (
+    Transform,
+    equatorial_radius,
+    is_geographic,
+    is_on_earth,
+    lonlat_transform,
+    unit_factor,
+    wrap_lon,
+)
+from uavseg.regions import shapes
+from uavseg.regions.formats.decimal_text import UNITS
+from uavseg.regions.ragged import Ragged
+from uavseg.regions.table import Regions
+from uavseg.regions.wgs84.antimeridian import fold
+from uavseg.regions.wgs84.densify import bent
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Objects = NDArray[np.object_]
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Some regions, in order.
+
+    Parameters
+    ----------
+    drawn : Ragged
+        Its vertices are an int64 array of longitudes and latitudes in 1e-7 degrees.
+    others : dict of int -> shapely Polygon or MultiPolygon
+        Regions, counted from the batch's first, that have no polygons in `drawn` but this geometry (degrees).
+    """
+
+    drawn: Ragged
+    others: dict[int, Any]
+
+    def geometries(self) -> Objects:
+        """The regions as shapely geometries, in degrees."""
+        drawn = replace(self.drawn, vertices=self.drawn.vertices / UNITS).built()
+        drawn[list(self.others)] = list(self.others.values())
+        return drawn
+
+
+def batches(regions: Regions, vertices: int = shapes.BATCH) -> Iterator[Batch]:
+    """The regions in WGS 84, about so many vertices at a time.
+
+    Exteriors run counter-clockwise, holes clockwise.
+
+    Raises
+    ------
+    OutputError
+        If the regions lie on another celestial body, have no place on the globe, or reach past the edge of
+        their projection.
+    """
+    if not len(regions):
+        return
+    way = _Way.of(regions.wkt)
+    pixel = shapes.total_area(regions.polygons) / regions.columns["pixels"].sum()
+    for part in shapes.batches(regions.polygons, vertices):
+        yield _batch(regions.polygons[part], pixel, way)
+
+
+def geometries(regions: Regions) -> Objects:
+    """The regions in WGS 84 as shapely geometries, with the very coordinates that GeoJSON gets."""
+    return np.concatenate([np.empty(0, object), *(batch.geometries() for batch in batches(regions))])
+
+
+def check_crs(wkt: str | None) -> None:
+    """Whether regions of a CRS have a place on the Earth.
+
+    Raises
+    ------
+    OutputError
+        If they have not.
+    """
+    _Way.of(wkt)
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """From a CRS to longitude and latitude."""
+
+    transform: Transform
+    straight: bool  # the CRS is geographic: edges stay straight, longitudes never jump
+    radius: float  # of the Earth in units of the map, unless straight
+    turn: float  # 360 degrees in units of the map, if straight
+
+    @classmethod
+    def of(cls, wkt: str | None) -> "_Way":
+        try:
+            on_earth = is_on_earth(wkt)
+            transform = lonlat_transform(wkt) if on_earth else None
+        except RasterError as error:
+            raise OutputError(
+                "these regions have no place on the globe, which GeoJSON and KML need; write a .gpkg instead"
+            ) from error
+        if transform is None:
+            raise OutputError(
+                "these regions are not on the Earth, and GeoJSON and KML are WGS 84; write a .gpkg instead"
+            )
+        unit = unit_factor(wkt)
+        return cls(transform, is_geographic(wkt), equatorial_radius(wkt) / unit, 2 * np.pi / unit)
+
+    def degrees(self, xy: Floats) -> Floats:
+        x, y = xy.T
+        if self.straight:
+            y = np.clip(y, -self.turn / 4, self.turn / 4)
+        lonlat = np.stack(self.transform(x, y), axis=1)
+        if not np.isfinite(lonlat).all():
+            raise OutputError("a region reaches past the edge of its projection; write a .gpkg instead")
+        if self.straight:
+            lonlat[:, 0] += 360 * np.round(x / self.turn - lonlat[:, 0] / 360)
+        return lonlat
+
+    def mirrors(self, xy: Floats) -> bool:
+        """Whether left and right change places on the way (at this vertex, and so everywhere)."""
+        if self.straight:
+            return False
+        step = self.radius * 1e-5
+        there = self.degrees(xy + np.array([[0, 0], [step, 0], [0, step]]))
+        (a, b), (c, d) = wrap_lon(there[1:] - there[0])
+        return bool(a * d - b * c < 0)
+
+
+def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
+    flat = Ragged.of(shapely.orient_polygons(polygons))
+    degrees = way.degrees(flat.vertices)
+    if way.mirrors(flat.vertices[np.argmin(np.abs(degrees[:, 1]))]):
+        flat = Ragged.of(shapely.orient_polygons(polygons, exterior_cw=True))
+        degrees = way.degrees(flat.vertices)
+    far = _far_apart(flat, degrees, pixel)
+    if way.straight:
+        on_globe, crossing = _turned(flat, degrees)
+    else:
+        on_globe, crossing = _jumping(bent(flat, degrees, np.sqrt(pixel), way.radius, way.degrees))
+    lonlat = np.rint(on_globe.vertices * UNITS).astype(np.int64)
+    np.clip(lonlat[:, 1], -90 * UNITS, 90 * UNITS, out=lonlat[:, 1])
+    kept = _without_repeats(replace(on_globe, vertices=lonlat)).without(crossing)
+    broken = _collapsed(kept) if far else _broken(kept)
+    special = np.flatnonzero(crossing | broken)
+    others = {
+        int(i): _rounded(_apart(on_globe, int(i), bool(crossing[i]), not way.straight)) for i in special
+    }
+    return Batch(kept.without(broken), others)
+
+
+def _turned(flat: Ragged, degrees: Floats) -> tuple[Ragged, Flags]:
+    """Regions moved by whole turns into -180..180; and which of them cross the antimeridian."""
+    starts = flat.rings[flat.polygons[flat.regions]]
+    lon = degrees[:, 0]
+    west, east = np.minimum.reduceat(lon, starts[:-1]), np.maximum.reduceat(lon, starts[:-1])
+    turns = np.floor((west + 180 + 0.5 / UNITS) / 360)
+    lon = lon - np.repeat(360 * turns, np.diff(starts))
+    crossing = east - 360 * turns > 180 + 0.5 / UNITS
+    return replace(flat, vertices=np.stack([lon, degrees[:, 1]], axis=1)), crossing
+
+
+def _jumping(flat: Ragged) -> tuple[Ragged, Flags]:
+    """Regions as they are; and which of them have longitudes that jump, or a vertex at a pole."""
+    jumps = np.abs(np.diff(flat.vertices[:, 0])) > 180
+    jumps[flat.rings[1:-1] - 1] = False
+    at_pole = np.abs(flat.vertices[:, 1]) > 90 - 1e-9
+    crossing = np.zeros(len(flat.regions) - 1, bool)
+    crossing[flat.region_of(np.append(np.flatnonzero(jumps), np.flatnonzero(at_pole)))] = True
+    return flat, crossing
+
+
+def _without_repeats(flat: Ragged) -> Ragged:
+    """Rings whose vertices differ each from the one before."""
+    x, y = flat.vertices.T
+    repeats = (x[1:] == x[:-1]) & (y[1:] == y[:-1])
+    repeats[flat.rings[1:-1] - 1] = False
+    if not repeats.any():
+        return flat
+    keep = np.concatenate([[True], ~repeats])
+    rings = np.concatenate([[0], np.cumsum(keep)])[flat.rings]
+    return replace(flat, vertices=flat.vertices[keep], rings=rings)
+
+
+def _collapsed(flat: Ragged) -> Flags:
+    """Which regions have a ring of which rounding has left less than a triangle."""
+    collapsed = np.zeros(len(flat.regions) - 1, bool)
+    collapsed[flat.region_of(flat.rings[:-1][np.diff(flat.rings) < 4])] = True
+    return collapsed
+
+
+def _broken(flat: Ragged) -> Flags:
+    """Which regions rounding has made invalid."""
+    collapsed = _collapsed(flat)
+    flat = flat.without(collapsed)
+    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS).built())
+    return collapsed | ~valid
+
+
+def _far_apart(flat: Ragged, degrees: Floats, pixel: float) -> bool:
+    """Whether polygons follow the edges of pixels so large that rounding cannot make anything touch.
+
+    Then looking at each polygon, which takes longer than writing it, is not needed. A pixel is at least as
+    wide as its area divided by the shortest edge along its height, and the other way round.
+    """
+    across, down = np.abs(np.diff(flat.vertices, axis=0)).T
+    across[flat.rings[1:-1] - 1] = down[flat.rings[1:-1] - 1] = 0
+    if (across * down).any():
+        return False
+    side = pixel / max(across[across > 0].min(), down[down > 0].min())
+    some = np.flatnonzero(across + down > 0)[:: max(1, len(across) // 1000)]
+    units = np.hypot(*(degrees[some + 1] - degrees[some]).T) * UNITS / (across + down)[some]
+    return bool(side * units.min() > 2.5)
+
+
+def _apart(flat: Ragged, region: int, crossing: bool, jumping: bool) -> Any:
+    """The geometry of one region, folded if it crosses the antimeridian."""
+    pieces = []
+    for polygon in range(flat.regions[region], flat.regions[region + 1]):
+        ends = flat.rings[flat.polygons[polygon] : flat.polygons[polygon + 1] + 1]
+        rings = [flat.vertices[start:end] for start, end in pairwise(ends)]
+        pieces.append(fold(rings, jumping) if crossing else shapely.Polygon(rings[0], rings[1:]))
+    return shapely.union_all(pieces) if len(pieces) > 1 else pieces[0]
+
+
+def _rounded(geometry: Any) -> Any:
+    """Valid, seven decimals, exteriors counter-clockwise; as it came where nothing would be left of it."""
+    rounded = shapely.set_precision(geometry, 1 / UNITS)
+    parts = shapely.get_parts(shapely.orient_polygons(geometry if rounded.is_empty else rounded))
+    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts.tolist())

@@ -1,0 +1,1 @@
+"""The original LBP/C of Ojala and Pietikäinen, for comparison."""

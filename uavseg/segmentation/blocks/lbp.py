@@ -1,0 +1,184 @@
+"""LBP/C texture: local binary pattern and contrast of each pixel.
+
+Ojala and Pietikäinen, "Unsupervised texture segmentation using feature distributions", Pattern
+Recognition 32 (1999) 477-486. A pixel is *counted* where its whole 3x3 neighbourhood is valid. Everything
+is integer arithmetic on 16-bit grey.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+from uavseg.units import GREY_LEVELS
+
+CONTRAST_BINS = 8
+SYMBOLS = 256 * CONTRAST_BINS  # pairs of LBP code and contrast bin
+UNCOUNTED = 0xFFFF  # sentinel in place of a symbol
+
+
+def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None = None) -> NDArray[np.int64]:
+    """Histogram of the contrast of the counted pixels of an image.
+
+    Parameters
+    ----------
+    grey : (M + 2, N + 2) uint16 array
+        Image with a border of one pixel, which is read but not counted.
+    valid : (M + 2, N + 2) uint8 array, optional
+        1 where a pixel is valid; None where all are.
+
+    Returns
+    -------
+    histogram : (65536,) int64 array
+        Histograms of tiles merge by adding.
+
+    Examples
+    --------
+    >>> image = np.array([[9, 9, 9], [9, 5, 1], [9, 9, 9]], np.uint16)
+    >>> np.flatnonzero(contrast_histogram(image))  # seven nines, less one
+    array([8])
+    """
+    rows, cols = grey.shape[0] - 2, grey.shape[1] - 2
+    counts = np.zeros(GREY_LEVELS, np.uint32)
+    if rows > 0 and cols > 0:
+        line = np.empty(cols, np.int32)
+        _count_contrasts(grey, or_empty(valid), valid is None, line, counts)
+    return counts.astype(np.int64)
+
+
+def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Seven edges of eight bins of contrast with equal counts, as far as ties allow.
+
+    Edge k, from 1, is the smallest contrast with at least ceil(k N / 8) of the N counted pixels at or below
+    it; a pixel's bin is the number of edges strictly below its contrast.
+
+    Parameters
+    ----------
+    histogram : (65536,) int64 array
+
+    Returns
+    -------
+    bin_edges : (7,) int32 array, ascending; zeros where no pixel is counted
+    """
+    cumulative = np.cumsum(histogram)
+    ranks = [-(-k * int(cumulative[-1]) // CONTRAST_BINS) for k in range(1, CONTRAST_BINS)]
+    return np.searchsorted(cumulative, ranks).astype(np.int32)
+
+
+def lbp_symbols(
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None, bin_edges: NDArray[np.int32]
+) -> NDArray[np.uint16]:
+    """LBP code and contrast bin of every pixel, as ``8 * code + bin``.
+
+    Parameters
+    ----------
+    grey : (M + 2, N + 2) uint16 array
+        Image with a border of one pixel.
+    valid : (M + 2, N + 2) uint8 array or None
+    bin_edges : (7,) int32 array, from `contrast_bin_edges`
+
+    Returns
+    -------
+    symbols : (M, N) uint16 array
+        0 to 2047; 65535 where a pixel is not counted.
+    """
+    rows, cols = grey.shape[0] - 2, grey.shape[1] - 2
+    symbols = np.empty((rows, cols), np.uint16)
+    _lbp_symbols(grey, or_empty(valid), valid is None, bin_edges, symbols)
+    return symbols
+
+
+def or_empty(valid: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+    """The array, or an empty one in place of None: kernel arguments have one type."""
+    return np.empty((0, 0), np.uint8) if valid is None else valid
+
+
+@inlined
+def is_counted(valid, r, c):  # type: ignore[no-untyped-def]
+    """1 where the 3 x 3 pixels around (r, c) are all valid."""
+    return (
+        valid[r - 1, c - 1]
+        & valid[r - 1, c]
+        & valid[r - 1, c + 1]
+        & valid[r, c - 1]
+        & valid[r, c]
+        & valid[r, c + 1]
+        & valid[r + 1, c - 1]
+        & valid[r + 1, c]
+        & valid[r + 1, c + 1]
+    )
+
+
+@inlined
+def contrast(grey, r, c):  # type: ignore[no-untyped-def]
+    """Mean of the neighbours >= the centre less mean of the others, rounded down; 0 if either group is empty.
+
+    Computed as one fraction, (hi m - lo n) / (n m): both integers are exact in float32, and the quotient
+    rounds to an integer only where it is one, so the floor is exact. The numerator is 0 for an empty group.
+    """
+    g = np.int32(grey[r, c])
+    n = np.int32(0)
+    total = np.int32(0)
+    high = np.int32(0)
+    for k in range(9):
+        q = np.int32(grey[r - 1 + k // 3, c - 1 + k % 3])
+        above = np.int32(q >= g)
+        n += above
+        high += q * above
+        total += q
+    n -= np.int32(1)  # the centre itself
+    high -= g
+    m = np.int32(8) - n
+    low = total - g - high
+    over = np.float32(high * m - low * n)
+    return np.int32(over / np.float32(max(n * m, np.int32(1))))
+
+
+@inlined
+def lbp_code(grey, r, c):  # type: ignore[no-untyped-def]
+    """Local binary pattern: a bit for each of the eight neighbours that is >= the centre."""
+    g = grey[r, c]
+    return (
+        np.int32(grey[r - 1, c - 1] >= g)
+        | np.int32(grey[r - 1, c] >= g) << 1
+        | np.int32(grey[r - 1, c + 1] >= g) << 2
+        | np.int32(grey[r, c + 1] >= g) << 3
+        | np.int32(grey[r + 1, c + 1] >= g) << 4
+        | np.int32(grey[r + 1, c] >= g) << 5
+        | np.int32(grey[r + 1, c - 1] >= g) << 6
+        | np.int32(grey[r, c - 1] >= g) << 7
+    )
+
+
+@inlined
+def contrast_bin(value, edges):  # type: ignore[no-untyped-def]
+    """Number of edges strictly below a contrast; a tuple of edges lets the compiler unroll the loop."""
+    index = np.int32(0)
+    for edge in edges:
+        index += np.int32(edge < value)
+    return index
+
+
+@kernel("void(u2[:,::1], u1[:,::1], b1, i4[::1], u4[::1])")
+def _count_contrasts(grey, valid, all_valid, line, counts):  # type: ignore[no-untyped-def]
+    for r in range(1, grey.shape[0] - 1):
+        for c in range(line.shape[0]):
+            line[c] = contrast(grey, r, c + 1)
+        if all_valid:
+            for c in range(line.shape[0]):
+                counts[line[c]] += 1
+        else:
+            for c in range(line.shape[0]):
+                counts[line[c]] += is_counted(valid, r, c + 1)
+
+
+@kernel("void(u2[:,::1], u1[:,::1], b1, i4[::1], u2[:,::1])")
+def _lbp_symbols(grey, valid, all_valid, bin_edges, symbols):  # type: ignore[no-untyped-def]
+    edges = (bin_edges[0], bin_edges[1], bin_edges[2], bin_edges[3], bin_edges[4], bin_edges[5], bin_edges[6])
+    for r in range(symbols.shape[0]):
+        for c in range(symbols.shape[1]):
+            bin_index = contrast_bin(contrast(grey, r + 1, c + 1), edges)
+            symbols[r, c] = lbp_code(grey, r + 1, c + 1) * CONTRAST_BINS + bin_index
+        if not all_valid:
+            for c in range(symbols.shape[1]):
+                if not is_counted(valid, r + 1, c + 1):
+                    symbols[r, c] = UNCOUNTED

@@ -1,0 +1,249 @@
+"""Leaves by interval: cells in a range, state or level; mixed cells; leaf means."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import kernel
+from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip, mean_v
+from uavseg.segmentation.params import DivisionParams, IntensityRange, Levels, StateLimits
+from uavseg.units import GREY_LEVELS, GREY_MAX
+
+
+def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams) -> NDArray[np.uint8]:
+    """The state of each cell: that of the mean of its leaf.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    limits : StateLimits
+    division : DivisionParams
+
+    Returns
+    -------
+    states : (8 B, 8 C) uint8 array
+        1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
+    """
+    return cell_intervals(blocks, limits.edges, division)
+
+
+def cell_levels(
+    blocks: BlockMap, levels: Levels, division: DivisionParams
+) -> NDArray[np.uint8] | NDArray[np.uint32]:
+    """The level of each cell, counted from 1: that of the mean of its leaf.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    levels : Levels
+    division : DivisionParams
+
+    Returns
+    -------
+    levels : (8 B, 8 C) array
+        0 where the leaf has no valid pixel; uint8 up to 255 levels, else uint32.
+    """
+    dtype = np.uint8 if levels.count < 256 else np.uint32
+    return cell_intervals(blocks, levels.edges, division, dtype)
+
+
+def cell_intervals(
+    blocks: BlockMap, edges: Sequence[float], division: DivisionParams, dtype: Any = np.uint8
+) -> NDArray[Any]:
+    """The interval of each cell, counted from 1: that of the mean of its leaf.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    edges : sequence of float
+        Edges between the intervals, increasing; a mean on an edge lies in the interval below it.
+    division : DivisionParams
+    dtype
+        An unsigned integer type that holds the number of intervals.
+
+    Returns
+    -------
+    intervals : (8 B, 8 C) array
+        0 where the leaf has no valid pixel.
+    """
+    bounds = np.array([-0.5, *edges])  # a leaf without valid pixels has the mean -1
+    intervals = np.empty(blocks.counts.shape, dtype)
+    for rows, mean in leaf_means_by_strip(blocks, division):
+        intervals[rows] = np.searchsorted(bounds, mean)
+    return intervals
+
+
+def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: DivisionParams) -> NDArray[np.uint8]:
+    """Cells of the leaves whose mean lies in a range.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    interval : IntensityRange
+    division : DivisionParams
+
+    Returns
+    -------
+    inside : (8 B, 8 C) uint8 array, 1 in range
+    """
+    inside = np.zeros(blocks.counts.shape, np.uint8)
+    for rows, mean in leaf_means_by_strip(blocks, division):
+        inside[rows] = (mean >= interval.low) & (mean <= interval.high)
+    return inside
+
+
+def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+    """Upsample cells to pixels: each valid pixel gets the value of its cell.
+
+    Parameters
+    ----------
+    cells : (m, n) uint8 or uint32 array
+    valid : (8 m, 8 n) uint8 array
+
+    Returns
+    -------
+    pixels : (8 m, 8 n) array of the dtype of the cells
+        0 where a pixel is not valid.
+    """
+    pixels = np.empty(valid.shape, cells.dtype)
+    upsample = _upsample_u1 if cells.dtype == np.uint8 else _upsample_u4
+    upsample(cells, valid, pixels)
+    return pixels
+
+
+def pixels_in_range(
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int
+) -> NDArray[np.uint8]:
+    """The valid pixels whose own grey lies in low..high, both ends included.
+
+    Parameters
+    ----------
+    grey : (M, N) uint16 array
+    valid : (M, N) uint8 array
+    low, high : int
+        See `IntensityRange.greys`; low is larger than high where no grey lies in the range.
+
+    Returns
+    -------
+    in_range : (M, N) uint8 array
+    """
+    in_range = np.empty_like(valid)
+    _pixels_in_range(grey.reshape(-1), valid.reshape(-1), low, high, in_range.reshape(-1))
+    return in_range
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
+def _upsample_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
+    for r in range(pixels.shape[0]):
+        for cell in range(cells.shape[1]):
+            own = cells[r // 8, cell]
+            for c in range(8 * cell, 8 * cell + 8):
+                pixels[r, c] = own & (np.uint8(0) - valid[r, c])  # faster than a product of bytes
+
+
+@kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")
+def _upsample_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
+    for r in range(pixels.shape[0]):
+        for cell in range(cells.shape[1]):
+            own = cells[r // 8, cell]
+            for c in range(8 * cell, 8 * cell + 8):
+                pixels[r, c] = own * valid[r, c]
+
+
+@kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")
+def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyped-def]
+    minimum = np.uint16(max(low, 0))
+    maximum = np.uint16(max(high, 0))
+    for i in range(grey.size):
+        in_range[i] = np.uint8(grey[i] >= minimum) & np.uint8(grey[i] <= maximum) & valid[i]
+
+
+_MARGIN = 2.0  # part of a cell may lie this many times farther from the mean than the cells around it
+
+
+def mixed_cells(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: float) -> NDArray[np.uint8]:
+    """Cells whose pixels may lie on both sides of a bound of the range.
+
+    A cell is not mixed where its leaf and the leaves of its eight neighbours are on the same side, and the
+    means of these nine cells lie on that side too, farther from the bound than `_MARGIN` times their range:
+    a road of 3 pixels shifts the mean of a cell by a third of the road's contrast.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    inside : (8 B, 8 C) uint8 array
+        1 where a cell's leaf is in range.
+    low, high : float
+        The range of v.
+
+    Returns
+    -------
+    mixed : (8 B, 8 C) uint8 array
+    """
+    mixed = np.zeros_like(inside)
+    bounds = np.array([bound for bound in (low, high) if 0 < bound < 1])  # nothing lies beyond 0 and 1
+    _mixed_cells(blocks.sums, blocks.counts, inside, low, high, bounds, _MARGIN, mixed)
+    return mixed
+
+
+@kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], f8, f8, f8[::1], f8, u1[:,::1])")
+def _mixed_cells(sums, counts, inside, low, high, bounds, margin, mixed):  # type: ignore[no-untyped-def]
+    rows, cols = counts.shape
+    for row in range(rows):
+        for col in range(cols):
+            own = mean_v(sums, counts, row, col, 1)
+            if own < 0.0:
+                continue
+            differs = (low <= own and own <= high) != (inside[row, col] != 0)
+            minimum = own
+            maximum = own
+            for r in range(max(row - 1, 0), min(row + 2, rows)):
+                for c in range(max(col - 1, 0), min(col + 2, cols)):
+                    mean = mean_v(sums, counts, r, c, 1)
+                    if mean >= 0.0:
+                        minimum = min(minimum, mean)
+                        maximum = max(maximum, mean)
+                        differs |= inside[r, c] != inside[row, col]
+            distance = margin * (maximum - minimum)
+            for k in range(bounds.shape[0]):
+                differs |= minimum - distance <= bounds[k] and bounds[k] <= maximum + distance
+            mixed[row, col] = differs
+
+
+def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np.int64]:
+    """Number of valid pixels by the mean grey of their leaf.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    division : DivisionParams
+
+    Returns
+    -------
+    histogram : (65536,) int64 array
+        By the grey that is nearest to the mean. Histograms of parts of a raster merge by adding.
+    """
+    histogram = np.zeros(GREY_LEVELS, np.int64)
+    for rows, mean in leaf_means_by_strip(blocks, division):
+        greys = np.floor(np.maximum(mean, 0.0) * GREY_MAX + 0.5).astype(np.int64)
+        counts = np.bincount(greys.reshape(-1), blocks.counts[rows].reshape(-1), GREY_LEVELS)
+        histogram += counts.astype(np.int64)
+    return histogram
+
+
+def means_among(blocks: BlockMap, values: Sequence[float], division: DivisionParams) -> set[float]:
+    """The values that are exactly equal to the mean of a leaf.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    values : sequence of float
+        Values of v.
+    division : DivisionParams
+    """
+    found: set[float] = set()
+    for _, mean in leaf_means_by_strip(blocks, division):
+        found.update(value for value in values if value not in found and (mean == value).any())
+    return found

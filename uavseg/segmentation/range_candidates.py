@@ -1,0 +1,115 @@
+"""Candidate ranges: multi-level Otsu thresholds of the histogram of leaf means, rounded to few digits."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.raster.intensity.otsu import Classes, are_separated, multi_otsu, select_classes
+from uavseg.units import GREY_MAX
+
+MAX_CLASSES = 8  # that a caller may ask for
+MAX_PROPOSED = 6  # classes, where the caller gives no number
+_BINS = 256
+
+_DECIMALS = range(2, 7)
+_MIN_DECIMALS = 5  # see `edge_beside_means`
+
+
+@dataclass(frozen=True, slots=True)
+class RangeCandidates:
+    """Thresholds that split a histogram of means into ranges.
+
+    Parameters
+    ----------
+    edges : tuple of float
+        Edges between the ranges, increasing; decimal numbers of few digits.
+    classes : Classes
+        The Otsu classes of the histogram in at most 256 bins.
+    clear : bool
+        Whether valleys of the histogram separate all classes.
+    """
+
+    edges: tuple[float, ...]
+    classes: Classes
+    clear: bool
+
+
+def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -> RangeCandidates:
+    """Split a histogram into the classes with the smallest variance within (multi-level Otsu).
+
+    Parameters
+    ----------
+    histogram : (65536,) int64 array
+        Valid pixels by the mean grey of their leaf; not all 0.
+    n_classes : int, optional
+        Number of classes; there are fewer if the histogram has fewer different means. By default the largest
+        number from 2 to 6 for which valleys separate the classes.
+    """
+    first, last = np.flatnonzero(histogram)[[0, -1]]
+    width = -(-(int(last) - int(first) + 1) // _BINS)
+    occupied = histogram[first : last + 1]
+    bins = np.add.reduceat(occupied, np.arange(0, occupied.size, width))
+    found = multi_otsu(bins, n_classes or MAX_PROPOSED)
+    classes = select_classes(bins, found) if n_classes is None else found[-1]
+    pairs = zip(classes.ends, classes.starts, strict=True)
+    gaps = [
+        (int(first) + low, int(first) + high)
+        for low, high in (_gap(occupied, width, *pair) for pair in pairs)
+    ]
+    return RangeCandidates(_edges(histogram, gaps, width), classes, are_separated(bins, classes))
+
+
+def _gap(occupied: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:
+    """The last nonzero element of one bin, and the first nonzero element of a later bin."""
+    return (
+        end * width + int(np.flatnonzero(occupied[end * width : (end + 1) * width])[-1]),
+        start * width + int(np.flatnonzero(occupied[start * width : (start + 1) * width])[0]),
+    )
+
+
+def edge_beside_means(edge: float) -> float:
+    """A decimal number just above an edge that cannot be the mean of a leaf.
+
+    A mean is sum / (65535 n) with n of at most 4096 valid pixels. A number of m decimals that ends with 1 is
+    p / 10^m in lowest terms, and to be a mean 2^m 5^(m-1) must divide n: with five decimals or more it
+    cannot.
+
+    Examples
+    --------
+    >>> edge_beside_means(0.4), edge_beside_means(0.412345)
+    (0.40001, 0.4123451)
+    """
+    exact = Decimal(repr(edge))
+    decimals = max(-int(exact.as_tuple().exponent) + 1, _MIN_DECIMALS)
+    return float(exact + Decimal(1).scaleb(-decimals))
+
+
+def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width: int) -> tuple[float, ...]:
+    """A number of few digits in each gap between two greys, such that no range is empty."""
+    below = np.concatenate([[0], np.cumsum(histogram)])
+    ends = [gap[0] for gap in gaps[1:]] + [GREY_MAX] * bool(gaps)
+    edges: list[float] = []
+    for gap, end in zip(gaps, ends, strict=True):
+        under = below[math.floor(edges[-1] * GREY_MAX) + 1] if edges else 0
+        edges.append(_edge(below, under, gap, end, width))
+    return tuple(edges)
+
+
+def _edge(below: NDArray[np.int64], under: int, gap: tuple[int, int], end: int, width: int) -> float:
+    """The number with the fewest digits that lies in a gap, or within half a bin of its middle.
+
+    There are pixels on both sides of it: more than `under` pixels below, and others up to the grey `end`.
+    """
+    middle = sum(gap) / 2 / GREY_MAX
+    for decimals in _DECIMALS:
+        edge = round(middle, decimals)
+        here = below[math.floor(edge * GREY_MAX) + 1]
+        inside = gap[0] + 0.5 <= edge * GREY_MAX <= gap[1] - 0.5
+        near = inside or 10**-decimals * GREY_MAX <= width
+        if near and 0 < edge < 1 and under < here < below[end + 1]:
+            break  # six decimals, a fifteenth of a grey, always do
+    return edge

@@ -1,0 +1,1 @@
+"""Refinement of region boundaries to the pixel: scans, total variation, specks."""

@@ -1,0 +1,1 @@
+"""Texture similarity: G against a sample, likelihood ratios."""

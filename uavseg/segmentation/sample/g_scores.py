@@ -1,0 +1,279 @@
+"""Sliding-window texture similarity: G between the histogram of a window and that of a sample.
+
+A model is the joint histogram of LBP codes and contrast bins of a sample's counted pixels. A square window
+moves over the image in steps of one cell of 8 pixels. Its score is G of the two histograms less the expected
+G under the null hypothesis (see `g_statistic`), per counted pixel. Logarithms are in fixed point, so a score
+is a sum of integers and does not depend on where the window started.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+from uavseg.segmentation.blocks.g_statistic import expected_g, n_ln_n
+from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
+from uavseg.units import CELL, GREY_MAX
+
+SCORE_UNITS = 2048  # units of a score for a G of 1 per counted pixel
+NULL_SCORE = 4 * SCORE_UNITS  # the score where G equals its expectation under the null hypothesis
+MAX_SCORE = 0xFFFE  # the largest score, and that of a window whose mean grey is out of bounds
+NO_SCORE = 0xFFFF  # sentinel: no window has enough counted pixels
+GREY_BINS = 64
+
+_LOG_SCALE = 1 << 20  # fixed point of n ln n
+_MIN_COVERAGE = (7, 8)  # share of a window's pixels that must be counted
+
+T = TypeVar("T", bound=np.integer[Any])
+
+
+@dataclass(frozen=True)
+class TextureModel:
+    """Texture and grey histograms of counted pixels; those of parts merge by adding.
+
+    Parameters
+    ----------
+    texture : (2048,) int64 array
+        Histogram of symbols, see `lbp.lbp_symbols`.
+    greys : (64,) int64 array
+        Histogram of grey in bins of 1024.
+    coarse : (2048,) int64 array
+        Histogram of symbols of means of 2 x 2 pixels, see `coarse_lbp.coarse_symbols`.
+    """
+
+    texture: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
+    greys: NDArray[np.int64] = field(default_factory=lambda: np.zeros(GREY_BINS, np.int64))
+    coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
+
+    def __add__(self, other: "TextureModel") -> "TextureModel":
+        return TextureModel(
+            self.texture + other.texture, self.greys + other.greys, self.coarse + other.coarse
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of counted pixels."""
+        return int(self.texture.sum())
+
+
+@dataclass(frozen=True, slots=True)
+class GreyBounds:
+    """Bounds of the mean grey of a window, both included."""
+
+    low: int = 0
+    high: int = GREY_MAX
+
+
+def texture_model(
+    symbols: NDArray[np.uint16],
+    grey: NDArray[np.uint16],
+    cells: NDArray[np.uint8],
+    margin: int = 0,
+    coarse: NDArray[np.uint16] | None = None,
+) -> TextureModel:
+    """Histograms of selected cells of an image.
+
+    Parameters
+    ----------
+    symbols : (M + 2 m, N + 2 m) uint16 array
+        From `lbp_symbols`; 65535 is not counted.
+    grey : (M + 2 m, N + 2 m) uint16 array
+    cells : (M / 8, N / 8) uint8 array
+        1 where a cell is selected.
+    margin : int
+        m, width of a border that belongs to no cell.
+    coarse : (M, N) uint16 array, optional
+        From `coarse_symbols`, without the margin.
+    """
+    model = TextureModel()
+    _count(symbols, grey, cells, margin, model.texture, model.greys)
+    if coarse is not None:
+        _count_coarse(coarse, cells, model.coarse)
+    return model
+
+
+def min_count(side: int) -> int:
+    """Smallest number of counted pixels with which a window of `side` cells has a score: seven eighths."""
+    return (side * CELL) ** 2 * _MIN_COVERAGE[0] // _MIN_COVERAGE[1]
+
+
+def window_scores(
+    symbols: NDArray[np.uint16],
+    grey: NDArray[np.uint16],
+    model: TextureModel,
+    side: int,
+    bounds: GreyBounds = GreyBounds(),
+    leave_one_out: bool = False,
+) -> NDArray[np.uint16]:
+    """Score of every window: G against a model less its expectation, per counted pixel.
+
+    Parameters
+    ----------
+    symbols, grey : (M, N) uint16 arrays
+        From `lbp_symbols`, and the grey of the same pixels; M and N are multiples of 8.
+    model : Model
+    side : int
+        Side of a window, in cells.
+    bounds : Bounds
+        Bounds of the mean grey of a window's counted pixels.
+    leave_one_out : bool
+        Whether each window, a part of the model, is compared with the rest of the model.
+
+    Returns
+    -------
+    scores : (M / 8 - side + 1, N / 8 - side + 1) uint16 array
+        Of the window that begins at each cell: (G - expected G) / pixels in units of 1 / 2048, rounded down,
+        plus `NULL_SCORE`. 65534 where the mean is out of bounds, 65535 where less than seven eighths of the
+        window are counted.
+    """
+    rows, cols = (length // CELL - side + 1 for length in symbols.shape)
+    scores = np.full((max(rows, 0), max(cols, 0)), NO_SCORE, np.uint16)
+    if scores.size and model.count:
+        above, below, whole = _tables(model, (CELL * side) ** 2, leave_one_out)
+        _slide_window(
+            symbols,
+            grey,
+            side,
+            model.texture,
+            above,
+            below,
+            whole,
+            leave_one_out,
+            min_count(side),
+            bounds.low,
+            bounds.high,
+            np.zeros(SYMBOLS, np.int64),
+            scores,
+        )
+    return scores
+
+
+def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
+    """Minimum filter: for each cell the lowest score of the windows that contain it.
+
+    Near a boundary, most windows around a cell straddle it, but some lie on the cell's own side only (as in
+    Kuwahara's filter). A cell on the sample's side therefore gets the score of a window on that side.
+
+    Parameters
+    ----------
+    scores : (m + side - 1, n + side - 1) array of integers
+        Scores of windows, the first of which begins ``side - 1`` cells before the first cell.
+    side : int
+
+    Returns
+    -------
+    best : (m, n) array
+    """
+    best = scores
+    for axis in (0, 1):
+        length = best.shape[axis] - side + 1
+        best = np.minimum.reduce([best.take(range(k, k + length), axis) for k in range(side)])
+    return best
+
+
+def _tables(
+    model: TextureModel, largest: int, leave_one_out: bool
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Lookup tables for windows of up to `largest` pixels, in fixed point; all values are half of G.
+
+    Returns
+    -------
+    above, below : int64 arrays
+        Terms of `added_g`: by the pixels of a symbol in both histograms, and in the window.
+    whole : (largest + 1,) int64 array
+        J(N, n) of windows of n counted pixels, less the expectation for an empty window.
+    """
+    total = model.count
+    n = np.arange(largest + 1)
+    rest = np.maximum(total - n, 0) if leave_one_out else np.full_like(n, total)
+    largest_n = int(model.texture.max()) + (0 if leave_one_out else largest + 1)
+    share = min(largest / total, 0.5) if leave_one_out else largest / (total + largest)
+    expected = _fixed(expected_g(largest_n, share) / 2)
+    above: NDArray[np.int64] = np.diff(_fixed(n_ln_n(np.arange(largest_n + 1))))
+    if not leave_one_out:  # else both histograms together are the model, for every window
+        above += np.diff(expected)
+    below = np.diff(_fixed(n_ln_n(np.arange(largest + 2))))
+    whole = _fixed(n_ln_n(rest + n)) - _fixed(n_ln_n(rest)) - _fixed(n_ln_n(n))
+    return above, below, whole - expected[model.texture].sum()
+
+
+def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Fixed point, rounded."""
+    fixed: NDArray[np.int64] = np.rint(values * _LOG_SCALE).astype(np.int64)
+    return fixed
+
+
+@inlined
+def added_g(frequency, count, above, below, leave_one_out):  # type: ignore[no-untyped-def]
+    """What one more pixel of a symbol adds to J(f, n) and its expectation, see `g_statistic`.
+
+    The window has `count` pixels of the symbol; the model has `frequency`, which include those of the window
+    if leave_one_out.
+    """
+    other = frequency - count - 1 if leave_one_out else frequency + count
+    return above[other] - below[count]
+
+
+@kernel(
+    "void(u2[:,::1], u2[:,::1], i8, i8[::1], i8[::1], i8[::1], i8[::1], b1, i8, i8, i8, i8[::1], u2[:,::1])",
+)
+def _slide_window(  # type: ignore[no-untyped-def]
+    symbols, grey, side, model, above, below, whole, leave_one_out, minimum, low, high, table, scores
+):
+    # Row by row of windows, from left to right: one column of cells enters, another leaves.
+    rows, cols = scores.shape
+    for row in range(rows):
+        shared = np.int64(0)
+        count = np.int64(0)
+        grey_sum = np.int64(0)
+        for entering in range(cols + 2 * side - 1):
+            for r in range(8 * row, 8 * (row + side)):
+                if entering < cols + side - 1:
+                    for c in range(8 * entering, 8 * entering + 8):
+                        symbol = symbols[r, c]
+                        if symbol != UNCOUNTED:
+                            shared += added_g(model[symbol], table[symbol], above, below, leave_one_out)
+                            table[symbol] += 1
+                            count += 1
+                            grey_sum += np.int64(grey[r, c])
+                if entering >= side:
+                    for c in range(8 * (entering - side), 8 * (entering - side) + 8):
+                        symbol = symbols[r, c]
+                        if symbol != UNCOUNTED:
+                            table[symbol] -= 1
+                            shared -= added_g(model[symbol], table[symbol], above, below, leave_one_out)
+                            count -= 1
+                            grey_sum -= np.int64(grey[r, c])
+            first = entering - side + 1
+            if first < 0 or first >= cols or count < minimum:
+                continue
+            if grey_sum < low * count or grey_sum > high * count:
+                scores[row, first] = MAX_SCORE
+            else:
+                units = (whole[count] - shared) // (256 * count)  # 2 * SCORE_UNITS / _LOG_SCALE = 1 / 256
+                score = NULL_SCORE + units
+                scores[row, first] = min(max(score, np.int64(0)), np.int64(MAX_SCORE))
+
+
+@kernel("void(u2[:,::1], u2[:,::1], u1[:,::1], i8, i8[::1], i8[::1])")
+def _count(symbols, grey, cells, margin, texture, greys):  # type: ignore[no-untyped-def]
+    for r in range(8 * cells.shape[0]):
+        for cell in range(cells.shape[1]):
+            if cells[r // 8, cell]:
+                for c in range(margin + 8 * cell, margin + 8 * cell + 8):
+                    symbol = symbols[margin + r, c]
+                    if symbol != UNCOUNTED:
+                        texture[symbol] += 1
+                        greys[grey[margin + r, c] >> 10] += 1
+
+
+@kernel("void(u2[:,::1], u1[:,::1], i8[::1])")
+def _count_coarse(coarse, cells, histogram):  # type: ignore[no-untyped-def]
+    for r in range(8 * cells.shape[0]):
+        for cell in range(cells.shape[1]):
+            if cells[r // 8, cell]:
+                for c in range(8 * cell, 8 * cell + 8):
+                    if coarse[r, c] != UNCOUNTED:
+                        histogram[coarse[r, c]] += 1

@@ -1,0 +1,171 @@
+"""Log-likelihood-ratio weights of symbols, sample against background.
+
+G tests whether a window and a sample may have the same texture, without an alternative; where noise makes
+textures similar, nearly all windows pass. The alternative is known, though: the raster is the background
+model. The log-likelihood ratio of two known sources is a sum of one weight per pixel, and it is the most
+powerful test between them (Neyman and Pearson, 1933). Two scales are used: pixels, and means of 2 x 2.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import kernel
+from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
+from uavseg.segmentation.sample.g_scores import best_scores, min_count
+from uavseg.units import CELL
+
+PRIOR_PIXELS = 1000  # pseudo-count: pixels in the proportions of the background added to a sample
+WEIGHT_UNITS = 1024  # units of a weight for a natural logarithm of 1
+
+_NO_WINDOW = -(1 << 31)  # sentinel: no window has enough counted pixels
+_MAX_WINDOWS = 1024  # of a sample, approximately
+_OWN_QUANTILE = (1, 20)  # of the mean weights of the sample's own windows: the threshold at similarity 1
+_SIMILARITY_DIVISOR = 2  # the threshold is lowered by ln(similarity) over this
+
+SymbolPair = tuple[NDArray[np.uint16], NDArray[np.uint16]]  # of the same pixels: fine and coarse scale
+
+
+@dataclass(frozen=True)
+class SampleWeights:
+    """Weights of symbols for a sample, and the mean weight that its own windows reach.
+
+    Parameters
+    ----------
+    weights : (2, 2048) int64 array
+        Log-likelihood ratio of each symbol, sample against background, in units of 1 / 1024, at both scales.
+    own : int
+        Mean weight that nineteen of twenty of the sample's windows reach, each against the rest of the
+        sample; at most 0.
+    """
+
+    weights: NDArray[np.int64]
+    own: int
+
+    @classmethod
+    def of(cls, sample: SymbolPair, background: NDArray[np.int64], side: int) -> "SampleWeights":
+        """The weights for a sample.
+
+        Parameters
+        ----------
+        sample : pair of (M, N) uint16 arrays
+            Symbols, 65535 outside of the sample; M and N are multiples of 8.
+        background : (2, 2048) int64 array
+            Histogram of the symbols of the raster, which includes the sample.
+        side : int
+            Side of a window, in cells.
+        """
+        own = np.sort(own_window_means(sample, background, side))
+        lowest = own[len(own) * _OWN_QUANTILE[0] // _OWN_QUANTILE[1]] if len(own) else 0.0
+        return cls(
+            log_ratio_weights(symbol_counts(sample), background), min(math.floor(lowest * WEIGHT_UNITS), 0)
+        )
+
+    def threshold(self, similarity: float) -> int:
+        """Smallest mean weight of a window with at least this similarity to the sample."""
+        return self.own + math.floor(WEIGHT_UNITS * math.log(similarity) / _SIMILARITY_DIVISOR)
+
+
+def symbol_counts(symbols: SymbolPair) -> NDArray[np.int64]:
+    """Histograms of symbols at both scales, a (2, 2048) array; those of parts merge by adding."""
+    counts = [np.bincount(each.ravel(), minlength=SYMBOLS)[:SYMBOLS] for each in symbols]
+    return np.stack(counts).astype(np.int64)
+
+
+def log_ratio_weights(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Log-likelihood ratio of each symbol, in units of 1 / 1024; 0 where the background has none of it.
+
+    Parameters
+    ----------
+    sample, background : (2, 2048) int64 arrays
+        Histograms; that of the background includes the sample.
+    """
+    weights: NDArray[np.int64] = np.rint(WEIGHT_UNITS * _log_ratio(sample, background)).astype(np.int64)
+    return weights
+
+
+def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Log-likelihood ratio with `PRIOR_PIXELS` pixels of the background added to the sample."""
+    share = background / np.maximum(background.sum(axis=-1, keepdims=True), 1)
+    expected = (sample.sum(axis=-1, keepdims=True) + PRIOR_PIXELS) * share
+    ratio = np.divide(sample + PRIOR_PIXELS * share, expected, out=np.ones_like(share), where=background > 0)
+    logarithm: NDArray[np.float64] = np.log(ratio)
+    return logarithm
+
+
+def own_window_means(sample: SymbolPair, background: NDArray[np.int64], side: int) -> NDArray[np.float64]:
+    """Mean weight of windows of a sample, each by the weights of the rest of the sample (leave one out).
+
+    Parameters
+    ----------
+    sample, background, side
+        As for `SampleWeights.of`.
+
+    Returns
+    -------
+    means : (n,) float64 array
+        Of windows with at least seven eighths of their pixels counted; in a large sample, about 1024 of them,
+        evenly spaced.
+    """
+    rows, cols = (max(length // CELL - side + 1, 0) for length in sample[0].shape)
+    step = max(math.isqrt(rows * cols // _MAX_WINDOWS), 1)
+    total, means = symbol_counts(sample), []
+    for row in range(0, rows, step):
+        for col in range(0, cols, step):
+            part = np.s_[CELL * row : CELL * (row + side), CELL * col : CELL * (col + side)]
+            window = symbol_counts((sample[0][part], sample[1][part]))
+            count = int(window[0].sum())
+            if count >= min_count(side):
+                means.append(float((window * _log_ratio(total - window, background)).sum()) / count)
+    return np.array(means)
+
+
+def best_mean_weights(symbols: SymbolPair, weights: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+    """For each cell the largest mean weight of the windows that contain it, see `g_scores.best_scores`.
+
+    Parameters
+    ----------
+    symbols : pair of (M, N) uint16 arrays
+        Symbols; M and N are multiples of 8.
+    weights : (2, 2048) int64 array
+    side : int
+        Of a window, in cells.
+
+    Returns
+    -------
+    best : (M / 8 - 2 side + 2, N / 8 - 2 side + 2) int64 array
+        Without the ``side - 1`` cells at every edge, which serve as a halo; in units of 1 / 1024, rounded
+        down. -2**31 where every window has less than seven eighths of its pixels counted.
+    """
+    cells = tuple(length // CELL for length in symbols[0].shape)
+    sums, counts = np.zeros(cells, np.int64), np.zeros(cells, np.int64)
+    _sum_weights(*symbols, weights, sums, counts)
+    totals, numbers = _window_sums(sums, side), _window_sums(counts, side)
+    means = np.where(numbers >= min_count(side), totals // np.maximum(numbers, 1), _NO_WINDOW)
+    return -best_scores(-means, side)
+
+
+def _window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+    """Sums over the window of cells that begins at each cell."""
+    for axis in (0, 1):
+        length = sums.shape[axis] - side + 1
+        sums = np.sum([sums.take(range(k, k + length), axis) for k in range(side)], axis=0)
+    return sums
+
+
+@kernel("void(u2[:,::1], u2[:,::1], i8[:,::1], i8[:,::1], i8[:,::1])")
+def _sum_weights(fine, coarse, weights, sums, counts):  # type: ignore[no-untyped-def]
+    for r in range(8 * sums.shape[0]):
+        for cell in range(sums.shape[1]):
+            total = np.int64(0)
+            count = np.int64(0)
+            for c in range(8 * cell, 8 * cell + 8):
+                if fine[r, c] != UNCOUNTED:
+                    total += weights[0, fine[r, c]]
+                    count += 1
+                if coarse[r, c] != UNCOUNTED:
+                    total += weights[1, coarse[r, c]]
+            sums[r // 8, cell] += total
+            counts[r // 8, cell] += count

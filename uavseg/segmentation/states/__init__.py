@@ -1,0 +1,1 @@
+"""Free, unknown and occupied: states of leaves refined to pixels."""

@@ -1,0 +1,230 @@
+"""Out-of-core classification of pixels into states, by passes over strips of whole rows.
+
+The scans of `state_scans` run along whole lines. So the raster is processed in strips of whole rows, and the
+eight scans are four passes over the strips, upwards and downwards in turn:
+
+up    read the tiles; compaction along rows, then from bottom to top
+down  compaction from top to bottom; free against occupied along rows
+up    free against occupied from bottom to top
+down  free against occupied from top to bottom
+
+Between passes a pixel takes 4 bits, see `StateImage`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from itertools import groupby
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.raster.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
+from uavseg.segmentation.blocks.leaves import cells_to_pixels
+from uavseg.segmentation.params import StateLimits
+from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
+from uavseg.segmentation.states.state_scans import (
+    LOOKAHEAD,
+    Codes,
+    compact_columns,
+    compact_rows,
+    count_codes,
+    encode_states,
+    resolve_columns,
+    resolve_rows,
+)
+from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
+
+StateRefinement = Literal["none", "scan"]
+
+_MAX_STRIP_PIXELS = 1 << 25  # pixels of a strip, unless 64 rows have more
+
+
+@dataclass(frozen=True)
+class ClassifiedStates:
+    """The states of a raster's pixels.
+
+    Parameters
+    ----------
+    image : StateImage
+    codes : (16,) int64 array
+        Number of pixels by code, see `state_scans`.
+    """
+
+    image: StateImage
+    codes: NDArray[np.int64]
+
+    @property
+    def pixels(self) -> dict[int, int]:
+        """Number of pixels by state: 1 free, 2 unknown, 3 occupied, 0 for all others."""
+        counts = {state: int(self.codes[state::4].sum()) for state in (FREE, UNKNOWN, OCCUPIED)}
+        rows, cols = self.image.shape
+        return {0: rows * cols - sum(counts.values())} | counts
+
+    @property
+    def occupied_in_free(self) -> int:
+        """Number of pixels in state free whose own v is occupied: possibly thin walls."""
+        return int(self.codes[FREE | OCCUPIED << 2])
+
+    @property
+    def occupied_by_value(self) -> int:
+        """Number of pixels whose own v is occupied, in any state."""
+        return int(self.codes[OCCUPIED << 2 :].sum())
+
+
+def classify_states(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    limits: StateLimits,
+    refine: StateRefinement,
+    tile_pass: TilePass,
+) -> ClassifiedStates:
+    """Classify every pixel.
+
+    Parameters
+    ----------
+    source : GreySource
+    cells : (8 B, 8 C) uint8 array
+        The states of the leaves, from `leaves.cell_states`.
+    limits : StateLimits
+    refine : {"scan", "none"}
+        With "none", states end at block edges.
+    tile_pass : TilePass
+        Over the tiles of `state_strips`, strip by strip from the top; the result does not depend on them.
+    """
+    image = StateImage(source.shape)
+    strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
+    passes = _Passes(image, [_strip_rows(strip) for strip in strips])
+    upwards = [tile for strip in reversed(strips) for tile in strip]
+    encode_tile = partial(_encode_tile, source, limits)
+    results = zip(upwards, tile_pass.run(encode_tile, _Jobs(cells, upwards)), strict=True)
+    codes = np.zeros(16, np.int64)
+    previous = np.zeros(image.cols, np.uint8)
+    for strip in reversed(strips):
+        part = _assemble_strip(strip, [next(results) for _ in strip], image.cols)
+        if refine == "scan":
+            compact_rows(part)
+            compact_columns(part, previous, True)
+        else:
+            codes += count_codes(part)
+        image.write_codes(strip[0].row, part)
+    next(results, None)  # lets the executor finish and report it
+    return ClassifiedStates(image, passes.run() if refine == "scan" else codes)
+
+
+def state_strips(
+    shape: tuple[int, int], file_block: tuple[int, int], tile: int | None = None
+) -> list[list[Window]]:
+    """Tiles that cover a raster in strips of whole rows, from the top.
+
+    Parameters
+    ----------
+    shape, file_block : (int, int)
+        Rows and columns of the raster, and of one block of its file.
+    tile : int, optional
+        Columns of a tile, and rows unless the raster is very wide; by default from the blocks of the file.
+
+    Raises
+    ------
+    ParameterError
+        If the tile's side is not a positive multiple of 64.
+    """
+    rows, cols = tile_side(shape, file_block) if tile is None else (tile, tile)
+    max_rows = max(_MAX_STRIP_PIXELS // whole_blocks(shape[1]) // BLOCK, 1) * BLOCK
+    windows = tiles(shape, (min(rows, max_rows), cols))
+    across = -(-shape[1] // cols)
+    return [windows[k : k + across] for k in range(0, len(windows), across)]
+
+
+class _Passes:
+    """The passes after the first."""
+
+    def __init__(self, image: StateImage, rows: Sequence[tuple[int, int]]) -> None:
+        self._image = image
+        self._rows = rows  # first row and number of rows of each strip
+
+    def run(self) -> NDArray[np.int64]:
+        """Run all passes; return the number of pixels by code."""
+        self._compact_down()
+        self._resolve_up()
+        return self._resolve_down()
+
+    def _compact_down(self) -> None:
+        previous = np.zeros(self._image.cols, np.uint8)
+        for row, rows in self._rows:
+            codes = self._image.read_codes(row, rows)
+            compact_columns(codes, previous, False)
+            resolve_rows(codes)
+            self._image.write_codes(row, codes)
+
+    def _resolve_up(self) -> None:
+        previous = np.zeros(self._image.cols, np.uint8)
+        for row, rows in reversed(self._rows):
+            codes = self._image.read_codes(row - LOOKAHEAD, rows + LOOKAHEAD)
+            resolve_columns(codes, previous, True)
+            self._image.write_codes(row, codes[LOOKAHEAD:])
+
+    def _resolve_down(self) -> NDArray[np.int64]:
+        previous = np.zeros(self._image.cols, np.uint8)
+        counts = np.zeros(16, np.int64)
+        for row, rows in self._rows:
+            codes = self._image.read_codes(row, rows + LOOKAHEAD)
+            resolve_columns(codes, previous, False)
+            self._image.write_codes(row, codes[:-LOOKAHEAD])
+            counts += count_codes(codes[:-LOOKAHEAD])
+        return counts
+
+
+def _strip_rows(strip: Sequence[Window]) -> tuple[int, int]:
+    """First row and number of rows, rounded up to whole blocks."""
+    return strip[0].row, whole_blocks(strip[0].rows)
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """A tile and the states of its cells."""
+
+    window: Window
+    cells: NDArray[np.uint8]
+
+
+class _Jobs(Sequence[_Job]):
+    """Lazy sequence of the jobs of all tiles."""
+
+    def __init__(self, cells: NDArray[np.uint8], windows: Sequence[Window]) -> None:
+        self._cells = cells
+        self._windows = windows
+
+    def __len__(self) -> int:
+        return len(self._windows)
+
+    def __getitem__(self, k: Any) -> Any:
+        window = self._windows[k]
+        return _Job(window, np.ascontiguousarray(self._cells[window_cells(window)]))
+
+
+def _encode_tile(source: GreySource, limits: StateLimits, job: _Job) -> NDArray[np.uint8] | None:
+    """The codes of a tile's whole blocks, packed; None where no pixel is valid."""
+    if not job.cells.any():
+        return None
+    tile = source.read(job.window, 0)
+    return pack_codes(encode_states(cells_to_pixels(job.cells, tile.valid), _own_states(limits)[tile.grey]))
+
+
+@lru_cache(maxsize=8)
+def _own_states(limits: StateLimits) -> NDArray[np.uint8]:
+    """Lookup table from grey to state."""
+    return limits.table
+
+
+def _assemble_strip(
+    strip: Sequence[Window], parts: Sequence[tuple[Window, NDArray[np.uint8] | None]], cols: int
+) -> Codes:
+    """Assemble the codes of a strip from those of its tiles."""
+    codes = np.zeros((whole_blocks(strip[0].rows), cols), np.uint8)
+    for window, pairs in parts:
+        if pairs is not None:
+            unpack_codes(pairs, codes[:, window.col : window.col + 2 * pairs.shape[1]])
+    return codes

@@ -1,0 +1,113 @@
+"""StateImage: the states of a whole raster in 4 bits per pixel, read by window."""
+
+import io
+import tempfile
+from collections.abc import Iterator
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import OutputError
+from uavseg.raster.tiling import Window, whole_blocks
+from uavseg.segmentation.states.state_scans import Codes, decode_states
+
+MAX_IN_MEMORY = 64 << 20  # bytes: the codes of 128 million pixels; larger images go to a temporary file
+
+_HALF_BYTE = np.uint8(4)
+_LOW_BITS = np.uint8(15)
+
+
+class StateImage:
+    """Codes of the pixels of a raster (see `state_scans`), packed two to a byte.
+
+    Images of up to 64 MB are held in memory, larger ones in an unnamed temporary file, so that memory is
+    bounded.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the raster; codes are stored for its whole blocks.
+
+    Raises
+    ------
+    OutputError
+        If there is no space for the temporary file.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self.shape = shape
+        self._rows, self._cols = (whole_blocks(length) for length in shape)
+        self._file = _open_buffer(self._rows * self._cols // 2)
+
+    @property
+    def cols(self) -> int:
+        """Columns, rounded up to whole blocks."""
+        return self._cols
+
+    def write_codes(self, row: int, codes: Codes) -> None:
+        """Write the codes of rows from `row` on, (rows, cols) with the columns of whole blocks."""
+        try:
+            self._file.seek(row * self._cols // 2)
+            self._file.write(pack_codes(codes).tobytes())
+        except OSError as error:
+            raise _disk_error(error) from error
+
+    def read_codes(self, row: int, rows: int) -> Codes:
+        """Read the codes of rows, (rows, cols) with the columns of whole blocks; 0 outside the raster."""
+        first, last = max(row, 0), min(row + rows, self._rows)
+        codes = np.zeros((rows, self._cols), np.uint8)
+        if last > first:
+            self._file.seek(first * self._cols // 2)
+            content = self._file.read((last - first) * self._cols // 2)
+            unpack_codes(
+                np.frombuffer(content, np.uint8).reshape(last - first, -1), codes[first - row : last - row]
+            )
+        return codes
+
+    def read(self, window: Window | None = None) -> NDArray[np.uint8]:
+        """Read the states of a window, or of the whole raster.
+
+        Returns
+        -------
+        states : (rows, cols) uint8 array
+            0 invalid, 1 free, 2 unknown, 3 occupied.
+        """
+        part = Window(0, 0, *self.shape) if window is None else window
+        codes = self.read_codes(part.row, part.rows)
+        return np.ascontiguousarray(decode_states(codes[:, part.col : part.col + part.cols]))
+
+    def strips(self, rows: int = 256) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
+        """Windows of whole rows from the top, with their states."""
+        for row in range(0, self.shape[0], rows):
+            window = Window(row, 0, rows, self.shape[1]).clipped(self.shape)
+            yield window, self.read(window)
+
+
+def pack_codes(codes: Codes) -> NDArray[np.uint8]:
+    """Pack codes two to a byte: (rows, cols / 2), the left half of each row in the low bits."""
+    half = codes.shape[1] // 2
+    return codes[:, :half] | codes[:, half:] << _HALF_BYTE
+
+
+def unpack_codes(pairs: NDArray[np.uint8], codes: Codes) -> None:
+    """The inverse of `pack_codes`, into an array."""
+    half = pairs.shape[1]
+    np.bitwise_and(pairs, _LOW_BITS, out=codes[:, :half])
+    np.right_shift(pairs, _HALF_BYTE, out=codes[:, half:])
+
+
+def _open_buffer(size: int) -> IO[bytes]:
+    if size <= MAX_IN_MEMORY:
+        return io.BytesIO(bytes(size))
+    try:
+        return tempfile.TemporaryFile(prefix="uavseg-states-")
+    except OSError as error:
+        raise _disk_error(error) from error
+
+
+def _disk_error(error: OSError) -> OutputError:
+    return OutputError(
+        f"cannot write the states to {tempfile.gettempdir()} ({error.strerror or error}); name a folder "
+        "with more space in the environment variable TMPDIR"
+    )

@@ -1,0 +1,219 @@
+"""Refinement of states by directional scans: compaction, then resolution of free against occupied.
+
+Abou Merhy, Payeur and Petriu (2008, section II C). A change may propagate along a whole line, so lines are
+never split: a scan along rows takes whole rows; a scan along columns takes strips of rows in order and
+carries the previous row from strip to strip.
+
+A pixel is one code: its state in bits 0 and 1, the state of its own v in bits 2 and 3; 0 where it is invalid.
+States are 1 free, 2 unknown, 3 occupied, so free and occupied differ in bit 1 only. A pixel is called half
+where its own state is unknown.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+
+LOOKAHEAD = 2  # rows beyond a strip that the resolution of free against occupied reads
+
+Codes = NDArray[np.uint8]
+
+
+def encode_states(states: NDArray[np.uint8], own: NDArray[np.uint8]) -> Codes:
+    """Encode the states of pixels.
+
+    Parameters
+    ----------
+    states : (M, N) uint8 array
+        0 invalid, 1 free, 2 unknown, 3 occupied.
+    own : (M, N) uint8 array
+        The state of each pixel's own v; ignored where a pixel is invalid.
+
+    Examples
+    --------
+    >>> encode_states(np.array([1, 3, 0], np.uint8), np.array([3, 3, 1], np.uint8))
+    array([13, 15,  0], dtype=uint8)
+    """
+    return np.where(states > 0, states | own << np.uint8(2), np.uint8(0))
+
+
+def decode_states(codes: Codes) -> NDArray[np.uint8]:
+    """Decode the states of pixels: 0 invalid, 1 free, 2 unknown, 3 occupied."""
+    return codes & np.uint8(3)
+
+
+def compact_rows(codes: Codes) -> None:
+    """Compaction along rows, right to left, then left to right, in place.
+
+    Half pixels after an unknown one become unknown.
+    """
+    _compact_rows(codes)
+
+
+def resolve_rows(codes: Codes) -> None:
+    """Resolution of free against occupied along rows, right to left, then left to right, in place.
+
+    Where the previous pixel is A and this one is B, {A, B} = {free, occupied}, the first pixel that is not
+    half decides, of this one and at most two more that are B. If its own state is A, all pixels from this
+    one through it become A.
+    """
+    _resolve_rows(codes)
+
+
+def compact_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) -> None:
+    """Compaction along columns, in place.
+
+    Parameters
+    ----------
+    codes : (M, N) uint8 array
+    previous : (N,) uint8 array
+        States of the row before the strip in scan order, 0 if there is none; updated to those of the strip's
+        last row.
+    upwards : bool
+        Whether the scan runs from bottom to top.
+    """
+    _compact_columns(codes, previous, upwards)
+
+
+def resolve_columns(codes: Codes, previous: NDArray[np.uint8], upwards: bool) -> None:
+    """Resolution of free against occupied along columns, in place; see `resolve_rows`.
+
+    Parameters
+    ----------
+    codes : (M + 2, N) uint8 array
+        A strip with the next two rows in scan order, which are not changed; rows of 0 if there are none.
+    previous, upwards
+        As for `compact_columns`.
+    """
+    _resolve_columns(codes, previous, upwards)
+
+
+def refine_states(codes: Codes) -> NDArray[np.uint8]:
+    """Run all eight scans over a whole image.
+
+    Parameters
+    ----------
+    codes : (M, N) uint8 array
+        Changed in place.
+
+    Returns
+    -------
+    states : (M, N) uint8 array
+
+    Examples
+    --------
+    >>> unknown_beside_free = np.array([[2, 1, 1, 1]], np.uint8)
+    >>> half_but_for_the_last = np.array([[2, 2, 2, 1]], np.uint8)
+    >>> refine_states(encode_states(unknown_beside_free, half_but_for_the_last))
+    array([[2, 2, 2, 1]], dtype=uint8)
+    """
+    rows, cols = codes.shape
+    compact_rows(codes)
+    for upwards in (True, False):
+        compact_columns(codes, np.zeros(cols, np.uint8), upwards)
+    resolve_rows(codes)
+    padded = np.zeros((rows + 2 * LOOKAHEAD, cols), np.uint8)
+    padded[LOOKAHEAD:-LOOKAHEAD] = codes
+    resolve_columns(padded[:-LOOKAHEAD], np.zeros(cols, np.uint8), True)
+    resolve_columns(padded[LOOKAHEAD:], np.zeros(cols, np.uint8), False)
+    codes[:] = padded[LOOKAHEAD:-LOOKAHEAD]
+    return decode_states(codes)
+
+
+def count_codes(codes: Codes) -> NDArray[np.int64]:
+    """Histogram of codes, a (16,) int64 array."""
+    counts = np.zeros(16, np.int64)
+    _count_codes(codes, counts)
+    return counts
+
+
+@inlined
+def compact_pixel(code, previous):  # type: ignore[no-untyped-def]
+    """A code after compaction: unknown where the previous pixel is, and this one is valid and half."""
+    return np.uint8(10) if previous == np.uint8(2) and code >> np.uint8(2) == np.uint8(2) else code
+
+
+@inlined
+def resolve_pixel(code, after, second, previous):  # type: ignore[no-untyped-def]
+    """A code after resolution, from the next two codes and the state of the previous pixel.
+
+    The next pixels are as before the scan: those that change together with this one change in their own turn,
+    for the same reason.
+    """
+    two = np.uint8(2)
+    three = np.uint8(3)
+    state = code & three
+    opposed = (previous ^ state == two) & (previous & np.uint8(1) == np.uint8(1))
+    half = code >> two == two
+    votes = code >> two == previous
+    same = (after & three == state) & half
+    votes |= same & (after >> two == previous)
+    same &= (second & three == state) & (after >> two == two)
+    votes |= same & (second >> two == previous)
+    return code ^ two if opposed & votes else code
+
+
+@kernel("void(u1[:,::1])")
+def _compact_rows(codes):  # type: ignore[no-untyped-def]
+    rows, cols = codes.shape
+    for r in range(rows):
+        previous = np.uint8(0)
+        for k in range(cols):
+            c = cols - 1 - k
+            if codes[r, c] & np.uint8(3) != previous:  # rarely true
+                codes[r, c] = compact_pixel(codes[r, c], previous)
+                previous = codes[r, c] & np.uint8(3)
+        previous = np.uint8(0)
+        for c in range(cols):
+            if codes[r, c] & np.uint8(3) != previous:
+                codes[r, c] = compact_pixel(codes[r, c], previous)
+                previous = codes[r, c] & np.uint8(3)
+
+
+@kernel("void(u1[:,::1])")
+def _resolve_rows(codes):  # type: ignore[no-untyped-def]
+    rows, cols = codes.shape
+    for r in range(rows):
+        previous = np.uint8(0)
+        for k in range(cols):
+            c = cols - 1 - k
+            if codes[r, c] & np.uint8(3) != previous:
+                after = codes[r, c - 1] if c > 0 else np.uint8(0)
+                second = codes[r, c - 2] if c > 1 else np.uint8(0)
+                codes[r, c] = resolve_pixel(codes[r, c], after, second, previous)
+                previous = codes[r, c] & np.uint8(3)
+        previous = np.uint8(0)
+        for c in range(cols):
+            if codes[r, c] & np.uint8(3) != previous:
+                after = codes[r, c + 1] if c + 1 < cols else np.uint8(0)
+                second = codes[r, c + 2] if c + 2 < cols else np.uint8(0)
+                codes[r, c] = resolve_pixel(codes[r, c], after, second, previous)
+                previous = codes[r, c] & np.uint8(3)
+
+
+@kernel("void(u1[:,::1], u1[::1], b1)")
+def _compact_columns(codes, previous, upwards):  # type: ignore[no-untyped-def]
+    rows, cols = codes.shape
+    for k in range(rows):
+        r = rows - 1 - k if upwards else k
+        for c in range(cols):
+            codes[r, c] = compact_pixel(codes[r, c], previous[c])
+            previous[c] = codes[r, c] & np.uint8(3)
+
+
+@kernel("void(u1[:,::1], u1[::1], b1)")
+def _resolve_columns(codes, previous, upwards):  # type: ignore[no-untyped-def]
+    rows, cols = codes.shape
+    step = -1 if upwards else 1
+    for k in range(rows - 2):
+        r = rows - 1 - k if upwards else k
+        for c in range(cols):
+            codes[r, c] = resolve_pixel(codes[r, c], codes[r + step, c], codes[r + 2 * step, c], previous[c])
+            previous[c] = codes[r, c] & np.uint8(3)
+
+
+@kernel("void(u1[:,::1], i8[::1])")
+def _count_codes(codes, counts):  # type: ignore[no-untyped-def]
+    for r in range(codes.shape[0]):
+        for c in range(codes.shape[1]):
+            counts[codes[r, c] & np.uint8(15)] += 1
