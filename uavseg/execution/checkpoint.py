@@ -20,6 +20,7 @@ from uavseg.atomic import whole_file
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.execution.fingerprint import fingerprint
+from uavseg.execution.lazy_sequence import lazy_selection
 from uavseg.execution.result_file import DamagedResultError, dump, load
 
 Tell = Callable[[str, int, int], object]
@@ -62,32 +63,20 @@ def kept(map: Map, folder: str | os.PathLike[str], tell: Tell | None = None) -> 
         if tell is not None and len(missing) < len(keys):
             tell(name, len(keys) - len(missing), len(keys))
         waiting = set(missing)
-        with closing(map(function, _Some(items, missing))) as fresh:  # nobody works on once this has ended
+        with closing(
+            map(function, lazy_selection(items, missing))
+        ) as fresh:  # nobody works on once this has ended
             for k, key in enumerate(keys):
                 if k in waiting:
                     result = next(fresh)
                     _save(stage, key, result)
                 else:
-                    result = _taken(stage, key, partial(map, function, _Some(items, [k])))
+                    result = _taken(stage, key, partial(map, function, lazy_selection(items, [k])))
                 yield result
                 if progress is not None:
                     progress(k + 1, len(keys))
 
     return run
-
-
-class _Some(Sequence[Any]):
-    """Some of a sequence's items, each made when it is asked for."""
-
-    def __init__(self, items: Sequence[Any], which: Sequence[int]) -> None:
-        self._items = items
-        self._which = which
-
-    def __len__(self) -> int:
-        return len(self._which)
-
-    def __getitem__(self, k: Any) -> Any:
-        return self._items[self._which[k]]
 
 
 def stage_name(function: Any) -> str:

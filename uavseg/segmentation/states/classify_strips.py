@@ -14,12 +14,13 @@ Between passes a pixel is half a byte, see `StateImage`.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
+from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import pixels_of
 from uavseg.segmentation.intervals import StateLimits
@@ -102,7 +103,7 @@ def classified(
     passes = _Passes(image, [_rows_of(strip) for strip in strips])
     upwards = [tile for strip in reversed(strips) for tile in strip]
     found = zip(
-        upwards, map(partial(_codes_tile, source, limits), _Jobs(cells, upwards), progress), strict=True
+        upwards, map(partial(_codes_tile, source, limits), _jobs(cells, upwards), progress), strict=True
     )
     codes = np.zeros(16, np.int64)
     before = np.zeros(image.cols, np.uint8)
@@ -193,19 +194,14 @@ class _Job:
     cells: NDArray[np.uint8]
 
 
-class _Jobs(Sequence[_Job]):
+def _jobs(cells: NDArray[np.uint8], windows: Sequence[Window]) -> LazySequence[_Job]:
     """The jobs of all tiles, each made when it is asked for."""
+    return LazySequence(len(windows), partial(_job, cells, windows))
 
-    def __init__(self, cells: NDArray[np.uint8], windows: Sequence[Window]) -> None:
-        self._cells = cells
-        self._windows = windows
 
-    def __len__(self) -> int:
-        return len(self._windows)
-
-    def __getitem__(self, k: Any) -> Any:
-        window = self._windows[k]
-        return _Job(window, np.ascontiguousarray(self._cells[window_cells(window)]))
+def _job(cells: NDArray[np.uint8], windows: Sequence[Window], k: int) -> _Job:
+    window = windows[k]
+    return _Job(window, np.ascontiguousarray(cells[window_cells(window)]))
 
 
 def _codes_tile(source: GreySource, limits: StateLimits, job: _Job) -> NDArray[np.uint8] | None:
