@@ -21,7 +21,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.leaves import in_range
 from uavseg.segmentation.intervals import IntensityRange
@@ -76,7 +76,7 @@ class InMemory:
         return self.values[window.slices][None], None if valid.all() else valid
 
 
-def segmented(case: Case, side: int, run: Map) -> Outlined:
+def segmented(case: Case, side: int, run: Map) -> RegionOutlines:
     """The project's own answer, tile by tile."""
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)

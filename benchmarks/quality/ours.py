@@ -11,7 +11,7 @@ from uavseg.jobs.extract import ExtractParams, extract
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.rasterise import Painter
+from uavseg.regions.outline.rasterise import Rasteriser
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 
@@ -42,4 +42,4 @@ def extracted(scene: Scene, params: SegmentParams) -> Mask:
     found = extract(dataset, IntensityRange(*RANGE), ExtractParams(params, "none"))
     if len(found.rings.starts) == 0:
         return np.zeros(scene.v.shape, bool)
-    return Painter(found.rings)(Window(0, 0, *scene.v.shape)) > 0
+    return Rasteriser(found.rings)(Window(0, 0, *scene.v.shape)) > 0

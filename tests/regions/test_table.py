@@ -158,7 +158,7 @@ def test_no_regions_have_all_columns():
 
 
 def test_regions_are_chosen_with_their_attributes():
-    chosen = made(HOLED).chosen(np.array([2, 0]))
+    chosen = made(HOLED).select(np.array([2, 0]))
     assert chosen.columns["id"].tolist() == [3, 1]
     assert shapely.area(chosen.polygons).tolist() == [0.5, 2]
 

@@ -15,7 +15,7 @@ from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.blocks.block_file import SavedBlocks
@@ -169,7 +169,7 @@ def _outlined(
     map: Map,
     progress: Progress | None,
     expected: BlockMap | None = None,
-) -> Outlined:
+) -> RegionOutlines:
     refine = params.segment.refine
     found = outline_regions(source, inside, interval, refine, windows, map, progress, expected)
     give_back()
@@ -178,7 +178,7 @@ def _outlined(
 
 def _extraction(
     source: GreySource,
-    outlined: Outlined,
+    outlined: RegionOutlines,
     interval: IntensityRange,
     params: ExtractParams,
     windows: Sequence[Window],
@@ -201,7 +201,7 @@ def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: Extrac
 
 
 def _measured(
-    outlined: Outlined, about: About, interval: IntensityRange, params: ExtractParams
+    outlined: RegionOutlines, about: About, interval: IntensityRange, params: ExtractParams
 ) -> Extraction:
     """Regions with their attributes, the small ones dropped."""
     if params.small != "drop":

@@ -23,7 +23,7 @@ from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.sample.model import Sample, evidence_of, sample_of
 from uavseg.regions.sample.place import Disc, place_of
 from uavseg.regions.sample.reject import confirmed
@@ -175,7 +175,7 @@ def _outlined(
     windows: Sequence[Window],
     map: Map,
     progress: Progress | None,
-) -> Outlined:
+) -> RegionOutlines:
     matched = scores.best <= criterion.limit
     if params.refine == "none":
         return outline_segments(source, matched.view(np.uint8), windows, map, progress)
@@ -186,7 +186,7 @@ def _outlined(
 
 def _extraction(
     source: GreySource,
-    outlined: Outlined,
+    outlined: RegionOutlines,
     scores: Scored,
     sample: Sample,
     params: MatchParams,

@@ -12,7 +12,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.regions.edit.simplify import simplify
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.shapes import Shapes
 from uavseg.regions.smooth.smooth_outlines import smoothed
 from uavseg.regions.table import Regions, make
@@ -114,7 +114,7 @@ class About:
 
 
 def measured(
-    outlined: Outlined,
+    outlined: RegionOutlines,
     about: About,
     low: ArrayLike,
     high: ArrayLike,

@@ -61,7 +61,7 @@ class Regions:
     def __len__(self) -> int:
         return len(self.polygons)
 
-    def chosen(self, which: NDArray[Any]) -> "Regions":
+    def select(self, which: NDArray[Any]) -> "Regions":
         """The regions at these places (indices or a mask), in this order."""
         columns = {name: column[which] for name, column in self.columns.items()}
         return Regions(columns, self.polygons[which], self.wkt)

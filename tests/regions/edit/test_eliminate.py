@@ -19,7 +19,7 @@ from uavseg.regions.edit.adjacency import shared_borders
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.labels.component_sums import component_sums
 
@@ -53,8 +53,8 @@ def box(shape: tuple[int, int], crs: str | None = None) -> GeoBox:
     return GeoBox(shape, place, None if crs is None else CRS.from_string(crs))
 
 
-def outlined(labels: NDArray[np.uint32], grey: Image) -> Outlined:
-    return Outlined(trace(labels), component_sums(labels, int(labels.max()), grey.astype(np.uint16)))
+def outlined(labels: NDArray[np.uint32], grey: Image) -> RegionOutlines:
+    return RegionOutlines(trace(labels), component_sums(labels, int(labels.max()), grey.astype(np.uint16)))
 
 
 def kinds_of(labels: Image, kinds: Image) -> NDArray[np.int64]:

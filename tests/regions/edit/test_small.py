@@ -14,7 +14,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import Area, parse_area, without_small_holes, without_small_regions
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.labels.component_sums import Sums
 
@@ -29,13 +29,13 @@ def drawn(labels: Labels) -> list[str]:
     return ["".join(".123456789"[label] for label in row) for row in labels]
 
 
-def outlined(labels: Labels) -> Outlined:
+def outlined(labels: Labels) -> RegionOutlines:
     """What tiles would have found; the grey of a pixel is 10."""
     flat = labels.reshape(-1)
     names, firsts = np.unique(flat, return_index=True)
     places = np.stack(np.unravel_index(firsts[names > 0], labels.shape), 1)
     counts = np.bincount(flat)[1:]
-    return Outlined(
+    return RegionOutlines(
         trace(labels), Sums(counts, (10 * counts).astype(np.uint64), (100 * counts).astype(np.uint64), places)
     )
 
@@ -45,7 +45,7 @@ def box(labels: Labels, pixel_m: float = 2.0, crs: str | None = "EPSG:32618") ->
     return GeoBox(labels.shape, place, None if crs is None else CRS.from_string(crs))
 
 
-def painted(found: Outlined, labels: Labels) -> Labels:
+def painted(found: RegionOutlines, labels: Labels) -> Labels:
     return rasterise(found.rings, Window(0, 0, *labels.shape))
 
 

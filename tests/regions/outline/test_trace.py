@@ -13,9 +13,9 @@ from shapely.geometry import shape
 
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import trace_tile
-from uavseg.regions.outline.rasterise import Painter, rasterise
+from uavseg.regions.outline.rasterise import Rasteriser, rasterise
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.trace import link, trace
+from uavseg.regions.outline.trace import link_rings, trace
 
 Labels = NDArray[np.uint32]
 ONE = "#"  # in a drawing, # is label 1, digits are themselves and . is nothing
@@ -182,7 +182,7 @@ def test_areas_sum_to_the_pixels_of_each_label(seed: int) -> None:
 @settings(max_examples=60, deadline=None)
 @given(label_images(), st.data())
 def test_painting_undoes_tracing(labels: Labels, data: st.DataObject) -> None:
-    paint = Painter(trace(labels))
+    paint = Rasteriser(trace(labels))
     rows, cols = labels.shape
     assert np.array_equal(paint(Window(0, 0, rows, cols)), labels)
     row, col = data.draw(st.integers(0, rows - 1)), data.draw(st.integers(0, cols - 1))
@@ -249,7 +249,7 @@ def test_tiles_of_any_size_in_any_order_link_to_the_same_rings(
         )
         for w in windows
     ]
-    assert equal(link(chains, names, np.arange(len(names))), trace(labels))
+    assert equal(link_rings(chains, names, np.arange(len(names))), trace(labels))
 
 
 def pieces_of(labels: Labels) -> tuple[Labels, NDArray[np.int64]]:
@@ -277,7 +277,7 @@ def test_chosen_rings_are_those_of_an_image_with_the_chosen_labels(labels: Label
     rings = trace(labels)
     kept = rings.labels > 1
     new = np.array([0, *names])
-    chosen = rings.chosen(kept, new[rings.labels[kept]])
+    chosen = rings.select(kept, new[rings.labels[kept]])
     wanted = np.where(labels > 1, new[labels], 0).astype(np.uint32)
     assert equal(chosen, trace(wanted))
 
@@ -289,7 +289,7 @@ def test_a_sketch_holds_all_that_its_window_needs(seed: int, data: st.DataObject
     labels = np.kron(rng.integers(0, 4, (9, 8)), np.ones((97, 23), np.int64)).astype(np.uint32)  # long edges
     row, col = data.draw(st.integers(0, 800)), data.draw(st.integers(0, 180))
     window = Window(row, col, data.draw(st.integers(1, 873 - row)), data.draw(st.integers(1, 184 - col)))
-    sketch = pickle.loads(pickle.dumps(Painter(trace(labels)).sketch(window)))
-    assert np.array_equal(sketch.paint(), labels[window.slices])
+    sketch = pickle.loads(pickle.dumps(Rasteriser(trace(labels)).edge_table(window)))
+    assert np.array_equal(sketch.rasterise(), labels[window.slices])
     inside = (sketch.edges[:, 2] > 0) & (sketch.edges[:, 2] < window.cols)
     assert inside.all() and (sketch.edges[:, 0] < sketch.edges[:, 1]).all()

@@ -20,7 +20,7 @@ from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.intervals import IntensityRange
@@ -83,7 +83,7 @@ def leaves_of(image: Image) -> Image:
     return inside
 
 
-def whole(outlined: Outlined, image: Image) -> NDArray[np.uint32]:
+def whole(outlined: RegionOutlines, image: Image) -> NDArray[np.uint32]:
     return rasterise(outlined.rings, Window(0, 0, *image.shape))
 
 
@@ -91,7 +91,7 @@ def one_tile(image: Image) -> list[Window]:
     return tiles(image.shape, 4096)
 
 
-def same(one: Outlined, other: Outlined) -> bool:
+def same(one: RegionOutlines, other: RegionOutlines) -> bool:
     rings = [(getattr(one.rings, f), getattr(other.rings, f)) for f in Rings.__dataclass_fields__]
     sums = [(getattr(one.sums, f), getattr(other.sums, f)) for f in ("counts", "greys", "squares", "firsts")]
     return all(np.array_equal(a, b) for a, b in rings + sums)
@@ -237,7 +237,7 @@ def test_sums_are_found_again_from_the_outlines(sourced: Sourced, seed: int, sid
     source, windows = sourced(image), tiles((150, 200), side)
     found = outline_regions(source, random_cells(seed, image.shape), BRIGHT, "scan", windows)
     again = summed(source, found, windows, shuffled(seed))
-    assert same(Outlined(found.rings, again), found)
+    assert same(RegionOutlines(found.rings, again), found)
 
 
 def test_progress_is_told_of_every_tile(sourced: Sourced) -> None:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.adjacency import shared_borders
 from uavseg.regions.edit.small import Area, region_areas
-from uavseg.regions.outline.rasterise import Canvas, Painter
-from uavseg.regions.outline.stitch import Outlined, merged_sums, taken
+from uavseg.regions.outline.rasterise import LazyLabels, Rasteriser
+from uavseg.regions.outline.stitch import RegionOutlines, merge_sums, select_sums
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.labels.component_sums import Sums
 
@@ -19,8 +19,8 @@ Integers = NDArray[np.int64]
 
 
 def eliminate(
-    outlined: Outlined, kinds: Integers, geobox: GeoBox, smallest: Area
-) -> tuple[Outlined, Integers]:
+    outlined: RegionOutlines, kinds: Integers, geobox: GeoBox, smallest: Area
+) -> tuple[RegionOutlines, Integers]:
     """Merge segments of less than an area into their neighbours.
 
     The smallest segment comes first, of equal ones the first in raster order. It becomes part of the
@@ -55,14 +55,16 @@ def eliminate(
     merging = _Merging.of(outlined, kinds, areas)
     merging.run(smallest.value)
     roots, group = np.unique(merging.roots(), return_inverse=True)
-    sums = merged_sums(outlined.sums, group, len(roots))
+    sums = merge_sums(outlined.sums, group, len(roots))
     pixels = np.zeros(len(roots), np.int64)
     np.add.at(pixels, group[outlined.rings.labels - 1], outlined.rings.pixel_areas())
     order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -pixels))
     number = np.empty(len(order), np.int64)
     number[order] = np.arange(1, len(order) + 1)
-    painter = Painter(replace(outlined.rings, labels=number[group][outlined.rings.labels - 1]))
-    return Outlined(trace(Canvas(painter, geobox.shape)), taken(sums, order)), kinds[roots][order]
+    painter = Rasteriser(replace(outlined.rings, labels=number[group][outlined.rings.labels - 1]))
+    return RegionOutlines(trace(LazyLabels(painter, geobox.shape)), select_sums(sums, order)), kinds[roots][
+        order
+    ]
 
 
 @dataclass
@@ -78,7 +80,7 @@ class _Merging:
     parents: list[int]
 
     @classmethod
-    def of(cls, outlined: Outlined, kinds: Integers, areas: NDArray[np.float64]) -> "_Merging":
+    def of(cls, outlined: RegionOutlines, kinds: Integers, areas: NDArray[np.float64]) -> "_Merging":
         sums: Sums = outlined.sums
         borders: list[dict[int, int]] = [{} for _ in range(len(areas))]
         pairs, lengths = shared_borders(outlined.rings)

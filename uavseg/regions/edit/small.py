@@ -10,7 +10,7 @@ from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import Outlined, taken
+from uavseg.regions.outline.stitch import RegionOutlines, select_sums
 from uavseg.segmentation.labels.component_sums import Sums
 
 
@@ -50,7 +50,7 @@ def parse_area(text: str) -> Area:
         ) from error
 
 
-def without_small_holes(outlined: Outlined, geobox: GeoBox, smallest: Area) -> Outlined:
+def without_small_holes(outlined: RegionOutlines, geobox: GeoBox, smallest: Area) -> RegionOutlines:
     """Regions whose holes of less than an area are filled; regions within such a hole become part of it.
 
     The sums are those of the pixels that were regions before: `extract` measures filled regions again.
@@ -63,14 +63,14 @@ def without_small_holes(outlined: Outlined, geobox: GeoBox, smallest: Area) -> O
     return numbered_by_size(rings, outlined.sums, kept)
 
 
-def without_small_regions(outlined: Outlined, geobox: GeoBox, smallest: Area) -> Outlined:
+def without_small_regions(outlined: RegionOutlines, geobox: GeoBox, smallest: Area) -> RegionOutlines:
     """Regions of at least an area; the rest keep their order and are numbered 1..n."""
     rings = outlined.rings
     areas = region_areas(outlined, geobox, smallest)
     return numbered_by_size(rings, outlined.sums, areas[rings.labels - 1] >= smallest.value)
 
 
-def region_areas(outlined: Outlined, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
+def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
     """Area of each region, (n,), in the unit of `unit`: square metres or pixels.
 
     Raises
@@ -83,7 +83,7 @@ def region_areas(outlined: Outlined, geobox: GeoBox, unit: Area) -> NDArray[np.f
     return np.asarray(areas[1:], np.float64)
 
 
-def numbered_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = None) -> Outlined:
+def numbered_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = None) -> RegionOutlines:
     """Regions with labels 1..n: the one that encloses most pixels first, ties in raster order.
 
     Parameters
@@ -102,7 +102,7 @@ def numbered_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = 
     number = np.empty(len(order), np.int64)
     number[order] = np.arange(1, len(order) + 1)
     labels = number[np.searchsorted(left, rings.labels[kept])]
-    return Outlined(rings.chosen(kept, labels), taken(sums, left[order] - 1))
+    return RegionOutlines(rings.select(kept, labels), select_sums(sums, left[order] - 1))
 
 
 def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:

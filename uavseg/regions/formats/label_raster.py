@@ -14,7 +14,7 @@ from uavseg.raster.formats import geotiff
 from uavseg.raster.formats.vrt_tiles import check_label_tiles, label_windows, write_label_tiles
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, tiles
-from uavseg.regions.outline.rasterise import Sketch, Sketches
+from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import Rings
 from uavseg.units import BLOCK
 
@@ -59,7 +59,7 @@ def write_labels(
         If they may not or cannot be written.
     """
     if is_tiled(path):
-        parts = Sketches(rings, label_windows(geobox.shape))
+        parts = edge_tables(rings, label_windows(geobox.shape))
         write_label_tiles(path, parts, geobox, overwrite, map)
     else:
         geotiff.write_labels(path, painted(rings, geobox.shape, map), geobox, overwrite)
@@ -72,4 +72,4 @@ def painted(
     rows, cols = shape
     stripe = max((1 << 24) // cols // BLOCK, 1) * BLOCK
     windows = tiles((rows, cols), (stripe, -(-cols // BLOCK) * BLOCK))
-    return zip(windows, map(Sketch.paint, Sketches(rings, windows)), strict=True)
+    return zip(windows, map(EdgeTable.rasterise, edge_tables(rings, windows)), strict=True)

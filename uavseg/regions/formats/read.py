@@ -197,7 +197,7 @@ def _completed(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) 
     if area is None or area.dtype.kind not in "iuf" or not np.isfinite(area).all():
         area = _areas_m2(polygons)
     columns = {"id": ids, "area_m2": area, **columns} | {"id": ids, "area_m2": area, "lon": lon, "lat": lat}
-    return Regions(columns, polygons, WGS84).chosen(np.argsort(ids, kind="stable"))
+    return Regions(columns, polygons, WGS84).select(np.argsort(ids, kind="stable"))
 
 
 def _points_inside(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[Any, Any]:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
+from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import Window, window_cells
-from uavseg.regions.outline.rasterise import Sketch, Sketches
-from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
+from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
+from uavseg.regions.outline.stitch import RegionOutlines, TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.sample.model import Sample
 from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -124,7 +125,7 @@ def outline_matches(
     windows: Sequence[Window],
     map: Map = serial,
     progress: Progress | None = None,
-) -> Outlined:
+) -> RegionOutlines:
     """Regions of cells that are in, and of those pixels of open cells that weigh enough.
 
     Parameters
@@ -139,11 +140,11 @@ def outline_matches(
     """
     outline = partial(_outline_match, source, cuts, weights)
     tiles = map(outline, CellJobs(cells, windows, MARGIN), progress)
-    return joined(source.shape, windows, tiles).outlined()
+    return stitch_tiles(source.shape, windows, tiles).finish()
 
 
 def mean_scores(
-    outlined: Outlined, best: NDArray[np.uint16], windows: Sequence[Window], map: Map
+    outlined: RegionOutlines, best: NDArray[np.uint16], windows: Sequence[Window], map: Map
 ) -> NDArray[np.float64]:
     """The mean score of the pixels of each region.
 
@@ -160,7 +161,7 @@ def mean_scores(
         NaN where no cell of a region has a score.
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
-    jobs = _Scores(Sketches(outlined.rings, windows), best)
+    jobs = _Scores(edge_tables(outlined.rings, windows), best)
     for names, total, count in map(_sum_scores, jobs):
         sums[names] += total
         counts[names] += count
@@ -172,7 +173,7 @@ def mean_scores(
 class _Scores(Sequence[Any]):
     """Labels of tiles as they are drawn, with the scores of their cells."""
 
-    def __init__(self, sketches: Sketches, best: NDArray[np.uint16]) -> None:
+    def __init__(self, sketches: LazySequence[EdgeTable], best: NDArray[np.uint16]) -> None:
         self._sketches = sketches
         self._best = best
 
@@ -185,11 +186,11 @@ class _Scores(Sequence[Any]):
 
 
 def _sum_scores(
-    job: tuple[Sketch, NDArray[np.uint16]],
+    job: tuple[EdgeTable, NDArray[np.uint16]],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Labels in a tile, the sum of the scores of each, and of how many pixels."""
     sketch, best = job
-    labels = sketch.paint()
+    labels = sketch.rasterise()
     rows, cols = labels.shape
     scores = best.repeat(CELL, 0)[:rows].repeat(CELL, 1)[:, :cols].astype(np.int64)
     labels[scores >= UNLIKE] = 0
@@ -229,7 +230,7 @@ def _outline_match(
     cuts: NDArray[np.int32],
     weights: Weights,
     job: tuple[Window, NDArray[np.uint8]],
-) -> Tile | None:
+) -> TileOutlines | None:
     window, cells = job
     if not cells.any():
         return None
@@ -240,4 +241,4 @@ def _outline_match(
         pixels = decide(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = pixels_of(cells, tile.valid)
-    return outlined_tile(pixels, *components(pixels, MARGIN), tile.grey, window, source.shape[1])
+    return outline_tile(pixels, *components(pixels, MARGIN), tile.grey, window, source.shape[1])

@@ -48,7 +48,7 @@ def choose(
         kept = _largest(regions, kept, largest)
     if not kept.any():
         raise RegionError(f"none of the {len(regions)} regions is chosen; ask for less")
-    return regions.chosen(np.flatnonzero(kept))
+    return regions.select(np.flatnonzero(kept))
 
 
 def _have(regions: Regions, ids: Sequence[int]) -> np.ndarray:

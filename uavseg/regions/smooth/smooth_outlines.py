@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.geodesy.ground import ground_resolution
-from uavseg.regions.outline.rings import Rings, gathered
+from uavseg.regions.outline.rings import Rings, reorder_rings
 from uavseg.regions.smooth.nodes import Nodes, nodes_of
 from uavseg.regions.smooth.sleeve import UNIT
 from uavseg.regions.smooth.smooth_rings import Smooth, smooth_rings
@@ -89,7 +89,7 @@ def _of_kept_area(rings: Rings, shape: tuple[int, int], share: float) -> Rings:
         kept = np.union1d(kept, more)
         touched = np.zeros(len(rings.labels), bool)
         touched[drawn.owners[np.isin(drawn.stretches, more)]] = True
-        again = smooth_rings(rings.chosen(touched), nodes, shape, kept, share)
+        again = smooth_rings(rings.select(touched), nodes, shape, kept, share)
         drawn = replace(drawn, rings=_with(drawn.rings, again, touched))
     return drawn.rings if share == 1 else _turning(drawn.rings, nodes, shape)
 
@@ -119,5 +119,5 @@ def _with(rings: Rings, again: Smooth, places: NDArray[np.bool_]) -> Rings:
     order[places] = len(order) + np.arange(int(places.sum()))
     vertices = np.concatenate([rings.vertices, again.rings.vertices])
     starts = np.concatenate([rings.starts, len(rings.vertices) + again.rings.starts[1:]])
-    vertices, starts = gathered(vertices, starts, order)
+    vertices, starts = reorder_rings(vertices, starts, order)
     return replace(rings, vertices=vertices, starts=starts)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import numbered_by_size
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.labels.component_sums import Sums
@@ -17,7 +17,7 @@ from uavseg.segmentation.labels.components import equal_components
 from uavseg.units import CELL
 
 
-def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> Outlined:
+def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> RegionOutlines:
     """Segments of adjacent cells of one kind, as far as they have valid pixels.
 
     Parameters
@@ -50,7 +50,7 @@ def count_segments(blocks: BlockMap, kinds: NDArray[Any], most: int) -> NDArray[
     return np.bincount(own[1:], minlength=most + 1)[1:].astype(np.int64)
 
 
-def summed_cells(blocks: BlockMap, outlined: Outlined) -> Outlined:
+def summed_cells(blocks: BlockMap, outlined: RegionOutlines) -> RegionOutlines:
     """The same regions with the sums of all cells that they enclose."""
     on_cells = replace(outlined.rings, vertices=-(-outlined.rings.vertices // np.int32(CELL)))
     labels = rasterise(on_cells, Window(0, 0, *_cells_of(blocks)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.tiling import Window, cells_around, whole_blocks
-from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
+from uavseg.regions.outline.stitch import RegionOutlines, TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.leaves import pixels_of
 from uavseg.segmentation.labels.components import components, equal_components
 from uavseg.segmentation.source import GreySource
@@ -26,7 +26,7 @@ def outline_segments(
     windows: Sequence[Window],
     map: Map = serial,
     progress: Progress | None = None,
-) -> Outlined:
+) -> RegionOutlines:
     """Segments of a raster: cells that share an edge and are of the same kind, not refined.
 
     Parameters
@@ -38,7 +38,7 @@ def outline_segments(
         As of `outline_regions`.
     """
     tiles = map(partial(_outline_cells, source), CellJobs(cells, windows), progress)
-    return joined(source.shape, windows, tiles).outlined(cells)
+    return stitch_tiles(source.shape, windows, tiles).finish(cells)
 
 
 def outline_state(
@@ -49,7 +49,7 @@ def outline_state(
     map: Map = serial,
     progress: Progress | None = None,
     leaves: NDArray[np.uint8] | None = None,
-) -> Outlined:
+) -> RegionOutlines:
     """Connected pixels of one state.
 
     Parameters
@@ -65,7 +65,7 @@ def outline_state(
     """
     tiles = map(partial(_outline_pixels, source), _PixelJobs(image, state, windows), progress)
     of_state = None if leaves is None else (leaves == state).view(np.uint8)
-    return joined(source.shape, windows, tiles).outlined(of_state)
+    return stitch_tiles(source.shape, windows, tiles).finish(of_state)
 
 
 class CellJobs(Sequence[_Job]):
@@ -106,19 +106,19 @@ class _PixelJobs(Sequence[_Job]):
         return window, np.packbits(part, axis=1)
 
 
-def _outline_cells(source: GreySource, job: _Job) -> Tile | None:
+def _outline_cells(source: GreySource, job: _Job) -> TileOutlines | None:
     window, cells = job
     if not cells.any():
         return None
     tile = source.read(window, CELL)
     kinds = pixels_of(cells, tile.valid)
-    return outlined_tile(kinds, *equal_components(kinds, CELL), tile.grey, window, source.shape[1])
+    return outline_tile(kinds, *equal_components(kinds, CELL), tile.grey, window, source.shape[1])
 
 
-def _outline_pixels(source: GreySource, job: _Job) -> Tile | None:
+def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
     window, bits = job
     if not bits.any():
         return None
     tile = source.read(window, CELL)
     pixels = np.unpackbits(bits, axis=1, count=tile.grey.shape[1])
-    return outlined_tile(pixels, *components(pixels, CELL), tile.grey, window, source.shape[1])
+    return outline_tile(pixels, *components(pixels, CELL), tile.grey, window, source.shape[1])

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterError
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.tiling import Window, cells_around, window_cells
-from uavseg.regions.outline.rasterise import Sketch, Sketches
-from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
+from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
+from uavseg.regions.outline.stitch import RegionOutlines, TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
@@ -32,7 +32,7 @@ def outline_regions(
     map: Map = serial,
     progress: Progress | None = None,
     expected: BlockMap | None = None,
-) -> Outlined:
+) -> RegionOutlines:
     """Regions of a raster, refined to the pixel.
 
     Parameters
@@ -57,7 +57,7 @@ def outline_regions(
     """
     jobs = _Jobs(inside, windows, expected)
     tiles = map(partial(_outline_tile, source, interval, refine), jobs, progress)
-    return joined(source.shape, windows, tiles).outlined(inside if refine == "none" else None)
+    return stitch_tiles(source.shape, windows, tiles).finish(inside if refine == "none" else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,9 @@ class _Jobs(Sequence[_Job]):
         return _Job(window, cells_around(self._inside, window, REACH), cells)
 
 
-def _outline_tile(source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job) -> Tile | None:
+def _outline_tile(
+    source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job
+) -> TileOutlines | None:
     found = refined(source, job.inside, interval, refine, job.window)
     if found is None:
         return None
@@ -99,19 +101,19 @@ def _outline_tile(source: GreySource, interval: IntensityRange, refine: Refineme
             f"{source.dataset.source} is not as it was when its block map was made; make the block map again "
             "with uavseg divide, or give --refine none"
         )
-    return outlined_tile(pixels, *components(pixels, REACH), tile.grey, job.window, source.shape[1])
+    return outline_tile(pixels, *components(pixels, REACH), tile.grey, job.window, source.shape[1])
 
 
 def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> bool:
     return all(np.array_equal(one, other) for one, other in zip(first, second, strict=True))
 
 
-def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], map: Map) -> Sums:
+def summed(source: GreySource, outlined: RegionOutlines, windows: Sequence[Window], map: Map) -> Sums:
     """Sums over the valid pixels that regions enclose, read again from the raster."""
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts = np.zeros_like(sums.counts)
-    for found in map(partial(_sum_tile, source), Sketches(outlined.rings, windows)):
+    for found in map(partial(_sum_tile, source), edge_tables(outlined.rings, windows)):
         if found is not None:
             names, parts = found
             counts[names - 1] += parts.counts
@@ -120,9 +122,9 @@ def summed(source: GreySource, outlined: Outlined, windows: Sequence[Window], ma
     return Sums(counts, greys, squares, sums.firsts)
 
 
-def _sum_tile(source: GreySource, sketch: Sketch) -> tuple[NDArray[np.int64], Sums] | None:
+def _sum_tile(source: GreySource, sketch: EdgeTable) -> tuple[NDArray[np.int64], Sums] | None:
     """Labels in a tile, and the sums of each over its valid pixels."""
-    window, labels = sketch.window, sketch.paint()
+    window, labels = sketch.window, sketch.rasterise()
     names = np.unique(labels).astype(np.int64)
     names = names[names > 0]
     if len(names) == 0:
