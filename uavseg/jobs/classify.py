@@ -16,7 +16,7 @@ from uavseg.occupancy.ros.ros_map import is_ros_map, write_ros_map
 from uavseg.raster.formats.geotiff import write_labels
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.small import without_small_regions
+from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import states_of
@@ -194,7 +194,7 @@ def _objects(
 ) -> Extraction:
     outlined = outline_state(source, found.image, OCCUPIED, windows, map, progress, leaves)
     if params.min_area is not None:
-        outlined = without_small_regions(outlined, source.dataset.geobox, params.min_area)
+        outlined = drop_small_regions(outlined, source.dataset.geobox, params.min_area)
     bounds = _bounds(outlined.rings, source.dataset.geobox)
     about = About.source(source)
     return measured(outlined, about, limits.occupied_above, 1.0, params.drawing, bounds)

@@ -14,7 +14,7 @@ from uavseg.jobs.result import About, Drawing, Extraction, measured
 from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
+from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
@@ -185,7 +185,7 @@ def _extraction(
     map: Map,
 ) -> Extraction:
     if params.fill_holes is not None:
-        filled = without_small_holes(outlined, source.dataset.geobox, params.fill_holes)
+        filled = fill_small_holes(outlined, source.dataset.geobox, params.fill_holes)
         if filled is not outlined:  # what was in the holes counts now
             outlined = replace(filled, sums=summed(source, filled, windows, map))
     return _measured(outlined, About.source(source), interval, params)
@@ -196,7 +196,7 @@ def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: Extrac
     blocks, how = saved.blocks, params.segment
     outlined = outline_cells(blocks, in_range(blocks, interval, how.threshold, how.step))
     if params.fill_holes is not None:
-        outlined = summed_cells(blocks, without_small_holes(outlined, saved.geobox, params.fill_holes))
+        outlined = summed_cells(blocks, fill_small_holes(outlined, saved.geobox, params.fill_holes))
     return _measured(outlined, About.saved(saved), interval, params)
 
 
@@ -207,7 +207,7 @@ def _measured(
     if params.small != "drop":
         raise ParameterError("regions of a range have nothing around them to be merged into; drop small ones")
     if params.min_area is not None:
-        outlined = without_small_regions(outlined, about.geobox, params.min_area)
+        outlined = drop_small_regions(outlined, about.geobox, params.min_area)
     return measured(outlined, about, interval.low, interval.high, params.drawing)
 
 

@@ -11,7 +11,7 @@ from uavseg.jobs.result import About, Extraction, measured
 from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import fit
 from uavseg.regions.edit.eliminate import eliminate
-from uavseg.regions.edit.small import without_small_regions
+from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
@@ -106,7 +106,7 @@ def _extraction(
 ) -> Extraction:
     """Segments with their levels; the first place of each counts in units that make cells of `side`."""
     if params.min_area is not None and params.small == "drop":
-        outlined = without_small_regions(outlined, about.geobox, params.min_area)
+        outlined = drop_small_regions(outlined, about.geobox, params.min_area)
     row, col = outlined.sums.firsts.T // side
     level = kinds[row, col].astype(np.int64) - 1
     if params.min_area is not None and params.small == "merge":

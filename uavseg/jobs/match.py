@@ -22,7 +22,7 @@ from uavseg.jobs.result import About, Drawing, Extraction, measured
 from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
+from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.sample.model import Sample, evidence_of, sample_of
 from uavseg.regions.sample.place import Disc, place_of
@@ -196,11 +196,11 @@ def _extraction(
     """Regions with their attributes; holes are filled before small ones are dropped."""
     geobox, bounds = source.dataset.geobox, sample.bounds(params.intensity)
     if params.fill_holes is not None:
-        filled = without_small_holes(outlined, geobox, params.fill_holes)
+        filled = fill_small_holes(outlined, geobox, params.fill_holes)
         if filled is not outlined:
             outlined = replace(filled, sums=summed(source, filled, windows, map))
     if params.min_area is not None:
-        outlined = without_small_regions(outlined, geobox, params.min_area)
+        outlined = drop_small_regions(outlined, geobox, params.min_area)
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, windows, map))}
     low, high = bounds.low / GREY_MAX, bounds.high / GREY_MAX
     return measured(outlined, About.source(source), low, high, Drawing(simplify_m=params.simplify_m), more)

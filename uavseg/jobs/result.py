@@ -14,7 +14,7 @@ from uavseg.regions.edit.simplify import simplify
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.shapes import Shapes
-from uavseg.regions.smooth.smooth_outlines import smoothed
+from uavseg.regions.smooth.smooth_outlines import smooth_outlines
 from uavseg.regions.table import Regions, make
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.source import GreySource
@@ -74,7 +74,7 @@ class Drawing:
     def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> Regions:
         """The regions with their outlines drawn so; `rings` are these outlines on the pixel edges."""
         if self.smooth_m:
-            rings, geobox = smoothed(rings, self.smooth_m, geobox)
+            rings, geobox = smooth_outlines(rings, self.smooth_m, geobox)
             regions = replace(regions, polygons=Shapes(rings, geobox.transform))
         return simplify(regions, self.simplify_m, geobox) if self.simplify_m else regions
 

@@ -15,7 +15,7 @@ from scipy.ndimage import label as connected
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.adjacency import shared_borders
+from uavseg.regions.edit.adjacency import border_lengths
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise
@@ -164,7 +164,7 @@ def borders_by_force(labels: Image) -> dict[tuple[int, int], int]:
 @settings(deadline=None, max_examples=60)
 def test_borders_are_those_between_pixels(seed: int) -> None:
     labels = segmented(scene(seed)[0])
-    pairs, lengths = shared_borders(trace(labels))
+    pairs, lengths = border_lengths(trace(labels))
     assert dict(zip(map(tuple, pairs.tolist()), lengths.tolist(), strict=True)) == borders_by_force(labels)
 
 
@@ -226,7 +226,7 @@ def test_no_pixel_is_lost_and_what_is_small_stands_alone(seed: int, limit: int) 
     )
     painted = rasterise(found.rings, Window(0, 0, *kinds.shape))
     assert np.array_equal(painted > 0, kinds > 0)
-    pairs, _ = shared_borders(found.rings)
+    pairs, _ = border_lengths(found.rings)
     assert (kept[pairs[:, 0] - 1] != kept[pairs[:, 1] - 1]).all()
     sizes = np.bincount(painted.reshape(-1), minlength=1)[1:]
     assert (sizes[np.unique(pairs) - 1] >= limit).all()

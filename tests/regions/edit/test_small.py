@@ -12,7 +12,7 @@ from scipy.ndimage import label as connected
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.small import Area, parse_area, without_small_holes, without_small_regions
+from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes, parse_area
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.outline.trace import trace
@@ -51,12 +51,12 @@ def painted(found: RegionOutlines, labels: Labels) -> Labels:
 
 def filled(text: str, pixels: float) -> list[str]:
     labels = picture(text)
-    return drawn(painted(without_small_holes(outlined(labels), box(labels), Area(pixels, True)), labels))
+    return drawn(painted(fill_small_holes(outlined(labels), box(labels), Area(pixels, True)), labels))
 
 
 def dropped(text: str, pixels: float) -> list[str]:
     labels = picture(text)
-    return drawn(painted(without_small_regions(outlined(labels), box(labels), Area(pixels, True)), labels))
+    return drawn(painted(drop_small_regions(outlined(labels), box(labels), Area(pixels, True)), labels))
 
 
 # Areas as people write them
@@ -133,12 +133,12 @@ def test_a_part_of_a_region_within_its_own_hole_stays() -> None:
 def test_without_holes_nothing_is_made_anew() -> None:
     labels = picture("11.2 11..")
     found = outlined(labels)
-    assert without_small_holes(found, box(labels), Area(9, True)) is found
+    assert fill_small_holes(found, box(labels), Area(9, True)) is found
 
 
 def test_sums_are_those_of_before_until_they_are_measured_again() -> None:
     labels = picture("111 121 111")
-    found = without_small_holes(outlined(labels), box(labels), Area(2, True))
+    found = fill_small_holes(outlined(labels), box(labels), Area(2, True))
     assert found.rings.pixel_areas().tolist() == [9]
     assert found.sums.counts.tolist() == [8] and found.sums.greys.tolist() == [80]
 
@@ -164,23 +164,23 @@ def test_parts_of_a_region_count_together() -> None:
 
 def test_square_metres_are_measured_on_the_ground() -> None:
     labels = picture("11.2 11..")
-    ground = without_small_regions(outlined(labels), box(labels, 2), Area(5))
+    ground = drop_small_regions(outlined(labels), box(labels, 2), Area(5))
     assert drawn(painted(ground, labels)) == ["11..", "11.."]
-    assert len(without_small_regions(outlined(labels), box(labels, 2), Area(3.9)).sums.counts) == 2
+    assert len(drop_small_regions(outlined(labels), box(labels, 2), Area(3.9)).sums.counts) == 2
     # At 60 degrees north a metre of Web Mercator is half a metre.
     mercator = GeoBox(labels.shape, Affine(2, 0, 0, 0, -2, 8_399_738), CRS.from_epsg(3857))
-    kept = without_small_regions(outlined(labels), mercator, Area(3.9))
+    kept = drop_small_regions(outlined(labels), mercator, Area(3.9))
     assert drawn(painted(kept, labels)) == ["11..", "11.."]
 
 
 def test_holes_in_square_metres() -> None:
     labels = picture("111 1.1 111")
     for area, holes in ((3.9, 1), (4.1, 0)):
-        found = without_small_holes(outlined(labels), box(labels, 2), Area(area))
+        found = fill_small_holes(outlined(labels), box(labels, 2), Area(area))
         assert int((~found.rings.exteriors).sum()) == holes
 
 
-@pytest.mark.parametrize("clean", [without_small_holes, without_small_regions])
+@pytest.mark.parametrize("clean", [fill_small_holes, drop_small_regions])
 def test_square_metres_want_a_crs(clean: object) -> None:
     labels = picture("111 1.1 111")
     with pytest.raises(ParameterError, match=r"no CRS.*give the area in pixels, such as 4px"):
@@ -230,7 +230,7 @@ def filled_by_force(labels: Labels, limit: float) -> Labels:
 @given(st.integers(0, 10**6), st.integers(0, 30))
 def test_holes_are_filled_as_by_force(seed: int, limit: int) -> None:
     labels = random_regions(seed)
-    found = without_small_holes(outlined(labels), box(labels), Area(limit, True))
+    found = fill_small_holes(outlined(labels), box(labels), Area(limit, True))
     wanted = filled_by_force(labels, limit)
     assert np.array_equal(painted(found, labels), wanted)
     assert len(found.sums.counts) == wanted.max()
@@ -247,6 +247,6 @@ def test_small_regions_are_dropped_as_by_force(seed: int, limit: int) -> None:
     wanted = np.where(
         (sizes[labels] >= limit) & (labels > 0), labels, 0
     )  # ids are by size: what is left is 1..k
-    found = without_small_regions(outlined(labels), box(labels), Area(limit, True))
+    found = drop_small_regions(outlined(labels), box(labels), Area(limit, True))
     assert np.array_equal(painted(found, labels), wanted)
     assert found.sums.greys.tolist() == (10 * np.bincount(wanted.reshape(-1))[1:]).tolist()

@@ -16,8 +16,8 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import Shapes
-from uavseg.regions.smooth.nodes import nodes_of
-from uavseg.regions.smooth.smooth_outlines import smoothed
+from uavseg.regions.smooth.nodes import find_nodes
+from uavseg.regions.smooth.smooth_outlines import smooth_outlines
 from uavseg.regions.table import make
 
 Labels = NDArray[np.uint32]
@@ -31,7 +31,7 @@ def box(shape: tuple[int, int]) -> GeoBox:
 
 def smooth(labels: Labels, metres: float = FULL) -> tuple[Rings, NDArray[np.object_]]:
     """Smooth rings in steps, and their polygons in (col, row) pixels."""
-    rings, fine = smoothed(trace(labels), metres, box(labels.shape))
+    rings, fine = smooth_outlines(trace(labels), metres, box(labels.shape))
     return rings, np.asarray(Shapes(rings, fine.transform))
 
 
@@ -137,9 +137,9 @@ def by_force(labels: Labels) -> list[int]:
 @settings(deadline=None, max_examples=60)
 def test_nodes_are_where_boundaries_meet(labels: Labels) -> None:
     rings = trace(labels)
-    nodes = nodes_of(rings, labels.shape)
+    nodes = find_nodes(rings, labels.shape)
     assert nodes.by_row.tolist() == by_force(labels)
-    flipped = nodes_of(trace(np.ascontiguousarray(labels.T)), labels.shape[::-1])
+    flipped = find_nodes(trace(np.ascontiguousarray(labels.T)), labels.shape[::-1])
     assert flipped.by_row.tolist() == nodes.by_col.tolist()
 
 
@@ -214,7 +214,7 @@ def test_metres_are_metres_on_the_ground(place: str) -> None:
     epsg, transform, half = PLACES[place]
     labels = disc(20)
     here = GeoBox(labels.shape, transform, None if epsg is None else CRS.from_epsg(epsg))
-    drawn = {m: smoothed(trace(labels), m * half, here)[0].vertices.tolist() for m in (0.98, 1.02, 3)}
+    drawn = {m: smooth_outlines(trace(labels), m * half, here)[0].vertices.tolist() for m in (0.98, 1.02, 3)}
     assert drawn[1.02] == drawn[3] != drawn[0.98]
 
 
@@ -226,7 +226,7 @@ def test_a_length_that_is_none_is_refused(metres: float) -> None:
 
 def test_a_raster_too_large_for_whole_steps_is_refused() -> None:
     with pytest.raises(ParameterError, match="more than 8,388,606 rows or columns"):
-        smoothed(trace(disc(4)), 1, box((10, 2**23)))
+        smooth_outlines(trace(disc(4)), 1, box((10, 2**23)))
 
 
 @given(pictures(), st.sampled_from([0.2, 1, 4]))

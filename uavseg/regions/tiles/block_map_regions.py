@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.small import numbered_by_size
+from uavseg.regions.edit.small import renumber_by_size
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.outline.trace import trace
@@ -37,7 +37,7 @@ def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> RegionOutlines:
     rings = trace(leaves)
     limit = np.array(blocks.shape, np.int32)
     on_pixels = replace(rings, vertices=np.minimum(rings.vertices * np.int32(CELL), limit))
-    return numbered_by_size(on_pixels, _sums_of_cells(blocks, leaves, count))
+    return renumber_by_size(on_pixels, _sums_of_cells(blocks, leaves, count))
 
 
 def count_segments(blocks: BlockMap, kinds: NDArray[Any], most: int) -> NDArray[np.int64]:
