@@ -29,7 +29,7 @@ WATCHED = (
     ("segmentation/sums.py", "component_sums", "`sums.component_sums`"),
     ("regions/tracing.py", "trace_tile", "`tracing.trace_tile`"),
     ("regions/outline.py", "link", "`outline.link`"),
-    ("regions/table.py", "make", "areas, lengths, points inside: `table.make`"),
+    ("regions/table.py", "make", "areas, lengths, points inside: `table.make_regions`"),
     ("regions/export.py", "write", "GeoPackage: `export.write`"),
 )
 

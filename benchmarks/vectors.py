@@ -84,7 +84,7 @@ def _measured(side: int, rounds: int) -> Vectorised:
 
     from uavseg.execution.executors import serial, threads
     from uavseg.regions.outline.trace import trace
-    from uavseg.regions.shapes import Shapes
+    from uavseg.regions.shapes import LazyPolygons
 
     labels = np.unique(cells(side), return_inverse=True)[1].reshape(side, side).astype(np.uint32) + np.uint32(
         1
@@ -93,7 +93,7 @@ def _measured(side: int, rounds: int) -> Vectorised:
     way = Affine(0.5, 0, 5e5, 0, -0.5, 5e6)
 
     def ours(map: Any) -> Any:
-        return np.asarray(Shapes(trace(labels, map), way))
+        return np.asarray(LazyPolygons(trace(labels, map), way))
 
     def theirs() -> Any:
         return [

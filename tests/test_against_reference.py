@@ -21,7 +21,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import RegionOutlines
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.leaves import in_range
 from uavseg.segmentation.intervals import IntensityRange

@@ -15,7 +15,7 @@ from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
-from uavseg.regions.outline.stitch import RegionOutlines
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.blocks.block_file import SavedBlocks

@@ -12,7 +12,7 @@ from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import fit
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import drop_small_regions
-from uavseg.regions.outline.stitch import RegionOutlines
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.blocks.block_file import SavedBlocks

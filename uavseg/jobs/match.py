@@ -23,7 +23,7 @@ from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
-from uavseg.regions.outline.stitch import RegionOutlines
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.sample.model import Sample, evidence_of, sample_of
 from uavseg.regions.sample.place import Disc, place_of
 from uavseg.regions.sample.reject import confirmed

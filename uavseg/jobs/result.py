@@ -11,11 +11,11 @@ from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.regions.edit.simplify import simplify
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import RegionOutlines
-from uavseg.regions.shapes import Shapes
+from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.smooth.smooth_outlines import smooth_outlines
-from uavseg.regions.table import Regions, make
+from uavseg.regions.table import Regions, make_regions
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.source import GreySource
 
@@ -75,7 +75,7 @@ class Drawing:
         """The regions with their outlines drawn so; `rings` are these outlines on the pixel edges."""
         if self.smooth_m:
             rings, geobox = smooth_outlines(rings, self.smooth_m, geobox)
-            regions = replace(regions, polygons=Shapes(rings, geobox.transform))
+            regions = replace(regions, polygons=LazyPolygons(rings, geobox.transform))
         return simplify(regions, self.simplify_m, geobox) if self.simplify_m else regions
 
 
@@ -125,7 +125,7 @@ def measured(
 
     Parameters
     ----------
-    outlined : Outlined
+    outlined : RegionOutlines
     about : About
     low, high : float or (n,) array
         The interval of intensity of all regions, or of each.
@@ -136,9 +136,7 @@ def measured(
     """
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
-    regions = make(
-        rings, about.geobox, sums.counts, sums.greys, sums.squares, (low, high), about.name, pixels
-    )
+    regions = make_regions(rings, sums, about.geobox, (low, high), about.name, pixels)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, about.geobox)
     return Extraction(regions, rings, about.geobox, about.stretch, about.band_names, about.warnings)

@@ -19,7 +19,7 @@ from uavseg.regions.edit.adjacency import border_lengths
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import RegionOutlines
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.labels.component_sums import component_sums
 

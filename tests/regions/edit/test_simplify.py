@@ -12,7 +12,8 @@ from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.simplify import simplify
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.table import make
+from uavseg.regions.table import make_regions
+from uavseg.segmentation.labels.component_sums import Sums
 
 PLACES = {
     "utm": (32618, Affine(0.5, 0, 4e5, 0, -0.5, 5e6)),
@@ -22,6 +23,8 @@ PLACES = {
     "nowhere": (None, Affine.identity()),
 }
 STAIRS = (np.add.outer(np.arange(12), np.arange(12)) < 12).astype(np.uint32)
+
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 
 
 @st.composite
@@ -36,7 +39,7 @@ def made(labels, place="utm"):
     crs, transform = PLACES[place]
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_epsg(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1), minlength=1)[1:]
-    return make(rings, box, counts, counts, counts, (0, 1), ""), box
+    return make_regions(rings, Sums(counts, counts, counts, FIRSTS), box, (0, 1), ""), box
 
 
 @given(pictures(), st.sampled_from(sorted(PLACES)), st.sampled_from([0.3, 1, 3, 10, 1e4]))

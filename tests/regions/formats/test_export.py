@@ -16,9 +16,11 @@ from uavseg.errors import OutputError, OutputExistsError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.formats import export
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.table import COLUMNS, make
+from uavseg.regions.table import COLUMNS, make_regions
 from uavseg.regions.wgs84 import to_wgs84
+from uavseg.segmentation.labels.component_sums import Sums
 
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 FORMATS = [".geojson", ".json", ".gpkg", ".fgb", ".parquet", ".shp", ".kml"]
 KEEPING = [".gpkg", ".fgb", ".parquet", ".shp"]
 GLOBAL = [".geojson", ".json", ".kml"]
@@ -33,7 +35,7 @@ def regions_of(labels, transform=UTM, crs=32618):
     rings, counts = trace(labels), np.bincount(labels.reshape(-1), minlength=1)[1:]
     greys = np.arange(1, len(counts) + 1) * 9000 * counts
     squares = (greys // np.maximum(counts, 1) + 100.0) ** 2 * counts
-    return make(rings, box, counts, greys, squares, (0.25, 1), "Übung 'Nord'.tif")
+    return make_regions(rings, Sums(counts, greys, squares, FIRSTS), box, (0.25, 1), "Übung 'Nord'.tif")
 
 
 def read(path):

@@ -16,9 +16,11 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.formats import geojson
 from uavseg.regions.formats.decimal_text import lines_of, words_of, write_degrees
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.table import make
+from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
+from uavseg.segmentation.labels.component_sums import Sums
 
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 PICTURE = np.array([[1, 1, 1, 0, 3], [1, 0, 1, 0, 0], [1, 1, 1, 2, 2]], np.uint32)
 UTM = Affine(0.5, 0, 400_000, 0, -0.5, 5_000_000)
 
@@ -26,7 +28,8 @@ UTM = Affine(0.5, 0, 400_000, 0, -0.5, 5_000_000)
 def regions_of(labels=PICTURE, transform=UTM, crs=32618, source="a.tif"):
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_epsg(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1), minlength=1)[1:]
-    return make(rings, box, counts, counts * 65535, counts * 65535.0**2, (0.5, 1), source)
+    sums = Sums(counts, counts * 65535, counts * 65535.0**2, FIRSTS)
+    return make_regions(rings, sums, box, (0.5, 1), source)
 
 
 def written(regions):

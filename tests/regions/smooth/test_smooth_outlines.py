@@ -15,12 +15,14 @@ from uavseg.jobs.result import Drawing
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.shapes import Shapes
+from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.smooth.nodes import find_nodes
 from uavseg.regions.smooth.smooth_outlines import smooth_outlines
-from uavseg.regions.table import make
+from uavseg.regions.table import make_regions
+from uavseg.segmentation.labels.component_sums import Sums
 
 Labels = NDArray[np.uint32]
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 STEPS = 256  # to a pixel
 FULL = 9.0  # metres; half a pixel counts
 
@@ -32,11 +34,11 @@ def box(shape: tuple[int, int]) -> GeoBox:
 def smooth(labels: Labels, metres: float = FULL) -> tuple[Rings, NDArray[np.object_]]:
     """Smooth rings in steps, and their polygons in (col, row) pixels."""
     rings, fine = smooth_outlines(trace(labels), metres, box(labels.shape))
-    return rings, np.asarray(Shapes(rings, fine.transform))
+    return rings, np.asarray(LazyPolygons(rings, fine.transform))
 
 
 def pixelwise(labels: Labels) -> NDArray[np.object_]:
-    return np.asarray(Shapes(trace(labels), Affine.identity()))
+    return np.asarray(LazyPolygons(trace(labels), Affine.identity()))
 
 
 def named(image: NDArray[np.integer]) -> Labels:
@@ -234,7 +236,8 @@ def test_a_raster_too_large_for_whole_steps_is_refused() -> None:
 def test_what_is_smooth_may_be_simplified(labels: Labels, metres: float) -> None:
     """First smoothed, then simplified: still valid, no overlap, no gap, no region gone."""
     pixels = np.bincount(labels.reshape(-1), minlength=1)[1:]
-    regions = make(trace(labels), box(labels.shape), pixels, pixels, pixels, (0, 1), "")
+    sums = Sums(pixels, pixels, pixels, FIRSTS)
+    regions = make_regions(trace(labels), sums, box(labels.shape), (0, 1), "")
     drawn = Drawing(FULL, metres).drawn(regions, trace(labels), box(labels.shape))
     polygons = np.asarray(drawn.polygons)
     assert drawn.columns is regions.columns

@@ -19,8 +19,8 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.intervals import IntensityRange

@@ -14,9 +14,11 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.table import make
+from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
+from uavseg.segmentation.labels.component_sums import Sums
 
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 PLACES = {
     "the south pole on a corner": (3031, Affine(50_000, 0, -300_000, 0, -50_000, 300_000)),
     "the south pole in a pixel": (3031, Affine(50_000, 0, -330_000, 0, -50_000, 310_000)),
@@ -50,7 +52,7 @@ def regions_of(labels, transform, crs):
     labels = np.ascontiguousarray(names.reshape(np.shape(labels)), np.uint32)
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_user_input(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1))[1:]
-    return make(rings, box, counts, counts, counts, (0, 1), "picture.tif")
+    return make_regions(rings, Sums(counts, counts, counts, FIRSTS), box, (0, 1), "picture.tif")
 
 
 def ground(geometries):

@@ -11,7 +11,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.adjacency import border_lengths
 from uavseg.regions.edit.small import Area, region_areas
 from uavseg.regions.outline.rasterise import LazyLabels, Rasteriser
-from uavseg.regions.outline.stitch import RegionOutlines, merge_sums, select_sums
+from uavseg.regions.outline.region_outlines import RegionOutlines, merge_sums, select_sums
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.labels.component_sums import Sums
 

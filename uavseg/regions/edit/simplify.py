@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_resolution
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.ragged import RaggedPolygons
 from uavseg.regions.sorted_keys import sorted_unique
 from uavseg.regions.table import Regions
 
@@ -48,9 +48,9 @@ def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
         return regions
     # The tolerance is an area, so pixels serve as units whatever their shape; and with integer coordinates it
     # is exact on which side of an edge a vertex lies.
-    flat = Ragged.of(np.asarray(regions.polygons))
+    flat = RaggedPolygons.from_geometries(np.asarray(regions.polygons))
     corners, rings = _add_nodes(_corners(flat.vertices, geobox.transform), flat.rings)
-    coverage = Ragged(corners.astype(np.float64), rings, flat.polygons, flat.regions).built()
+    coverage = RaggedPolygons(corners.astype(np.float64), rings, flat.polygons, flat.regions).to_geometries()
     simpler = shapely.coverage_simplify(coverage, metres / np.sqrt(np.prod(ground_resolution(geobox))))
     row, col = shapely.get_coordinates(simpler).T
     polygons = shapely.set_coordinates(simpler, np.stack(geobox.xy_from_pixel(row, col), axis=1))

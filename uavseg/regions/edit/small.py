@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas
+from uavseg.regions.outline.region_outlines import RegionOutlines, renumber_by_size
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import RegionOutlines, select_sums
-from uavseg.segmentation.labels.component_sums import Sums
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,28 +80,6 @@ def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArra
     rings = outlined.rings
     areas = np.bincount(rings.labels, _areas(rings, geobox, unit), len(outlined.sums.counts) + 1)
     return np.asarray(areas[1:], np.float64)
-
-
-def renumber_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = None) -> RegionOutlines:
-    """Number regions 1..n: the one that encloses most pixels first, ties in raster order.
-
-    Parameters
-    ----------
-    rings : Rings
-    sums : Sums
-        Of the regions of `rings`, in the order of their labels.
-    kept : (r,) bool array, optional
-        The rings that are kept; all by default.
-    """
-    kept = np.ones(len(rings.labels), bool) if kept is None else kept
-    left = np.unique(rings.labels[kept])
-    pixels = np.bincount(rings.labels[kept], rings.pixel_areas()[kept], len(sums.counts) + 1)[left]
-    firsts = sums.firsts[left - 1]
-    order = np.lexsort((firsts[:, 1], firsts[:, 0], -pixels))
-    number = np.empty(len(order), np.int64)
-    number[order] = np.arange(1, len(order) + 1)
-    labels = number[np.searchsorted(left, rings.labels[kept])]
-    return RegionOutlines(rings.select(kept, labels), select_sums(sums, left[order] - 1))
 
 
 def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:

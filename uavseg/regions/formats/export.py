@@ -18,7 +18,7 @@ from uavseg.errors import OutputError
 from uavseg.regions import shapes
 from uavseg.regions.formats import geojson, kml
 from uavseg.regions.formats.check_written import is_whole
-from uavseg.regions.shapes import any_multi
+from uavseg.regions.shapes import has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
 
@@ -140,7 +140,7 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
     import pyogrio.raw
     from pyogrio.errors import DataLayerError, DataSourceError
 
-    several = any_multi(regions.polygons)
+    several = has_multipolygons(regions.polygons)
     with _gdal_on(_DAY), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -170,7 +170,7 @@ def _batches(regions: Regions, promoted: bool = False) -> Any:
     schema = schema.append(pyarrow.field(_GEOMETRY, pyarrow.binary()))
 
     def made() -> Iterator[Any]:
-        for part in shapes.batches(regions.polygons):
+        for part in shapes.batch_slices(regions.polygons):
             polygons = regions.polygons[part]
             if promoted:
                 polygons = _multi(polygons)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry import mapping
 
 from uavseg.regions.formats.decimal_text import lines_of, words_of, write_degrees
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.ragged import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import batches
 
@@ -82,7 +82,7 @@ def _on_globe(regions: Regions) -> Iterator[bytes]:
                 yield b'{"type":"MultiPolygon","coordinates":[%b]}' % b",".join(polygons[first:last])
 
 
-def _polygons(flat: Ragged) -> list[bytes]:
+def _polygons(flat: RaggedPolygons) -> list[bytes]:
     """The coordinates of each polygon: a row of words for every vertex, with its brackets."""
     rows = np.empty((len(flat.vertices), 8), np.uint32)
     ends = flat.rings[flat.polygons]

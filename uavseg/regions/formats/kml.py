@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.regions.formats.decimal_text import UNITS, lines_of, words_of, write_degrees
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.ragged import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import batches
 
@@ -72,7 +72,7 @@ def _data(name: str, column: NDArray[Any]) -> Iterator[str]:
 
 def _geometries(regions: Regions) -> Iterator[bytes]:
     for batch in batches(regions):
-        flat = Ragged.of(batch.geometries())
+        flat = RaggedPolygons.from_geometries(batch.geometries())
         rings = [_RING % text for text in _rings(flat)]
         polygons = [_polygon(rings[first:last]) for first, last in pairwise(flat.polygons.tolist())]
         for first, last in pairwise(flat.regions.tolist()):
@@ -86,7 +86,7 @@ def _polygon(rings: list[bytes]) -> bytes:
     return b"<Polygon><outerBoundaryIs>%b</outerBoundaryIs>%b</Polygon>" % (exterior, inner)
 
 
-def _rings(flat: Ragged) -> list[bytes]:
+def _rings(flat: RaggedPolygons) -> list[bytes]:
     """The coordinates of each ring."""
     units = np.rint(flat.vertices * UNITS).astype(np.int64)
     rows = np.empty((len(units), 7), np.uint32)

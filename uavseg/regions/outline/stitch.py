@@ -9,26 +9,11 @@ from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, trace_tile
-from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.region_outlines import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
 from uavseg.segmentation.labels.components import equal_components, united
 from uavseg.units import CELL
-
-
-@dataclass(frozen=True)
-class RegionOutlines:
-    """Outlines and pixel sums of regions 1..n, largest first; ties in raster order of the first pixel.
-
-    Parameters
-    ----------
-    rings : Rings
-    sums : Sums
-        Of each region, in the order of the labels.
-    """
-
-    rings: Rings
-    sums: Sums
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,41 +178,6 @@ def _number_regions(
     raster_rank = np.empty(len(firsts), np.int64)
     raster_rank[np.lexsort((firsts[:, 1], firsts[:, 0]))] = np.arange(len(firsts))
     return RegionOutlines(link_rings(chains, labels[group], raster_rank[part]), select_sums(merged, order))
-
-
-def size_order(sums: Sums) -> NDArray[np.int64]:
-    """Indices that sort regions: most pixels first, ties in raster order of the first pixel."""
-    return np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -sums.counts))
-
-
-def select_sums(sums: Sums, which: NDArray[np.int64] | NDArray[np.bool_]) -> Sums:
-    """Sums of some regions, by index or mask."""
-    return Sums(sums.counts[which], sums.greys[which], sums.squares[which], sums.firsts[which])
-
-
-def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
-    """Sums of groups 0..count - 1 of components.
-
-    Parameters
-    ----------
-    sums : Sums
-        Of n components.
-    group : (n,) int64 array
-        The group of each.
-    count : int
-    """
-    merged = Sums(
-        np.zeros(count, np.int64),
-        np.zeros(count, np.uint64),
-        np.zeros(count, sums.squares.dtype),  # NaN where they are not known
-        np.zeros((count, 2), np.int64),
-    )
-    np.add.at(merged.counts, group, sums.counts)
-    np.add.at(merged.greys, group, sums.greys)
-    np.add.at(merged.squares, group, sums.squares)
-    order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0]))[::-1]
-    merged.firsts[group[order]] = sums.firsts[order]  # the first in raster order is written last
-    return merged
 
 
 def _concatenate_sums(parts: Sequence[Sums]) -> Sums:

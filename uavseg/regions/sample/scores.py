@@ -12,7 +12,8 @@ from uavseg.execution.executors import Map, Progress, serial
 from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.stitch import RegionOutlines, TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.sample.model import Sample
 from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.blocks.block_map import BlockMap

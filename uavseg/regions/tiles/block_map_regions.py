@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.small import renumber_by_size
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import RegionOutlines
+from uavseg.regions.outline.region_outlines import RegionOutlines, renumber_by_size
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.labels.component_sums import Sums

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.tiling import Window, cells_around, whole_blocks
-from uavseg.regions.outline.stitch import RegionOutlines, TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.leaves import pixels_of
 from uavseg.segmentation.labels.components import components, equal_components
 from uavseg.segmentation.source import GreySource

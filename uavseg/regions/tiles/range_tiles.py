@@ -12,7 +12,8 @@ from uavseg.errors import RasterError
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.tiling import Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.stitch import RegionOutlines, TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import Sums, component_sums

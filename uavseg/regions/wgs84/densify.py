@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.ragged import RaggedPolygons
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -16,8 +16,8 @@ _SAG = 1 / 500  # how far an edge may leave its true course, in pixels
 
 
 def bent(
-    flat: Ragged, degrees: Floats, side: float, radius: float, to_degrees: Callable[[Floats], Floats]
-) -> Ragged:
+    flat: RaggedPolygons, degrees: Floats, side: float, radius: float, to_degrees: Callable[[Floats], Floats]
+) -> RaggedPolygons:
     """Rings in degrees, with more vertices on edges that would leave their course if drawn straight there.
 
     Parameters

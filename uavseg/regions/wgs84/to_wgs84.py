@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavseg.errors import OutputError
 from uavseg.regions import shapes
 from uavseg.regions.formats.decimal_text import UNITS
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.ragged import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.antimeridian import fold
 from uavseg.regions.wgs84.densify import bent
@@ -41,17 +41,17 @@ class Batch:
         Regions, counted from the batch's first, that have no polygons in `drawn` but this geometry (degrees).
     """
 
-    drawn: Ragged
+    drawn: RaggedPolygons
     others: dict[int, Any]
 
     def geometries(self) -> Objects:
         """The regions as shapely geometries, in degrees."""
-        drawn = replace(self.drawn, vertices=self.drawn.vertices / UNITS).built()
+        drawn = replace(self.drawn, vertices=self.drawn.vertices / UNITS).to_geometries()
         drawn[list(self.others)] = list(self.others.values())
         return drawn
 
 
-def batches(regions: Regions, vertices: int = shapes.BATCH) -> Iterator[Batch]:
+def batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> Iterator[Batch]:
     """The regions in WGS 84, about so many vertices at a time.
 
     Exteriors run counter-clockwise, holes clockwise.
@@ -66,7 +66,7 @@ def batches(regions: Regions, vertices: int = shapes.BATCH) -> Iterator[Batch]:
         return
     way = _Way.of(regions.wkt)
     pixel = shapes.total_area(regions.polygons) / regions.columns["pixels"].sum()
-    for part in shapes.batches(regions.polygons, vertices):
+    for part in shapes.batch_slices(regions.polygons, vertices):
         yield _batch(regions.polygons[part], pixel, way)
 
 
@@ -138,10 +138,10 @@ class _Way:
 
 
 def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
-    flat = Ragged.of(shapely.orient_polygons(polygons))
+    flat = RaggedPolygons.from_geometries(shapely.orient_polygons(polygons))
     degrees = way.degrees(flat.vertices)
     if way.mirrors(flat.vertices[np.argmin(np.abs(degrees[:, 1]))]):
-        flat = Ragged.of(shapely.orient_polygons(polygons, exterior_cw=True))
+        flat = RaggedPolygons.from_geometries(shapely.orient_polygons(polygons, exterior_cw=True))
         degrees = way.degrees(flat.vertices)
     far = _far_apart(flat, degrees, pixel)
     if way.straight:
@@ -159,7 +159,7 @@ def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
     return Batch(kept.without(broken), others)
 
 
-def _turned(flat: Ragged, degrees: Floats) -> tuple[Ragged, Flags]:
+def _turned(flat: RaggedPolygons, degrees: Floats) -> tuple[RaggedPolygons, Flags]:
     """Regions moved by whole turns into -180..180; and which of them cross the antimeridian."""
     starts = flat.rings[flat.polygons[flat.regions]]
     lon = degrees[:, 0]
@@ -170,7 +170,7 @@ def _turned(flat: Ragged, degrees: Floats) -> tuple[Ragged, Flags]:
     return replace(flat, vertices=np.stack([lon, degrees[:, 1]], axis=1)), crossing
 
 
-def _jumping(flat: Ragged) -> tuple[Ragged, Flags]:
+def _jumping(flat: RaggedPolygons) -> tuple[RaggedPolygons, Flags]:
     """Regions as they are; and which of them have longitudes that jump, or a vertex at a pole."""
     jumps = np.abs(np.diff(flat.vertices[:, 0])) > 180
     jumps[flat.rings[1:-1] - 1] = False
@@ -180,7 +180,7 @@ def _jumping(flat: Ragged) -> tuple[Ragged, Flags]:
     return flat, crossing
 
 
-def _without_repeats(flat: Ragged) -> Ragged:
+def _without_repeats(flat: RaggedPolygons) -> RaggedPolygons:
     """Rings whose vertices differ each from the one before."""
     x, y = flat.vertices.T
     repeats = (x[1:] == x[:-1]) & (y[1:] == y[:-1])
@@ -192,22 +192,22 @@ def _without_repeats(flat: Ragged) -> Ragged:
     return replace(flat, vertices=flat.vertices[keep], rings=rings)
 
 
-def _collapsed(flat: Ragged) -> Flags:
+def _collapsed(flat: RaggedPolygons) -> Flags:
     """Which regions have a ring of which rounding has left less than a triangle."""
     collapsed = np.zeros(len(flat.regions) - 1, bool)
     collapsed[flat.region_of(flat.rings[:-1][np.diff(flat.rings) < 4])] = True
     return collapsed
 
 
-def _broken(flat: Ragged) -> Flags:
+def _broken(flat: RaggedPolygons) -> Flags:
     """Which regions rounding has made invalid."""
     collapsed = _collapsed(flat)
     flat = flat.without(collapsed)
-    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS).built())
+    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS).to_geometries())
     return collapsed | ~valid
 
 
-def _far_apart(flat: Ragged, degrees: Floats, pixel: float) -> bool:
+def _far_apart(flat: RaggedPolygons, degrees: Floats, pixel: float) -> bool:
     """Whether polygons follow the edges of pixels so large that rounding cannot make anything touch.
 
     Then looking at each polygon, which takes longer than writing it, is not needed. A pixel is at least as
@@ -223,7 +223,7 @@ def _far_apart(flat: Ragged, degrees: Floats, pixel: float) -> bool:
     return bool(side * units.min() > 2.5)
 
 
-def _apart(flat: Ragged, region: int, crossing: bool, jumping: bool) -> Any:
+def _apart(flat: RaggedPolygons, region: int, crossing: bool, jumping: bool) -> Any:
     """The geometry of one region, folded if it crosses the antimeridian."""
     pieces = []
     for polygon in range(flat.regions[region], flat.regions[region + 1]):
