@@ -27,10 +27,10 @@ WATCHED = (
     ("segmentation/denoising.py", "denoised", "total variation: `denoising.denoised`"),
     ("segmentation/components.py", "components", "`components.components`"),
     ("segmentation/sums.py", "component_sums", "`sums.component_sums`"),
-    ("regions/tracing.py", "trace_tile", "`tracing.trace_tile`"),
-    ("regions/outline.py", "link", "`outline.link`"),
-    ("regions/table.py", "make", "areas, lengths, points inside: `table.make_regions`"),
-    ("regions/export.py", "write", "GeoPackage: `export.write`"),
+    ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
+    ("regions/outline/trace.py", "link_rings", "`trace.link_rings`"),
+    ("regions/table.py", "make_regions", "areas, lengths, points inside: `table.make_regions`"),
+    ("regions/formats/export.py", "write_regions", "GeoPackage: `export.write_regions`"),
 )
 
 
@@ -72,7 +72,7 @@ def _measured(raster: str) -> list[tuple[str, float]]:
         profile.enable()
         params = ExtractParams(min_area=Area(MIN_PIXELS, True))
         found = extract(Dataset.open(raster), IntensityRange(LOW, 1), params)
-        export.write(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
+        export.write_regions(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
         profile.disable()
     whole = time.perf_counter() - start
     spent = {

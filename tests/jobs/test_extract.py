@@ -23,7 +23,7 @@ from uavseg.jobs.result import Extraction
 from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.tiling import tiles
 from uavseg.regions.edit.small import Area
-from uavseg.regions.formats.label_raster import painted
+from uavseg.regions.formats.label_raster import label_strips
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
@@ -75,7 +75,7 @@ def picture(text: str, side: int = 8) -> NDArray[np.uint8]:
 
 def labels_of(found: Extraction) -> NDArray[np.uint32]:
     labels = np.zeros(found.geobox.shape, np.uint32)
-    for window, part in painted(found.rings, found.geobox.shape):
+    for window, part in label_strips(found.rings, found.geobox.shape):
         labels[window.slices] = part
     return labels
 
@@ -378,7 +378,7 @@ def test_a_raster_of_another_size_is_refused(opened: Opened) -> None:
 
 def test_labels_are_painted_from_the_top_window_by_window(opened: Opened) -> None:
     found = extract(opened(scene(2, (200, 70)), 0), BRIGHT)
-    windows = [window for window, _ in painted(found.rings, found.geobox.shape)]
+    windows = [window for window, _ in label_strips(found.rings, found.geobox.shape)]
     assert sum(window.rows * window.cols for window in windows) == 200 * 70
     assert [window.row for window in windows] == sorted(window.row for window in windows)
 

@@ -53,9 +53,9 @@ def area(text: str | None) -> Area | None:
 def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
     """Nothing that is there is touched, and nothing is computed that could not be written."""
     if output is not None and output != "-":
-        from uavseg.regions.formats.export import check
+        from uavseg.regions.formats.export import check_region_path
 
-        check(output, overwrite)
+        check_region_path(output, overwrite)
     if labels is not None:
         from uavseg.regions.formats.label_raster import check_labels
 
@@ -104,7 +104,7 @@ def write_regions(found: Extraction, target: str, overwrite: bool) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.regions.formats import export
 
-    export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
+    export.write_regions(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
 
 
 def write_labels(found: Extraction, path: str, run: Map, running: Running) -> None:
@@ -112,9 +112,9 @@ def write_labels(found: Extraction, path: str, run: Map, running: Running) -> No
     from uavseg.regions.formats import label_raster
 
     here = (
-        run if label_raster.is_tiled(path) else running.local_workers()
+        run if label_raster.is_vrt(path) else running.local_workers()
     )  # a single file is painted where it is
-    label_raster.write_labels(path, found.rings, found.geobox, here, running.overwrite)
+    label_raster.write_label_raster(path, found.rings, found.geobox, here, running.overwrite)
 
 
 def shown(target: str) -> str:

@@ -191,7 +191,7 @@ def _check_place(target: str, mode: str, objects: str | None, source: GreySource
     if is_ros_map(target):
         check_ros_map(target, source.dataset.geobox, overwrite, mode)
     if objects is not None:
-        export.check_crs(objects, source.dataset.geobox.wkt)
+        export.check_region_crs(objects, source.dataset.geobox.wkt)
 
 
 def _write_states(found: Classification, target: str, mode: str, overwrite: bool, reporter: Reporter) -> None:

@@ -146,14 +146,14 @@ def _check_place(output: str, mission: str | None, wkt: str | None) -> None:
     from uavseg.regions.formats import export
     from uavseg.regions.wgs84 import to_wgs84
 
-    export.check_crs(output, wkt)
+    export.check_region_crs(output, wkt)
     if mission is None:
         return
     if wkt is None:
         raise MissionError(
             "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
         )
-    to_wgs84.check_crs(wkt)
+    to_wgs84.check_on_earth(wkt)
 
 
 def _extracted(
@@ -176,9 +176,9 @@ def _extracted(
 
 def _planned(found: Extraction, flight: Any, home: str | None) -> Mission:
     from uavseg.cli._mission import planned
-    from uavseg.regions.wgs84.to_wgs84 import geometries
+    from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
 
-    return planned(found.regions, list(geometries(found.regions)), flight, home)
+    return planned(found.regions, list(wgs84_geometries(found.regions)), flight, home)
 
 
 def _write_mission(made: Mission, regions: int, path: Any, overwrite: bool, reporter: Reporter) -> None:

@@ -90,7 +90,7 @@ def command(
         saved, dataset = None, opened_ros_map(rasters, options, running.resume)
     else:
         saved, dataset = opened(rasters, options, "none", reporter)
-    export.check_crs(target, saved.geobox.wkt if saved is not None else dataset.geobox.wkt)
+    export.check_region_crs(target, saved.geobox.wkt if saved is not None else dataset.geobox.wkt)
     run = running.workers()
     if dataset is not None:
         reporter.begin(dataset, running.tile)

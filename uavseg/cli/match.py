@@ -101,7 +101,7 @@ def command(
     wanted, params = parse_like(like), _params(running.tile, options)
     check_targets(target, labels, running.overwrite)
     dataset = _opened(rasters, options)
-    export.check_crs(target, dataset.geobox.wkt)
+    export.check_region_crs(target, dataset.geobox.wkt)
     run = running.workers()
     reporter.begin(dataset, running.tile)
     found = _found(dataset, wanted, params, running.resuming(run), reporter)

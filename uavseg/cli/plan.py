@@ -40,14 +40,14 @@ def command(
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
-    from uavseg.regions.formats.read import load
-    from uavseg.regions.select.choose import choose
+    from uavseg.regions.formats.read import read_regions
+    from uavseg.regions.select.choose import select_regions
 
     files.check_format(output)
     check_target(output, overwrite)
     params = mission_params(**flight)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
-    chosen = choose(load(source, layer), parse_ids(ids), largest, where)
+    chosen = select_regions(read_regions(source, layer), parse_ids(ids), largest, where)
     mission = planned(chosen, list(chosen.polygons), params, flight["home"])
     files.write(mission, output, overwrite)
     if not quiet:

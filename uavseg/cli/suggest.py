@@ -132,7 +132,7 @@ def _suffix(found: Suggestions) -> str:
     from uavseg.regions.formats import export
 
     try:
-        export.check_crs("regions.geojson", found.about.geobox.wkt)
+        export.check_region_crs("regions.geojson", found.about.geobox.wkt)
     except OutputError:
         return ".gpkg"
     return ".geojson"

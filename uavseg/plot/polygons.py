@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
-from uavseg.regions.formats.read import load
+from uavseg.regions.formats.read import read_regions
 from uavseg.regions.table import Regions
 
 Polygons = NDArray[np.object_]
@@ -92,7 +92,7 @@ def _of_file(name: str) -> Shapes:
     if not Path(name).exists():
         raise RegionError(f"there is no file {name} with regions; uavseg extract makes one")
     if suffix in {".kml", ".kmz"}:
-        return _of_memory(load(name))
+        return _of_memory(read_regions(name))
     if suffix in {".parquet", ".geoparquet"}:
         return _of_parquet(name)
     try:

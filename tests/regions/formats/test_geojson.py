@@ -14,7 +14,7 @@ from rasterio.crs import CRS
 
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.formats import geojson
-from uavseg.regions.formats.decimal_text import lines_of, words_of, write_degrees
+from uavseg.regions.formats.decimal_text import pack_words, unpack_lines, write_degrees
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
@@ -34,7 +34,7 @@ def regions_of(labels=PICTURE, transform=UTM, crs=32618, source="a.tif"):
 
 def written(regions):
     with io.BytesIO() as stream:
-        geojson.dump(regions, stream)
+        geojson.write_geojson(regions, stream)
         return stream.getvalue().decode()
 
 
@@ -48,10 +48,10 @@ def test_degrees_are_written_as_python_writes_them(values, latitudes):
     values = [value // 2 if latitudes else value for value in values]
     words = np.empty((len(values), 4), np.uint32)
     write_degrees(np.array(values), words[:, :3], after="," if latitudes else "")
-    words[:, 3] = words_of(["\n"])
+    words[:, 3] = pack_words(["\n"])
     comma = "," if latitudes else ""
     expected = [f"{comma}{'-' * (v < 0)}{abs(v) // 10**7}.{abs(v) % 10**7:07}".encode() for v in values]
-    assert lines_of(words) == expected
+    assert unpack_lines(words) == expected
 
 
 def test_a_feature_is_a_line():
@@ -99,7 +99,7 @@ def test_exteriors_are_counter_clockwise_and_holes_clockwise():
 )
 def test_the_text_holds_the_geometries_of_wgs84(transform, crs):
     regions = regions_of(transform=transform, crs=crs)
-    assert shapely.equals_exact(shapes(written(regions)), to_wgs84.geometries(regions)).all()
+    assert shapely.equals_exact(shapes(written(regions)), to_wgs84.wgs84_geometries(regions)).all()
 
 
 def test_what_the_antimeridian_cuts_is_a_multipolygon_of_the_same_feature():
@@ -111,7 +111,7 @@ def test_a_region_in_parts_is_a_multipolygon():
     regions = regions_of(np.array([[1, 0, 1, 2]], np.uint32))
     text = written(regions)
     assert [f["geometry"]["type"] for f in json.loads(text)["features"]] == ["MultiPolygon", "Polygon"]
-    assert shapely.equals_exact(shapes(text), to_wgs84.geometries(regions)).all()
+    assert shapely.equals_exact(shapes(text), to_wgs84.wgs84_geometries(regions)).all()
 
 
 def test_local_coordinates_are_written_as_they_are():

@@ -3,7 +3,7 @@ import pytest
 import shapely
 
 from uavseg.errors import RegionError
-from uavseg.regions.select.choose import choose
+from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 
 AREA = np.array([50.0, 900.0, 100.0, 900.0, 400.0])
@@ -15,7 +15,7 @@ REGIONS = Regions(
 
 
 def ids(**choice: object) -> list[int]:
-    return choose(REGIONS, **choice).columns["id"].tolist()  # type: ignore[arg-type]
+    return select_regions(REGIONS, **choice).columns["id"].tolist()  # type: ignore[arg-type]
 
 
 def test_without_a_wish_all_are_chosen() -> None:
@@ -32,7 +32,7 @@ def test_wishes_are_fulfilled_together_and_the_order_stays() -> None:
 
 
 def test_polygons_go_with_their_columns() -> None:
-    assert choose(REGIONS, ids=[5]).polygons[0] == REGIONS.polygons[3]
+    assert select_regions(REGIONS, ids=[5]).polygons[0] == REGIONS.polygons[3]
 
 
 @pytest.mark.parametrize(
@@ -52,4 +52,4 @@ def test_a_wish_that_cannot_be_fulfilled_is_refused(choice: dict[str, object], w
 def test_a_long_list_of_ids_is_shortened() -> None:
     many = Regions({"id": np.arange(1, 2001)}, np.array([None] * 2000), None)
     with pytest.raises(RegionError, match=r"there are 1, 2, .*, 10, \.\.\. 2000 \(2000 in all\)$"):
-        choose(many, ids=[0])
+        select_regions(many, ids=[0])

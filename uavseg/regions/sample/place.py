@@ -145,13 +145,13 @@ def _disc(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
 def _of_file(name: str, geobox: GeoBox) -> NDArray[np.object_]:
     import pyproj
 
-    from uavseg.regions.formats.read import load
+    from uavseg.regions.formats.read import read_regions
 
     if geobox.wkt is None:
         raise SampleError(
             f"the raster has no CRS, so nobody knows where in it {name} lies; give the sample as X,Y,RADIUS"
         )
-    regions = load(name)
+    regions = read_regions(name)
     project = pyproj.Transformer.from_crs(regions.wkt, geobox.wkt, always_xy=True).transform
     polygons: NDArray[Any] = shapely.transform(
         np.asarray(regions.polygons), lambda x, y: project(x, y), interleaved=False

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
 from uavseg.regions import shapes
-from uavseg.regions.formats.decimal_text import UNITS
+from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE
 from uavseg.regions.ragged import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.antimeridian import fold
@@ -30,7 +30,7 @@ _EARTH_RADII_M = (6.3e6, 6.4e6)
 
 
 @dataclass(frozen=True, slots=True)
-class Batch:
+class Wgs84Batch:
     """Some regions, in order.
 
     Parameters
@@ -46,12 +46,12 @@ class Batch:
 
     def geometries(self) -> Objects:
         """The regions as shapely geometries, in degrees."""
-        drawn = replace(self.drawn, vertices=self.drawn.vertices / UNITS).to_geometries()
+        drawn = replace(self.drawn, vertices=self.drawn.vertices / UNITS_PER_DEGREE).to_geometries()
         drawn[list(self.others)] = list(self.others.values())
         return drawn
 
 
-def batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> Iterator[Batch]:
+def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> Iterator[Wgs84Batch]:
     """The regions in WGS 84, about so many vertices at a time.
 
     Exteriors run counter-clockwise, holes clockwise.
@@ -70,12 +70,12 @@ def batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> Iterator
         yield _batch(regions.polygons[part], pixel, way)
 
 
-def geometries(regions: Regions) -> Objects:
+def wgs84_geometries(regions: Regions) -> Objects:
     """The regions in WGS 84 as shapely geometries, with the very coordinates that GeoJSON gets."""
-    return np.concatenate([np.empty(0, object), *(batch.geometries() for batch in batches(regions))])
+    return np.concatenate([np.empty(0, object), *(batch.geometries() for batch in wgs84_batches(regions))])
 
 
-def check_crs(wkt: str | None) -> None:
+def check_on_earth(wkt: str | None) -> None:
     """Whether regions of a CRS have a place on the Earth.
 
     Raises
@@ -137,7 +137,7 @@ class _Way:
         return bool(a * d - b * c < 0)
 
 
-def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
+def _batch(polygons: Objects, pixel: float, way: _Way) -> Wgs84Batch:
     flat = RaggedPolygons.from_geometries(shapely.orient_polygons(polygons))
     degrees = way.degrees(flat.vertices)
     if way.mirrors(flat.vertices[np.argmin(np.abs(degrees[:, 1]))]):
@@ -148,15 +148,15 @@ def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
         on_globe, crossing = _turned(flat, degrees)
     else:
         on_globe, crossing = _jumping(bent(flat, degrees, np.sqrt(pixel), way.radius, way.degrees))
-    lonlat = np.rint(on_globe.vertices * UNITS).astype(np.int64)
-    np.clip(lonlat[:, 1], -90 * UNITS, 90 * UNITS, out=lonlat[:, 1])
+    lonlat = np.rint(on_globe.vertices * UNITS_PER_DEGREE).astype(np.int64)
+    np.clip(lonlat[:, 1], -90 * UNITS_PER_DEGREE, 90 * UNITS_PER_DEGREE, out=lonlat[:, 1])
     kept = _without_repeats(replace(on_globe, vertices=lonlat)).without(crossing)
     broken = _collapsed(kept) if far else _broken(kept)
     special = np.flatnonzero(crossing | broken)
     others = {
         int(i): _rounded(_apart(on_globe, int(i), bool(crossing[i]), not way.straight)) for i in special
     }
-    return Batch(kept.without(broken), others)
+    return Wgs84Batch(kept.without(broken), others)
 
 
 def _turned(flat: RaggedPolygons, degrees: Floats) -> tuple[RaggedPolygons, Flags]:
@@ -164,9 +164,9 @@ def _turned(flat: RaggedPolygons, degrees: Floats) -> tuple[RaggedPolygons, Flag
     starts = flat.rings[flat.polygons[flat.regions]]
     lon = degrees[:, 0]
     west, east = np.minimum.reduceat(lon, starts[:-1]), np.maximum.reduceat(lon, starts[:-1])
-    turns = np.floor((west + 180 + 0.5 / UNITS) / 360)
+    turns = np.floor((west + 180 + 0.5 / UNITS_PER_DEGREE) / 360)
     lon = lon - np.repeat(360 * turns, np.diff(starts))
-    crossing = east - 360 * turns > 180 + 0.5 / UNITS
+    crossing = east - 360 * turns > 180 + 0.5 / UNITS_PER_DEGREE
     return replace(flat, vertices=np.stack([lon, degrees[:, 1]], axis=1)), crossing
 
 
@@ -203,7 +203,7 @@ def _broken(flat: RaggedPolygons) -> Flags:
     """Which regions rounding has made invalid."""
     collapsed = _collapsed(flat)
     flat = flat.without(collapsed)
-    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS).to_geometries())
+    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS_PER_DEGREE).to_geometries())
     return collapsed | ~valid
 
 
@@ -219,7 +219,7 @@ def _far_apart(flat: RaggedPolygons, degrees: Floats, pixel: float) -> bool:
         return False
     side = pixel / max(across[across > 0].min(), down[down > 0].min())
     some = np.flatnonzero(across + down > 0)[:: max(1, len(across) // 1000)]
-    units = np.hypot(*(degrees[some + 1] - degrees[some]).T) * UNITS / (across + down)[some]
+    units = np.hypot(*(degrees[some + 1] - degrees[some]).T) * UNITS_PER_DEGREE / (across + down)[some]
     return bool(side * units.min() > 2.5)
 
 
@@ -235,6 +235,6 @@ def _apart(flat: RaggedPolygons, region: int, crossing: bool, jumping: bool) -> 
 
 def _rounded(geometry: Any) -> Any:
     """Valid, seven decimals, exteriors counter-clockwise; as it came where nothing would be left of it."""
-    rounded = shapely.set_precision(geometry, 1 / UNITS)
+    rounded = shapely.set_precision(geometry, 1 / UNITS_PER_DEGREE)
     parts = shapely.get_parts(shapely.orient_polygons(geometry if rounded.is_empty else rounded))
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts.tolist())
