@@ -160,14 +160,6 @@ def borders_by_force(labels: Image) -> dict[tuple[int, int], int]:
     return Counter((a, b) for a, b in ordered if a != b and a > 0)
 
 
-@given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=60)
-def test_borders_are_those_between_pixels(seed: int) -> None:
-    labels = segmented(scene(seed)[0])
-    pairs, lengths = border_lengths(trace(labels))
-    assert dict(zip(map(tuple, pairs.tolist()), lengths.tolist(), strict=True)) == borders_by_force(labels)
-
-
 def eliminated_by_force(labels: Image, kinds: Image, grey: Image, limit: float) -> tuple[Image, Image]:
     """Labels and kinds after one segment after the other was painted over."""
     labels, kinds = labels.astype(np.int64), kinds.copy()

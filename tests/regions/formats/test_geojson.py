@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 import shapely
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.formats import geojson
-from uavseg.regions.formats.decimal_text import pack_words, unpack_lines, write_degrees
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
@@ -40,18 +37,6 @@ def written(regions):
 
 def shapes(text):
     return np.array([shapely.geometry.shape(f["geometry"]) for f in json.loads(text)["features"]])
-
-
-@given(st.lists(st.integers(-1_800_000_000, 1_800_000_000), min_size=1), st.booleans())
-@settings(deadline=None)
-def test_degrees_are_written_as_python_writes_them(values, latitudes):
-    values = [value // 2 if latitudes else value for value in values]
-    words = np.empty((len(values), 4), np.uint32)
-    write_degrees(np.array(values), words[:, :3], after="," if latitudes else "")
-    words[:, 3] = pack_words(["\n"])
-    comma = "," if latitudes else ""
-    expected = [f"{comma}{'-' * (v < 0)}{abs(v) // 10**7}.{abs(v) % 10**7:07}".encode() for v in values]
-    assert unpack_lines(words) == expected
 
 
 def test_a_feature_is_a_line():

@@ -16,7 +16,6 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import LazyPolygons
-from uavseg.regions.smooth.nodes import find_nodes
 from uavseg.regions.smooth.smooth_outlines import smooth_outlines
 from uavseg.regions.table import make_regions
 from uavseg.segmentation.labels.component_sums import Sums
@@ -133,16 +132,6 @@ def by_force(labels: Labels) -> list[int]:
     a, b, c, d = framed[:-1, :-1], framed[:-1, 1:], framed[1:, :-1], framed[1:, 1:]
     edges = (a != b).astype(int) + (c != d) + (a != c) + (b != d)
     return np.flatnonzero(edges > 2).tolist()
-
-
-@given(pictures())
-@settings(deadline=None, max_examples=60)
-def test_nodes_are_where_boundaries_meet(labels: Labels) -> None:
-    rings = trace(labels)
-    nodes = find_nodes(rings, labels.shape)
-    assert nodes.by_row.tolist() == by_force(labels)
-    flipped = find_nodes(trace(np.ascontiguousarray(labels.T)), labels.shape[::-1])
-    assert flipped.by_row.tolist() == nodes.by_col.tolist()
 
 
 @given(pictures())

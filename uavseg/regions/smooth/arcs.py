@@ -58,7 +58,7 @@ def compare_corners(corners, one, other):  # type: ignore[no-untyped-def]
     rows = corners[one, 0] - corners[other, 0]
     cols = corners[one, 1] - corners[other, 1]
     first = rows if rows != 0 else cols
-    return (first > 0) - (first < 0)
+    return 1 if first > 0 else -1 if first < 0 else 0
 
 
 @inlined
