@@ -14,22 +14,22 @@ from pathlib import Path
 from benchmarks.competitors import LOW, MIN_PIXELS, with_project
 
 WATCHED = (
-    ("raster/files.py", "read", "decoding, twice: `files.read`"),
-    ("raster/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
-    ("segmentation/blockmap.py", "cell_sums", "`blockmap.cell_sums`"),
-    ("segmentation/texture.py", "contrast_histogram", "`texture.contrast_histogram`"),
-    ("segmentation/patches.py", "put", "mixed blocks kept: `Patches.put`"),
-    ("segmentation/division.py", "wanted_ratios", "`division.wanted_ratios`"),
-    ("segmentation/segments.py", "in_range", "`segments.in_range`"),
-    ("segmentation/segments.py", "matching", "`segments.matching`"),
-    ("segmentation/segments.py", "pixels_of", "`segments.pixels_of`"),
-    ("segmentation/unsettled.py", "unsettled", "`unsettled.unsettled`"),
-    ("segmentation/denoising.py", "denoised", "total variation: `denoising.denoised`"),
-    ("segmentation/components.py", "components", "`components.components`"),
-    ("segmentation/sums.py", "component_sums", "`sums.component_sums`"),
+    ("raster/raster_file.py", "read", "decoding, twice: `raster_file.read`"),
+    ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
+    ("segmentation/blocks/block_map.py", "cell_sums", "`block_map.cell_sums`"),
+    ("segmentation/blocks/lbp.py", "contrast_histogram", "`lbp.contrast_histogram`"),
+    ("segmentation/blocks/block_cache.py", "put", "mixed blocks kept: `Patches.put`"),
+    ("segmentation/blocks/division.py", "wanted_ratios", "`division.wanted_ratios`"),
+    ("segmentation/blocks/leaves.py", "in_range", "`leaves.in_range`"),
+    ("segmentation/blocks/leaves.py", "matching", "`leaves.matching`"),
+    ("segmentation/blocks/leaves.py", "pixels_of", "`leaves.pixels_of`"),
+    ("segmentation/blocks/mixed_cells.py", "unsettled", "`mixed_cells.unsettled`"),
+    ("segmentation/refine/tv.py", "denoised", "total variation: `tv.denoised`"),
+    ("segmentation/labels/components.py", "components", "`components.components`"),
+    ("segmentation/labels/component_sums.py", "component_sums", "`component_sums.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
     ("regions/outline/trace.py", "link_rings", "`trace.link_rings`"),
-    ("regions/table.py", "make_regions", "areas, lengths, points inside: `table.make_regions`"),
+    ("regions/table.py", "make_regions", "areas, lengths, points inside: `make_regions`"),
     ("regions/formats/export.py", "write_regions", "GeoPackage: `export.write_regions`"),
 )
 
@@ -57,9 +57,9 @@ def _measured(raster: str) -> list[tuple[str, float]]:
     import pstats
     import tempfile
 
-    from uavseg.__main__ import Absent
+    from uavseg import _lazy_pandas
 
-    sys.meta_path.insert(0, Absent())  # as the program does
+    _lazy_pandas.install()  # as the program does
     from uavseg.jobs.extract import ExtractParams, extract
     from uavseg.raster.dataset import Dataset
     from uavseg.regions.edit.small import Area

@@ -121,6 +121,7 @@ def _update(title: str, scene: Any, forget: bool, remark: str) -> Step:
 def _whole_map(scene: Any) -> Iterator[Step]:
     """The same map segmented as a whole, with what the states need and with all R."""
     from uavseg.occupancy.probability_map import stretch_of
+    from uavseg.raster.tile_pass import TilePass
     from uavseg.raster.tiling import tiles
     from uavseg.segmentation.intervals import StateLimits
     from uavseg.segmentation.params import SegmentParams
@@ -133,9 +134,9 @@ def _whole_map(scene: Any) -> Iterator[Step]:
     dataset = grid.dataset()
     source, windows = GreySource(dataset, stretch_of(dataset)), tiles((SIDE, SIDE), 512)
     paper = SegmentParams(method="paper")
-    ms = _median_ms(lambda: block_map_for(source, StateLimits(), paper, windows))
+    ms = _median_ms(lambda: block_map_for(source, StateLimits(), paper, TilePass(windows)))
     yield Step("the whole map segmented", ms, 0.0, 1024, "states")
-    ms = _median_ms(lambda: block_map(source, windows))
+    ms = _median_ms(lambda: block_map(source, TilePass(windows)))
     yield Step("the whole map segmented", ms, 0.0, 1024, "all R, for any question")
     live = grid.segmentation
     yield Step("`refit`", _median_ms(live.refit), 0.0, 1024, "cuts fitted, all blocks divided again")

@@ -176,8 +176,9 @@ def _segment(raster: str, count: str) -> tuple[float]:
     import time
 
     from uavseg.execution.executors import threads
-    from uavseg.raster.dataset import Dataset, windows_of
+    from uavseg.raster.dataset import Dataset
     from uavseg.raster.intensity.stretch import fit
+    from uavseg.raster.tile_pass import TilePass
     from uavseg.regions.tiles.range_tiles import outline_regions
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
@@ -190,12 +191,12 @@ def _segment(raster: str, count: str) -> tuple[float]:
         SegmentParams(),
         threads(int(count)),
     )
-    windows = windows_of(dataset, None)
-    source = GreySource(dataset, fit(dataset, "auto", work, windows))
+    tile_pass = TilePass.over(dataset, map=work)
+    source = GreySource(dataset, fit(dataset, "auto", tile_pass))
     start = time.perf_counter()
-    blocks = block_map_for(source, interval, how, windows, work)
+    blocks = block_map_for(source, interval, how, tile_pass)
     inside = cells_to_refine(blocks, interval, how)
-    outline_regions(source, inside, interval, how.refine, windows, work)
+    outline_regions(source, inside, interval, how.refine, tile_pass)
     return (time.perf_counter() - start,)
 
 

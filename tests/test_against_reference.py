@@ -19,6 +19,7 @@ from uavseg.jobs.extract import ExtractParams, extract
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import RegionOutlines
@@ -80,9 +81,9 @@ def segmented(case: Case, side: int, run: Map) -> RegionOutlines:
     """The project's own answer, tile by tile."""
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)
-    blocks = block_map_for(source, case.interval, case.params, windows, run)
+    blocks = block_map_for(source, case.interval, case.params, TilePass(windows, run))
     inside = in_range(blocks, case.interval, case.params.threshold, case.params.step)
-    return outline_regions(source, inside, case.interval, case.params.refine, windows, run)
+    return outline_regions(source, inside, case.interval, case.params.refine, TilePass(windows, run))
 
 
 def painted(rings: Any, shape: tuple[int, int]) -> NDArray[np.uint32]:

@@ -1,6 +1,8 @@
 """A file appears whole or not at all."""
 
+import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -120,3 +122,104 @@ def test_a_folder_that_cannot_be_written_to_is_told(tmp_path: Path, monkeypatch:
         whole_file(tmp_path / "a.tif"),
     ):
         pytest.fail("it was opened")
+
+
+# What a power cut leaves
+
+
+class Calls:
+    """The files and folders that are synced, and the renamings, in their order."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.seen: list[tuple[str, str]] = []
+        self._sync, self._replace = os.fsync, os.replace
+        self._opened: dict[int, str] = {}
+        self._open = os.open
+        for name in ("open", "fsync", "replace"):
+            monkeypatch.setattr(os, name, getattr(self, f"_seen_{name}"))
+
+    def _seen_open(self, path: Any, *how: Any, **more: Any) -> int:
+        descriptor = self._open(path, *how, **more)
+        self._opened[descriptor] = Path(os.fsdecode(path)).name
+        return descriptor
+
+    def _seen_fsync(self, descriptor: int) -> None:
+        self.seen.append(("sync", self._opened[descriptor]))
+        self._sync(descriptor)
+
+    def _seen_replace(self, old: Any, new: Any) -> None:
+        self.seen.append(("rename", Path(new).name))
+        self._replace(old, new)
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
+    return Calls(monkeypatch)
+
+
+def test_a_file_is_on_the_disk_before_it_has_its_name_and_then_the_name_is(
+    tmp_path: Path, calls: Calls
+) -> None:
+    with whole_file(tmp_path / "a.tif") as path:
+        path.write_text("new")
+    assert calls.seen == [("sync", "a.tif"), ("rename", "a.tif"), ("sync", tmp_path.name)]
+
+
+def test_all_parts_are_on_the_disk_before_the_first_has_its_name(tmp_path: Path, calls: Calls) -> None:
+    with whole_file(tmp_path / "a.vrt") as path:
+        (path.parent / "a.tiles" / "deep").mkdir(parents=True)
+        for part in ("a.vrt", "a.tiles/1.tif", "a.tiles/deep/2.tif"):
+            (path.parent / part).write_text(part)
+    assert len(calls.seen) == 8
+    synced = [name for what, name in calls.seen[:5] if what == "sync"]
+    assert sorted(synced) == ["1.tif", "2.tif", "a.tiles", "a.vrt", "deep"]
+    assert synced.index("2.tif") < synced.index("deep") and synced.index("1.tif") < synced.index("a.tiles")
+    assert calls.seen[5:] == [("rename", "a.tiles"), ("rename", "a.vrt"), ("sync", tmp_path.name)]
+
+
+def test_what_fails_is_not_synced(tmp_path: Path, calls: Calls) -> None:
+    with pytest.raises(ValueError), whole_file(tmp_path / "a.tif") as path:
+        path.write_text("half")
+        raise ValueError
+    assert calls.seen == []
+
+
+def test_a_file_that_can_be_made_again_need_not_be_synced(tmp_path: Path, calls: Calls) -> None:
+    with whole_file(tmp_path / "a.npz", sync=False) as path:
+        path.write_text("new")
+    assert calls.seen == [("rename", "a.npz")]
+
+
+def test_where_folders_cannot_be_synced_files_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: Calls
+) -> None:
+    """As on Windows, where a folder cannot be opened."""
+    opened = os.open
+
+    def refuse(path: Any, *how: Any, **more: Any) -> int:
+        if Path(path).is_dir():
+            raise PermissionError(13, "Permission denied")
+        return opened(path, *how, **more)
+
+    monkeypatch.setattr(os, "open", refuse)
+    with whole_file(tmp_path / "a.tif") as path:
+        path.write_text("new")
+        (path.parent / "a.tiles").mkdir()
+    assert calls.seen == [("sync", "a.tif"), ("rename", "a.tif"), ("rename", "a.tiles")]
+    assert contents(tmp_path) == {"a.tif": "new"}
+
+
+def test_a_disk_that_is_full_when_a_file_is_synced_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    (tmp_path / "a.tif").write_text("old")
+    monkeypatch.setattr(os, "fsync", fail)
+    with (
+        pytest.raises(OutputError, match=r"a\.tif cannot be written: No space left on device"),
+        whole_file(tmp_path / "a.tif", overwrite=True) as path,
+    ):
+        path.write_text("new")
+    assert contents(tmp_path) == {"a.tif": "old"}

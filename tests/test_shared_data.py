@@ -72,6 +72,12 @@ CASES: dict[str, Case] = {
         (13, 18, 2), geojson_error="write a .gpkg instead", stretch="percentile"
     ),
     "odd/riotiler_inverted_lat.tif": Case(warnings=("no pixel is valid", NOTHING), read="nothing"),
+    "labelled/cloud.tif": Case((31, 33, 17), read="rgb"),
+    "labelled/pond0.tif": Case((122, 75, 21)),
+    "labelled/pond1.tif": Case((32, 26, 9)),
+    "labelled/pond2.tif": Case((57, 46, 13)),
+    "labelled/pond3.tif": Case((76, 71, 13)),
+    **{f"labelled/{name}_truth.tif": Case() for name in ("cloud", "pond0", "pond1", "pond2", "pond3")},
 }
 WAYS = {
     "default": [],

@@ -7,7 +7,7 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from uavseg._version import __version__
 
 if TYPE_CHECKING:
     from uavseg.api.maps import classify as classify

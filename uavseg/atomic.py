@@ -1,10 +1,17 @@
-"""Files that appear whole or not at all: written beside the target, renamed at the end."""
+"""Atomic output files: written to a temporary folder beside the target, synced to disk, renamed at the end.
+
+After a crash, of the program or of the machine, each file is what it was before or the whole new one. For
+the latter, files are synced (`os.fsync`) before they are renamed, and their folder afterwards. That costs two
+waits for the disk, and the time in which it writes what the system still holds in memory: measured on a
+virtual disk (ext4), a file of 1 MB took 16 ms instead of 4, one of 200 MB 200 ms instead of 150. A hard disk
+takes longer.
+"""
 
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from uavseg.errors import OutputError, OutputExistsError, UavsegError
@@ -31,12 +38,22 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str], overwrite: bool = False) -> Iterator[Path]:
+def whole_file(path: str | os.PathLike[str], overwrite: bool = False, sync: bool = True) -> Iterator[Path]:
     """A temporary path beside `path`; what is written there is renamed to `path` if nothing was raised.
 
     The temporary path keeps the name's suffix, and lies in a folder of its own, so that drivers which
     write several files (a shapefile's parts) or a folder may do so: all of them move together. A folder
     takes the place of one that is there, which must be the caller's own.
+
+    Parameters
+    ----------
+    path : path
+        Of the target.
+    overwrite : bool
+        Whether what is there may be replaced.
+    sync : bool
+        Whether the file survives a power cut once it is there. Without it, the file may be empty or torn
+        afterwards: for files that are checked when they are read and can be made again.
 
     Raises
     ------
@@ -50,8 +67,12 @@ def whole_file(path: str | os.PathLike[str], overwrite: bool = False) -> Iterato
         raise OutputError(f"{target.parent} cannot be written to: {error.strerror}") from error
     try:
         yield folder / target.name
+        if sync:
+            _sync_all_in(folder)
         for part in sorted(folder.iterdir()):
             _put(part, target.parent / part.name)
+        if sync:
+            _sync_folder(target.parent)
     except OSError as error:
         if isinstance(error, UavsegError):
             raise
@@ -72,3 +93,30 @@ def _put(part: Path, place: Path) -> None:
     except OSError:
         former.replace(place)
         raise
+
+
+def _sync_all_in(folder: Path) -> None:
+    """Have every file and folder that lies in a folder on the disk, what is inside first."""
+    for path, folders, files in os.walk(folder, topdown=False):
+        for name in files:
+            _sync_file(Path(path, name))
+        for name in folders:
+            _sync_folder(Path(path, name))
+
+
+def _sync_file(file: Path) -> None:
+    descriptor = os.open(file, os.O_RDWR)  # Windows syncs what may be written
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Have the names in a folder on the disk, where the system can do so: Windows and some shares cannot."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)

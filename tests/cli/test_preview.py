@@ -32,8 +32,9 @@ def run(*arguments: object) -> Result:
 def test_the_picture_is_named_after_the_raster_unless_said_otherwise(raster: Path) -> None:
     assert run(raster, "--width", 300).exit_code == 0
     assert run(raster, "-o", "other.png", "--width", 400).exit_code == 0
-    assert Image.open("a.preview.png").size[0] == 300
-    assert Image.open("other.png").size[0] == 400
+    for name, width in (("a.preview.png", 300), ("other.png", 400)):
+        with Image.open(name) as picture:
+            assert picture.size[0] == width
 
 
 def test_only_stderr_speaks_and_quiet_says_nothing(raster: Path) -> None:

@@ -1,5 +1,6 @@
 """A map that keeps its results: what is done is not done again, whatever happened to the run before."""
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -118,6 +119,19 @@ def test_another_version_makes_everything_again(
     assert len(CALLS) == 20
 
 
+def test_a_version_is_known_by_every_file_of_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    package = Path(uavseg.__file__).resolve().parent
+    read: list[Path] = []
+
+    def seen(path: Path) -> bytes:
+        read.append(path.resolve())
+        return b""
+
+    monkeypatch.setattr(Path, "read_bytes", seen)
+    uavseg.execution.checkpoint._code.__wrapped__()
+    assert sorted(read) == sorted(package.rglob("*.py")) and package / "raster" / "tiling.py" in read
+
+
 @maps
 @pytest.mark.parametrize("damage", [b"", b"foreign", None], ids=["empty", "foreign", "swapped"])
 def test_a_damaged_file_is_made_again(run: Map, tmp_path: Path, damage: bytes | None) -> None:
@@ -129,6 +143,27 @@ def test_a_damaged_file_is_made_again(run: Map, tmp_path: Path, damage: bytes | 
     assert text(kept(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
     assert len(CALLS) == 1
     assert [path.read_bytes() for path in files] == whole
+
+
+@pytest.mark.parametrize("torn", [lambda whole: whole[: len(whole) // 2], lambda whole: bytes(len(whole))])
+def test_a_file_that_a_power_cut_has_torn_is_made_again(
+    tmp_path: Path, torn: Callable[[bytes], bytes]
+) -> None:
+    """It has its name, but only half of its content, or its length and nothing in it."""
+    list(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS))
+    files = sorted(tmp_path.rglob("*.npz"))
+    whole = [path.read_bytes() for path in files]
+    for path, content in zip(files, whole, strict=True):
+        path.write_bytes(torn(content))
+    CALLS.clear()
+    assert text(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert sorted(CALLS) == list(range(20))
+    assert [path.read_bytes() for path in files] == whole
+
+
+def test_no_tile_waits_for_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "fsync", lambda descriptor: pytest.fail("a tile was synced"))
+    assert text(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
 
 
 def test_what_a_killed_run_left_half_written_does_no_harm(tmp_path: Path) -> None:

@@ -265,6 +265,68 @@ def test_workers_of_another_version_are_refused(processes: Any, monkeypatch: pyt
         cluster.dask(processes.address)
 
 
+PACKAGES = ("numpy", "numba", "llvmlite", "rasterio", "shapely", "pyproj", "distributed")
+LIBRARIES = {
+    "GDAL": "rasterio.__gdal_version__",
+    "PROJ in rasterio": "rasterio.__proj_version__",
+    "PROJ": "pyproj.proj_version_str",
+    "GEOS": "shapely.geos_version_string",
+    "Python": "uavseg.execution.cluster.python_version",
+}
+
+
+@pytest.mark.parametrize("name", [*PACKAGES, *LIBRARIES])
+def test_any_version_that_may_change_bytes_is_compared(
+    processes: Any, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Here a package is another, and so the workers are."""
+    if name in PACKAGES:
+        true = cluster.version
+        monkeypatch.setattr(cluster, "version", lambda asked: "7.0.0" if asked == name else true(asked))
+    else:
+        monkeypatch.setattr(LIBRARIES[name], (lambda: "7.0.0") if name == "Python" else "7.0.0")
+    with pytest.raises(ClusterError, match=rf"^the worker tcp://\S+ has {name} \S+ where this side has 7\.0"):
+        cluster.dask(processes.address)
+
+
+OTHER_VERSIONS = """
+import importlib.metadata
+import rasterio
+
+true = importlib.metadata.version
+importlib.metadata.version = lambda name: "0.1.2" if name == "numba" else true(name)
+rasterio.__gdal_version__ = "3.4.5"
+"""
+OTHERS_ARE_TOLD = (
+    r"has numba 0\.1\.2 where this side has \S+, GDAL 3\.4\.5 where this side has \S+; "
+    "install the same on both"
+)
+
+
+@pytest.fixture
+def unlike(other: Any) -> str:
+    """A search path with which Python has another numba and another GDAL."""
+    (other.folder / "sitecustomize.py").write_text(OTHER_VERSIONS)
+    return f"{other.folder}{os.pathsep}{ROOT}"
+
+
+def test_a_worker_with_other_libraries_is_refused_and_all_that_differ_are_told(
+    other: Any, unlike: str
+) -> None:
+    other.add(1)
+    other.add(1, path=unlike)
+    present(other, 2)
+    with pytest.raises(ClusterError, match=rf"^the worker tcp://\S+ {OTHERS_ARE_TOLD}$"):
+        cluster.dask(other.address)
+
+
+def test_a_worker_with_other_libraries_that_joins_later_is_refused(other: Any, unlike: str) -> None:
+    with cluster.dask(other.address) as work:
+        other.add(1, path=unlike)
+        with pytest.raises(ClusterError, match=rf"^a worker {OTHERS_ARE_TOLD} \(on the worker tcp://"):
+            list(work(abs, [-1]))
+
+
 WITHOUT_UAVSEG = """
 import sys
 

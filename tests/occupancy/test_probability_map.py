@@ -16,6 +16,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.formats.png import write_png
 from uavseg.raster.geobox import upright
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tiles
 from uavseg.segmentation.pipeline import GreySource, divide, measure
 
@@ -94,11 +95,9 @@ def test_a_ros_map_divides_like_the_same_raster(tmp_path: Path, write: Write) ->
     maps = [open_map(path) for path in (tmp_path / "map.yaml", write(probabilities))]
     blocks = []
     for (dataset, stretch), side in zip(maps, (64, 128), strict=True):
-        source, windows = GreySource(dataset, stretch), tiles(states.shape, side)
-        measured = measure(source, windows, lambda work, jobs, _: list(map(work, jobs)))
-        divide(
-            source, measured, np.ones(measured.blocks.blocks, bool), windows, lambda w, j, _: list(map(w, j))
-        )
+        source, tile_pass = GreySource(dataset, stretch), TilePass(tiles(states.shape, side))
+        measured = measure(source, tile_pass)
+        divide(source, measured, np.ones(measured.blocks.blocks, bool), tile_pass)
         blocks.append(measured.blocks)
     assert (blocks[0].sums == blocks[1].sums).all()
     np.testing.assert_array_equal(blocks[0].ratios, blocks[1].ratios)

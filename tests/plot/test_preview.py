@@ -235,13 +235,17 @@ def test_a_mission_is_drawn_where_it_flies(suffix: str, tmp_path: Path) -> None:
 def test_any_place_gives_a_picture_with_its_region(transform: Affine, crs: Any, tmp_path: Path) -> None:
     raster = write(tmp_path / "a.tif", np.full((60, 90), 128, np.uint8), transform, crs)
     out = preview(raster, tmp_path / "a.png", table([box_of(transform, 5, 5, 55, 85)], crs), width_px=300)
-    assert Image.open(out).size[0] == 300
+    with Image.open(out) as picture:
+        assert picture.size[0] == 300
     assert 0.02 < colored(out).mean() < 0.9
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (3, 400), (400, 3)])
 def test_any_shape_gives_a_picture_one_can_look_at(shape: tuple[int, int], tmp_path: Path) -> None:
-    size = Image.open(preview(write(tmp_path / "a.tif", np.ones(shape, np.uint8)), tmp_path / "a.png")).size
+    with Image.open(
+        preview(write(tmp_path / "a.tif", np.ones(shape, np.uint8)), tmp_path / "a.png")
+    ) as drawn:
+        size = drawn.size
     assert size[0] == 1400 and 400 < size[1] < 2400
 
 

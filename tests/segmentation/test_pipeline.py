@@ -15,6 +15,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial, stages, threads
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, tiles
 from uavseg.segmentation.blocks.block_map import undecided
 from uavseg.segmentation.blocks.leaves import in_range
@@ -119,21 +120,21 @@ def assert_same_map(first: Any, second: Any) -> None:
 @pytest.mark.parametrize("run", [serial, threads(2)])
 def test_the_block_map_does_not_depend_on_tiles_or_workers(seed: int, run: Map) -> None:
     source = source_of(field_of(seed, (201, 230)))
-    whole = block_map(source, [Window(0, 0, 201, 230)])
+    whole = block_map(source, TilePass([Window(0, 0, 201, 230)]))
     for side in (64, 128, (64, 256), (192, 64)):
-        assert_same_map(block_map(source, tiles(source.shape, side), run), whole)
+        assert_same_map(block_map(source, TilePass(tiles(source.shape, side), run)), whole)
 
 
 def test_the_order_of_tiles_is_of_no_matter() -> None:
     source = source_of(field_of(1, (201, 230)))
     windows = tiles(source.shape, 64)
-    assert_same_map(block_map(source, windows[::-1]), block_map(source, windows))
+    assert_same_map(block_map(source, TilePass(windows[::-1])), block_map(source, TilePass(windows)))
 
 
 def test_contrasts_are_cut_over_all_tiles_together() -> None:
     source = source_of(field_of(0, (150, 150)))
-    whole = measure(source, [Window(0, 0, 150, 150)], serial)
-    assert np.array_equal(measure(source, tiles(source.shape, 64), serial).cuts, whole.cuts)
+    whole = measure(source, TilePass([Window(0, 0, 150, 150)]))
+    assert np.array_equal(measure(source, TilePass(tiles(source.shape, 64))).cuts, whole.cuts)
     assert len(set(whole.cuts.tolist())) > 3
 
 
@@ -147,9 +148,9 @@ def test_a_block_map_made_for_a_range_answers_it_as_the_whole_one(seed: int, par
     answers = [
         in_range(blocks, INTERVAL, params.threshold, params.step) & (blocks.counts > 0)
         for blocks in (
-            block_map(source, windows),
-            block_map_for(source, INTERVAL, params, windows),
-            block_map_for(source, INTERVAL, params, tiles(source.shape, 64), threads(2)),
+            block_map(source, TilePass(windows)),
+            block_map_for(source, INTERVAL, params, TilePass(windows)),
+            block_map_for(source, INTERVAL, params, TilePass(tiles(source.shape, 64), threads(2))),
         )
     ]
     assert np.array_equal(answers[0], answers[1])
@@ -163,7 +164,7 @@ def test_texture_is_looked_at_only_where_a_range_does_not_decide() -> None:
     dataset.values[70:100, 70:100] = np.random.default_rng(0).integers(200, 256, (30, 30))
     source = source_of(dataset)
     windows = tiles(source.shape, 64)
-    blocks = block_map_for(source, INTERVAL, SegmentParams("paper"), windows)
+    blocks = block_map_for(source, INTERVAL, SegmentParams("paper"), TilePass(windows))
     wanted = undecided(blocks.sums, blocks.counts, INTERVAL.edges, np.inf) > 0
     assert 0 < wanted.sum() < 16
     assert len(dataset.reads) == 16  # mixed blocks are kept from the first pass
@@ -174,7 +175,7 @@ def test_a_tile_that_is_known_to_be_empty_is_not_read() -> None:
     dataset = field_of(4, (128, 128))
     dataset.valid[:] = False
     dataset.valid[100:, 100:] = True
-    blocks = block_map(source_of(dataset), tiles((128, 128), 64))
+    blocks = block_map(source_of(dataset), TilePass(tiles((128, 128), 64)))
     assert all(window.row > 0 and window.col > 0 for window in dataset.reads)
     assert blocks.counts.sum() == 28 * 28
 
@@ -182,7 +183,7 @@ def test_a_tile_that_is_known_to_be_empty_is_not_read() -> None:
 def test_a_raster_without_valid_pixels_has_an_empty_block_map() -> None:
     dataset = field_of(4, (70, 90))
     dataset.valid[:] = False
-    blocks = block_map(source_of(dataset), tiles((70, 90), 64))
+    blocks = block_map(source_of(dataset), TilePass(tiles((70, 90), 64)))
     assert not blocks.counts.any() and not blocks.sums.any() and not blocks.ratios.any()
 
 
@@ -194,7 +195,9 @@ def test_a_raster_without_valid_pixels_has_an_empty_block_map() -> None:
 def test_tiles_are_refined_as_the_whole_would_be(how: Any, seed: int) -> None:
     dataset = field_of(seed, (300, 270))
     source = source_of(dataset)
-    inside = cells_to_refine(block_map(source, tiles(source.shape, 64)), INTERVAL, SegmentParams(refine=how))
+    inside = cells_to_refine(
+        block_map(source, TilePass(tiles(source.shape, 64))), INTERVAL, SegmentParams(refine=how)
+    )
     expected = refined_whole(dataset, inside, how)
     for side in (64, 128, 192):
         found = np.zeros(source.shape, np.uint8)
@@ -297,7 +300,9 @@ def test_stages_together_go_from_nothing_to_all(totals: list[int]) -> None:
 def test_progress_of_a_block_map_runs_to_the_end() -> None:
     told: list[tuple[int, int]] = []
     source = source_of(field_of(1, (200, 200)))
-    block_map(source, tiles(source.shape, 64), progress=lambda done, total: told.append((done, total)))
+    block_map(
+        source, TilePass(tiles(source.shape, 64), progress=lambda done, total: told.append((done, total)))
+    )
     parts = [done / total for done, total in told]
     assert parts == sorted(parts) and parts[-1] == 1
     assert len(told) > 16

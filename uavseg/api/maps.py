@@ -17,8 +17,9 @@ from uavseg.occupancy.paths.find_path import Way, WayParams, find_way
 from uavseg.occupancy.paths.free_cells import FreeCells
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
-from uavseg.raster.dataset import Dataset, windows_of
+from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit, parse_stretch
+from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation.intervals import IntensityRange, StateLimits
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.source import GreySource
@@ -87,7 +88,7 @@ def classify(
     limits = StateLimits(free_below, occupied_above)
     dataset, wanted = _map_of(source, band, nodata, stretch)
     with working(threads, resume) as run:
-        grey = GreySource(dataset, fit(dataset, wanted, run, windows_of(dataset, tile)))
+        grey = GreySource(dataset, fit(dataset, wanted, TilePass.over(dataset, tile, run)))
         return _classify(grey, limits, params, True, run, progress)
 
 

@@ -173,14 +173,14 @@ def _opened(path: str, options: dict[str, Any], resume: str | None) -> GreySourc
 
 def _stretched(source: GreySource, stretch: str | None, tile: int | None, map: Map) -> GreySource:
     """The map as probabilities, where it holds something else."""
-    from uavseg.raster.dataset import windows_of
     from uavseg.raster.intensity.stretch import fit
+    from uavseg.raster.tile_pass import TilePass
     from uavseg.segmentation.source import GreySource
 
     if stretch is None:
         return source
     dataset = source.dataset
-    return GreySource(dataset, fit(dataset, stretch, map, windows_of(dataset, tile)))
+    return GreySource(dataset, fit(dataset, stretch, TilePass.over(dataset, tile, map)))
 
 
 def _check_place(target: str, mode: str, objects: str | None, source: GreySource, overwrite: bool) -> None:

@@ -104,11 +104,11 @@ def _read(
     dataset: Dataset, stretch: str, tile: int | None, run: Map
 ) -> tuple[GreyTile, tuple[str, ...], str]:
     """The whole raster as grey, what there is to tell, and the stretch that was used."""
-    from uavseg.raster.dataset import windows_of
     from uavseg.raster.intensity.stretch import fit
+    from uavseg.raster.tile_pass import TilePass
     from uavseg.raster.tiling import Window
     from uavseg.segmentation.source import GreySource
 
-    fitted = fit(dataset, stretch, run, windows_of(dataset, tile))
+    fitted = fit(dataset, stretch, TilePass.over(dataset, tile, run))
     image = GreySource(dataset, fitted).read(Window(0, 0, *dataset.geobox.shape), 0)
     return image, dataset.warnings + fitted.warnings, fitted.name

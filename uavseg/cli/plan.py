@@ -17,7 +17,10 @@ from uavseg.errors import RegionError
 @click.option("--ids", metavar="N,N,...", help="Only the regions with these ids.")
 @click.option("--largest", type=click.IntRange(min=1), metavar="N", help="Only the N largest.")
 @click.option(
-    "--where", metavar="CONDITION", help='Only those that fulfil, as in "mean > 0.7 and area_m2 > 500".'
+    "--where",
+    metavar="CONDITION",
+    help='Only regions that fulfil it, as in "mean > 0.7 and area_m2 > 500". A comparison with a missing '
+    "number is neither true nor false, so != and not do not select it either.",
 )
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")

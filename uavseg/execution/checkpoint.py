@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from uavseg import __version__
+from uavseg._version import __version__
 from uavseg.atomic import whole_file
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result
@@ -93,7 +93,7 @@ def stage_name(function: Any) -> str:
 def _code() -> str:
     """A hash of the program's own text: between two releases, the version alone does not tell them apart."""
     hasher = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         hasher.update(path.read_bytes())
     return hasher.hexdigest()
 
@@ -111,7 +111,8 @@ def _make(folder: Path) -> None:
 
 
 def _save(stage: Path, key: str, result: Any) -> None:
-    with whole_file(stage / _file_name(key), overwrite=True) as path:
+    """Write a result; not synced, since one that a power cut tears is found damaged and made again."""
+    with whole_file(stage / _file_name(key), overwrite=True, sync=False) as path:
         path.write_bytes(dump(result, key))
 
 

@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from importlib.metadata import version
 from platform import python_version
@@ -26,6 +27,17 @@ CONNECT_S = 10.0  # how long a scheduler is waited for
 NO_WORKERS_S = 60.0  # how long there may be no worker at all: a cluster that grows by itself begins so
 IN_FLIGHT = 3  # items for each thread of the workers: one at work, the others on their way
 _LOOK_S = 2.0  # how often the workers are counted
+
+RESULT_PACKAGES = ("numpy", "numba", "llvmlite", "rasterio", "shapely", "pyproj")
+"""Packages of which any other release may compute other bytes."""
+
+RESULT_LIBRARIES = {
+    "GDAL": ("rasterio", "__gdal_version__"),
+    "PROJ in rasterio": ("rasterio", "__proj_version__"),
+    "PROJ": ("pyproj", "proj_version_str"),
+    "GEOS": ("shapely", "geos_version_string"),
+}
+"""Libraries inside packages, each with the module and the attribute that hold its version."""
 
 
 def dask(address: str) -> "Cluster":
@@ -84,7 +96,7 @@ class Cluster:
             return
         self._seen = time.monotonic()
         with self._telling():
-            work = self._sent(_Work(function))
+            work = self._sent(_Work(function, versions()))
 
             def begin(item: Item) -> Any:
                 return self._client.submit(operator.call, work, packed(item), pure=False)
@@ -117,12 +129,8 @@ class Cluster:
                 raise ClusterError(
                     f"the worker {worker} has no uavseg {ours['uavseg']} ({theirs}); install the same there"
                 )
-            for name, here in ours.items():
-                if theirs.get(name) != here:
-                    raise ClusterError(
-                        f"the worker {worker} has {name} {theirs.get(name)} where this side has {here}; "
-                        "install the same on both"
-                    )
+            if theirs != ours:
+                raise ClusterError(f"the worker {worker} has {_differences(theirs, ours)}")
 
     def _sent(self, work: "_Work") -> Any:
         """A function where the workers get it from each other; made again from its bytes if it is lost.
@@ -188,12 +196,22 @@ class Cluster:
 
 @dataclass(frozen=True)
 class _Work:
-    """A function of packed items that says on which worker something was wrong."""
+    """A function of packed items that says on which worker something was wrong.
+
+    Parameters
+    ----------
+    function : callable
+    versions : dict
+        Those of the client. A worker may join at any time, so each compares its own.
+    """
 
     function: Callable[[Any], Any]
+    versions: dict[str, str]
 
     def __call__(self, item: bytes) -> bytes:
         try:
+            if _own_versions() != self.versions:
+                raise ClusterError(f"a worker has {_differences(_own_versions(), self.versions)}")
             return packed(self.function(unpacked(item)))
         except UavsegError as error:
             from distributed import get_worker
@@ -214,8 +232,23 @@ def unpacked(content: bytes) -> Any:
 
 
 def versions() -> dict[str, str]:
-    """What must be the same on both sides: first and second number, but all of uavseg's own."""
-    found = {name: version(name) for name in ("distributed", "numpy", "rasterio")}
-    found["Python"] = python_version()
-    short = {name: ".".join(text.split(".")[:2]) for name, text in found.items()}
-    return {"uavseg": import_module("uavseg").__version__} | short
+    """What must be the same on both sides; of Python and distributed the first and second number."""
+    minor = {"distributed": version("distributed"), "Python": python_version()}
+    found = {name: ".".join(text.split(".")[:2]) for name, text in minor.items()}
+    found |= {name: version(name) for name in RESULT_PACKAGES}
+    for name, (module, attribute) in RESULT_LIBRARIES.items():
+        found[name] = str(getattr(import_module(module), attribute))
+    return {"uavseg": import_module("uavseg").__version__} | found
+
+
+_own_versions = cache(versions)  # of a worker, which compares them for each tile
+
+
+def _differences(theirs: dict[str, str], ours: dict[str, str]) -> str:
+    """Every version that differs, and what to do."""
+    found = [
+        f"{name} {theirs.get(name)} where this side has {here}"
+        for name, here in ours.items()
+        if theirs.get(name) != here
+    ]
+    return f"{', '.join(found)}; install the same on both"

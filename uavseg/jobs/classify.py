@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import MapError, ParameterError
-from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.extract import ExtractParams
 from uavseg.jobs.result import About, Extraction, measured
 from uavseg.occupancy.ros.ros_map import is_ros_map, write_ros_map
 from uavseg.raster.formats.geotiff import write_labels
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
@@ -127,17 +127,16 @@ def classify(
     refine = _refinement(how)
     strips = strips_of(source.shape, source.dataset.file_block, params.tile)
     windows = [tile for strip in strips for tile in strip]
-    parts = 2 + objects
-    first, second, *third = [None] * parts if progress is None else stages(progress, parts)
-    blocks = block_map_for(source, limits, how, windows, map, first)
+    first, second, *third = TilePass(windows, map, progress).stages(2 + objects)
+    blocks = block_map_for(source, limits, how, first)
     cells = states_of(blocks, limits, how.threshold, how.step)
     del blocks
     give_back()
     if not cells.any():
         raise MapError(f"{source.dataset.source} has no valid cell: all of it is nodata or NaN")
-    found = classified(source, cells, limits, refine, strips, map, second)
+    found = classified(source, cells, limits, refine, strips, map, second.progress)
     leaves = cells if refine == "none" else None
-    made = _objects(source, found, leaves, limits, params, windows, map, third[0]) if objects else None
+    made = _objects(source, found, leaves, limits, params, third[0]) if objects else None
     hazard = found.occupied_in_free, found.occupied_by_value
     return Classification(found.image, found.pixels, *hazard, made, About.source(source))
 
@@ -188,11 +187,9 @@ def _objects(
     leaves: NDArray[np.uint8] | None,
     limits: StateLimits,
     params: ExtractParams,
-    windows: list[Window],
-    map: Map,
-    progress: Progress | None,
+    tile_pass: TilePass,
 ) -> Extraction:
-    outlined = outline_state(source, found.image, OCCUPIED, windows, map, progress, leaves)
+    outlined = outline_state(source, found.image, OCCUPIED, tile_pass, leaves)
     if params.min_area is not None:
         outlined = drop_small_regions(outlined, source.dataset.geobox, params.min_area)
     bounds = _bounds(outlined.rings, source.dataset.geobox)

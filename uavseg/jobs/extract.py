@@ -1,6 +1,5 @@
 """The main job: regions of a raster whose mean intensity lies in a range."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
@@ -9,11 +8,11 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.result import About, Drawing, Extraction, measured
-from uavseg.raster.dataset import Dataset, windows_of
+from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.tiling import Window
+from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
@@ -98,16 +97,15 @@ def extract(
     UavsegError
         If the raster cannot be read or a parameter does not fit it.
     """
-    windows = windows_of(dataset, params.tile)
-    first, second, third = _three(progress)
-    source = GreySource(dataset, fit(dataset, params.stretch, map, windows, first))
+    first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
+    source = GreySource(dataset, fit(dataset, params.stretch, first))
     how = params.segment
-    blocks = block_map_for(source, interval, how, windows, map, second)
+    blocks = block_map_for(source, interval, how, second)
     inside = cells_to_refine(blocks, interval, how)
     del blocks  # all that is left to do is done with its cells in range
     give_back()
-    outlined = _outlined(source, inside, interval, params, windows, map, third)
-    return _extraction(source, outlined, interval, params, windows, map)
+    outlined = _outlined(source, inside, interval, params, third)
+    return _extraction(source, outlined, interval, params, third)
 
 
 def extract_from_blocks(
@@ -138,12 +136,12 @@ def extract_from_blocks(
         raise ParameterError(
             f"{dataset.source} has not the size of the raster that the block map was made from"
         )
-    windows = windows_of(dataset, params.tile)
+    tile_pass = TilePass.over(dataset, params.tile, map, progress)
     source = GreySource(dataset, saved.stretch)
     how = params.segment
     inside = cells_to_refine(saved.blocks, interval, how)
-    outlined = _outlined(source, inside, interval, params, windows, map, progress, saved.blocks)
-    return _extraction(source, outlined, interval, params, windows, map)
+    outlined = _outlined(source, inside, interval, params, tile_pass, saved.blocks)
+    return _extraction(source, outlined, interval, params, tile_pass)
 
 
 def divide(
@@ -154,10 +152,9 @@ def divide(
     progress: Progress | None = None,
 ) -> tuple[BlockMap, Stretch]:
     """The whole block map of a raster, and the stretch that made its grey."""
-    windows = windows_of(dataset, tile)
-    first, second = (None, None) if progress is None else stages(progress, 2)
-    source = GreySource(dataset, fit(dataset, stretch, map, windows, first))
-    return block_map(source, windows, map, second), source.stretch
+    first, second = TilePass.over(dataset, tile, map, progress).stages(2)
+    source = GreySource(dataset, fit(dataset, stretch, first))
+    return block_map(source, second), source.stretch
 
 
 def _outlined(
@@ -165,13 +162,11 @@ def _outlined(
     inside: NDArray[np.uint8],
     interval: IntensityRange,
     params: ExtractParams,
-    windows: Sequence[Window],
-    map: Map,
-    progress: Progress | None,
+    tile_pass: TilePass,
     expected: BlockMap | None = None,
 ) -> RegionOutlines:
     refine = params.segment.refine
-    found = outline_regions(source, inside, interval, refine, windows, map, progress, expected)
+    found = outline_regions(source, inside, interval, refine, tile_pass, expected)
     give_back()
     return found
 
@@ -181,13 +176,12 @@ def _extraction(
     outlined: RegionOutlines,
     interval: IntensityRange,
     params: ExtractParams,
-    windows: Sequence[Window],
-    map: Map,
+    tile_pass: TilePass,
 ) -> Extraction:
     if params.fill_holes is not None:
         filled = fill_small_holes(outlined, source.dataset.geobox, params.fill_holes)
         if filled is not outlined:  # what was in the holes counts now
-            outlined = replace(filled, sums=summed(source, filled, windows, map))
+            outlined = replace(filled, sums=summed(source, filled, tile_pass))
     return _measured(outlined, About.source(source), interval, params)
 
 
@@ -209,7 +203,3 @@ def _measured(
     if params.min_area is not None:
         outlined = drop_small_regions(outlined, about.geobox, params.min_area)
     return measured(outlined, about, interval.low, interval.high, params.drawing)
-
-
-def _three(progress: Progress | None) -> list[Progress] | list[None]:
-    return [None, None, None] if progress is None else stages(progress, 3)

@@ -5,11 +5,12 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.extract import ExtractParams
 from uavseg.jobs.result import About, Extraction, measured
-from uavseg.raster.dataset import Dataset, windows_of
+from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import fit
+from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.region_outlines import RegionOutlines
@@ -60,15 +61,14 @@ def extract_levels(
         If the raster cannot be read or a parameter does not fit it.
     """
     _check(params)
-    windows = windows_of(dataset, params.tile)
-    first, second, third = [None] * 3 if progress is None else stages(progress, 3)
-    source = GreySource(dataset, fit(dataset, params.stretch, map, windows, first))
+    first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
+    source = GreySource(dataset, fit(dataset, params.stretch, first))
     how = params.segment
-    blocks = block_map_for(source, levels, how, windows, map, second)
+    blocks = block_map_for(source, levels, how, second)
     kinds = levels_of(blocks, levels, how.threshold, how.step)
     del blocks
     give_back()
-    outlined = outline_segments(source, kinds, windows, map, third)
+    outlined = outline_segments(source, kinds, third)
     give_back()
     return _extraction(outlined, About.source(source), levels, kinds, CELL, params)
 

@@ -9,7 +9,6 @@ stretch -> measured: cuts of contrast       (one pass over all tiles)
         -> outlined: open cells decided pixel by pixel (one pass over the tiles with matches)
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,11 +16,11 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.execution.executors import Map, Progress, serial
 from uavseg.jobs.result import About, Drawing, Extraction, measured
-from uavseg.raster.dataset import Dataset, windows_of
+from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.tiling import Window
+from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.sample.model import Sample, evidence_of, sample_of
@@ -147,22 +146,21 @@ def match(
         If the raster cannot be read or a parameter does not fit it.
     """
     place = place_of(like, dataset.geobox)
-    windows = windows_of(dataset, params.tile)
-    parts = [None] * 5 if progress is None else stages(progress, 5)
-    source = GreySource(dataset, fit(dataset, params.stretch, map, windows, parts[0]))
-    known = measure(source, windows, map, parts[1])
+    passes = TilePass.over(dataset, params.tile, map, progress).stages(5)
+    source = GreySource(dataset, fit(dataset, params.stretch, passes[0]))
+    known = measure(source, passes[1])
     sample = sample_of(source, known.cuts, place, params.side, map)
     criterion = Criterion.of(sample, known.cuts, params.side, params.similarity, params.intensity)
-    scores = scored(source, criterion, windows, map, parts[2])
+    scores = scored(source, criterion, passes[2])
     evidence = evidence_of(source, known.cuts, place, scores.whole, params.side, map)
     least = evidence.least(params.similarity)
-    scores = confirmed(source, criterion, scores, evidence.weights, least, windows, map, parts[3])
+    scores = confirmed(source, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0
     del known
     give_back()
-    outlined = _outlined(source, scores, valid, criterion, params, windows, map, parts[4])
+    outlined = _outlined(source, scores, valid, criterion, params, passes[4])
     give_back()
-    found = _extraction(source, outlined, scores, sample, params, windows, map)
+    found = _extraction(source, outlined, scores, sample, params, passes[4])
     return Match(found, sample, (criterion.limit - EVEN) / UNITS)
 
 
@@ -172,16 +170,14 @@ def _outlined(
     valid: NDArray[np.bool_],
     criterion: Criterion,
     params: MatchParams,
-    windows: Sequence[Window],
-    map: Map,
-    progress: Progress | None,
+    tile_pass: TilePass,
 ) -> RegionOutlines:
     matched = scores.best <= criterion.limit
     if params.refine == "none":
-        return outline_segments(source, matched.view(np.uint8), windows, map, progress)
+        return outline_segments(source, matched.view(np.uint8), tile_pass)
     cells = open_cells(matched, valid & ~matched, params.side // 2)
     weights = Weights.between(criterion.model, scores.rest, np.isfinite(params.intensity))
-    return outline_matches(source, cells, criterion.cuts, weights, windows, map, progress)
+    return outline_matches(source, cells, criterion.cuts, weights, tile_pass)
 
 
 def _extraction(
@@ -190,17 +186,16 @@ def _extraction(
     scores: Scored,
     sample: Sample,
     params: MatchParams,
-    windows: Sequence[Window],
-    map: Map,
+    tile_pass: TilePass,
 ) -> Extraction:
     """Regions with their attributes; holes are filled before small ones are dropped."""
     geobox, bounds = source.dataset.geobox, sample.bounds(params.intensity)
     if params.fill_holes is not None:
         filled = fill_small_holes(outlined, geobox, params.fill_holes)
         if filled is not outlined:
-            outlined = replace(filled, sums=summed(source, filled, windows, map))
+            outlined = replace(filled, sums=summed(source, filled, tile_pass))
     if params.min_area is not None:
         outlined = drop_small_regions(outlined, geobox, params.min_area)
-    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, windows, map))}
+    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}
     low, high = bounds.low / GREY_MAX, bounds.high / GREY_MAX
     return measured(outlined, About.source(source), low, high, Drawing(simplify_m=params.simplify_m), more)

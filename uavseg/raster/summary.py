@@ -17,6 +17,7 @@ from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.mosaic import Source
 from uavseg.raster.overview import Coarse
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tile_side, tiles
 from uavseg.units import GREY_LEVELS
 
@@ -173,7 +174,7 @@ def _count(
     """The stretch, and how often each grey occurs under it."""
     shape = dataset.geobox.shape
     windows = tiles(shape, tile_side(shape, dataset.file_block))
-    fitted = fit(dataset, stretch, map, windows)
+    fitted = fit(dataset, stretch, TilePass(windows, map))
     counts = map(partial(_greys_of_tile, dataset, fitted), windows, progress)
     return fitted, reduce(np.add, counts, np.zeros(GREY_LEVELS, np.int64))
 

@@ -6,14 +6,13 @@ stretch  -> measured: cells and contrast   (one pass over all tiles)
          -> refined: a tile of pixels      (one pass over all tiles)
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_cache import SIDE, Patches
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
@@ -41,25 +40,20 @@ class Measured:
 
 def block_map(
     source: GreySource,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> BlockMap:
     """The whole block map of a raster: sums and counts of its cells, R of all its blocks.
 
     Parameters
     ----------
     source : GreySource
-    windows : sequence of Window
-        Tiles that cover the raster, see `raster.tiling.tiles`.
-    map : Map
-        Who runs the work.
-    progress : callable, optional
+    tile_pass : TilePass
+        Tiles that cover the raster, the executor and the progress.
     """
-    parts = [None, None] if progress is None else stages(progress, 2)
-    measured = measure(source, windows, map, parts[0])
+    measuring, dividing = tile_pass.stages(2)
+    measured = measure(source, measuring)
     everywhere = np.where(_any_valid(measured.blocks), EVERY, np.uint32(0))
-    divide(source, measured, everywhere, windows, map, parts[1])
+    divide(source, measured, everywhere, dividing)
     return measured.blocks
 
 
@@ -67,9 +61,7 @@ def block_map_for(
     source: GreySource,
     cut: Cut,
     params: SegmentParams,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> BlockMap:
     """A block map that answers one range, states or levels exactly.
 
@@ -80,14 +72,13 @@ def block_map_for(
     source : GreySource
     cut : IntensityRange, StateLimits or Levels
     params : SegmentParams
-    windows, map, progress
-        As of `block_map`.
+    tile_pass : TilePass
     """
-    parts = [None, None] if progress is None else stages(progress, 2)
+    measuring, dividing = tile_pass.stages(2)
     question = Question(cut.edges, params.step, params.threshold)
-    measured = measure(source, windows, map, parts[0], question)
+    measured = measure(source, measuring, question)
     wanted = question.open_in(measured.blocks.sums, measured.blocks.counts)
-    divide(source, measured, wanted, windows, map, parts[1], question)
+    divide(source, measured, wanted, dividing, question)
     return measured.blocks
 
 
@@ -125,16 +116,14 @@ class _InPassing:
 
 def measure(
     source: GreySource,
-    windows: Sequence[Window],
-    map: Map,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
     question: Question | None = None,
 ) -> Measured:
     """Sums and counts of all cells, and the cuts of contrast over the whole raster."""
     blocks = BlockMap.empty(source.shape)
     histogram = np.zeros(GREY_LEVELS, np.int64)
     measure_tile = partial(_measure_tile, source, _InPassing(question))
-    for window, found in zip(windows, map(measure_tile, windows, progress), strict=True):
+    for window, found in zip(tile_pass.windows, tile_pass.run(measure_tile), strict=True):
         if found is None:
             continue
         sums, counts, contrasts = found
@@ -148,15 +137,13 @@ def divide(
     source: GreySource,
     measured: Measured,
     wanted: NDArray[np.uint32],
-    windows: Sequence[Window],
-    map: Map,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
     question: Question | None = None,
 ) -> None:
     """Fill in the R whose bits are set in `wanted`, (B, C); what a question does not come to need stays 0."""
-    jobs = [(window, here) for window in windows if (here := wanted[window_blocks(window)]).any()]
+    jobs = [(window, here) for window in tile_pass.windows if (here := wanted[window_blocks(window)]).any()]
     divide_tile = partial(_divide_tile, source, measured.cuts, question)
-    for (window, bits), ratios in zip(jobs, map(divide_tile, jobs, progress), strict=True):
+    for (window, bits), ratios in zip(jobs, tile_pass.run(divide_tile, jobs), strict=True):
         rows, cols = np.nonzero(bits)
         measured.blocks.ratios[rows + window.row // BLOCK, cols + window.col // BLOCK] = ratios
 

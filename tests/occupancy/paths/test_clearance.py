@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from scipy.ndimage import distance_transform_edt
 
-from uavseg.occupancy.paths.clearance import clearance, kept_clear
+from uavseg.occupancy.paths.clearance import clearance, reaches
 
 MASKS = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=15))
 
@@ -21,6 +21,11 @@ def plain(mask: np.ndarray, width: float, height: float) -> np.ndarray:
         away = np.maximum(np.abs(blocked - (row, col)) - 0.5, 0) * (height, width)
         distance[row, col] = np.hypot(*away.T).min()
     return distance
+
+
+def kept_clear(mask: np.ndarray, metres: float, width: float = 1, height: float = 1) -> np.ndarray:
+    """Cells that are at least so far from every impassable cell and from the edge of the map."""
+    return np.asarray(mask & reaches(clearance(mask, width, height), metres))
 
 
 @given(MASKS)

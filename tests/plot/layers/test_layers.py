@@ -27,6 +27,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import fit
+from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation import in_memory
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, save
 from uavseg.segmentation.blocks.block_map import leaves
@@ -135,7 +136,7 @@ def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
 
 def saved_blocks(path: Path, values: np.ndarray, box: GeoBox = BOX) -> Path:
     blocks = in_memory.divided((values * 65535).astype(np.uint16))
-    stretch = fit(Dataset.of_values(values, box, "map"), "none", map, [])  # type: ignore[arg-type]
+    stretch = fit(Dataset.of_values(values, box, "map"), "none", TilePass([]))
     save(path, SavedBlocks(blocks, box, stretch, "band 1", Origin(("map.tif",), ".")), 1.2, np.inf, True)
     return path
 

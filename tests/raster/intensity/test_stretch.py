@@ -12,13 +12,14 @@ from uavseg.execution.executors import serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.histogram import rank_of
 from uavseg.raster.intensity.stretch import Stretch, fit, parse_stretch
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import tiles
 
 PERCENTS = [0, 0.5, 2, 25, 50, 98, 99.9, 100]
 
 
 def fitted(dataset, spec, side=64, map=serial):
-    return fit(dataset, spec, map, tiles(dataset.geobox.shape, side))
+    return fit(dataset, spec, TilePass(tiles(dataset.geobox.shape, side), map))
 
 
 def nearest_rank(numbers, percent):
@@ -112,7 +113,7 @@ def test_no_pixel_is_read_where_none_need_be(write_raster):
     def nobody(*_):
         raise AssertionError("pixels were read")
 
-    assert fit(dataset, "auto", nobody, []).high == 255
+    assert fit(dataset, "auto", TilePass([], nobody)).high == 255
 
 
 def test_floats_have_no_maximum(write_raster):

@@ -17,6 +17,7 @@ from uavseg.errors import RasterError
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import RegionOutlines
@@ -116,23 +117,23 @@ def test_what_invalid_pixels_part_is_one_region_where_leaves_are_not_refined(sou
     image = picture("### ...")
     image[:, 12] = 0  # a line of nodata within the second cell
     inside = leaves_of(image)
-    kept = outline_regions(sourced(image), inside, BRIGHT, "none", one_tile(image))
+    kept = outline_regions(sourced(image), inside, BRIGHT, "none", TilePass(one_tile(image)))
     assert kept.rings.labels.tolist() == [1, 1] and kept.rings.parts.tolist() == [0, 1]
     assert kept.sums.counts.tolist() == [8 * 23]
-    parted = outline_regions(sourced(image), inside, BRIGHT, "scan", one_tile(image))
+    parted = outline_regions(sourced(image), inside, BRIGHT, "scan", TilePass(one_tile(image)))
     assert parted.sums.counts.tolist() == [12 * 8, 11 * 8]
 
 
 def test_leaves_that_touch_at_a_corner_are_two_regions(sourced: Sourced) -> None:
     image = picture("#. .#")
     for refine in ("none", "scan"):
-        found = outline_regions(sourced(image), leaves_of(image), BRIGHT, refine, one_tile(image))
+        found = outline_regions(sourced(image), leaves_of(image), BRIGHT, refine, TilePass(one_tile(image)))
         assert found.sums.firsts.tolist() == [[0, 0], [8, 8]]
 
 
 def test_the_largest_comes_first_and_ties_are_in_raster_order(sourced: Sourced) -> None:
     image = picture("..#.#  #.#..  #....  ..##.  #....")
-    found = outline_regions(sourced(image), leaves_of(image), BRIGHT, "none", one_tile(image))
+    found = outline_regions(sourced(image), leaves_of(image), BRIGHT, "none", TilePass(one_tile(image)))
     names = np.array(list(".12345"))[whole(found, image)[::8, ::8]]
     assert " ".join("".join(row) for row in names) == "..1.4 2.1.. 2.... ..33. 5...."
 
@@ -160,14 +161,16 @@ SPIRAL = """
 
 def test_a_region_that_winds_through_many_tiles_is_one(sourced: Sourced) -> None:
     image = picture(SPIRAL)
-    found = outline_regions(sourced(image), leaves_of(image), BRIGHT, "none", tiles(image.shape, 64))
+    found = outline_regions(
+        sourced(image), leaves_of(image), BRIGHT, "none", TilePass(tiles(image.shape, 64))
+    )
     assert found.sums.counts.tolist() == [64 * SPIRAL.count("#")]
     assert np.array_equal(whole(found, image), image == 160)
 
 
 def test_nothing_in_range_is_no_region(sourced: Sourced) -> None:
     image = picture("... ...")
-    found = outline_regions(sourced(image), leaves_of(image), BRIGHT, "scan", one_tile(image))
+    found = outline_regions(sourced(image), leaves_of(image), BRIGHT, "scan", TilePass(one_tile(image)))
     assert len(found.sums.counts) == 0 and len(found.rings.labels) == 0
 
 
@@ -184,7 +187,7 @@ def check_against_reference(
         wanted = reference.by_size(reference.pixels(reference.connected(inside.astype(int)), valid))
     else:
         wanted = reference.components(reference.refine_scan_by_lines(cells, grey, valid, 0.5, 0.8))
-    found = outline_regions(sourced(image), inside, BRIGHT, refine, tiles(image.shape, 64))
+    found = outline_regions(sourced(image), inside, BRIGHT, refine, TilePass(tiles(image.shape, 64)))
     labels = whole(found, image)
     assert np.array_equal(labels, wanted)
     flat, g = labels.reshape(-1), grey.reshape(-1).astype(np.float64)
@@ -225,9 +228,11 @@ def test_tiles_workers_and_their_order_change_nothing(
     if refine == "tv":
         inside |= UNSETTLED * random_cells(seed + 1, shape)
     source = sourced(image)
-    wanted = outline_regions(source, inside, BRIGHT, refine, one_tile(image))
+    wanted = outline_regions(source, inside, BRIGHT, refine, TilePass(one_tile(image)))
     for run in (serial, threads(2), shuffled(seed)):
-        assert same(wanted, outline_regions(source, inside, BRIGHT, refine, tiles(shape, side), run))
+        assert same(
+            wanted, outline_regions(source, inside, BRIGHT, refine, TilePass(tiles(shape, side), run))
+        )
 
 
 @settings(max_examples=10, deadline=None)
@@ -235,8 +240,8 @@ def test_tiles_workers_and_their_order_change_nothing(
 def test_sums_are_found_again_from_the_outlines(sourced: Sourced, seed: int, side: Any) -> None:
     image = scene(seed, (150, 200))
     source, windows = sourced(image), tiles((150, 200), side)
-    found = outline_regions(source, random_cells(seed, image.shape), BRIGHT, "scan", windows)
-    again = summed(source, found, windows, shuffled(seed))
+    found = outline_regions(source, random_cells(seed, image.shape), BRIGHT, "scan", TilePass(windows))
+    again = summed(source, found, TilePass(windows, shuffled(seed)))
     assert same(RegionOutlines(found.rings, again), found)
 
 
@@ -248,9 +253,7 @@ def test_progress_is_told_of_every_tile(sourced: Sourced) -> None:
         cells,
         BRIGHT,
         "scan",
-        tiles(image.shape, 64),
-        threads(2),
-        lambda *step: told.append(step),
+        TilePass(tiles(image.shape, 64), threads(2), lambda *step: told.append(step)),
     )
     assert told == [(k, 6) for k in range(1, 7)]
 
@@ -260,9 +263,9 @@ def test_a_raster_whose_cells_have_changed_is_refused(sourced: Sourced, row: int
     image = scene(3, (130, 70))
     cells = np.ones((24, 16), np.uint8)
     windows = tiles(image.shape, 64)
-    blocks = measure(sourced(image), windows, serial).blocks
-    outline_regions(sourced(image), cells, BRIGHT, "scan", windows, expected=blocks)
+    blocks = measure(sourced(image), TilePass(windows)).blocks
+    outline_regions(sourced(image), cells, BRIGHT, "scan", TilePass(windows), expected=blocks)
     changed = image.copy()
     changed[row, 5] ^= 64
     with pytest.raises(RasterError, match="is not as it was when its block map was made"):
-        outline_regions(sourced(changed), cells, BRIGHT, "scan", windows, expected=blocks)
+        outline_regions(sourced(changed), cells, BRIGHT, "scan", TilePass(windows), expected=blocks)

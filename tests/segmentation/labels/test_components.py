@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from skimage import measure
 
-from uavseg.segmentation.labels.component_sums import cell_totals, component_sums
+from uavseg.segmentation.labels.component_sums import component_sums
 from uavseg.segmentation.labels.components import components, equal_components, united, words_of
 
 seeds = st.integers(0, 100_000)
@@ -77,22 +77,6 @@ def in_raster_order(labels: NDArray[np.int64]) -> NDArray[np.int64]:
     named = names > 0
     number[names[named][np.argsort(firsts[named])]] = np.arange(1, named.sum() + 1)
     return number[labels]
-
-
-@settings(deadline=None, max_examples=40)
-@given(seeds, shapes)
-def test_totals_of_cells_are_those_of_each_component_alone(seed: int, shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(seed)
-    labels, count = components(blots(seed, shape))
-    sums, counts = (
-        rng.integers(0, 1 << 22, shape).astype(np.uint32),
-        rng.integers(0, 65, shape).astype(np.uint8),
-    )
-    found, greys, firsts = cell_totals(sums, counts, labels, count)
-    for k in range(count):
-        here = labels == k + 1
-        assert (found[k], greys[k]) == (counts[here].sum(), sums[here].sum())
-        assert firsts[k].tolist() == np.argwhere(here)[0].tolist()
 
 
 @pytest.mark.parametrize(

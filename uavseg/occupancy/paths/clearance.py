@@ -44,25 +44,6 @@ def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) 
     return np.asarray(np.sqrt(squares, out=squares) * (width / 2))
 
 
-def kept_clear(
-    mask: NDArray[np.bool_], metres: float, width: float = 1.0, height: float = 1.0
-) -> NDArray[np.bool_]:
-    """Cells whose centre is at least so far from every impassable cell and from the edge of the map.
-
-    Parameters
-    ----------
-    mask : (M, N) bool array
-    metres : float
-        In the unit of `width` and `height`, those of a cell.
-
-    Examples
-    --------
-    >>> kept_clear(np.ones((3, 4), bool), 1.5).sum()
-    np.int64(2)
-    """
-    return np.asarray(mask & reaches(clearance(mask, width, height), metres))
-
-
 def reaches(distance: Any, metres: float) -> Any:
     """Whether distances are as large as asked for; one that is so exactly is, whatever rounding says."""
     return distance >= metres * (1 - _SLACK)

@@ -8,11 +8,11 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
-from uavseg.execution.executors import serial
 from uavseg.plot.frame import Frame
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.overview import Coarse
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window
 
 
@@ -22,7 +22,7 @@ def draw_raster(ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | Stre
 
     coarse = Coarse.of(dataset, _most_pixels(ax))
     window = Window(0, 0, *coarse.geobox.shape)
-    fitted = fit(coarse, stretch, serial, [window])
+    fitted = fit(coarse, stretch, TilePass([window]))
     values, valid = coarse.read(window)
     picture = np.full((window.rows, window.cols, 4), 255, np.uint8)
     picture[..., :3] = (fitted.apply(values, valid) >> 8).astype(np.uint8)[..., None]

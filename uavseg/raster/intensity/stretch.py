@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, Progress
 from uavseg.raster.dataset import Dataset, Valid, Values
 from uavseg.raster.intensity import histogram
 from uavseg.raster.intensity.grey import Grey, luminance_f4, to_grey
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window
 
 FORMS = "auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH"
@@ -125,9 +125,7 @@ def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
 def fit(
     dataset: Dataset,
     spec: Stretch | StretchSpec | str,
-    map: Map,
-    windows: Sequence[Window],
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> Stretch:
     """The stretch of a whole dataset.
 
@@ -140,11 +138,8 @@ def fit(
     dataset : Dataset
     spec : Stretch, StretchSpec or str
         A stretch that is fitted already stays as it is.
-    map : Map
-        Who runs the work.
-    windows : sequence of Window
-        Cover the dataset once; how it is cut changes nothing.
-    progress : callable, optional
+    tile_pass : TilePass
+        Tiles that cover the dataset once; how it is cut changes nothing.
 
     Raises
     ------
@@ -163,7 +158,7 @@ def fit(
     if spec.form == "dtype":
         return _named(spec, 0.0, _maximum(dataset))
     percents = spec.bounds or (Fraction(0), Fraction(100))
-    found = _order_statistics(dataset, percents, map, windows, progress)
+    found = _order_statistics(dataset, percents, tile_pass)
     if found is None:
         return Stretch(0.0, 1.0, f"{spec} -> nothing", ("no pixel is valid, so there is nothing to stretch",))
     return _named(spec, *found)
@@ -192,13 +187,11 @@ def _maximum(dataset: Dataset) -> float:
 def _order_statistics(
     dataset: Dataset,
     percents: Sequence[Fraction],
-    map: Map,
-    windows: Sequence[Window],
-    progress: Progress | None,
+    tile_pass: TilePass,
 ) -> list[float] | None:
     """The intensities at some percents of all valid pixels; None if there are none."""
     integers = _counts_integers(dataset)
-    counts = reduce(np.add, map(partial(_count_high, dataset), windows, progress))
+    counts = reduce(np.add, tile_pass.run(partial(_count_high, dataset)))
     total = int(counts.sum())
     if total == 0:
         return None
@@ -207,7 +200,7 @@ def _order_statistics(
         smallest = np.iinfo(dataset.dtype.name).min
         return [float(index + smallest) for index, _ in bins]
     uppers = tuple(sorted({index for index, _ in bins}))
-    lowers = reduce(np.add, map(partial(_count_low, dataset, uppers), windows, progress))
+    lowers = reduce(np.add, tile_pass.run(partial(_count_low, dataset, uppers)))
     return [_value(index, rank, lowers[uppers.index(index)]) for index, rank in bins]
 
 

@@ -1,12 +1,11 @@
 """Which of the cells that may be like a sample are so, where the raster as a whole is held against it."""
 
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.executors import Map, Progress, serial
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, window_cells
 from uavseg.regions.sample.model import names_of
 from uavseg.regions.sample.scores import Criterion, Scored
@@ -25,16 +24,14 @@ def confirmed(
     scores: Scored,
     weights: NDArray[np.int64],
     least: int,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> Scored:
     """Scores without those of cells that look more like the raster as a whole than the sample does.
 
     Parameters
     ----------
-    source, criterion, windows, map, progress
-        As of `resemblance.scored`.
+    source, criterion, tile_pass
+        As of `scores.scored`.
     scores : Scored
     weights : (2, 2048) int64 array
     least : int
@@ -47,11 +44,11 @@ def confirmed(
         cell that is kept.
     """
     matched = scores.best <= criterion.limit
-    concerned = [window for window in windows if matched[window_cells(window)].any()]
+    concerned = [window for window in tile_pass.windows if matched[window_cells(window)].any()]
     jobs = CellJobs(matched.view(np.uint8), concerned, CELL)
     best, rest = scores.best.copy(), scores.rest
     confirm = partial(_confirm_tile, source, criterion, weights, least)
-    for window, (refused, unlike) in zip(concerned, map(confirm, jobs, progress), strict=True):
+    for window, (refused, unlike) in zip(concerned, tile_pass.run(confirm, jobs), strict=True):
         best[window_cells(window)][refused] = UNLIKE
         rest += unlike
     return Scored(best, rest, scores.whole)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.executors import Map, Progress, serial
 from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.region_outlines import RegionOutlines
@@ -90,9 +90,7 @@ class Scored:
 def scored(
     source: GreySource,
     criterion: Criterion,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> Scored:
     """The best score of every cell.
 
@@ -100,16 +98,12 @@ def scored(
     ----------
     source : GreySource
     criterion : Criterion
-    windows : sequence of Window
-        Tiles that cover the raster.
-    map : Map
-        Who runs the work.
-    progress : callable, optional
+    tile_pass : TilePass
     """
     best = np.full(BlockMap.empty(source.shape).counts.shape, UNKNOWN, np.uint16)
     rest, whole = Model(), np.zeros((2, SYMBOLS), np.int64)
     for window, found in zip(
-        windows, map(partial(_score_tile, source, criterion), windows, progress), strict=True
+        tile_pass.windows, tile_pass.run(partial(_score_tile, source, criterion)), strict=True
     ):
         if found is not None:
             best[window_cells(window)], unlike, counts = found
@@ -123,9 +117,7 @@ def outline_matches(
     cells: NDArray[np.uint8],
     cuts: NDArray[np.int32],
     weights: Weights,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> RegionOutlines:
     """Regions of cells that are in, and of those pixels of open cells that weigh enough.
 
@@ -136,16 +128,16 @@ def outline_matches(
         0 out, 1 in, 2 open.
     cuts : (7,) int32 array
     weights : Weights
-    windows, map, progress
+    tile_pass
         As of `tilewise.outline_regions`.
     """
     outline = partial(_outline_match, source, cuts, weights)
-    tiles = map(outline, CellJobs(cells, windows, MARGIN), progress)
-    return stitch_tiles(source.shape, windows, tiles).finish()
+    tiles = tile_pass.run(outline, CellJobs(cells, tile_pass.windows, MARGIN))
+    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish()
 
 
 def mean_scores(
-    outlined: RegionOutlines, best: NDArray[np.uint16], windows: Sequence[Window], map: Map
+    outlined: RegionOutlines, best: NDArray[np.uint16], tile_pass: TilePass
 ) -> NDArray[np.float64]:
     """The mean score of the pixels of each region.
 
@@ -162,8 +154,8 @@ def mean_scores(
         NaN where no cell of a region has a score.
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
-    jobs = _Scores(edge_tables(outlined.rings, windows), best)
-    for names, total, count in map(_sum_scores, jobs):
+    jobs = _Scores(edge_tables(outlined.rings, tile_pass.windows), best)
+    for names, total, count in tile_pass.silent.run(_sum_scores, jobs):
         sums[names] += total
         counts[names] += count
     means = np.full(len(sums) - 1, np.nan)

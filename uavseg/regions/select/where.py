@@ -1,8 +1,14 @@
-"""Conditions on the attributes of regions, as text: read as a tree and answered, never run as code."""
+"""Conditions on the attributes of regions, as text: parsed to a syntax tree and evaluated, never run as code.
+
+Missing numbers follow SQL's three-valued logic (Kleene's): what is compared with one is unknown, `not`
+leaves it unknown, `and` and `or` decide it only where the other side does, and a region is chosen where the
+whole is true.
+"""
 
 import ast
 import operator
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,7 +35,7 @@ _CALCULATE: dict[type, Callable[[Any, Any], Any]] = {
 
 
 def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.bool_]:
-    """Which regions fulfil a condition.
+    """Which regions fulfil a condition; where a missing number leaves it unknown, they do not.
 
     The condition may hold names of columns, numbers, texts in quotes, comparisons, `and`, `or`, `not`,
     `+ - * /`, and `in` and `not in` with a list. Nothing else: it is not run as Python.
@@ -37,7 +43,9 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.boo
     Parameters
     ----------
     columns : mapping of str to (N,) array
-        Numbers or texts. A comparison with a missing number (NaN) is not fulfilled.
+        Numbers, truths or texts. A comparison with a missing number (NaN) is neither true nor false, with
+        `!=` and under `not` as well; `mean > 0.6 or id == 4` is true where its other side is. A missing
+        text is the empty text.
     condition : str
 
     Raises
@@ -51,6 +59,8 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.boo
     >>> columns = {"mean": np.array([0.5, 0.8]), "source": np.array(["a.tif", "b.tif"], object)}
     >>> where(columns, "mean > 0.7 and source in ['b.tif', 'c.tif']")
     array([False,  True])
+    >>> where({"mean": np.array([0.5, 0.8, np.nan])}, "not mean > 0.7")
+    array([ True, False, False])
     """
     tree = _parsed(condition)
     count = len(next(iter(columns.values())))
@@ -61,11 +71,11 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.boo
             raise RegionError(
                 f"the condition {condition[:60]!r} is too large a calculation; make it simpler"
             ) from error
-    if np.asarray(answer).dtype != bool:
+    if not isinstance(answer, _Truth):
         raise RegionError(
             f"the condition {condition!r} is no condition; compare with something, as in mean > 0.7"
         )
-    return np.array(np.broadcast_to(answer, count))
+    return np.array(np.broadcast_to(answer.true, count))
 
 
 def _parsed(condition: str) -> ast.expr:
@@ -79,6 +89,26 @@ def _parsed(condition: str) -> ast.expr:
         raise RegionError(
             f'the condition {condition[:60]!r} cannot be read; expected as in "mean > 0.7"{hint}'
         ) from error
+
+
+@dataclass(frozen=True, slots=True)
+class _Truth:
+    """Where something is true, and where it is false; elsewhere it is unknown."""
+
+    true: Any
+    false: Any
+
+    def both(self, other: "_Truth") -> "_Truth":
+        return _Truth(self.true & other.true, self.false | other.false)
+
+    def either(self, other: "_Truth") -> "_Truth":
+        return _Truth(self.true | other.true, self.false & other.false)
+
+    def opposite(self) -> "_Truth":
+        return _Truth(self.false, self.true)
+
+
+_ALWAYS = _Truth(np.True_, np.False_)
 
 
 class _Answer:
@@ -97,7 +127,9 @@ class _Answer:
     def _constant(self, part: ast.Constant) -> Any:
         if not isinstance(part.value, bool | int | float | str):
             raise self._refused(part)
-        return np.bool_(part.value) if isinstance(part.value, bool) else _exact(part.value)
+        if isinstance(part.value, bool):
+            return _ALWAYS if part.value else _ALWAYS.opposite()
+        return np.str_(part.value) if isinstance(part.value, str) else np.float64(part.value)
 
     def _name(self, part: ast.Name) -> Any:
         if part.id not in self.columns:
@@ -106,7 +138,7 @@ class _Answer:
         return _plain(self.columns[part.id])
 
     def _boolop(self, part: ast.BoolOp) -> Any:
-        combine = np.logical_and if isinstance(part.op, ast.And) else np.logical_or
+        combine = _Truth.both if isinstance(part.op, ast.And) else _Truth.either
         answer = self._truth(part.values[0])
         for value in part.values[1:]:
             answer = combine(answer, self._truth(value))
@@ -114,7 +146,7 @@ class _Answer:
 
     def _unaryop(self, part: ast.UnaryOp) -> Any:
         if isinstance(part.op, ast.Not):
-            return np.logical_not(self._truth(part.operand))
+            return self._truth(part.operand).opposite()
         if isinstance(part.op, ast.USub | ast.UAdd):
             value = self._number(part.operand)
             return -value if isinstance(part.op, ast.USub) else value
@@ -125,38 +157,40 @@ class _Answer:
             raise self._refused(part)
         return _CALCULATE[type(part.op)](self._number(part.left), self._number(part.right))
 
-    def _compare(self, part: ast.Compare) -> Any:
-        answer: Any = np.True_
+    def _compare(self, part: ast.Compare) -> _Truth:
+        answer = _ALWAYS
         left = part.left
         for operation, right in zip(part.ops, part.comparators, strict=True):
-            answer = np.logical_and(answer, self._compared(left, operation, right))
+            answer = answer.both(self._compared(left, operation, right))
             left = right
         return answer
 
-    def _compared(self, left: ast.expr, operation: ast.cmpop, right: ast.expr) -> Any:
+    def _compared(self, left: ast.expr, operation: ast.cmpop, right: ast.expr) -> _Truth:
         if isinstance(operation, ast.In | ast.NotIn):
             if not isinstance(right, ast.List | ast.Tuple):
                 raise RegionError(f"the condition {self.condition!r}: after in comes a list, as in [1, 4, 7]")
-            answer: Any = np.False_
+            answer = _ALWAYS.opposite()
             for choice in right.elts:
-                answer = np.logical_or(answer, self._compared(left, ast.Eq(), choice))
-            return answer if isinstance(operation, ast.In) else np.logical_not(answer)
+                answer = answer.either(self._compared(left, ast.Eq(), choice))
+            return answer if isinstance(operation, ast.In) else answer.opposite()
         if type(operation) not in _COMPARE:
             raise self._refused(left)
         first, second = self.of(left), self.of(right)
         if _is_text(first) != _is_text(second):
             raise RegionError(f"the condition {self.condition!r} compares a number with a text")
-        return _COMPARE[type(operation)](first, second)
+        known = _known(first) & _known(second)
+        found = _COMPARE[type(operation)](_values(first), _values(second))
+        return _Truth(found & known, ~found & known)
 
-    def _truth(self, part: ast.expr) -> Any:
+    def _truth(self, part: ast.expr) -> _Truth:
         value = self.of(part)
-        if np.asarray(value).dtype != bool:
+        if not isinstance(value, _Truth):
             raise RegionError(f"the condition {self.condition!r}: {ast.unparse(part)} is no condition")
         return value
 
     def _number(self, part: ast.expr) -> Any:
         value = self.of(part)
-        if _is_text(value) or np.asarray(value).dtype == bool:
+        if _is_text(value) or isinstance(value, _Truth):
             raise RegionError(f"the condition {self.condition!r}: {ast.unparse(part)} is no number")
         return value
 
@@ -167,18 +201,25 @@ class _Answer:
         )
 
 
-def _exact(value: float | str) -> Any:
-    return np.str_(value) if isinstance(value, str) else np.float64(value)
-
-
-def _plain(column: NDArray[Any]) -> NDArray[Any]:
+def _plain(column: NDArray[Any]) -> Any:
     """A column as numbers, truths or texts; a missing text is empty."""
     if column.dtype.kind in "iuf":
         return column.astype(np.float64)
     if column.dtype.kind == "b":
-        return column
+        return _Truth(column, ~column)
     return np.array(["" if value is None or value != value else str(value) for value in column])
 
 
 def _is_text(value: Any) -> bool:
-    return bool(np.asarray(value).dtype.kind == "U")
+    return not isinstance(value, _Truth) and bool(np.asarray(value).dtype.kind == "U")
+
+
+def _known(value: Any) -> Any:
+    """Where a value is not missing."""
+    if isinstance(value, _Truth):
+        return value.true | value.false
+    return np.True_ if _is_text(value) else ~np.isnan(value)
+
+
+def _values(value: Any) -> Any:
+    return value.true if isinstance(value, _Truth) else value

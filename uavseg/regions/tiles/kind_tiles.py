@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.executors import Map, Progress, serial
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, whole_blocks
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
@@ -24,9 +24,7 @@ _Job = tuple[Window, NDArray[Any]]
 def outline_segments(
     source: GreySource,
     cells: NDArray[Any],
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> RegionOutlines:
     """Segments of a raster: cells that share an edge and are of the same kind, not refined.
 
@@ -35,20 +33,17 @@ def outline_segments(
     source : GreySource
     cells : (m, n) uint8 or uint32 array
         The kind of each cell, such as its level; 0 for nothing.
-    windows, map, progress
-        As of `outline_regions`.
+    tile_pass : TilePass
     """
-    tiles = map(partial(_outline_cells, source), CellJobs(cells, windows), progress)
-    return stitch_tiles(source.shape, windows, tiles).finish(cells)
+    tiles = tile_pass.run(partial(_outline_cells, source), CellJobs(cells, tile_pass.windows))
+    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(cells)
 
 
 def outline_state(
     source: GreySource,
     image: StateImage,
     state: int,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
     leaves: NDArray[np.uint8] | None = None,
 ) -> RegionOutlines:
     """Connected pixels of one state.
@@ -58,15 +53,14 @@ def outline_state(
     source : GreySource
     image : StateImage
     state : int
-    windows : sequence of Window
-        As of `outline_regions`; it is quickest if those of the same rows follow each other.
-    map, progress
+    tile_pass : TilePass
+        It is quickest if tiles of the same rows follow each other.
     leaves : (m, n) uint8 array, optional
         The states of cells, where they were not refined: leaves that share an edge are then one object.
     """
-    tiles = map(partial(_outline_pixels, source), _PixelJobs(image, state, windows), progress)
+    tiles = tile_pass.run(partial(_outline_pixels, source), _PixelJobs(image, state, tile_pass.windows))
     of_state = None if leaves is None else (leaves == state).view(np.uint8)
-    return stitch_tiles(source.shape, windows, tiles).finish(of_state)
+    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(of_state)
 
 
 class CellJobs(Sequence[_Job]):

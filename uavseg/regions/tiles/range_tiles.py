@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
-from uavseg.execution.executors import Map, Progress, serial
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.region_outlines import RegionOutlines
@@ -29,9 +29,7 @@ def outline_regions(
     inside: NDArray[np.uint8],
     interval: IntensityRange,
     refine: Refinement,
-    windows: Sequence[Window],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
     expected: BlockMap | None = None,
 ) -> RegionOutlines:
     """Regions of a raster, refined to the pixel.
@@ -44,10 +42,7 @@ def outline_regions(
     interval : IntensityRange
     refine : {"none", "scan", "smooth", "tv"}
         With "none", leaves that share an edge are one region also where invalid pixels part their pixels.
-    windows : sequence of Window
-        Tiles that cover the raster, each after those above it and to its left.
-    map, progress
-        Who runs the work, and who is told.
+    tile_pass : TilePass
     expected : BlockMap, optional
         What the raster's cells must add up to, where the block map was made at another time.
 
@@ -56,9 +51,9 @@ def outline_regions(
     RasterError
         If they do not.
     """
-    jobs = _Jobs(inside, windows, expected)
-    tiles = map(partial(_outline_tile, source, interval, refine), jobs, progress)
-    return stitch_tiles(source.shape, windows, tiles).finish(inside if refine == "none" else None)
+    jobs = _Jobs(inside, tile_pass.windows, expected)
+    tiles = tile_pass.run(partial(_outline_tile, source, interval, refine), jobs)
+    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(inside if refine == "none" else None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,12 +104,13 @@ def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> 
     return all(np.array_equal(one, other) for one, other in zip(first, second, strict=True))
 
 
-def summed(source: GreySource, outlined: RegionOutlines, windows: Sequence[Window], map: Map) -> Sums:
+def summed(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> Sums:
     """Sums over the valid pixels that regions enclose, read again from the raster."""
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts = np.zeros_like(sums.counts)
-    for found in map(partial(_sum_tile, source), edge_tables(outlined.rings, windows)):
+    jobs = edge_tables(outlined.rings, tile_pass.windows)
+    for found in tile_pass.silent.run(partial(_sum_tile, source), jobs):
         if found is not None:
             names, parts = found
             counts[names - 1] += parts.counts

@@ -48,38 +48,6 @@ def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint
     return Sums(counts, greys, squares, firsts)
 
 
-def cell_totals(
-    sums: NDArray[np.uint32], counts: NDArray[np.uint8], labels: NDArray[np.uint32], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.uint64], NDArray[np.int64]]:
-    """Totals over the components 1..count of an image of cells.
-
-    Parameters
-    ----------
-    sums : (m, n) uint32 array
-        Sum of the grey of each cell.
-    counts : (m, n) uint8 array
-        Its valid pixels.
-    labels : (m, n) uint32 array
-    count : int
-
-    Returns
-    -------
-    counts : (count,) int64 array
-        Valid pixels.
-    greys : (count,) uint64 array
-    firsts : (count, 2) int64 array
-        Row and column of the first cell in raster order.
-    """
-    totals, greys, firsts = (
-        np.zeros(count, np.int64),
-        np.zeros(count, np.uint64),
-        np.zeros((count, 2), np.int64),
-    )
-    arrays = (np.ascontiguousarray(array) for array in (sums, counts, labels))
-    _total(*arrays, np.zeros(count, np.uint8), totals, greys, firsts)
-    return totals, greys, firsts
-
-
 @kernel("void(u4[:,::1], u2[:,::1], i8, i8[::1], u8[::1], u8[::1], i8[:,::1])")
 def _sum_up(labels, grey, margin, counts, greys, squares, firsts):  # type: ignore[no-untyped-def]
     rows, cols = labels.shape
@@ -104,18 +72,3 @@ def _sum_up(labels, grey, margin, counts, greys, squares, firsts):  # type: igno
             counts[label - 1] += c - start
             greys[label - 1] += total
             squares[label - 1] += square
-
-
-@kernel("void(u4[:,::1], u1[:,::1], u4[:,::1], u1[::1], i8[::1], u8[::1], i8[:,::1])")
-def _total(sums, counts, labels, seen, totals, greys, firsts):  # type: ignore[no-untyped-def]
-    for r in range(labels.shape[0]):
-        for c in range(labels.shape[1]):
-            if labels[r, c] == 0:
-                continue
-            k = labels[r, c] - 1
-            totals[k] += np.int64(counts[r, c])
-            greys[k] += np.uint64(sums[r, c])
-            if not seen[k]:
-                seen[k] = 1
-                firsts[k, 0] = r
-                firsts[k, 1] = c

@@ -12,8 +12,8 @@ from uavseg._jit import inlined, kernel
 
 REACH = 80  # pixels: an image cut with this much around it is refined as the whole would be
 _RUN = 8  # pixels: where a run of changes stops
-_SCALE = 16  # the local mean's weights are the binomial coefficients of 16: sigma = 2 pixels
-_WEIGHTS = np.array([1, 16, 120, 560, 1820, 4368, 8008, 11440, 12870], np.int64)  # 16 over k, k = 0..8
+# The weights of the local mean, 16 over k for k = 0..8: nearly a Gaussian with sigma = 2 pixels.
+_WEIGHTS = np.array([1, 16, 120, 560, 1820, 4368, 8008, 11440, 12870], np.int64)
 
 
 def scan(

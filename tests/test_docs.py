@@ -1,0 +1,102 @@
+"""What the README and the documentation pages show is there, and runs."""
+
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+import yaml
+
+import uavseg
+from uavseg.cli import main
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "samples").glob("*.md")]
+RUN = [ROOT / "docs" / "tutorial.md", *sorted((ROOT / "docs" / "how-to").glob("*.md"))]
+SHELL = re.compile(r"^```(?:sh|console)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+INLINE = re.compile(r"`(uavseg \w+ [^`]*-[^`]*)`")
+PICTURE = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
+
+
+def lines_of(page: Path) -> Iterator[str]:
+    """The lines of a page that call uavseg, in blocks of shell and in running text."""
+    text = page.read_text(encoding="utf-8")
+    for block in SHELL.findall(text):
+        for line in block.splitlines():
+            for part in re.split(r"\||&&", line.removeprefix("$ ")):
+                if re.match(r"\s*(rio )?uavseg ", part):
+                    yield part.strip()
+    yield from (line for line in INLINE.findall(text) if "..." not in line)
+
+
+LINES = sorted({(page.relative_to(ROOT).as_posix(), line) for page in PAGES for line in lines_of(page)})
+
+
+@pytest.mark.parametrize(("page", "line"), LINES)
+def test_every_line_that_is_shown_can_be_typed(page: str, line: str) -> None:
+    words = shlex.split(line, comments=True)
+    words = words[words.index("uavseg") + 1 :]
+    if words[0].startswith("-"):
+        main.make_parser(click.Context(main)).parse_args(words)
+        return
+    command = main.get_command(click.Context(main), words[0])
+    assert command is not None, f"{page}: there is no command {words[0]}"
+    context = click.Context(command)
+    values, _, _ = command.make_parser(context).parse_args(words[1:])
+    for parameter in command.params:
+        if isinstance(parameter, click.Option) and parameter.name in values:
+            parameter.type_cast_value(context, values[parameter.name])
+
+
+def test_a_line_that_is_wrong_is_found() -> None:
+    with pytest.raises(click.UsageError):
+        test_every_line_that_is_shown_can_be_typed("a page", "uavseg plan a.geojson --largets 2")
+    with pytest.raises(click.UsageError):
+        test_every_line_that_is_shown_can_be_typed("a page", "uavseg plan a.geojson --pattern spiral")
+
+
+def test_the_pages_show_every_command() -> None:
+    shown = {shlex.split(line, comments=True)[1] for _, line in LINES if line.startswith("uavseg")}
+    assert set(main.list_commands(click.Context(main))) <= shown
+
+
+def test_the_reference_names_every_public_name() -> None:
+    reference = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"^\.\. auto\w+:: uavseg\.(\w+)$", reference, re.MULTILINE))
+    assert named == set(uavseg.__all__) - {"__version__"}
+
+
+def test_the_words_are_explained_before_the_first_v() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert readme.index("<!-- glossary -->") < re.search(r"\bv\b", readme).start()  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_pictures_are_there_and_small(page: Path) -> None:
+    for link in PICTURE.findall(page.read_text(encoding="utf-8")):
+        picture = page.parent / link
+        assert picture.is_file(), f"{page.name} shows {link}"
+        assert picture.stat().st_size < 300_000 or picture.name == "quarry.png"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+def test_the_commands_of_a_page_print_what_it_shows(page: Path) -> None:
+    ran = subprocess.run(
+        [sys.executable, str(ROOT / "docs" / "run.py"), "--check", str(page)], capture_output=True, text=True
+    )
+    assert ran.returncode == 0, ran.stderr
+
+
+def test_the_citation_names_this_version_and_the_paper() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == uavseg.__version__
+    assert [author["family-names"] for author in citation["references"][0]["authors"]] == [
+        "Abou Merhy",
+        "Payeur",
+        "Petriu",
+    ]
