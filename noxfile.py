@@ -1,9 +1,41 @@
-"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`; `nox -l` lists them."""
+"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`; `nox -l` lists them.
+
+``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed,
+with the lowest version of every dependency that pyproject.toml allows and with the newest; ``-- job`` or
+``-- tests`` after them runs one of the two. All main jobs of a call must write the same bytes. A Python
+that is not installed is named and skipped.
+"""
+
+import hashlib
+import re
+import shutil
+import tomllib
+from pathlib import Path
 
 import nox
 
 nox.options.sessions = ["fast", "lint"]
 nox.options.reuse_existing_virtualenvs = True
+
+PYTHONS = ["3.11", "3.12", "3.13"]
+ROOT = Path(__file__).resolve().parent
+JOB = """
+extract {samples}/quarry.tif --range 0.55,1 --mission quarry.plan --altitude 60 --home auto
+extract {samples}/shore.tif --range 0.5,1 -o land.kml --labels land.tif --smooth-outline 1 --min-area 50
+extract {samples}/fields_rgb.tif --range 0.54,1 -o fields.geojson --method paper --fill-holes 10px
+extract {samples}/thermal.tif --stretch 28000,31500 --range 0.25,1 -o warm.gpkg
+levels {samples}/quarry.tif --width 0.2 --min-area 50 -o levels.geojson
+divide {samples}/quarry.tif -o blocks.tif
+suggest {samples}/quarry.tif -o ranges.png
+match {samples}/fields_rgb.tif --like 548225,6471890,4 -o like.geojson
+simulate circles -o map.tif --truth truth.tif
+classify map.tif --stretch none -o states.tif --objects objects.geojson
+path map.tif --range 0,0.45 --start 0.715,1.595 --goal 2.135,0.305 --smooth -o path.geojson
+plan quarry.regions.geojson -o survey.waypoints --altitude 60 --home auto --pattern survey --spacing 15
+preview {samples}/quarry.tif --regions quarry.regions.geojson -o quarry.png
+"""
+SAME = {".geojson", ".kml", ".plan", ".waypoints"}  # the others hold what GDAL and matplotlib add to them
+_jobs: dict[str, dict[str, str]] = {}
 
 
 @nox.session
@@ -41,3 +73,58 @@ def bench(session: nox.Session) -> None:
     """Benchmarks: `nox -s bench -- --help` says which there are."""
     session.install("-e", ".[bench,test]")
     session.run("python", "-m", "benchmarks", *session.posargs)
+
+
+@nox.session(python=PYTHONS)
+def lowest(session: nox.Session) -> None:
+    """The lowest versions of the dependencies."""
+    constraints = Path(session.create_tmp()) / "lowest.txt"
+    constraints.write_text("\n".join(floors()))
+    session.install("-e", ".[test]", "-c", str(constraints))
+    check(session)
+
+
+@nox.session(python=PYTHONS)
+def newest(session: nox.Session) -> None:
+    """The newest versions of the dependencies."""
+    session.install("-e", ".[test]", "--upgrade", "--upgrade-strategy", "eager")
+    check(session)
+
+
+def floors() -> list[str]:
+    """Each dependency of the package and of its tests at the lowest version that pyproject.toml allows."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    wanted = [*project["dependencies"], *extras["test"], *extras["cluster"]]
+    split = [re.fullmatch(r"([\w-]+)>=([\w.]+)", text) for text in wanted if not text.startswith("uavseg")]
+    assert all(split), f"expected NAME>=VERSION of every dependency, got {wanted}"
+    return [f"{found[1]}=={found[2]}" for found in split if found]
+
+
+def check(session: nox.Session) -> None:
+    """Run the main job and the fast tests, or one of them."""
+    session.run("python", "-m", "pip", "freeze", "--exclude-editable")
+    if "tests" not in session.posargs:
+        job(session)
+    if "job" not in session.posargs:
+        session.run("python", "-m", "pytest", "-m", "not slow", "-n", "auto")
+
+
+def job(session: nox.Session) -> None:
+    """Run commands over the samples; what they write is the same in all sessions of this call."""
+    folder = Path(session.create_tmp()) / "job"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    with session.chdir(folder):
+        for line in JOB.strip().splitlines():
+            session.run("uavseg", *line.format(samples=ROOT / "samples").split())
+    files = sorted(folder.rglob("*"))
+    assert all(path.stat().st_size for path in files), "a file is empty"
+    found = {
+        path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in files if path.suffix in SAME
+    }
+    first, expected = next(iter(_jobs.items()), (session.name, found))
+    _jobs[session.name] = found
+    different = sorted(name for name in expected | found if expected.get(name) != found.get(name))
+    if different:
+        session.error(f"not the bytes of {first}: {', '.join(different)}")

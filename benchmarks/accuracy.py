@@ -113,10 +113,10 @@ def by_original(grid: Any) -> Any:
     """The original LBP/C, which knows no states: each of its segments by its mean v."""
     import numpy as np
 
-    from uavseg.segmentation.baseline.lbpc import original
+    from uavseg.segmentation.baseline.lbpc import segment_lbpc
     from uavseg.segmentation.intervals import StateLimits
 
-    labels = original(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
+    labels = segment_lbpc(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
     sums = np.bincount(labels.ravel(), grid.probabilities.ravel())
     means = sums / np.maximum(np.bincount(labels.ravel()), 1)
     return StateLimits().of(means)[labels]

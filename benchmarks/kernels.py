@@ -70,12 +70,12 @@ def _cases() -> Iterator[_Case]:
     from uavseg.regions.outline.trace import trace
     from uavseg.segmentation.blocks.block_map import cell_sums
     from uavseg.segmentation.blocks.division import block_ratios
-    from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram, symbols
+    from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.labels.component_sums import component_sums
-    from uavseg.segmentation.labels.components import components
-    from uavseg.segmentation.refine.range_scans import scan
-    from uavseg.segmentation.refine.tv import denoised
+    from uavseg.segmentation.labels.components import label_components
+    from uavseg.segmentation.refine.range_scans import refine_by_scans
+    from uavseg.segmentation.refine.tv import refine_by_tv
 
     tile = _tile()
     stretch = Stretch(0.0, 255.0, "dtype")
@@ -87,9 +87,9 @@ def _cases() -> Iterator[_Case]:
     sums, counts = cell_sums(grey, valid, 1)
     yield _Case("`blockmap.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
 
-    cuts = contrast_cuts(contrast_histogram(grey))
+    cuts = contrast_bin_edges(contrast_histogram(grey))
     yield _Case("`texture.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
-    yield _Case("`texture.symbols`", lambda: symbols(grey, None, cuts), (grey, inner))
+    yield _Case("`texture.symbols`", lambda: lbp_symbols(grey, None, cuts), (grey, inner))
 
     starts = np.arange(0, SIDE, BLOCK)
     corners = np.stack(np.meshgrid(starts, starts, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -100,20 +100,23 @@ def _cases() -> Iterator[_Case]:
     whole = np.ones_like(inside)
     matching = (inner >= LOW * 65535).astype(np.uint8)
     yield _Case(
-        "`refinement.scan`", lambda mask: scan(mask, whole, matching), (inside, whole, matching), (inside,)
+        "`refinement.scan`",
+        lambda mask: refine_by_scans(mask, whole, matching),
+        (inside, whole, matching),
+        (inside,),
     )
     every = np.ones_like(bright, dtype=np.uint8)
     greys = IntensityRange(LOW, 1).greys
     yield _Case(
         "`denoising.denoised`, all cells",
-        lambda mask: denoised(mask, every, whole, inner, matching, greys),
+        lambda mask: refine_by_tv(mask, every, whole, inner, matching, greys),
         (inside, whole, inner, matching),
         (inside,),
     )
 
-    refined = scan(inside.copy(), whole, matching)
-    labels, count = components(refined)
-    yield _Case("`components.components`", lambda: components(refined), (refined, labels))
+    refined = refine_by_scans(inside.copy(), whole, matching)
+    labels, count = label_components(refined)
+    yield _Case("`components.components`", lambda: label_components(refined), (refined, labels))
     yield _Case("`sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
 
     sizes = np.bincount(labels.ravel())

@@ -125,7 +125,7 @@ def _whole_map(scene: Any) -> Iterator[Step]:
     from uavseg.raster.tiling import tiles
     from uavseg.segmentation.intervals import StateLimits
     from uavseg.segmentation.params import SegmentParams
-    from uavseg.segmentation.pipeline import block_map, block_map_for
+    from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
     from uavseg.segmentation.source import GreySource
 
     grid = _grid()
@@ -134,9 +134,9 @@ def _whole_map(scene: Any) -> Iterator[Step]:
     dataset = grid.dataset()
     source, windows = GreySource(dataset, stretch_of(dataset)), tiles((SIDE, SIDE), 512)
     paper = SegmentParams(method="paper")
-    ms = _median_ms(lambda: block_map_for(source, StateLimits(), paper, TilePass(windows)))
+    ms = _median_ms(lambda: measure_block_map_for(source, StateLimits(), paper, TilePass(windows)))
     yield Step("the whole map segmented", ms, 0.0, 1024, "states")
-    ms = _median_ms(lambda: block_map(source, TilePass(windows)))
+    ms = _median_ms(lambda: measure_block_map(source, TilePass(windows)))
     yield Step("the whole map segmented", ms, 0.0, 1024, "all R, for any question")
     live = grid.segmentation
     yield Step("`refit`", _median_ms(live.refit), 0.0, 1024, "cuts fitted, all blocks divided again")

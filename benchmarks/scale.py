@@ -156,11 +156,11 @@ def _again(raster: str, blocks: str) -> tuple[float, float]:
     from uavseg.execution.executors import threads
     from uavseg.jobs.extract import ExtractParams, extract, extract_from_blocks
     from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blocks.block_file import load
+    from uavseg.segmentation.blocks.block_file import read_block_map
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
 
-    saved, dataset = load(blocks), Dataset.open(raster)
+    saved, dataset = read_block_map(blocks), Dataset.open(raster)
     params = ExtractParams(SegmentParams(refine="none"))
     extract_from_blocks(saved, None, IntensityRange(0.7, 1), params)  # loads all that is needed
     begun = time.perf_counter()
@@ -182,7 +182,7 @@ def _segment(raster: str, count: str) -> tuple[float]:
     from uavseg.regions.tiles.range_tiles import outline_regions
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
-    from uavseg.segmentation.pipeline import block_map_for, cells_to_refine
+    from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
     from uavseg.segmentation.source import GreySource
 
     dataset, interval, how, work = (
@@ -194,7 +194,7 @@ def _segment(raster: str, count: str) -> tuple[float]:
     tile_pass = TilePass.over(dataset, map=work)
     source = GreySource(dataset, fit(dataset, "auto", tile_pass))
     start = time.perf_counter()
-    blocks = block_map_for(source, interval, how, tile_pass)
+    blocks = measure_block_map_for(source, interval, how, tile_pass)
     inside = cells_to_refine(blocks, interval, how)
     outline_regions(source, inside, interval, how.refine, tile_pass)
     return (time.perf_counter() - start,)

@@ -19,8 +19,9 @@ from scipy import ndimage
 from benchmarks.classscenes import FAMILIES, HELD_OUT, Labels, Scene
 from uavseg.raster.intensity.otsu import Classes, multi_otsu, number_of_classes
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means
-from uavseg.segmentation.blocks.leaves import intervals_of
-from uavseg.segmentation.in_memory import divided
+from uavseg.segmentation.blocks.leaves import cell_intervals
+from uavseg.segmentation.in_memory import block_map_of_array
+from uavseg.segmentation.params import DivisionParams
 
 SEEDS, BINS, MOST = 5, 256, 6
 X, TAU = 1.2, 0.05
@@ -159,8 +160,8 @@ def scores(families: Mapping[str, Callable[[int], Scene]], seeds: Iterable[int])
 
 
 def _scored(scene: Scene) -> Iterator[tuple[str, tuple[float, float, bool]]]:
-    blocks = divided(np.floor(scene.v * 65535 + 0.5).astype(np.uint16))
-    histogram = histogram_of_means(blocks, X, TAU)
+    blocks = block_map_of_array(np.floor(scene.v * 65535 + 0.5).astype(np.uint16))
+    histogram = histogram_of_means(blocks, DivisionParams(X, TAU))
     held = np.flatnonzero(histogram)
     width = -(-(held[-1] - held[0] + 1) // BINS)
     bins = np.add.reduceat(
@@ -171,7 +172,7 @@ def _scored(scene: Scene) -> Iterator[tuple[str, tuple[float, float, bool]]]:
         answers = []
         for wanted in (classes, None):
             edges = [(held[0] + cut * width - 0.5) / 65535 for cut in find(bins, wanted)]
-            cells = intervals_of(blocks, edges, X, TAU)
+            cells = cell_intervals(blocks, edges, DivisionParams(X, TAU))
             answers.append((overlap(np.kron(cells, np.ones((8, 8), np.uint8)), scene.truth), len(edges) + 1))
         (told, _), (found, count) = answers
         yield who, (told, found, count == classes)

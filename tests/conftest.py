@@ -1,12 +1,18 @@
 """What several rooms of the tests share."""
 
 import importlib.util
+import inspect
+from functools import partialmethod
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+from click.testing import CliRunner
 
 HERE = Path(__file__).resolve().parent
+
+if "mix_stderr" in inspect.signature(CliRunner).parameters:  # click < 8.2: stdout and stderr apart, as later
+    CliRunner.__init__ = partialmethod(CliRunner.__init__, mix_stderr=False)  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="session")

@@ -24,10 +24,10 @@ from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.range_tiles import outline_regions
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 
 CHUNK = 20
@@ -81,8 +81,8 @@ def segmented(case: Case, side: int, run: Map) -> RegionOutlines:
     """The project's own answer, tile by tile."""
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)
-    blocks = block_map_for(source, case.interval, case.params, TilePass(windows, run))
-    inside = in_range(blocks, case.interval, case.params.threshold, case.params.step)
+    blocks = measure_block_map_for(source, case.interval, case.params, TilePass(windows, run))
+    inside = cells_in_range(blocks, case.interval, case.params.division)
     return outline_regions(source, inside, case.interval, case.params.refine, TilePass(windows, run))
 
 

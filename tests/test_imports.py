@@ -108,28 +108,29 @@ PHASES = {
         "blocks.g_statistic",
     },  # its kernel makes symbols
     "blocks.g_statistic": set(),
-    "blocks.block_map": {"blocks.division"},
+    "blocks.block_map": {"blocks.division", "params"},
     "intervals": set(),
-    "blocks.leaves": {"blocks.block_map", "intervals"},
+    "blocks.leaves": {"blocks.block_map", "intervals", "params"},
     "blocks.mixed_cells": {"blocks.block_map"},
-    "refine.noise": set(),
+    "dilation": set(),
+    "refine.noise": {"dilation"},
     "refine.specks": set(),
     "refine.total_variation": set(),
-    "refine.tv": {"refine.noise", "refine.specks", "refine.total_variation"},
-    "blocks.leaf_means": {"blocks.block_map"},
+    "refine.tv": {"dilation", "refine.noise", "refine.specks", "refine.total_variation"},
+    "blocks.leaf_means": {"blocks.block_map", "params"},
     "refine.range_scans": set(),
     "states.state_scans": set(),
     "labels.components": set(),
     "labels.component_sums": set(),
     "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
-    "sample.pixel_decision": {"sample.g_scores", "blocks.lbp"},
+    "sample.pixel_decision": {"dilation", "sample.g_scores", "blocks.lbp"},
     "sample.coarse_lbp": {"blocks.lbp"},
     "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
     "params": set(),
 }
 EVERY_PHASE = set(PHASES)
 PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks
-PHASES["baseline.merging"] = {"labels.components"}
+PHASES["baseline.merging"] = {"blocks.g_statistic", "blocks.lbp", "labels.components"}
 PHASES["baseline.lbpc"] = EVERY_PHASE | {"in_memory", "baseline.merging"}  # a method of its own, made of them
 ON_RASTERS = {  # these may import raster, and all phases
     "source",

@@ -204,11 +204,11 @@ def test_real_maps_are_those_of_the_reference(
 
 
 def test_very_wide_maps_are_cut_into_low_strips(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(classification, "_MOST", 64 * 256)
+    monkeypatch.setattr(classification, "_MAX_STRIP_PIXELS", 64 * 256)
     values, _ = random_map(7)
     values = np.tile(values, (-(-200 // len(values)), 4))
     dataset = Dataset.of_values(values, GeoBox(values.shape, Affine.identity(), None), "map")
-    strips = classification.strips_of(values.shape, (512, 512))
+    strips = classification.state_strips(values.shape, (512, 512))
     assert {window.rows for strip in strips[:-1] for window in strip} == {64}
     low = classify(GreySource(dataset, stretch_of(dataset)))
     monkeypatch.undo()

@@ -76,7 +76,7 @@ def test_rio_and_uavseg_answer_alike(rio: click.Group, raster: str) -> None:
 
 def test_rio_passes_errors_on(rio: click.Group, raster: str) -> None:
     result = run(rio, "uavseg", "extract", raster, "--range", "1,0")
-    assert result.exit_code == 1 and result.stderr.startswith("uavseg: error: an intensity range wants")
+    assert result.exit_code == 1 and result.stderr.startswith("uavseg: error: expected an intensity range")
     assert run(rio, "uavseg", "extract", raster).exit_code == 2
 
 

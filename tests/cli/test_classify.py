@@ -236,7 +236,7 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
             ["map.tif", "--free-below", "0.6"],
             "states want 0 <= free below < occupied above <= 1",
         ),
-        (["map.tif", "--occupied-above", "nan"], "limits of the states want"),
+        (["map.tif", "--occupied-above", "nan"], "expected limits of states"),
         (["map.tif", "-o", "s.png"], "states are written to .tif, or to .yaml for a ROS map"),
         (["map.tif", "-o", "there.tif"], "there.tif exists; give --overwrite"),
         (["map.tif", "-o", "there.yaml"], "there.pgm exists; give --overwrite"),
@@ -290,7 +290,7 @@ def test_a_disk_that_fills_up_leaves_nothing(monkeypatch: pytest.MonkeyPatch) ->
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(stateimage, "packed", full)
+    monkeypatch.setattr(stateimage, "pack_codes", full)
     assert "No space left on device" in refused("map.tif", "-o", "s.tif")
 
 

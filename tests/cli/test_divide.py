@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from pandas.testing import assert_frame_equal
 
 from uavseg.cli import main
-from uavseg.segmentation.blocks.block_file import load
+from uavseg.segmentation.blocks.block_file import read_block_map
 
 RANGE = ("--range", "0.55,1")
 
@@ -101,7 +101,7 @@ def test_quiet_says_nothing_and_plain_progress_rises_to_100() -> None:
 
 def test_it_loads_back_with_its_origin(folder: Path) -> None:
     done("divide", "tile.tif", "-o", "blocks.tif", "--band", 1, "--nodata", "nan", "--stretch", "10,200")
-    saved = load("blocks.tif")
+    saved = read_block_map("blocks.tif")
     assert saved.geobox.shape == (150, 170) and (saved.stretch.low, saved.stretch.high) == (10, 200)
     assert saved.origin.rasters == ("tile.tif",) and saved.origin.folder == str(folder)
     assert saved.origin.band == 1 and saved.origin.nodata is not None and np.isnan(saved.origin.nodata)

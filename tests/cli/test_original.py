@@ -10,7 +10,7 @@ from affine import Affine
 from click.testing import CliRunner, Result
 
 from uavseg.cli import main
-from uavseg.segmentation.baseline.lbpc import OriginalParams, original
+from uavseg.segmentation.baseline.lbpc import LbpcParams, segment_lbpc
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
 
@@ -51,10 +51,10 @@ def labels_of(*arguments: object) -> np.ndarray:
 
 def test_labels_are_those_of_the_image_in_memory() -> None:
     grey = scene().astype(np.uint16) * 257
-    assert np.array_equal(labels_of("scene.tif"), original(grey))
-    params = OriginalParams(1.1, 3.0, 0.2, 5, 4)
+    assert np.array_equal(labels_of("scene.tif"), segment_lbpc(grey))
+    params = LbpcParams(1.1, 3.0, 0.2, 5, 4)
     how = ("--threshold", 1.1, "--merge-stop", 3, "--untested", 0.2, "--radius", 5, "--sweeps", 4)
-    assert np.array_equal(labels_of("scene.tif", *how), original(grey, params=params))
+    assert np.array_equal(labels_of("scene.tif", *how), segment_lbpc(grey, params=params))
 
 
 def test_nodata_has_no_label_and_tiles_and_threads_change_nothing() -> None:

@@ -5,6 +5,7 @@ import json
 import pickle
 import zipfile
 from dataclasses import dataclass, fields, is_dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -128,6 +129,7 @@ def pickled() -> bytes:
         archive({"set": [1]}),
         archive({}),
     ],
+    ids=map(str, count()),  # the archives hold the time: they would have another name in each worker
 )
 def test_what_is_foreign_is_refused_and_runs_nothing(data: bytes) -> None:
     with pytest.raises(DamagedResultError):

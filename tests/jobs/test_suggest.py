@@ -17,10 +17,10 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.range_candidates import Cuts
+from uavseg.segmentation.range_candidates import RangeCandidates
 
 NONE = SegmentParams(refine="none")
 
@@ -65,7 +65,7 @@ def test_regions_and_pixels_are_those_of_extracting_each_range(
     for chosen in found.ranges:
         interval = IntensityRange(*chosen.range)
         regions = extract_from_blocks(blocks, None, interval, ExtractParams(segment)).regions
-        inside = in_range(blocks.blocks, interval, segment.threshold, segment.step)
+        inside = cells_in_range(blocks.blocks, interval, segment.division)
         assert (len(regions), int(blocks.blocks.counts[inside > 0].sum())) == (chosen.regions, chosen.pixels)
 
 
@@ -84,7 +84,9 @@ def test_a_cut_that_is_a_mean_moves_beside_it(monkeypatch: pytest.MonkeyPatch) -
     """Otherwise the leaves on it would belong to the ranges on both of its sides."""
     image = np.full((128, 128), 0.4, np.float32)
     image[:64] = 0.8
-    monkeypatch.setattr(module, "cuts_of", lambda *_: Cuts((0.4,), multi_otsu([1, 1], 2)[1], True))
+    monkeypatch.setattr(
+        module, "propose_ranges", lambda *_: RangeCandidates((0.4,), multi_otsu([1, 1], 2)[1], True)
+    )
     found = suggest_from_blocks(saved(image))
     assert [chosen.range for chosen in found.ranges] == [(0, 0.40001), (0.40001, 1)]
     assert [chosen.share for chosen in found.ranges] == [0.5, 0.5]

@@ -18,7 +18,7 @@ from uavseg.raster.formats.png import write_png
 from uavseg.raster.geobox import upright
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tiles
-from uavseg.segmentation.pipeline import GreySource, divide, measure
+from uavseg.segmentation.pipeline import GreySource, fill_ratios, measure_cells
 
 Write = Callable[..., Path]
 
@@ -96,8 +96,8 @@ def test_a_ros_map_divides_like_the_same_raster(tmp_path: Path, write: Write) ->
     blocks = []
     for (dataset, stretch), side in zip(maps, (64, 128), strict=True):
         source, tile_pass = GreySource(dataset, stretch), TilePass(tiles(states.shape, side))
-        measured = measure(source, tile_pass)
-        divide(source, measured, np.ones(measured.blocks.blocks, bool), tile_pass)
+        measured = measure_cells(source, tile_pass)
+        fill_ratios(source, measured, np.ones(measured.blocks.blocks, bool), tile_pass)
         blocks.append(measured.blocks)
     assert (blocks[0].sums == blocks[1].sums).all()
     np.testing.assert_array_equal(blocks[0].ratios, blocks[1].ratios)

@@ -1,13 +1,12 @@
 """The phases on arrays are those of the pipeline."""
 
-from math import inf
-
 import numpy as np
 import pytest
 
 from uavseg.errors import IntensityRangeError
 from uavseg.segmentation import in_memory
 from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import SegmentParams
 
 
 @pytest.mark.parametrize("seed", range(0, 40, 2))
@@ -16,8 +15,9 @@ def test_regions_of_an_array_are_those_of_the_reference(reference, seed, refine)
     values, valid, low, high = reference.random_raster(seed)
     lo, hi, threshold, tau = reference.random_choices(seed)
     grey = reference.grey(values, valid, low, high)
-    step = inf if tau is None else tau
-    labels = in_memory.regions(grey, IntensityRange(lo, hi), valid, threshold, step, refine)
+    method, step = ("paper", 0.0) if tau is None else ("adaptive", tau)
+    params = SegmentParams(method, threshold, step, refine)
+    labels = in_memory.label_regions(grey, IntensityRange(lo, hi), valid, params)
     if refine == "scan":
         expected = reference.extract(values, valid, low, high, lo, hi, X=threshold, tau=tau)
         assert np.array_equal(labels, expected)
@@ -27,7 +27,7 @@ def test_regions_of_an_array_are_those_of_the_reference(reference, seed, refine)
 def test_ratios_of_an_array_are_those_of_the_reference(reference):
     values, valid, low, high = reference.random_raster(3)
     grey = reference.grey(values, valid, low, high)
-    blocks = in_memory.divided(grey, valid)
+    blocks = in_memory.block_map_of_array(grey, valid)
     for (row, col, side), ratio in reference.ratios(grey, valid).items():
         many = 64 // side
         first = {64: 0, 32: 1, 16: 5}[side]

@@ -17,12 +17,18 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, tiles
-from uavseg.segmentation.blocks.block_map import undecided
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.block_map import required_ratios
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine, measure, refined
-from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
+from uavseg.segmentation.pipeline import (
+    cells_to_refine,
+    measure_block_map,
+    measure_block_map_for,
+    measure_cells,
+    refine_tile,
+)
+from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.source import GreySource
 
 INTERVAL = IntensityRange(0.4, 0.7)
@@ -76,7 +82,7 @@ shapes = st.tuples(st.integers(1, 200), st.integers(1, 200))
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 999), shapes, st.sampled_from([64, 128]), st.sampled_from([0, 1, REACH]))
+@given(st.integers(0, 999), shapes, st.sampled_from([64, 128]), st.sampled_from([0, 1, REFINE_HALO]))
 def test_a_tile_is_the_raster_with_nothing_around_it(
     seed: int, shape: tuple[int, int], side: int, margin: int
 ) -> None:
@@ -93,7 +99,7 @@ def test_a_tile_is_the_raster_with_nothing_around_it(
         assert np.array_equal(tile.grey[inner], grey[part][inner])
         assert np.array_equal(tile.valid[inner], valid[part][inner])
         assert not tile.valid[grey_beyond(shape, window, margin, tile.valid.shape)].any()
-        assert tile.every == bool(tile.valid.all())
+        assert tile.all_valid == bool(tile.valid.all())
         assert tile.grey.flags.c_contiguous and tile.valid.flags.c_contiguous
 
 
@@ -120,22 +126,24 @@ def assert_same_map(first: Any, second: Any) -> None:
 @pytest.mark.parametrize("run", [serial, threads(2)])
 def test_the_block_map_does_not_depend_on_tiles_or_workers(seed: int, run: Map) -> None:
     source = source_of(field_of(seed, (201, 230)))
-    whole = block_map(source, TilePass([Window(0, 0, 201, 230)]))
+    whole = measure_block_map(source, TilePass([Window(0, 0, 201, 230)]))
     for side in (64, 128, (64, 256), (192, 64)):
-        assert_same_map(block_map(source, TilePass(tiles(source.shape, side), run)), whole)
+        assert_same_map(measure_block_map(source, TilePass(tiles(source.shape, side), run)), whole)
 
 
 def test_the_order_of_tiles_is_of_no_matter() -> None:
     source = source_of(field_of(1, (201, 230)))
     windows = tiles(source.shape, 64)
-    assert_same_map(block_map(source, TilePass(windows[::-1])), block_map(source, TilePass(windows)))
+    assert_same_map(
+        measure_block_map(source, TilePass(windows[::-1])), measure_block_map(source, TilePass(windows))
+    )
 
 
 def test_contrasts_are_cut_over_all_tiles_together() -> None:
     source = source_of(field_of(0, (150, 150)))
-    whole = measure(source, TilePass([Window(0, 0, 150, 150)]))
-    assert np.array_equal(measure(source, TilePass(tiles(source.shape, 64))).cuts, whole.cuts)
-    assert len(set(whole.cuts.tolist())) > 3
+    whole = measure_cells(source, TilePass([Window(0, 0, 150, 150)]))
+    assert np.array_equal(measure_cells(source, TilePass(tiles(source.shape, 64))).bin_edges, whole.bin_edges)
+    assert len(set(whole.bin_edges.tolist())) > 3
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -146,11 +154,11 @@ def test_a_block_map_made_for_a_range_answers_it_as_the_whole_one(seed: int, par
     source = source_of(field_of(seed, (201, 170)))
     windows = tiles(source.shape, 128)
     answers = [
-        in_range(blocks, INTERVAL, params.threshold, params.step) & (blocks.counts > 0)
+        cells_in_range(blocks, INTERVAL, params.division) & (blocks.counts > 0)
         for blocks in (
-            block_map(source, TilePass(windows)),
-            block_map_for(source, INTERVAL, params, TilePass(windows)),
-            block_map_for(source, INTERVAL, params, TilePass(tiles(source.shape, 64), threads(2))),
+            measure_block_map(source, TilePass(windows)),
+            measure_block_map_for(source, INTERVAL, params, TilePass(windows)),
+            measure_block_map_for(source, INTERVAL, params, TilePass(tiles(source.shape, 64), threads(2))),
         )
     ]
     assert np.array_equal(answers[0], answers[1])
@@ -164,8 +172,8 @@ def test_texture_is_looked_at_only_where_a_range_does_not_decide() -> None:
     dataset.values[70:100, 70:100] = np.random.default_rng(0).integers(200, 256, (30, 30))
     source = source_of(dataset)
     windows = tiles(source.shape, 64)
-    blocks = block_map_for(source, INTERVAL, SegmentParams("paper"), TilePass(windows))
-    wanted = undecided(blocks.sums, blocks.counts, INTERVAL.edges, np.inf) > 0
+    blocks = measure_block_map_for(source, INTERVAL, SegmentParams("paper"), TilePass(windows))
+    wanted = required_ratios(blocks.sums, blocks.counts, INTERVAL.edges, np.inf) > 0
     assert 0 < wanted.sum() < 16
     assert len(dataset.reads) == 16  # mixed blocks are kept from the first pass
     assert not blocks.ratios[~wanted].any()
@@ -175,7 +183,7 @@ def test_a_tile_that_is_known_to_be_empty_is_not_read() -> None:
     dataset = field_of(4, (128, 128))
     dataset.valid[:] = False
     dataset.valid[100:, 100:] = True
-    blocks = block_map(source_of(dataset), TilePass(tiles((128, 128), 64)))
+    blocks = measure_block_map(source_of(dataset), TilePass(tiles((128, 128), 64)))
     assert all(window.row > 0 and window.col > 0 for window in dataset.reads)
     assert blocks.counts.sum() == 28 * 28
 
@@ -183,7 +191,7 @@ def test_a_tile_that_is_known_to_be_empty_is_not_read() -> None:
 def test_a_raster_without_valid_pixels_has_an_empty_block_map() -> None:
     dataset = field_of(4, (70, 90))
     dataset.valid[:] = False
-    blocks = block_map(source_of(dataset), TilePass(tiles((70, 90), 64)))
+    blocks = measure_block_map(source_of(dataset), TilePass(tiles((70, 90), 64)))
     assert not blocks.counts.any() and not blocks.sums.any() and not blocks.ratios.any()
 
 
@@ -196,15 +204,15 @@ def test_tiles_are_refined_as_the_whole_would_be(how: Any, seed: int) -> None:
     dataset = field_of(seed, (300, 270))
     source = source_of(dataset)
     inside = cells_to_refine(
-        block_map(source, TilePass(tiles(source.shape, 64))), INTERVAL, SegmentParams(refine=how)
+        measure_block_map(source, TilePass(tiles(source.shape, 64))), INTERVAL, SegmentParams(refine=how)
     )
     expected = refined_whole(dataset, inside, how)
     for side in (64, 128, 192):
         found = np.zeros(source.shape, np.uint8)
         for window in tiles(source.shape, side):
-            answer = refined(source, cells_around(inside, window, REACH), INTERVAL, how, window)
+            answer = refine_tile(source, cells_around(inside, window, REFINE_HALO), INTERVAL, how, window)
             if answer is not None:
-                found[window.slices] = answer[0][REACH:, REACH:][: window.rows, : window.cols]
+                found[window.slices] = answer[0][REFINE_HALO:, REFINE_HALO:][: window.rows, : window.cols]
         assert np.array_equal(found, expected)
 
 
@@ -212,9 +220,11 @@ def refined_whole(dataset: InMemory, inside: NDArray[np.uint8], how: str) -> NDA
     if how == "tv":
         source = source_of(dataset)
         window = Window(0, 0, *source.shape)
-        answer = refined(source, cells_around(inside, window, REACH), INTERVAL, "tv", window)
+        answer = refine_tile(source, cells_around(inside, window, REFINE_HALO), INTERVAL, "tv", window)
         return (
-            answer[0][REACH:, REACH:][: window.rows, : window.cols] if answer else dataset.valid * np.uint8(0)
+            answer[0][REFINE_HALO:, REFINE_HALO:][: window.rows, : window.cols]
+            if answer
+            else dataset.valid * np.uint8(0)
         )
     rows, cols = dataset.valid.shape
     valid = dataset.valid.astype(np.uint8)
@@ -222,14 +232,18 @@ def refined_whole(dataset: InMemory, inside: NDArray[np.uint8], how: str) -> NDA
     pixels = np.kron(inside, np.ones((8, 8), np.uint8))[:rows, :cols] & valid
     v = grey / 65535
     if how == "scan":
-        return scan(pixels, valid, ((v >= INTERVAL.low) & (v <= INTERVAL.high)).astype(np.uint8) & valid)
-    return smooth(pixels, valid, grey, INTERVAL.low, INTERVAL.high) if how == "smooth" else pixels
+        return refine_by_scans(
+            pixels, valid, ((v >= INTERVAL.low) & (v <= INTERVAL.high)).astype(np.uint8) & valid
+        )
+    return (
+        refine_by_local_mean(pixels, valid, grey, INTERVAL.low, INTERVAL.high) if how == "smooth" else pixels
+    )
 
 
 def test_a_tile_with_nothing_in_range_around_it_is_not_read() -> None:
     dataset = field_of(0, (200, 200))
     assert (
-        refined(source_of(dataset), np.zeros((24, 24), np.uint8), INTERVAL, "scan", Window(0, 0, 64, 64))
+        refine_tile(source_of(dataset), np.zeros((24, 24), np.uint8), INTERVAL, "scan", Window(0, 0, 64, 64))
         is None
     )
     assert not dataset.reads
@@ -242,12 +256,12 @@ def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
 ) -> None:
     cells = tuple(-(-length // 64) * 8 for length in shape)
     inside = np.random.default_rng(shape).integers(0, 2, cells).astype(np.uint8)
-    padded = np.pad(inside, REACH // 8)
+    padded = np.pad(inside, REFINE_HALO // 8)
     for window in tiles(shape, side):
-        around = cells_around(inside, window, REACH)
+        around = cells_around(inside, window, REFINE_HALO)
         row, col = window.row // 8, window.col // 8
         assert np.array_equal(around, padded[row : row + len(around), col : col + around.shape[1]])
-        assert around.shape == tuple(-(-n // 64) * 8 + REACH // 4 for n in (window.rows, window.cols))
+        assert around.shape == tuple(-(-n // 64) * 8 + REFINE_HALO // 4 for n in (window.rows, window.cols))
 
 
 # Parameters and progress
@@ -276,8 +290,8 @@ def test_a_bad_parameter_is_refused_with_what_it_should_be(bad: dict[str, Any], 
 
 
 def test_the_method_of_the_paper_has_no_intensity_test() -> None:
-    assert SegmentParams("paper", intensity_step=0.1).step == np.inf
-    assert SegmentParams("adaptive", intensity_step=0.1).step == 0.1
+    assert SegmentParams("paper", intensity_step=0.1).division.step == np.inf
+    assert SegmentParams("adaptive", intensity_step=0.1).division.step == 0.1
 
 
 def test_parameters_at_their_ends_are_allowed() -> None:
@@ -300,7 +314,7 @@ def test_stages_together_go_from_nothing_to_all(totals: list[int]) -> None:
 def test_progress_of_a_block_map_runs_to_the_end() -> None:
     told: list[tuple[int, int]] = []
     source = source_of(field_of(1, (200, 200)))
-    block_map(
+    measure_block_map(
         source, TilePass(tiles(source.shape, 64), progress=lambda done, total: told.append((done, total)))
     )
     parts = [done / total for done, total in told]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.segmentation.range_candidates import beside_means, cuts_of
+from uavseg.segmentation.range_candidates import edge_beside_means, propose_ranges
 
 GREYS = 65536
 
@@ -27,7 +27,7 @@ def histograms(draw: st.DrawFn) -> np.ndarray:
 @settings(deadline=None, max_examples=200)
 @given(histograms(), st.sampled_from([None, 2, 3, 5, 8]))
 def test_every_range_holds_something(histogram: np.ndarray, wanted: int | None) -> None:
-    cuts = cuts_of(histogram, wanted)
+    cuts = propose_ranges(histogram, wanted)
     bounds = (0.0, *cuts.edges, 1.0)
     assert cuts.classes.count == len(cuts.edges) + 1 <= (wanted or 6)
     assert list(bounds) == sorted(set(bounds))
@@ -39,29 +39,29 @@ def test_every_range_holds_something(histogram: np.ndarray, wanted: int | None) 
 def test_a_wide_gap_is_cut_by_a_number_of_two_digits() -> None:
     histogram = np.zeros(GREYS, np.int64)
     histogram[[16448, 51400]] = 9, 3
-    assert cuts_of(histogram).edges == (0.52,)
+    assert propose_ranges(histogram).edges == (0.52,)
     histogram[16448:51400] = 1
-    [edge] = cuts_of(histogram, 2).edges
+    [edge] = propose_ranges(histogram, 2).edges
     assert round(edge, 3) == edge and edge == pytest.approx((16448 + 51400) / 2 / 65535, abs=0.01)
 
 
 def test_cuts_lie_within_half_a_bin_of_the_best_ones() -> None:
     v = np.random.default_rng(3).normal([0.3, 0.62], 0.05, (40000, 2)).ravel()
     histogram = np.bincount(np.round(np.clip(v, 0, 1) * 65535).astype(int), minlength=GREYS)
-    [edge] = cuts_of(histogram, 2).edges
+    [edge] = propose_ranges(histogram, 2).edges
     assert edge == pytest.approx(0.46, abs=0.004) and len(repr(edge)) <= 5
 
 
 def test_one_mean_is_one_class() -> None:
     histogram = np.zeros(GREYS, np.int64)
     histogram[1234] = 50
-    assert cuts_of(histogram).edges == () and cuts_of(histogram, 4).edges == ()
+    assert propose_ranges(histogram).edges == () and propose_ranges(histogram, 4).edges == ()
 
 
 @given(st.integers(1, 999_999), st.integers(1, 4096), st.integers(-1, 1))
 def test_a_number_beside_an_edge_is_no_mean(millionths: int, pixels: int, off: int) -> None:
     edge = millionths / 10**6
-    beside = beside_means(edge)
+    beside = edge_beside_means(edge)
     assert edge < beside < edge + 2e-5
     total = round(Fraction(beside) * 65535 * pixels) + off
     assert total / (65535.0 * pixels) != beside

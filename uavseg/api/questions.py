@@ -14,7 +14,7 @@ from uavseg.jobs.match import match as _match
 from uavseg.jobs.suggest import Suggestion, suggest_from_blocks
 from uavseg.jobs.suggest import suggest as _suggest
 from uavseg.regions.sample.place import Disc, parse_like
-from uavseg.segmentation.blocks.block_file import is_block_map, load
+from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map
 from uavseg.segmentation.params import SegmentParams
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ def suggest(
     if isinstance(source, str | os.PathLike) and is_block_map(source):
         if (band, rgb, nodata, stretch) != (None, None, None, "auto"):
             raise ParameterError("a block map has its bands, nodata and stretch already")
-        found = suggest_from_blocks(load(source), number, params)
+        found = suggest_from_blocks(read_block_map(source), number, params)
     else:
         dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
         with working(threads, resume) as run:

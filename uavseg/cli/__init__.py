@@ -48,7 +48,7 @@ class _Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
         try:
-            _announce_compilation()
+            _report_kernels()
             return super().invoke(ctx)
         except UavsegError as error:
             click.echo(f"uavseg: error: {error}", err=True)
@@ -65,8 +65,8 @@ class _Group(click.Group):
             ctx.exit(_INTERRUPTED)
 
 
-def _announce_compilation() -> None:
-    """Say once that kernels are being compiled, which takes a while and happens once."""
+def _report_kernels() -> None:
+    """Print once that kernels are being compiled, which takes a while, or run through the fallback."""
     from uavseg import _jit
 
     told: list[str] = []
@@ -77,6 +77,7 @@ def _announce_compilation() -> None:
             click.echo("uavseg: compiling for this machine, once (about half a minute)", err=True)
 
     _jit.on_compile = tell
+    _jit.on_note = lambda note: click.echo(f"uavseg: note: {note}", err=True)
 
 
 def _version(ctx: click.Context, param: click.Parameter, value: bool) -> None:

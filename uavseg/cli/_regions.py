@@ -67,18 +67,18 @@ def opened(
 ) -> tuple[SavedBlocks | None, Any]:
     """A block map and its raster if that is at hand, or a raster alone; no pixel is read."""
     from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blocks.block_file import is_block_map, load
+    from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map
 
     if len(rasters) > 1 or not is_block_map(rasters[0]):
         how = (options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"])
         return None, Dataset.open(rasters, *how)
     if options["band"] or options["rgb"] or options["nodata"] is not None or options["stretch"] != "auto":
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
-    saved = load(rasters[0])
+    saved = read_block_map(rasters[0])
     if refine == "none":
         return saved, None
     origin = saved.origin
-    paths = origin.found(rasters[0])
+    paths = origin.find_rasters(rasters[0])
     if paths is None:
         reporter.warn(f"{origin.rasters[0]} is not where it was, so regions end at block edges")
         return saved, None

@@ -32,7 +32,7 @@ def command(
     from uavseg.jobs.extract import divide
     from uavseg.raster.bad_blocks import BadBlock, listing
     from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, save
+    from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, write_block_map
     from uavseg.segmentation.params import SegmentParams
 
     reporter = running.reporter
@@ -47,7 +47,7 @@ def command(
     blocks, stretch = divide(dataset, options["stretch"], running.tile, run, reporter.progress)
     origin = Origin(rasters, str(Path.cwd()), options["band"], options["rgb"], options["nodata"])
     saved = SavedBlocks(blocks, dataset.geobox, stretch, dataset.band_names, origin)
-    save(output, saved, params.threshold, params.step, running.overwrite)
+    write_block_map(output, saved, params.division, running.overwrite)
     reporter.finish()
     for warning in (*dataset.warnings, *stretch.warnings, *map(str, sorted(bad))):
         reporter.warn(warning)

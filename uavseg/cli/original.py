@@ -67,10 +67,10 @@ def command(
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.formats.geotiff import write_labels
     from uavseg.raster.tiling import Window
-    from uavseg.segmentation.baseline.lbpc import OriginalParams, check_size, original
+    from uavseg.segmentation.baseline.lbpc import LbpcParams, check_lbpc_size, segment_lbpc
 
     reporter = running.reporter
-    params = OriginalParams(
+    params = LbpcParams(
         options["threshold"],
         options["merge_stop"],
         options["untested"],
@@ -84,12 +84,12 @@ def command(
         rasters, options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"]
     )
     rows, cols = dataset.geobox.shape
-    check_size((rows, cols))
+    check_lbpc_size((rows, cols))
     bad: set[BadBlock] = set()
     run = listing(running.resuming(running.workers()), bad)
     with listening(bad):
         image, told, name = _read(dataset, options["stretch"], running.tile, run)
-    labels = original(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, params)
+    labels = segment_lbpc(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, params)
     write_labels(output, [(Window(0, 0, rows, cols), labels)], dataset.geobox, running.overwrite)
     reporter.finish()
     for warning in (*told, *map(str, sorted(bad))):

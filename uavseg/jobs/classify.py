@@ -19,12 +19,17 @@ from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
-from uavseg.segmentation.blocks.leaves import states_of
+from uavseg.segmentation.blocks.leaves import cell_states
 from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.states.classify_strips import Classified, StateRefinement, classified, strips_of
+from uavseg.segmentation.states.classify_strips import (
+    ClassifiedStates,
+    StateRefinement,
+    classify_states,
+    state_strips,
+)
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.units import OCCUPIED
 
@@ -125,16 +130,16 @@ def classify(
     """
     how = params.segment
     refine = _refinement(how)
-    strips = strips_of(source.shape, source.dataset.file_block, params.tile)
+    strips = state_strips(source.shape, source.dataset.file_block, params.tile)
     windows = [tile for strip in strips for tile in strip]
     first, second, *third = TilePass(windows, map, progress).stages(2 + objects)
-    blocks = block_map_for(source, limits, how, first)
-    cells = states_of(blocks, limits, how.threshold, how.step)
+    blocks = measure_block_map_for(source, limits, how, first)
+    cells = cell_states(blocks, limits, how.division)
     del blocks
     give_back()
     if not cells.any():
         raise MapError(f"{source.dataset.source} has no valid cell: all of it is nodata or NaN")
-    found = classified(source, cells, limits, refine, strips, map, second.progress)
+    found = classify_states(source, cells, limits, refine, strips, map, second.progress)
     leaves = cells if refine == "none" else None
     made = _objects(source, found, leaves, limits, params, third[0]) if objects else None
     hazard = found.occupied_in_free, found.occupied_by_value
@@ -183,7 +188,7 @@ def _refinement(how: SegmentParams) -> StateRefinement:
 
 def _objects(
     source: GreySource,
-    found: Classified,
+    found: ClassifiedStates,
     leaves: NDArray[np.uint8] | None,
     limits: StateLimits,
     params: ExtractParams,

@@ -19,10 +19,10 @@ from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaves import in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map, block_map_for, cells_to_refine
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 
 Small = Literal["drop", "merge"]
@@ -100,7 +100,7 @@ def extract(
     first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
     source = GreySource(dataset, fit(dataset, params.stretch, first))
     how = params.segment
-    blocks = block_map_for(source, interval, how, second)
+    blocks = measure_block_map_for(source, interval, how, second)
     inside = cells_to_refine(blocks, interval, how)
     del blocks  # all that is left to do is done with its cells in range
     give_back()
@@ -154,7 +154,7 @@ def divide(
     """The whole block map of a raster, and the stretch that made its grey."""
     first, second = TilePass.over(dataset, tile, map, progress).stages(2)
     source = GreySource(dataset, fit(dataset, stretch, first))
-    return block_map(source, second), source.stretch
+    return measure_block_map(source, second), source.stretch
 
 
 def _outlined(
@@ -188,7 +188,7 @@ def _extraction(
 def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: ExtractParams) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone."""
     blocks, how = saved.blocks, params.segment
-    outlined = outline_cells(blocks, in_range(blocks, interval, how.threshold, how.step))
+    outlined = outline_cells(blocks, cells_in_range(blocks, interval, how.division))
     if params.fill_holes is not None:
         outlined = summed_cells(blocks, fill_small_holes(outlined, saved.geobox, params.fill_holes))
     return _measured(outlined, About.saved(saved), interval, params)

@@ -17,10 +17,10 @@ from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.blocks.block_file import SavedBlocks
-from uavseg.segmentation.blocks.leaves import levels_of
+from uavseg.segmentation.blocks.leaves import cell_levels
 from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import block_map_for
+from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 
@@ -64,13 +64,13 @@ def extract_levels(
     first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
     source = GreySource(dataset, fit(dataset, params.stretch, first))
     how = params.segment
-    blocks = block_map_for(source, levels, how, second)
-    kinds = levels_of(blocks, levels, how.threshold, how.step)
+    blocks = measure_block_map_for(source, levels, how, second)
+    kinds = cell_levels(blocks, levels, how.division)
     del blocks
     give_back()
     outlined = outline_segments(source, kinds, third)
     give_back()
-    return _extraction(outlined, About.source(source), levels, kinds, CELL, params)
+    return _extraction(outlined, About.source(source), levels, kinds, params)
 
 
 def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams = PARAMS) -> Extraction:
@@ -84,9 +84,9 @@ def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams
     """
     _check(params)
     how = params.segment
-    kinds = levels_of(saved.blocks, levels, how.threshold, how.step)
+    kinds = cell_levels(saved.blocks, levels, how.division)
     outlined = outline_cells(saved.blocks, kinds)
-    return _extraction(outlined, About.saved(saved), levels, kinds, 1, params)
+    return _extraction(outlined, About.saved(saved), levels, kinds, params)
 
 
 def _check(params: ExtractParams) -> None:
@@ -101,13 +101,12 @@ def _extraction(
     about: About,
     levels: Levels,
     kinds: NDArray[np.uint8] | NDArray[np.uint32],
-    side: int,
     params: ExtractParams,
 ) -> Extraction:
-    """Segments with their levels; the first place of each counts in units that make cells of `side`."""
+    """Segments with their levels, which are the kinds of their cells."""
     if params.min_area is not None and params.small == "drop":
         outlined = drop_small_regions(outlined, about.geobox, params.min_area)
-    row, col = outlined.sums.firsts.T // side
+    row, col = outlined.sums.firsts.T // CELL
     level = kinds[row, col].astype(np.int64) - 1
     if params.min_area is not None and params.small == "merge":
         outlined, level = eliminate(outlined, level, about.geobox, params.min_area)

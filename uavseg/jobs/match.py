@@ -29,9 +29,9 @@ from uavseg.regions.sample.reject import confirmed
 from uavseg.regions.sample.scores import Criterion, Scored, mean_scores, outline_matches, scored
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import summed
-from uavseg.segmentation.pipeline import measure
-from uavseg.segmentation.sample.g_scores import EVEN, UNITS
-from uavseg.segmentation.sample.pixel_decision import Weights, open_cells
+from uavseg.segmentation.pipeline import measure_cells
+from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
+from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, GREY_MAX
 
@@ -116,7 +116,7 @@ class Match:
     @property
     def own(self) -> float:
         """G per pixel beyond chance that nineteen of twenty of the sample's own windows do not exceed."""
-        return (self.sample.own - EVEN) / UNITS
+        return (self.sample.own - NULL_SCORE) / SCORE_UNITS
 
 
 def match(
@@ -148,12 +148,12 @@ def match(
     place = place_of(like, dataset.geobox)
     passes = TilePass.over(dataset, params.tile, map, progress).stages(5)
     source = GreySource(dataset, fit(dataset, params.stretch, passes[0]))
-    known = measure(source, passes[1])
-    sample = sample_of(source, known.cuts, place, params.side, map)
-    criterion = Criterion.of(sample, known.cuts, params.side, params.similarity, params.intensity)
+    known = measure_cells(source, passes[1])
+    sample = sample_of(source, known.bin_edges, place, params.side, map)
+    criterion = Criterion.of(sample, known.bin_edges, params.side, params.similarity, params.intensity)
     scores = scored(source, criterion, passes[2])
-    evidence = evidence_of(source, known.cuts, place, scores.whole, params.side, map)
-    least = evidence.least(params.similarity)
+    evidence = evidence_of(source, known.bin_edges, place, scores.whole, params.side, map)
+    least = evidence.threshold(params.similarity)
     scores = confirmed(source, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0
     del known
@@ -161,7 +161,7 @@ def match(
     outlined = _outlined(source, scores, valid, criterion, params, passes[4])
     give_back()
     found = _extraction(source, outlined, scores, sample, params, passes[4])
-    return Match(found, sample, (criterion.limit - EVEN) / UNITS)
+    return Match(found, sample, (criterion.limit - NULL_SCORE) / SCORE_UNITS)
 
 
 def _outlined(
@@ -175,8 +175,8 @@ def _outlined(
     matched = scores.best <= criterion.limit
     if params.refine == "none":
         return outline_segments(source, matched.view(np.uint8), tile_pass)
-    cells = open_cells(matched, valid & ~matched, params.side // 2)
-    weights = Weights.between(criterion.model, scores.rest, np.isfinite(params.intensity))
+    cells = undecided_cells(matched, valid & ~matched, params.side // 2)
+    weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(params.intensity))
     return outline_matches(source, cells, criterion.cuts, weights, tile_pass)
 
 

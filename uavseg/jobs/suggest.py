@@ -14,9 +14,14 @@ from uavseg.regions.tiles.block_map_regions import count_segments
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
-from uavseg.segmentation.blocks.leaves import intervals_of
+from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.range_candidates import MOST_CLASSES, Cuts, beside_means, cuts_of
+from uavseg.segmentation.range_candidates import (
+    MAX_CLASSES,
+    RangeCandidates,
+    edge_beside_means,
+    propose_ranges,
+)
 from uavseg.segmentation.source import GreySource
 
 PARAMS = ExtractParams(SegmentParams(refine="none"))
@@ -129,21 +134,21 @@ def suggest_from_blocks(
 
 
 def _check(classes: int | None) -> None:
-    if classes is not None and not 2 <= classes <= MOST_CLASSES:
-        raise ParameterError(f"ranges are 2 to {MOST_CLASSES} in number, not {classes}")
+    if classes is not None and not 2 <= classes <= MAX_CLASSES:
+        raise ParameterError(f"ranges are 2 to {MAX_CLASSES} in number, not {classes}")
 
 
 def _suggestions(blocks: BlockMap, about: About, classes: int | None, how: SegmentParams) -> Suggestions:
-    histogram = histogram_of_means(blocks, how.threshold, how.step)
+    histogram = histogram_of_means(blocks, how.division)
     if not histogram.any():
         raise RasterError(
             f"no pixel of {about.name} is valid, so there is no range to choose; look at its nodata "
             "value with uavseg info"
         )
-    cuts = cuts_of(histogram, classes)
-    taken = means_among(blocks, cuts.edges, how.threshold, how.step)
-    edges = tuple(beside_means(edge) if edge in taken else edge for edge in cuts.edges)
-    intervals = intervals_of(blocks, edges, how.threshold, how.step)
+    cuts = propose_ranges(histogram, classes)
+    taken = means_among(blocks, cuts.edges, how.division)
+    edges = tuple(edge_beside_means(edge) if edge in taken else edge for edge in cuts.edges)
+    intervals = cell_intervals(blocks, edges, how.division)
     ranges = _ranges(blocks, edges, intervals) if edges else ()
     warnings = (*about.warnings, *_doubts(cuts, classes, histogram))
     return Suggestions(ranges, cuts.classes.explained, histogram, intervals, blocks, about, warnings)
@@ -163,7 +168,7 @@ def _ranges(
     )
 
 
-def _doubts(cuts: Cuts, wanted: int | None, histogram: NDArray[np.int64]) -> tuple[str, ...]:
+def _doubts(cuts: RangeCandidates, wanted: int | None, histogram: NDArray[np.int64]) -> tuple[str, ...]:
     """What the user should know of how far the ranges are to be trusted."""
     found = cuts.classes
     if found.count == 1:

@@ -1,6 +1,6 @@
-"""Where v is cut into intervals: a range, the limits of states, levels.
+"""Intervals of v: an intensity range, the limits of states, levels of equal width.
 
-Each of them cuts 0..1 at some edges. A value on an edge belongs to the interval below it.
+Each of them parts 0..1 at some edges. A value on an edge belongs to the interval below it.
 """
 
 import math
@@ -11,22 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.units import FREE, GREY_MAX
+from uavseg.units import FREE, GREY_LEVELS, GREY_MAX
 
-_MOST_LEVELS = 65535  # v has 65536 values
+_MAX_LEVELS = GREY_MAX  # v has 65536 values
 
 
-class Cut(Protocol):
-    """What cuts 0..1 into intervals."""
+class Intervals(Protocol):
+    """A partition of 0..1 into intervals."""
 
     @property
     def edges(self) -> tuple[float, ...]:
-        """Where it is cut, increasing; an edge belongs to the interval below it."""
+        """Edges between the intervals, increasing; an edge belongs to the interval below it."""
 
 
 @dataclass(frozen=True, slots=True)
 class IntensityRange:
-    """An interval of v with both ends in it.
+    """A closed interval of v: both ends belong to it.
 
     Raises
     ------
@@ -40,12 +40,12 @@ class IntensityRange:
     def __post_init__(self) -> None:
         if not 0 <= self.low < self.high <= 1:
             raise IntensityRangeError(
-                f"an intensity range wants 0 <= low < high <= 1, not {self.low:g},{self.high:g}"
+                f"expected an intensity range with 0 <= low < high <= 1, got {self.low:g},{self.high:g}"
             )
 
     @property
     def edges(self) -> tuple[float, float]:
-        """Edges of what lies below the range, in it and above it."""
+        """Edges of the three intervals: below the range, in it and above it."""
         return math.nextafter(self.low, -1.0), self.high
 
     @property
@@ -62,14 +62,16 @@ class IntensityRange:
 
 @dataclass(frozen=True, slots=True)
 class StateLimits:
-    """What probability of being occupied makes a cell free, unknown or occupied: the paper's limits.
+    """Probabilities of occupancy that separate free, unknown and occupied cells.
+
+    The defaults are the paper's.
 
     Parameters
     ----------
     free_below : float
-        Up to here, and here too, a cell is free.
+        A cell is free at this probability and below.
     occupied_above : float
-        Above here it is occupied; here, and down to the other limit, unknown.
+        A cell is occupied above this probability, and unknown at it and down to the other limit.
 
     Raises
     ------
@@ -88,8 +90,8 @@ class StateLimits:
     def __post_init__(self) -> None:
         if not 0 <= self.free_below < self.occupied_above <= 1:
             raise ParameterError(
-                "the limits of the states want 0 <= free below < occupied above <= 1, "
-                f"not {self.free_below:g} and {self.occupied_above:g}"
+                "expected limits of states with 0 <= free below < occupied above <= 1, "
+                f"got {self.free_below:g} and {self.occupied_above:g}"
             )
 
     @property
@@ -105,22 +107,22 @@ class StateLimits:
     @property
     def table(self) -> NDArray[np.uint8]:
         """The state of every grey g, whose v = g / 65535: a (65536,) uint8 array."""
-        return self.of(np.arange(GREY_MAX + 1) / GREY_MAX)
+        return self.of(np.arange(GREY_LEVELS) / GREY_MAX)
 
 
 @dataclass(frozen=True, slots=True)
 class Levels:
-    """0..1 cut into levels of equal width, the last of which may be narrower.
+    """Levels of equal width over 0..1; the last may be narrower.
 
     Parameters
     ----------
     width : float
-        P. Level k, from 0, is what lies above k P and not above (k + 1) P; level 0 has 0 too.
+        P. Level k, from 0, holds the values above k P up to (k + 1) P; level 0 also holds 0.
 
     Raises
     ------
     ParameterError
-        If the width is not above 0 and at most 1, or so small that there would be more levels than greys.
+        If the width is not above 0 and at most 1, or so small that there are more levels than greys.
 
     Examples
     --------
@@ -133,10 +135,9 @@ class Levels:
     def __post_init__(self) -> None:
         if not 0 < self.width <= 1:
             raise ParameterError(f"the width of a level is above 0 and at most 1, not {self.width:g}")
-        if 1 / self.width > _MOST_LEVELS:
+        if 1 / self.width > _MAX_LEVELS:
             raise ParameterError(
-                f"levels of {self.width:g} are finer than grey is, which has {_MOST_LEVELS + 1} values; "
-                "give a larger width"
+                f"levels of {self.width:g} are finer than the {_MAX_LEVELS + 1} greys; give a larger width"
             )
 
     @property
@@ -151,5 +152,5 @@ class Levels:
 
     @property
     def bounds(self) -> tuple[float, ...]:
-        """The edges with 0 and 1: level k lies between bounds k and k + 1."""
+        """The edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
         return (0.0, *self.edges, 1.0)

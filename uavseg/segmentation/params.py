@@ -1,4 +1,4 @@
-"""How to segment: the parameters of the algorithm, checked when they are made."""
+"""Parameters of the segmentation, checked when they are made."""
 
 from dataclasses import dataclass
 from math import inf
@@ -11,31 +11,48 @@ Refinement = Literal["none", "scan", "smooth", "tv"]
 
 
 @dataclass(frozen=True, slots=True)
+class DivisionParams:
+    """When a block is divided into its four children.
+
+    Parameters
+    ----------
+    threshold : float
+        X: a block is divided where R = G_max / G_min is larger.
+    step : float
+        Tau: a block is also divided where the means of its children differ by more; infinite for no
+        intensity test.
+    """
+
+    threshold: float
+    step: float
+
+
+@dataclass(frozen=True, slots=True)
 class SegmentParams:
-    """How to segment.
+    """Parameters of the segmentation.
 
     Parameters
     ----------
     method : {"adaptive", "paper"}
-        Whether blocks are divided by intensity too, or by texture alone.
+        Division by texture and intensity, or by texture alone.
     threshold : float
         X, at least 0: a block is divided where R = G_max / G_min is larger.
     intensity_step : float
         Tau, 0 to 1: the adaptive method also divides where the means of the children differ by more.
     refine : {"tv", "scan", "none", "smooth"}
-        How boundaries are found to the pixel; if left out, by total variation, and by scans with the paper's
+        Refinement of boundaries to the pixel. The default is total variation, and scans with the paper's
         method.
 
     Raises
     ------
     ParameterError
-        If one of them is not what it may be.
+        If a parameter is out of bounds.
     """
 
     method: Method = "adaptive"
     threshold: float = 1.2
     intensity_step: float = 0.05
-    refine: Refinement = None  # type: ignore[assignment]  # it is filled in
+    refine: Refinement = None  # type: ignore[assignment]  # the default depends on the method
 
     def __post_init__(self) -> None:
         if self.refine is None:
@@ -50,6 +67,6 @@ class SegmentParams:
             raise ParameterError(f"an intensity step lies in 0..1, not {self.intensity_step:g}")
 
     @property
-    def step(self) -> float:
-        """Tau as it is applied: infinite where the method has no intensity test."""
-        return self.intensity_step if self.method == "adaptive" else inf
+    def division(self) -> DivisionParams:
+        """X, and tau as the method applies it: the paper's method has no intensity test."""
+        return DivisionParams(self.threshold, self.intensity_step if self.method == "adaptive" else inf)

@@ -1,9 +1,9 @@
-"""The phases in a row, from a raster to its block map and to refined tiles: read this first.
+"""Segmentation pipeline, from a raster to its block map and to refined tiles: read this first.
 
-stretch  -> measured: cells and contrast   (one pass over all tiles)
-         -> divided: R where it is wanted  (the tiles with such blocks)
-         -> cells_to_refine: leaves        (on the block map alone)
-         -> refined: a tile of pixels      (one pass over all tiles)
+measure_cells     cell sums and the histogram of contrast   (one pass over all tiles)
+fill_ratios       R where it is required                    (the tiles with such blocks)
+cells_to_refine   leaves in range, mixed cells              (on the block map alone)
+refine_tile       pixels of a tile in regions               (one pass over all tiles)
 """
 
 from dataclasses import dataclass, field
@@ -14,35 +14,35 @@ from numpy.typing import NDArray
 
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, window_blocks, window_cells
-from uavseg.segmentation.blocks.block_cache import SIDE, Patches
-from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
-from uavseg.segmentation.blocks.division import EVERY, block_ratios, wanted_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
-from uavseg.segmentation.blocks.leaves import in_range, matching, pixels_of
-from uavseg.segmentation.blocks.mixed_cells import unsettled
-from uavseg.segmentation.intervals import Cut, IntensityRange
-from uavseg.segmentation.params import Refinement, SegmentParams
-from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
-from uavseg.segmentation.refine.tv import denoised
+from uavseg.segmentation.blocks.block_cache import CACHED_SIDE, BlockCache
+from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
+from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
+from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
+from uavseg.segmentation.blocks.mixed_cells import mixed_cells
+from uavseg.segmentation.intervals import IntensityRange, Intervals
+from uavseg.segmentation.params import DivisionParams, Refinement, SegmentParams
+from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
+from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.segmentation.source import GreySource, GreyTile
-from uavseg.units import BLOCK, GREY_LEVELS
+from uavseg.units import BLOCK, CELLS, GREY_LEVELS
 
-IN_RANGE, UNSETTLED = np.uint8(1), np.uint8(2)
+IN_RANGE, MIXED = np.uint8(1), np.uint8(2)  # bits of `cells_to_refine`
 
 
 @dataclass(frozen=True)
-class Measured:
-    """What one pass over the raster tells: the block map's cells, and the cuts of contrast."""
+class MeasuredCells:
+    """Result of the first pass: a block map without ratios, and the bin edges of contrast."""
 
     blocks: BlockMap
-    cuts: NDArray[np.int32] = field(repr=False)
+    bin_edges: NDArray[np.int32] = field(repr=False)
 
 
-def block_map(
+def measure_block_map(
     source: GreySource,
     tile_pass: TilePass,
 ) -> BlockMap:
-    """The whole block map of a raster: sums and counts of its cells, R of all its blocks.
+    """Measure the whole block map of a raster: sums and counts of all cells, R of all blocks.
 
     Parameters
     ----------
@@ -51,193 +51,226 @@ def block_map(
         Tiles that cover the raster, the executor and the progress.
     """
     measuring, dividing = tile_pass.stages(2)
-    measured = measure(source, measuring)
-    everywhere = np.where(_any_valid(measured.blocks), EVERY, np.uint32(0))
-    divide(source, measured, everywhere, dividing)
+    measured = measure_cells(source, measuring)
+    required = np.where(_any_valid(measured.blocks), ALL_RATIOS, np.uint32(0))
+    fill_ratios(source, measured, required, dividing)
     return measured.blocks
 
 
-def block_map_for(
+def measure_block_map_for(
     source: GreySource,
-    cut: Cut,
+    intervals: Intervals,
     params: SegmentParams,
     tile_pass: TilePass,
 ) -> BlockMap:
-    """A block map that answers one range, states or levels exactly.
+    """Measure a block map that answers one range, states or levels exactly.
 
-    R is known where the cells of a block do not decide by themselves in which interval its leaves lie.
+    R is computed only where the means of a block's cells do not decide in which interval its leaves lie.
 
     Parameters
     ----------
     source : GreySource
-    cut : IntensityRange, StateLimits or Levels
+    intervals : IntensityRange, StateLimits or Levels
     params : SegmentParams
     tile_pass : TilePass
     """
     measuring, dividing = tile_pass.stages(2)
-    question = Question(cut.edges, params.step, params.threshold)
-    measured = measure(source, measuring, question)
-    wanted = question.open_in(measured.blocks.sums, measured.blocks.counts)
-    divide(source, measured, wanted, dividing, question)
+    query = LeafQuery(intervals.edges, params.division)
+    measured = measure_cells(source, measuring, query)
+    required = query.required_ratios(measured.blocks.sums, measured.blocks.counts)
+    fill_ratios(source, measured, required, dividing, query)
     return measured.blocks
 
 
 @dataclass(frozen=True)
-class Question:
-    """What is asked of a raster, as far as it says which blocks are looked at; and what is kept of them."""
+class LeafQuery:
+    """Intervals and division parameters, which decide what R is required, and a cache of the blocks read."""
 
     edges: tuple[float, ...]
-    step: float
-    threshold: float
-    patches: Patches = field(default_factory=Patches, repr=False, compare=False)
+    division: DivisionParams
+    cache: BlockCache = field(default_factory=BlockCache, repr=False, compare=False)
 
-    def open_in(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
-        """Which R the cells leave open, see `blockmap.undecided`."""
-        return undecided(sums, counts, self.edges, self.step)
+    def required_ratios(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
+        """Bit masks of the required ratios, see `block_map.required_ratios`."""
+        return required_ratios(sums, counts, self.edges, self.division.step)
 
 
 @dataclass(frozen=True)
-class _InPassing:
-    """A question whose blocks are kept while cells are measured; what is measured does not depend on it."""
+class _CacheBlocks:
+    """Caches blocks that a query requires while cells are measured; the cells do not depend on it."""
 
-    question: Question | None
+    query: LeafQuery | None
 
     def fingerprint(self) -> tuple[()]:
-        """Nothing, so that cells that were measured serve every question, see `resuming`."""
+        """Empty, so that a checkpoint of measured cells serves every query."""
         return ()
 
-    def keep(
+    def put(
         self, window: Window, tile: GreyTile, sums: NDArray[np.uint32], counts: NDArray[np.uint8]
     ) -> None:
-        """Keep the blocks of a tile that the question will look at."""
-        if self.question is not None:
-            self.question.patches.put(window, tile, _corners(self.question.open_in(sums, counts)))
+        """Cache the blocks of a tile that the query requires."""
+        if self.query is not None:
+            self.query.cache.put(window, tile, _block_corners(self.query.required_ratios(sums, counts)))
 
 
-def measure(
+def measure_cells(
     source: GreySource,
     tile_pass: TilePass,
-    question: Question | None = None,
-) -> Measured:
-    """Sums and counts of all cells, and the cuts of contrast over the whole raster."""
+    query: LeafQuery | None = None,
+) -> MeasuredCells:
+    """First pass: sums and counts of all cells, and the bin edges of contrast over the whole raster.
+
+    Parameters
+    ----------
+    source : GreySource
+    tile_pass : TilePass
+    query : LeafQuery, optional
+        Fills its cache with the blocks that it requires.
+    """
     blocks = BlockMap.empty(source.shape)
     histogram = np.zeros(GREY_LEVELS, np.int64)
-    measure_tile = partial(_measure_tile, source, _InPassing(question))
-    for window, found in zip(tile_pass.windows, tile_pass.run(measure_tile), strict=True):
-        if found is None:
+    measure_tile = partial(_measure_tile, source, _CacheBlocks(query))
+    for window, result in zip(tile_pass.windows, tile_pass.run(measure_tile), strict=True):
+        if result is None:
             continue
-        sums, counts, contrasts = found
+        sums, counts, contrasts = result
         cells = window_cells(window)
         blocks.sums[cells], blocks.counts[cells] = sums, counts
         histogram += contrasts
-    return Measured(blocks, contrast_cuts(histogram))
+    return MeasuredCells(blocks, contrast_bin_edges(histogram))
 
 
-def divide(
+def fill_ratios(
     source: GreySource,
-    measured: Measured,
-    wanted: NDArray[np.uint32],
+    measured: MeasuredCells,
+    required: NDArray[np.uint32],
     tile_pass: TilePass,
-    question: Question | None = None,
+    query: LeafQuery | None = None,
 ) -> None:
-    """Fill in the R whose bits are set in `wanted`, (B, C); what a question does not come to need stays 0."""
-    jobs = [(window, here) for window in tile_pass.windows if (here := wanted[window_blocks(window)]).any()]
-    divide_tile = partial(_divide_tile, source, measured.cuts, question)
+    """Second pass: fill in the required ratios of the block map.
+
+    Parameters
+    ----------
+    source : GreySource
+    measured : MeasuredCells
+        Its ratios are filled in place; those that are not required stay 0.
+    required : (B, C) uint32 array
+        Bit k is set where ratio k of a block is required.
+    tile_pass : TilePass
+    query : LeafQuery, optional
+        Skips the blocks within a required block that is not divided, and reads from its cache.
+    """
+    jobs = [(window, here) for window in tile_pass.windows if (here := required[window_blocks(window)]).any()]
+    divide_tile = partial(_divide_tile, source, measured.bin_edges, query)
     for (window, bits), ratios in zip(jobs, tile_pass.run(divide_tile, jobs), strict=True):
         rows, cols = np.nonzero(bits)
         measured.blocks.ratios[rows + window.row // BLOCK, cols + window.col // BLOCK] = ratios
 
 
 def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:
-    """What the block map says of each cell: 1 where its leaf is in range, 2 more where its pixels are to be
-    decided one by one (with total variation).
+    """Bit flags of cells: IN_RANGE by the mean of the leaf, MIXED where each pixel is classified.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    interval : IntensityRange
+    params : SegmentParams
+
+    Returns
+    -------
+    cells : (8 B, 8 C) uint8 array
     """
-    cells = in_range(blocks, interval, params.threshold, params.step)
+    cells = cells_in_range(blocks, interval, params.division)
     if params.refine == "tv":
-        cells |= UNSETTLED * unsettled(blocks, cells, interval.low, interval.high)
+        cells |= MIXED * mixed_cells(blocks, cells, interval.low, interval.high)
     return cells
 
 
-def refined(
+def refine_tile(
     source: GreySource,
-    inside: NDArray[np.uint8],
+    cells: NDArray[np.uint8],
     interval: IntensityRange,
     refine: Refinement,
     window: Window,
 ) -> tuple[NDArray[np.uint8], GreyTile] | None:
-    """A tile's pixels in regions.
+    """Refine the regions of a tile to the pixel.
 
     Parameters
     ----------
-    inside : (m, n) uint8 array
-        Cells of the window grown by REACH on every side, from `cells_to_refine`; 0 outside the raster.
+    source : GreySource
+    cells : (m, n) uint8 array
+        Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster.
+    interval : IntensityRange
+    refine : {"tv", "scan", "none", "smooth"}
+    window : Window
 
     Returns
     -------
-    pixels : (M + 2 REACH, N + 2 REACH) uint8 array
-        1 in regions; exact on the window and a pixel around it.
+    pixels : (M + 2 REFINE_HALO, N + 2 REFINE_HALO) uint8 array
+        1 in regions; exact on the window and a border of one pixel.
     tile : GreyTile
-        Grey of the same pixels; None in place of both where nothing is in range.
+        Grey of the same pixels; None in place of both where no cell is in range.
     """
-    if not inside.any():
+    if not cells.any():
         return None
-    tile = source.read(window, REACH)
-    pixels = pixels_of(inside & IN_RANGE, tile.valid)
-    if refine == "scan" and not inside.all():
-        scan(pixels, tile.valid, matching(tile.grey, tile.valid, *interval.greys))
-    elif refine == "smooth" and not inside.all():
-        pixels = smooth(pixels, tile.valid, tile.grey, interval.low, interval.high)
+    tile = source.read(window, REFINE_HALO)
+    pixels = cells_to_pixels(cells & IN_RANGE, tile.valid)
+    if refine == "scan" and not cells.all():
+        refine_by_scans(pixels, tile.valid, pixels_in_range(tile.grey, tile.valid, *interval.greys))
+    elif refine == "smooth" and not cells.all():
+        pixels = refine_by_local_mean(pixels, tile.valid, tile.grey, interval.low, interval.high)
     elif refine == "tv":
-        fits = matching(tile.grey, tile.valid, *interval.greys)
-        denoised(pixels, inside & UNSETTLED, tile.valid, tile.grey, fits, interval.greys)
+        in_range = pixels_in_range(tile.grey, tile.valid, *interval.greys)
+        refine_by_tv(pixels, cells & MIXED, tile.valid, tile.grey, in_range, interval.greys)
     return pixels, tile
 
 
 def _measure_tile(
-    source: GreySource, in_passing: _InPassing, window: Window
+    source: GreySource, cache: _CacheBlocks, window: Window
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None:
     if source.dataset.is_empty(window):
         return None
     tile = source.read(window, 1)
     sums, counts = cell_sums(tile.grey, tile.valid, margin=1)
-    in_passing.keep(window, tile, sums, counts)
-    return sums, counts, contrast_histogram(tile.grey, None if tile.every else tile.valid)
+    cache.put(window, tile, sums, counts)
+    return sums, counts, contrast_histogram(tile.grey, tile.mask)
 
 
 def _divide_tile(
     source: GreySource,
-    cuts: NDArray[np.int32],
-    question: Question | None,
+    bin_edges: NDArray[np.int32],
+    query: LeafQuery | None,
     job: tuple[Window, NDArray[np.uint32]],
 ) -> NDArray[np.float64]:
     window, bits = job
-    corners = _corners(bits)
-    patch = None if question is None else question.patches.take(window)
-    if patch is not None:
-        grey, valid = patch.grey, patch.valid
-        corners = np.stack([np.arange(len(corners)) * SIDE, np.zeros(len(corners), np.int64)], axis=1)
+    corners = _block_corners(bits)
+    cached = None if query is None else query.cache.take(window)
+    if cached is not None:
+        grey, valid = cached.grey, cached.valid
+        corners = np.stack([np.arange(len(corners)) * CACHED_SIDE, np.zeros(len(corners), np.int64)], axis=1)
     else:
-        part = _around(window, corners)
+        part = _bounding_window(window, corners)
         tile = source.read(part, 1)
-        grey, valid = tile.grey, None if tile.every else tile.valid
+        grey, valid = tile.grey, tile.mask
         corners = corners - (part.row - window.row, part.col - window.col)
-    if question is None:
-        return block_ratios(grey, valid, cuts, corners)
-    return wanted_ratios(grey, valid, cuts, corners, bits[bits > 0], question.threshold)
+    if query is None:
+        return block_ratios(grey, valid, bin_edges, corners)
+    return selected_ratios(grey, valid, bin_edges, corners, bits[bits > 0], query.division.threshold)
 
 
-def _corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """Where the blocks begin of which anything is wanted."""
+def _block_corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """First pixels of the blocks with any bit set, (k, 2)."""
     return np.stack(np.nonzero(bits), axis=1) * BLOCK
 
 
-def _around(window: Window, corners: NDArray[np.int64]) -> Window:
-    """The smallest part of a window with all the blocks that begin at `corners`."""
+def _bounding_window(window: Window, corners: NDArray[np.int64]) -> Window:
+    """The smallest part of a window that covers the blocks that begin at `corners`."""
     row, col = (int(first) for first in corners.min(axis=0))
     end_row, end_col = (int(last) + BLOCK for last in corners.max(axis=0))
     return Window(window.row + row, window.col + col, end_row - row, end_col - col)
 
 
 def _any_valid(blocks: BlockMap) -> NDArray[np.bool_]:
+    """Blocks with a valid pixel, (B, C)."""
     rows, cols = blocks.blocks
-    return np.asarray(blocks.counts.reshape(rows, 8, cols, 8).any(axis=(1, 3)))
+    return np.asarray(blocks.counts.reshape(rows, CELLS, cols, CELLS).any(axis=(1, 3)))

@@ -1,4 +1,4 @@
-"""From the histogram of leaf means to ranges of v that one would type."""
+"""Candidate ranges: multi-level Otsu thresholds of the histogram of leaf means, rounded to few digits."""
 
 import math
 from collections.abc import Sequence
@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 from uavseg.raster.intensity.otsu import Classes, are_parted, multi_otsu, number_of_classes
 from uavseg.units import GREY_MAX
 
-MOST_CLASSES = 8  # that may be asked for
-MOST_FOUND = 6  # that are proposed where nobody says how many
-BINS = 256
+MAX_CLASSES = 8  # that a caller may ask for
+MAX_PROPOSED = 6  # classes, where the caller gives no number
+_BINS = 256
 
 _DECIMALS = range(2, 7)
-_NO_MEAN = 5  # decimals, see `beside_means`
+_MIN_DECIMALS = 5  # see `edge_beside_means`
 
 
 @dataclass(frozen=True, slots=True)
-class Cuts:
-    """Where a histogram of means is cut into ranges.
+class RangeCandidates:
+    """Thresholds that split a histogram of means into ranges.
 
     Parameters
     ----------
     edges : tuple of float
-        Between the ranges, increasing; decimal numbers of few digits.
+        Edges between the ranges, increasing; decimal numbers of few digits.
     classes : Classes
-        What the cuts make of the histogram of at most 256 bins.
+        The Otsu classes of the histogram in at most 256 bins.
     clear : bool
-        Whether all of them are parted by valleys of the histogram.
+        Whether valleys of the histogram separate all classes.
     """
 
     edges: tuple[float, ...]
@@ -38,40 +38,41 @@ class Cuts:
     clear: bool
 
 
-def cuts_of(histogram: NDArray[np.int64], wanted: int | None = None) -> Cuts:
-    """Cut a histogram into the classes that leave the least variance within.
+def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -> RangeCandidates:
+    """Split a histogram into the classes with the smallest variance within (multi-level Otsu).
 
     Parameters
     ----------
     histogram : (65536,) int64 array
         Valid pixels by the mean grey of their leaf; not all 0.
-    wanted : int, optional
-        Number of classes; fewer where there are not as many different means. Where it is left out, the
-        most, of 2 to 6, between which the histogram has valleys.
+    n_classes : int, optional
+        Number of classes; there are fewer if the histogram has fewer different means. By default the largest
+        number from 2 to 6 for which valleys separate the classes.
     """
     first, last = np.flatnonzero(histogram)[[0, -1]]
-    width = -(-(int(last) - int(first) + 1) // BINS)
-    held = histogram[first : last + 1]
-    bins = np.add.reduceat(held, np.arange(0, held.size, width))
-    found = multi_otsu(bins, wanted or MOST_FOUND)
-    classes = number_of_classes(bins, found) if wanted is None else found[-1]
+    width = -(-(int(last) - int(first) + 1) // _BINS)
+    occupied = histogram[first : last + 1]
+    bins = np.add.reduceat(occupied, np.arange(0, occupied.size, width))
+    found = multi_otsu(bins, n_classes or MAX_PROPOSED)
+    classes = number_of_classes(bins, found) if n_classes is None else found[-1]
     pairs = zip(classes.ends, classes.starts, strict=True)
     gaps = [
-        (int(first) + low, int(first) + high) for low, high in (_gap(held, width, *pair) for pair in pairs)
+        (int(first) + low, int(first) + high)
+        for low, high in (_gap(occupied, width, *pair) for pair in pairs)
     ]
-    return Cuts(_edges(histogram, gaps, width), classes, are_parted(bins, classes))
+    return RangeCandidates(_edges(histogram, gaps, width), classes, are_parted(bins, classes))
 
 
-def _gap(held: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:
-    """The last element that holds anything of one bin, and the first of a later one."""
+def _gap(occupied: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:
+    """The last nonzero element of one bin, and the first nonzero element of a later bin."""
     return (
-        end * width + int(np.flatnonzero(held[end * width : (end + 1) * width])[-1]),
-        start * width + int(np.flatnonzero(held[start * width : (start + 1) * width])[0]),
+        end * width + int(np.flatnonzero(occupied[end * width : (end + 1) * width])[-1]),
+        start * width + int(np.flatnonzero(occupied[start * width : (start + 1) * width])[0]),
     )
 
 
-def beside_means(edge: float) -> float:
-    """The nearest number above an edge, and by decimals near it, that is no leaf's mean.
+def edge_beside_means(edge: float) -> float:
+    """A decimal number just above an edge that cannot be the mean of a leaf.
 
     A mean is sum / (65535 n) with n of at most 4096 valid pixels. A number of m decimals that ends with 1 is
     p / 10^m in lowest terms, and to be a mean 2^m 5^(m-1) must divide n: with five decimals or more it
@@ -79,16 +80,16 @@ def beside_means(edge: float) -> float:
 
     Examples
     --------
-    >>> beside_means(0.4), beside_means(0.412345)
+    >>> edge_beside_means(0.4), edge_beside_means(0.412345)
     (0.40001, 0.4123451)
     """
     exact = Decimal(repr(edge))
-    decimals = max(-int(exact.as_tuple().exponent) + 1, _NO_MEAN)
+    decimals = max(-int(exact.as_tuple().exponent) + 1, _MIN_DECIMALS)
     return float(exact + Decimal(1).scaleb(-decimals))
 
 
 def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width: int) -> tuple[float, ...]:
-    """A number for each gap between two greys: of few digits, and no range is left empty."""
+    """A number of few digits in each gap between two greys, such that no range is empty."""
     below = np.concatenate([[0], np.cumsum(histogram)])
     ends = [gap[0] for gap in gaps[1:]] + [GREY_MAX] * bool(gaps)
     edges: list[float] = []
@@ -99,9 +100,9 @@ def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width:
 
 
 def _edge(below: NDArray[np.int64], under: int, gap: tuple[int, int], end: int, width: int) -> float:
-    """The number of fewest digits that lies in a gap, or no farther from its middle than half a bin.
+    """The number with the fewest digits that lies in a gap, or within half a bin of its middle.
 
-    Between `under` pixels below and the grey `end`, there are pixels on both sides of it.
+    There are pixels on both sides of it: more than `under` pixels below, and others up to the grey `end`.
     """
     middle = sum(gap) / 2 / GREY_MAX
     for decimals in _DECIMALS:

@@ -1,4 +1,4 @@
-"""A dataset seen through a stretch: grey by window."""
+"""GreySource: windowed reads of a dataset as 16-bit grey."""
 
 from dataclasses import dataclass
 
@@ -12,25 +12,31 @@ from uavseg.raster.tiling import Window, whole_blocks
 
 @dataclass(frozen=True, slots=True)
 class GreyTile:
-    """Grey of a window with a margin; what lies outside the raster is invalid.
+    """Grey of a window with a margin; pixels outside the raster are invalid.
 
     Parameters
     ----------
     grey : (M + 2 m, N + 2 m) uint16 array
         0 where invalid; M and N are the window's sides, rounded up to whole blocks.
     valid : (M + 2 m, N + 2 m) uint8 array
-    every : bool
-        Whether all of it is valid.
+        1 where a pixel is valid.
+    all_valid : bool
+        Whether every pixel of the array is valid.
     """
 
     grey: NDArray[np.uint16]
     valid: NDArray[np.uint8]
-    every: bool
+    all_valid: bool
+
+    @property
+    def mask(self) -> NDArray[np.uint8] | None:
+        """`valid`, or None where every pixel is valid."""
+        return None if self.all_valid else self.valid
 
 
 @dataclass(frozen=True)
 class GreySource:
-    """A dataset seen through a stretch."""
+    """A dataset and the stretch that maps its values to grey."""
 
     dataset: Dataset
     stretch: Stretch
@@ -41,16 +47,16 @@ class GreySource:
         return self.dataset.geobox.shape
 
     def read(self, window: Window, margin: int) -> GreyTile:
-        """The grey of a window with `margin` pixels more on every side."""
+        """Read the grey of a window with `margin` more pixels on every side."""
         shape = (whole_blocks(window.rows) + 2 * margin, whole_blocks(window.cols) + 2 * margin)
         part = window.grown(margin).clipped(self.shape)
-        values, known = self.dataset.read(part)
-        pixels = self.stretch.apply(values, known)
+        values, mask = self.dataset.read(part)
+        pixels = self.stretch.apply(values, mask)
         if part.rows == shape[0] and part.cols == shape[1]:
-            whole = np.ones(shape, np.uint8) if known is None else known.view(np.uint8)
-            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(whole), known is None)
+            valid = np.ones(shape, np.uint8) if mask is None else mask.view(np.uint8)
+            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None)
         grey, valid = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
-        place = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
-        grey[place.slices] = pixels
-        valid[place.slices] = 1 if known is None else known
+        inner = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
+        grey[inner.slices] = pixels
+        valid[inner.slices] = 1 if mask is None else mask
         return GreyTile(grey, valid, False)

@@ -21,15 +21,15 @@ from uavseg.occupancy.simulation.scene import Scene
 from uavseg.raster.geobox import upright
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, undecided
-from uavseg.segmentation.blocks.division import block_ratios, wanted_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
-from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
-from uavseg.segmentation.intervals import Cut, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
+from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
+from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
+from uavseg.segmentation.intervals import IntensityRange, Intervals, Levels, StateLimits
 from uavseg.segmentation.params import SegmentParams
 
 PAPER = SegmentParams(method="paper")
-CUTS: list[Cut] = [StateLimits(), IntensityRange(0.0, 0.45), IntensityRange(0.3, 0.7), Levels(0.1)]
+CUTS: list[Intervals] = [StateLimits(), IntensityRange(0.0, 0.45), IntensityRange(0.3, 0.7), Levels(0.1)]
 Grey = NDArray[np.uint16]
 
 
@@ -50,20 +50,19 @@ def afresh(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> BlockMap
     if every:
         ratios = block_ratios(grey, valid, live.cuts, corners)
     else:
-        wanted = undecided(sums, counts, live.cut.edges, live.params.step)[rows, cols]
-        ratios = wanted_ratios(grey, valid, live.cuts, corners, wanted, live.params.threshold)
+        wanted = required_ratios(sums, counts, live.cut.edges, live.params.division.step)[rows, cols]
+        ratios = selected_ratios(grey, valid, live.cuts, corners, wanted, live.params.threshold)
     blocks.ratios[rows, cols] = ratios
     return blocks
 
 
-def intervals_of(blocks: BlockMap, cut: Cut, params: SegmentParams) -> NDArray[np.uint8]:
-    how = (params.threshold, params.step)
+def intervals_of(blocks: BlockMap, cut: Intervals, params: SegmentParams) -> NDArray[np.uint8]:
     if isinstance(cut, StateLimits):
-        return states_of(blocks, cut, *how)
+        return cell_states(blocks, cut, params.division)
     if isinstance(cut, Levels):
-        return levels_of(blocks, cut, *how).astype(np.uint8)
+        return cell_levels(blocks, cut, params.division).astype(np.uint8)
     assert isinstance(cut, IntensityRange)
-    return in_range(blocks, cut, *how)
+    return cells_in_range(blocks, cut, params.division)
 
 
 def assert_as_afresh(live: LiveSegmentation, grid: OccupancyGrid) -> None:
@@ -107,7 +106,7 @@ steps = st.lists(
     steps,
 )
 def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
-    seed: int, rows: int, cols: int, cut: Cut, params: SegmentParams, known: bool, sequence: list[str]
+    seed: int, rows: int, cols: int, cut: Intervals, params: SegmentParams, known: bool, sequence: list[str]
 ) -> None:
     rng = np.random.default_rng(seed)
     grid = OccupancyGrid.empty((rows, cols), 0.5)
@@ -135,7 +134,7 @@ def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
             assert (told.blocks >= seen).all() and (waiting or (told.blocks == seen).all())
             assert waiting or step != "away" or (told.window == Window(0, 0, 0, 0) and not told.blocks.any())
         if step == "refit":
-            assert (live.cuts == contrast_cuts(contrast_histogram(*framed(grid)))).all()
+            assert (live.cuts == contrast_bin_edges(contrast_histogram(*framed(grid)))).all()
         else:
             assert (live.cuts == cuts).all()
         waiting = step == "merge"  # for the next step, or the end
@@ -165,7 +164,7 @@ def test_only_what_a_scan_changes_is_divided_again(
     from uavseg.occupancy.mapping import live as module
 
     asked: list[NDArray[np.int64]] = []
-    measuring = module.wanted_ratios
+    measuring = module.selected_ratios
 
     def spy(grey: Grey, valid: object, cuts: object, corners: NDArray[np.int64], *rest: object) -> object:
         asked.append(corners // 64)
@@ -173,7 +172,7 @@ def test_only_what_a_scan_changes_is_divided_again(
 
     grid, scans = drive
     grid.update(scans[0])
-    monkeypatch.setattr(module, "wanted_ratios", spy)
+    monkeypatch.setattr(module, "selected_ratios", spy)
     for scan in scans[1:]:
         asked.clear()
         before, _ = framed(grid)

@@ -29,8 +29,9 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import fit
 from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation import in_memory
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, save
-from uavseg.segmentation.blocks.block_map import leaves
+from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, write_block_map
+from uavseg.segmentation.blocks.block_map import find_leaves
+from uavseg.segmentation.params import DivisionParams
 
 UTM = rasterio.crs.CRS.from_epsg(32618)
 BOX = GeoBox((128, 192), Affine(0.5, 0, 4e5, 0, -0.5, 5e6), UTM)
@@ -122,9 +123,9 @@ def test_contours_are_as_long_as_the_edges_of_segments(seed: int) -> None:
 @given(st.integers(0, 2**32), st.integers(1, 150), st.integers(1, 150))
 def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
     rng = np.random.default_rng(seed)
-    blocks = in_memory.divided(rng.choice([100, 60000], (rows, cols)).astype(np.uint16))
+    blocks = in_memory.block_map_of_array(rng.choice([100, 60000], (rows, cols)).astype(np.uint16))
     blocks.ratios[:] = rng.choice([0.0, 2.0], blocks.ratios.shape)
-    side, _ = leaves(blocks, 1.2, np.inf)
+    side, _ = find_leaves(blocks, DivisionParams(1.2, np.inf))
     cells = -(-rows // 8), -(-cols // 8)
     corners, sides = leaves_layer.squares_of(side[: cells[0], : cells[1]].astype(np.int64), (rows, cols))
     painted = np.zeros((rows, cols), int)
@@ -135,9 +136,14 @@ def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
 
 
 def saved_blocks(path: Path, values: np.ndarray, box: GeoBox = BOX) -> Path:
-    blocks = in_memory.divided((values * 65535).astype(np.uint16))
+    blocks = in_memory.block_map_of_array((values * 65535).astype(np.uint16))
     stretch = fit(Dataset.of_values(values, box, "map"), "none", TilePass([]))
-    save(path, SavedBlocks(blocks, box, stretch, "band 1", Origin(("map.tif",), ".")), 1.2, np.inf, True)
+    write_block_map(
+        path,
+        SavedBlocks(blocks, box, stretch, "band 1", Origin(("map.tif",), ".")),
+        DivisionParams(1.2, np.inf),
+        True,
+    )
     return path
 
 

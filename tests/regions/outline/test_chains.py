@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import FIRST, HEAD, LAST, OWNER, START, TAIL, Chains, trace_tile
-from uavseg.segmentation.labels.components import equal_components
+from uavseg.segmentation.labels.components import label_equal_values
 
 Labels = NDArray[np.uint32]
 
@@ -21,7 +21,7 @@ def label_images(draw: st.DrawFn) -> Labels:
 
 def chains_of(labels: Labels, side: int, margin: int = 1, dtype: type = np.uint32) -> list[Chains]:
     """Chains of all tiles of a square side; their owners are components of the whole image."""
-    components, _ = equal_components(labels)
+    components, _ = label_equal_values(labels)
     framed = np.pad(labels, margin).astype(dtype)
     found = []
     for row in range(0, labels.shape[0], side):

@@ -10,7 +10,7 @@ from uavseg.regions.outline.chains import trace_tile
 from uavseg.regions.outline.linking import link_chains, split_simple_rings
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import link_rings, trace
-from uavseg.segmentation.labels.components import equal_components
+from uavseg.segmentation.labels.components import label_equal_values
 
 Labels = NDArray[np.uint32]
 
@@ -86,7 +86,7 @@ def signed_areas(vertices: NDArray[np.int32], starts: NDArray[np.int64]) -> list
 @settings(max_examples=60, deadline=None)
 @given(label_images())
 def test_splitting_keeps_areas_and_leaves_no_vertex_twice(labels: Labels) -> None:
-    components, _ = equal_components(labels)
+    components, _ = label_equal_values(labels)
     chains = trace_tile(np.pad(labels, 1), components, 1, (0, 0), labels.shape[1])
     vertices, pinched, starts, owners = link_chains(chains.vertices, chains.pinched, chains.table)
     simple, simple_starts, simple_owners, hole = split_simple_rings(vertices, pinched, starts, owners)
@@ -102,7 +102,7 @@ def test_splitting_keeps_areas_and_leaves_no_vertex_twice(labels: Labels) -> Non
 
 def test_a_ring_that_touches_itself_is_an_exterior_and_a_hole() -> None:
     labels = np.array([[1, 1, 0], [1, 0, 1], [1, 1, 1]], np.uint32)
-    components, _ = equal_components(labels)
+    components, _ = label_equal_values(labels)
     chains = trace_tile(np.pad(labels, 1), components, 1, (0, 0), 3)
     linked = link_chains(chains.vertices, chains.pinched, chains.table)
     assert len(linked[3]) == 1  # one ring, which passes the corner (1, 2) twice

@@ -10,7 +10,7 @@ from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.labels.component_sums import component_sums
-from uavseg.segmentation.labels.components import components, equal_components
+from uavseg.segmentation.labels.components import label_components, label_equal_values
 
 MARGIN = 8
 Image = NDArray[np.uint8]
@@ -33,7 +33,7 @@ def outline(mask: Image, grey: Grey, window: Window) -> TileOutlines | None:
     room = ((MARGIN, MARGIN + 64), (MARGIN, MARGIN + 64))
     near = np.s_[window.row : window.row + rows + 2 * MARGIN, window.col : window.col + cols + 2 * MARGIN]
     pixels, greys = (np.ascontiguousarray(np.pad(image, room)[near]) for image in (mask, grey))
-    return outline_tile(pixels, *components(pixels, MARGIN), greys, window, mask.shape[1])
+    return outline_tile(pixels, *label_components(pixels, MARGIN), greys, window, mask.shape[1])
 
 
 def by_size(mask: Image) -> NDArray[np.uint32]:
@@ -66,7 +66,7 @@ def test_cells_that_share_an_edge_are_one_region_though_no_pixels_touch() -> Non
     mask = valid * leaves.repeat(8, 0).repeat(8, 1)
     pixels = np.pad(mask, ((MARGIN, MARGIN + 56), (MARGIN, MARGIN + 40)))
     grey = np.zeros(pixels.shape, np.uint16)
-    tile = outline_tile(pixels, *equal_components(pixels, MARGIN), grey, Window(0, 0, 8, 24), 24)
+    tile = outline_tile(pixels, *label_equal_values(pixels, MARGIN), grey, Window(0, 0, 8, 24), 24)
     found = stitch_tiles((8, 24), [Window(0, 0, 8, 24)], [tile]).finish(leaves)
     assert found.sums.counts.tolist() == [64 + 56, 64]
     assert found.rings.labels.tolist() == [1, 1, 2] and found.rings.parts.tolist() == [0, 1, 2]

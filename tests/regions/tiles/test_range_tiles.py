@@ -1,6 +1,7 @@
 """Tiles: how a raster is cut, and who works on it in which order, changes nothing."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from itertools import count
 from types import ModuleType
 from typing import Any
@@ -23,9 +24,11 @@ from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
+from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
+from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.pipeline import UNSETTLED, measure
+from uavseg.segmentation.pipeline import MIXED, measure_cells
 from uavseg.segmentation.source import GreySource
 
 Image = NDArray[np.uint8]
@@ -226,7 +229,7 @@ def test_tiles_workers_and_their_order_change_nothing(
 ) -> None:
     image, inside = scene(seed, shape), random_cells(seed, shape)
     if refine == "tv":
-        inside |= UNSETTLED * random_cells(seed + 1, shape)
+        inside |= MIXED * random_cells(seed + 1, shape)
     source = sourced(image)
     wanted = outline_regions(source, inside, BRIGHT, refine, TilePass(one_tile(image)))
     for run in (serial, threads(2), shuffled(seed)):
@@ -243,6 +246,39 @@ def test_sums_are_found_again_from_the_outlines(sourced: Sourced, seed: int, sid
     found = outline_regions(source, random_cells(seed, image.shape), BRIGHT, "scan", TilePass(windows))
     again = summed(source, found, TilePass(windows, shuffled(seed)))
     assert same(RegionOutlines(found.rings, again), found)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.tuples(st.integers(1, 280), st.integers(1, 280)), st.sampled_from(SIDES))
+def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
+    sourced: Sourced, seed: int, shape: tuple[int, int], side: Any
+) -> None:
+    """Where all pixels are valid; only the squares are not in a block map."""
+    image, kinds = np.maximum(scene(seed, shape), 1), random_cells(seed, shape)
+    kinds *= 1 + random_cells(seed + 1, shape)
+    kinds[-(-shape[0] // 8) :] = kinds[:, -(-shape[1] // 8) :] = 0  # no leaf lies wholly beyond the raster
+    source = sourced(image)
+    blocks = measure_cells(source, TilePass(one_tile(image))).blocks
+    cells = outline_cells(blocks, kinds)
+    for windows in (one_tile(image), tiles(shape, side)):
+        pixels = outline_segments(source, kinds, TilePass(windows))
+        sums = replace(cells.sums, squares=pixels.sums.squares)
+        assert same(RegionOutlines(cells.rings, sums), pixels)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.tuples(st.integers(1, 280), st.integers(1, 280)))
+def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_encloses(
+    sourced: Sourced, seed: int, shape: tuple[int, int]
+) -> None:
+    """Also where cells have no valid pixels, and with the sums of all cells enclosed."""
+    image, kinds = scene(seed, shape), random_cells(seed, shape)
+    blocks = measure_cells(sourced(image), TilePass(one_tile(image))).blocks
+    found = outline_cells(blocks, kinds)
+    names, firsts = np.unique(whole(found, image), return_index=True)
+    places = np.stack(np.unravel_index(firsts[names > 0], shape), 1).tolist()
+    assert found.sums.firsts.tolist() == places
+    assert summed_cells(blocks, found).sums.firsts.tolist() == places
 
 
 def test_progress_is_told_of_every_tile(sourced: Sourced) -> None:
@@ -263,7 +299,7 @@ def test_a_raster_whose_cells_have_changed_is_refused(sourced: Sourced, row: int
     image = scene(3, (130, 70))
     cells = np.ones((24, 16), np.uint8)
     windows = tiles(image.shape, 64)
-    blocks = measure(sourced(image), TilePass(windows)).blocks
+    blocks = measure_cells(sourced(image), TilePass(windows)).blocks
     outline_regions(sourced(image), cells, BRIGHT, "scan", TilePass(windows), expected=blocks)
     changed = image.copy()
     changed[row, 5] ^= 64

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import ParameterError, RasterError
-from uavseg.segmentation.baseline.lbpc import OriginalParams, original
-from uavseg.segmentation.baseline.merging import merged
+from uavseg.segmentation.baseline.lbpc import LbpcParams, segment_lbpc
+from uavseg.segmentation.baseline.merging import merge_regions
 
 Histogram = Counter[int]
 
@@ -27,7 +27,7 @@ def g_of(one: Histogram, other: Histogram) -> float:
     return 0.0 if 1e-9 * (n + m) > G else G
 
 
-def plain(reference: ModuleType, grey: np.ndarray, valid: np.ndarray, params: OriginalParams) -> np.ndarray:
+def plain(reference: ModuleType, grey: np.ndarray, valid: np.ndarray, params: LbpcParams) -> np.ndarray:
     """All of it with dictionaries and loops."""
     picture = reference.Picture(grey, valid)
     rows, cols = grey.shape
@@ -49,7 +49,7 @@ def plain(reference: ModuleType, grey: np.ndarray, valid: np.ndarray, params: Or
     return reference.by_size(image)
 
 
-def leaf_cells(reference: ModuleType, picture, valid: np.ndarray, params: OriginalParams):  # type: ignore[no-untyped-def]
+def leaf_cells(reference: ModuleType, picture, valid: np.ndarray, params: LbpcParams):  # type: ignore[no-untyped-def]
     """The valid pixels of each leaf of at least 16 pixels, numbered in raster order of the leaves."""
     waiting = [(row, col, 64) for row, col in picture.corners(64)]
     leaves = []
@@ -69,7 +69,7 @@ def around(cell: tuple[int, int]) -> list[tuple[int, int]]:
     return [(r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)]
 
 
-def merge(label: dict, texels: dict, params: OriginalParams) -> dict[int, Histogram]:
+def merge(label: dict, texels: dict, params: LbpcParams) -> dict[int, Histogram]:
     """Merge regions, in place; the models of those that are left."""
     models: dict[int, Histogram] = {k: Counter() for k in set(label.values())}
     for cell, texel in texels.items():
@@ -150,20 +150,20 @@ def test_it_agrees_with_the_plain_version(seed: int, reference: ModuleType) -> N
     if seed % 3 == 0:
         valid[rng.integers(0, shape[0], 30), rng.integers(0, shape[1], 30)] = False
         valid[: shape[0] // 4, : shape[1] // 3] = False
-    params = OriginalParams(
+    params = LbpcParams(
         threshold=float(rng.choice([1.0, 1.2, 1.5])),
         stop=float(rng.choice([1.3, 2.0, 4.0])),
         radius=int(rng.choice([3, 6])),
         sweeps=int(rng.choice([0, 2, 2, 32])),
     )
     grey = scene(seed, shape)
-    assert np.array_equal(original(grey, valid, params), plain(reference, grey, valid, params))
+    assert np.array_equal(segment_lbpc(grey, valid, params), plain(reference, grey, valid, params))
 
 
 def test_the_usual_parameters_agree_too(reference: ModuleType) -> None:
-    grey, params = scene(7, (33, 40)), OriginalParams()
+    grey, params = scene(7, (33, 40)), LbpcParams()
     assert (params.stop, params.untested, params.radius, params.sweeps) == (2.0, 0.1, 11, 32)
-    assert np.array_equal(original(grey), plain(reference, grey, np.ones(grey.shape, bool), params))
+    assert np.array_equal(segment_lbpc(grey), plain(reference, grey, np.ones(grey.shape, bool), params))
 
 
 def test_two_textures_are_two_segments_and_the_boundary_is_found() -> None:
@@ -171,7 +171,7 @@ def test_two_textures_are_two_segments_and_the_boundary_is_found() -> None:
     grey = rng.integers(0, 9000, (192, 192)).astype(np.uint16)
     slanted = np.add.outer(np.arange(192), 2 * np.arange(192)) > 290
     grey[slanted] += (np.arange(192)[:, None] % 4 * 8000 * np.ones((1, 192))).astype(np.uint16)[slanted]
-    labels, blocks = original(grey), original(grey, params=OriginalParams(sweeps=0))
+    labels, blocks = segment_lbpc(grey), segment_lbpc(grey, params=LbpcParams(sweeps=0))
     assert labels.max() == 2
     wrong, wrong_blocks = (
         min((x == 1 + slanted).mean(), (x == 2 - slanted).mean()) for x in (labels, blocks)
@@ -181,17 +181,17 @@ def test_two_textures_are_two_segments_and_the_boundary_is_found() -> None:
 
 @pytest.mark.parametrize("value", [0, 30000, 65535])
 def test_a_flat_image_is_one_segment(value: int) -> None:
-    assert (original(np.full((130, 100), value, np.uint16)) == 1).all()
+    assert (segment_lbpc(np.full((130, 100), value, np.uint16)) == 1).all()
 
 
 def test_labels_are_ordered_by_size_and_invalid_pixels_have_none() -> None:
     valid = np.ones((128, 160), bool)
     valid[:, 70:80] = False
-    labels = original(scene(3, (128, 160)), valid)
+    labels = segment_lbpc(scene(3, (128, 160)), valid)
     assert np.array_equal(labels > 0, valid)
     sizes = np.bincount(labels.ravel())[1:]
     assert (sizes > 0).all() and (np.diff(sizes) <= 0).all()
-    assert not original(scene(3, (40, 40)), np.zeros((40, 40), bool)).any()
+    assert not segment_lbpc(scene(3, (40, 40)), np.zeros((40, 40), bool)).any()
 
 
 @given(st.integers(0, 10_000), st.integers(2, 30))
@@ -203,7 +203,7 @@ def test_merging_never_tears_and_stops_later_with_a_larger_stop(seed: int, count
     texels = rng.integers(0, 6, (12, 12)).astype(np.uint16)
     parts = []
     for stop in (1.0, 2.0, np.inf):
-        after, models = merged(labels, texels, stop, 0.1)
+        after, models = merge_regions(labels, texels, stop, 0.1)
         parts.append(len(models) - 1)
         for k in range(1, len(models)):
             assert np.array_equal(np.bincount(texels[after == k], minlength=2048), models[k])
@@ -221,10 +221,10 @@ def test_merging_never_tears_and_stops_later_with_a_larger_stop(seed: int, count
 )
 def test_parameters_are_checked(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError):
-        OriginalParams(**wrong)  # type: ignore[arg-type]
+        LbpcParams(**wrong)  # type: ignore[arg-type]
 
 
 def test_an_image_that_is_too_large_is_refused_with_what_to_do() -> None:
     huge = np.broadcast_to(np.uint16(0), (4097, 4096))
     with pytest.raises(RasterError, match="gdal_translate"):
-        original(huge)
+        segment_lbpc(huge)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.blocks.block_cache import SIDE, Patches
+from uavseg.segmentation.blocks.block_cache import CACHED_SIDE, BlockCache
 from uavseg.segmentation.source import GreyTile
 
 HERE = Window(0, 0, 128, 192)
@@ -21,7 +21,7 @@ def tile(every: bool) -> GreyTile:
 
 @pytest.mark.parametrize("every", [True, False])
 def test_blocks_are_kept_with_the_pixels_around_them(every: bool) -> None:
-    patches, full = Patches(), tile(every)
+    patches, full = BlockCache(), tile(every)
     patches.put(HERE, full, CORNERS)
     patch = patches.take(HERE)
     assert patch is not None
@@ -37,8 +37,8 @@ def test_blocks_are_kept_with_the_pixels_around_them(every: bool) -> None:
 
 
 def test_what_has_no_room_is_not_kept() -> None:
-    size = 3 * SIDE * SIDE * 2
-    patches = Patches(2 * size - 1)
+    size = 3 * CACHED_SIDE * CACHED_SIDE * 2
+    patches = BlockCache(2 * size - 1)
     patches.put(HERE, tile(True), CORNERS)
     patches.put(Window(128, 0, 128, 192), tile(True), CORNERS)
     assert patches.take(HERE) is not None
@@ -46,7 +46,7 @@ def test_what_has_no_room_is_not_kept() -> None:
 
 
 def test_a_copy_for_another_process_is_empty_and_keeps_nothing() -> None:
-    patches = Patches()
+    patches = BlockCache()
     patches.put(HERE, tile(True), CORNERS)
     copy = pickle.loads(pickle.dumps(patches))
     assert copy.take(HERE) is None

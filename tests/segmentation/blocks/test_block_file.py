@@ -17,8 +17,15 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputExistsError, RasterError, RasterReadError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map, load, save
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves
+from uavseg.segmentation.blocks.block_file import (
+    Origin,
+    SavedBlocks,
+    is_block_map,
+    read_block_map,
+    write_block_map,
+)
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
+from uavseg.segmentation.params import DivisionParams
 
 TAG = "UAVSEG_BLOCK_MAP"
 UTM = Affine(0.3, 0, 500000.1, 0, -0.3, 4649776.7)
@@ -70,8 +77,8 @@ def test_saved_and_loaded_is_the_same(
     tmp_path_factory: pytest.TempPathFactory, seed: int, shape: tuple[int, int]
 ) -> None:
     path = tmp_path_factory.mktemp("blocks") / "a.tif"
-    save(path, saved_map(seed, shape), 1.2, 0.05)
-    assert_same(load(path), saved_map(seed, shape))
+    write_block_map(path, saved_map(seed, shape), DivisionParams(1.2, 0.05))
+    assert_same(read_block_map(path), saved_map(seed, shape))
 
 
 @pytest.mark.parametrize(
@@ -86,23 +93,25 @@ def test_saved_and_loaded_is_the_same(
 )
 def test_what_it_was_made_from_comes_back(tmp_path: Path, change: dict[str, Any]) -> None:
     with warnings.catch_warnings(action="ignore"):
-        save(tmp_path / "a.tif", replace(saved_map(), **change), 1.2, 0.05)
-        assert_same(load(tmp_path / "a.tif"), replace(saved_map(), **change))
+        write_block_map(tmp_path / "a.tif", replace(saved_map(), **change), DivisionParams(1.2, 0.05))
+        assert_same(read_block_map(tmp_path / "a.tif"), replace(saved_map(), **change))
 
 
 def test_the_same_leaves_come_from_the_file(tmp_path: Path) -> None:
-    save(tmp_path / "a.tif", saved_map(), 1.2, 0.05)
+    write_block_map(tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     for X, tau in ((1.2, 0.05), (1.6, np.inf), (np.inf, 0.3)):
         for one, other in zip(
-            leaves(load(tmp_path / "a.tif").blocks, X, tau), leaves(saved_map().blocks, X, tau), strict=True
+            find_leaves(read_block_map(tmp_path / "a.tif").blocks, DivisionParams(X, tau)),
+            find_leaves(saved_map().blocks, DivisionParams(X, tau)),
+            strict=True,
         ):
             assert np.array_equal(one, other)
 
 
 def test_the_file_shows_a_cell_of_8_pixels_as_one_with_named_bands(tmp_path: Path) -> None:
     saved = saved_map(1, (150, 77))
-    save(tmp_path / "a.tif", saved, 1.3, 0.05)
-    side, mean = leaves(saved.blocks, 1.3, 0.05)
+    write_block_map(tmp_path / "a.tif", saved, DivisionParams(1.3, 0.05))
+    side, mean = find_leaves(saved.blocks, DivisionParams(1.3, 0.05))
     with rasterio.open(tmp_path / "a.tif") as file:
         assert file.shape == (19, 10) and file.crs.to_epsg() == 32631
         assert file.transform.almost_equals(Affine(2.4, 0, 500000.1, 0, -2.4, 4649776.7), 1e-9)
@@ -118,12 +127,12 @@ def test_the_file_shows_a_cell_of_8_pixels_as_one_with_named_bands(tmp_path: Pat
 
 
 def test_a_file_that_is_there_is_replaced_only_if_allowed(tmp_path: Path) -> None:
-    save(tmp_path / "a.tif", saved_map(1), 1.2, 0.05)
+    write_block_map(tmp_path / "a.tif", saved_map(1), DivisionParams(1.2, 0.05))
     with pytest.raises(OutputExistsError, match="overwrite"):
-        save(tmp_path / "a.tif", saved_map(2), 1.2, 0.05)
-    assert_same(load(tmp_path / "a.tif"), saved_map(1))
-    save(tmp_path / "a.tif", saved_map(2), 1.2, 0.05, overwrite=True)
-    assert_same(load(tmp_path / "a.tif"), saved_map(2))
+        write_block_map(tmp_path / "a.tif", saved_map(2), DivisionParams(1.2, 0.05))
+    assert_same(read_block_map(tmp_path / "a.tif"), saved_map(1))
+    write_block_map(tmp_path / "a.tif", saved_map(2), DivisionParams(1.2, 0.05), overwrite=True)
+    assert_same(read_block_map(tmp_path / "a.tif"), saved_map(2))
 
 
 def facts(path: Path) -> dict[str, Any]:
@@ -146,7 +155,7 @@ def facts(path: Path) -> dict[str, Any]:
 )
 def test_a_damaged_tag_is_told_and_what_to_do(tmp_path: Path, tag: str) -> None:
     path = tmp_path / "a.tif"
-    save(path, saved_map(), 1.2, 0.05)
+    write_block_map(path, saved_map(), DivisionParams(1.2, 0.05))
     text = facts(path)
     if tag.startswith("without "):
         del text[tag.removeprefix("without ")]
@@ -156,7 +165,7 @@ def test_a_damaged_tag_is_told_and_what_to_do(tmp_path: Path, tag: str) -> None:
     with rasterio.open(path, "r+") as file:
         file.update_tags(**{TAG: json.dumps(text) if "=" in tag or "without" in tag else tag})
     with pytest.raises(RasterError, match=r"a\.tif is not a block map .* make it again with uavseg divide"):
-        load(path)
+        read_block_map(path)
 
 
 def test_another_raster_is_no_block_map(tmp_path: Path) -> None:
@@ -165,7 +174,7 @@ def test_another_raster_is_no_block_map(tmp_path: Path) -> None:
         pass
     assert not is_block_map(tmp_path / "other.tif")
     with pytest.raises(RasterError, match="is not a block map"):
-        load(tmp_path / "other.tif")
+        read_block_map(tmp_path / "other.tif")
 
 
 def test_a_file_that_is_no_raster_cannot_be_read(tmp_path: Path) -> None:
@@ -173,25 +182,25 @@ def test_a_file_that_is_no_raster_cannot_be_read(tmp_path: Path) -> None:
     for path in (tmp_path / "a.txt", tmp_path / "nowhere.tif"):
         assert not is_block_map(path)
         with pytest.raises(RasterReadError, match="cannot be read"):
-            load(path)
+            read_block_map(path)
 
 
 def test_a_block_map_is_known_as_one(tmp_path: Path) -> None:
-    save(tmp_path / "a.tif", saved_map(), 1.2, 0.05)
+    write_block_map(tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     assert is_block_map(tmp_path / "a.tif") and is_block_map(str(tmp_path / "a.tif"))
 
 
 def test_rasters_are_found_where_they_were(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "a.tif").touch()
-    found = Origin(("in/a.tif",), str(tmp_path)).found(tmp_path / "elsewhere" / "map.tif")
+    found = Origin(("in/a.tif",), str(tmp_path)).find_rasters(tmp_path / "elsewhere" / "map.tif")
     assert found == [str(tmp_path / "in" / "a.tif")]
 
 
 def test_rasters_are_found_beside_the_block_map(tmp_path: Path) -> None:
     (tmp_path / "a.tif").touch()
     (tmp_path / "b.tif").touch()
-    assert Origin(("a.tif", "b.tif"), "/gone").found(tmp_path / "map.tif") == [
+    assert Origin(("a.tif", "b.tif"), "/gone").find_rasters(tmp_path / "map.tif") == [
         str(tmp_path.resolve() / "a.tif"),
         str(tmp_path.resolve() / "b.tif"),
     ]
@@ -199,21 +208,21 @@ def test_rasters_are_found_beside_the_block_map(tmp_path: Path) -> None:
 
 def test_an_absolute_path_is_found_from_anywhere(tmp_path: Path) -> None:
     (tmp_path / "a.tif").touch()
-    assert Origin((str(tmp_path / "a.tif"),), "/gone").found("map.tif") == [str(tmp_path / "a.tif")]
+    assert Origin((str(tmp_path / "a.tif"),), "/gone").find_rasters("map.tif") == [str(tmp_path / "a.tif")]
 
 
 def test_rasters_are_found_all_or_none(tmp_path: Path) -> None:
     (tmp_path / "a.tif").touch()
-    assert Origin(("a.tif", "b.tif"), str(tmp_path)).found(tmp_path / "map.tif") is None
+    assert Origin(("a.tif", "b.tif"), str(tmp_path)).find_rasters(tmp_path / "map.tif") is None
 
 
 def test_what_gdal_fetches_is_taken_as_it_is_named(tmp_path: Path) -> None:
     name = "/vsicurl/https://example.org/a.tif"
-    assert Origin((name,), str(tmp_path)).found(tmp_path / "map.tif") == [name]
+    assert Origin((name,), str(tmp_path)).find_rasters(tmp_path / "map.tif") == [name]
 
 
 def test_a_part_that_was_cut_from_a_block_map_is_not_taken_for_the_whole(tmp_path: Path) -> None:
-    save(tmp_path / "a.tif", saved_map(), 1.2, 0.05)
+    write_block_map(tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     with rasterio.open(tmp_path / "a.tif") as file:
         bands, tags, how = file.read(), file.tags(), file.profile
     bands = bands[:, 8:, :]  # as gdal_translate -srcwin does, which keeps tags
@@ -221,4 +230,4 @@ def test_a_part_that_was_cut_from_a_block_map_is_not_taken_for_the_whole(tmp_pat
         file.write(bands)
         file.update_tags(**tags)
     with pytest.raises(RasterError, match="is not a block map"):
-        load(tmp_path / "part.tif")
+        read_block_map(tmp_path / "part.tif")

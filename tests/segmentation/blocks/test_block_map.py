@@ -6,11 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, leaves, undecided
+from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, find_leaves, required_ratios
 from uavseg.segmentation.blocks.division import RATIOS, block_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
-from uavseg.segmentation.blocks.leaves import in_range, levels_of, states_of
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
+from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
+from uavseg.segmentation.params import DivisionParams
 
 INF = np.inf
 seeds = st.integers(0, 10_000)
@@ -75,7 +76,7 @@ def number_of_leaves(side: NDArray[np.uint8]) -> float:
 @given(seeds, thresholds, steps)
 def test_leaves_are_those_of_the_division_as_it_is_told(seed: int, X: float, tau: float) -> None:
     blocks = random_map(seed, (130, 70))
-    side, mean = leaves(blocks, X, tau)
+    side, mean = find_leaves(blocks, DivisionParams(X, tau))
     plain_side, plain_mean = plain_leaves(blocks, X, tau)
     assert np.array_equal(side, plain_side)
     assert np.array_equal(mean, plain_mean)
@@ -85,7 +86,7 @@ def test_leaves_are_those_of_the_division_as_it_is_told(seed: int, X: float, tau
 @given(seeds, thresholds, steps)
 def test_leaves_cover_every_cell_once_with_the_mean_of_their_pixels(seed: int, X: float, tau: float) -> None:
     blocks = random_map(seed)
-    side, mean = leaves(blocks, X, tau)
+    side, mean = find_leaves(blocks, DivisionParams(X, tau))
     assert set(np.unique(side)) <= {8, 16, 32, 64}
     for many in (1, 2, 4, 8):
         rows, cols = np.nonzero(side == 8 * many)
@@ -98,23 +99,23 @@ def test_leaves_cover_every_cell_once_with_the_mean_of_their_pixels(seed: int, X
 @given(seeds)
 @settings(deadline=None, max_examples=10)
 def test_a_division_without_tests_is_of_whole_blocks(seed: int) -> None:
-    side, _ = leaves(random_map(seed), INF, INF)
+    side, _ = find_leaves(random_map(seed), DivisionParams(INF, INF))
     assert (side == 64).all()
 
 
 def test_a_threshold_below_every_ratio_divides_to_cells() -> None:
     blocks = random_map(1)
     blocks.ratios[:] = 1.0
-    assert (leaves(blocks, 0.0, INF)[0] == 8).all()
-    assert (leaves(blocks, 1.0, INF)[0] == 64).all()  # R > X divides, R = X does not
+    assert (find_leaves(blocks, DivisionParams(0.0, INF))[0] == 8).all()
+    assert (find_leaves(blocks, DivisionParams(1.0, INF))[0] == 64).all()  # R > X divides, R = X does not
 
 
 def test_means_that_differ_by_just_the_step_do_not_divide() -> None:
     blocks = BlockMap.empty((64, 64))
     blocks.counts[:] = 64
     blocks.sums[:, 4:] = 64 * 65535 // 5  # 0.2 against 0
-    assert (leaves(blocks, INF, 0.2)[0] == 64).all()
-    assert (leaves(blocks, INF, 0.2 - 1e-12)[0] == 32).all()
+    assert (find_leaves(blocks, DivisionParams(INF, 0.2))[0] == 64).all()
+    assert (find_leaves(blocks, DivisionParams(INF, 0.2 - 1e-12))[0] == 32).all()
 
 
 @settings(deadline=None, max_examples=40)
@@ -123,8 +124,8 @@ def test_more_allowed_never_makes_more_leaves(
     seed: int, X1: float, X2: float, tau1: float, tau2: float
 ) -> None:
     blocks = random_map(seed)
-    finer, _ = leaves(blocks, min(X1, X2), min(tau1, tau2))
-    coarser, _ = leaves(blocks, max(X1, X2), max(tau1, tau2))
+    finer, _ = find_leaves(blocks, DivisionParams(min(X1, X2), min(tau1, tau2)))
+    coarser, _ = find_leaves(blocks, DivisionParams(max(X1, X2), max(tau1, tau2)))
     assert (coarser >= finer).all()
     assert number_of_leaves(coarser) <= number_of_leaves(finer)
 
@@ -132,7 +133,11 @@ def test_more_allowed_never_makes_more_leaves(
 @pytest.mark.parametrize("rows", [slice(0, 1), slice(1, 3), slice(2, 99), slice(1, None), slice(3, 3)])
 def test_a_strip_of_leaves_is_that_part_of_all(rows: slice) -> None:
     blocks = random_map(7, (250, 100))
-    for part, whole in zip(leaves(blocks, 1.2, 0.05, rows), leaves(blocks, 1.2, 0.05), strict=True):
+    for part, whole in zip(
+        find_leaves(blocks, DivisionParams(1.2, 0.05), rows),
+        find_leaves(blocks, DivisionParams(1.2, 0.05)),
+        strict=True,
+    ):
         first, last, _ = rows.indices(4)
         assert np.array_equal(part, whole[8 * first : 8 * last])
 
@@ -162,16 +167,18 @@ def known_only_where(blocks: BlockMap, wanted: NDArray[np.uint32], otherwise: fl
 def assert_texture_elsewhere_is_of_no_use(
     blocks: BlockMap, interval: IntensityRange, X: float, tau: float
 ) -> None:
-    wanted = undecided(blocks.sums, blocks.counts, interval.edges, tau)
-    full = cells_in_range(blocks, interval, X, tau)
+    wanted = required_ratios(blocks.sums, blocks.counts, interval.edges, tau)
+    full = valid_cells_in_range(blocks, interval, X, tau)
     for otherwise in (0.0, INF):
         some = known_only_where(blocks, wanted, otherwise)
-        assert np.array_equal(cells_in_range(some, interval, X, tau), full)
+        assert np.array_equal(valid_cells_in_range(some, interval, X, tau), full)
 
 
-def cells_in_range(blocks: BlockMap, interval: IntensityRange, X: float, tau: float) -> NDArray[np.uint8]:
+def valid_cells_in_range(
+    blocks: BlockMap, interval: IntensityRange, X: float, tau: float
+) -> NDArray[np.uint8]:
     """Cells in range that have a pixel."""
-    return in_range(blocks, interval, X, tau) & (blocks.counts > 0)
+    return cells_in_range(blocks, interval, DivisionParams(X, tau)) & (blocks.counts > 0)
 
 
 ends = st.tuples(
@@ -192,12 +199,12 @@ def test_a_range_is_answered_by_the_texture_of_undecided_blocks_alone(
 def test_levels_and_states_are_answered_by_it_too(seed: int, width: float, X: float, tau: float) -> None:
     blocks, levels, limits = random_map(seed), Levels(width), StateLimits()
     there = blocks.counts > 0
-    for cut, answer in ((levels, levels_of), (limits, states_of)):
-        wanted = undecided(blocks.sums, blocks.counts, cut.edges, tau)
-        full = answer(blocks, cut, X, tau)[there]
+    for cut, answer in ((levels, cell_levels), (limits, cell_states)):
+        wanted = required_ratios(blocks.sums, blocks.counts, cut.edges, tau)
+        full = answer(blocks, cut, DivisionParams(X, tau))[there]
         for otherwise in (0.0, INF):
             some = known_only_where(blocks, wanted, otherwise)
-            assert np.array_equal(answer(some, cut, X, tau)[there], full)
+            assert np.array_equal(answer(some, cut, DivisionParams(X, tau))[there], full)
 
 
 def block_map_of(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> BlockMap:
@@ -206,7 +213,7 @@ def block_map_of(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> BlockMap
     blocks.sums[:], blocks.counts[:] = cell_sums(grey, valid)
     around, known = np.pad(grey, 1), np.pad(valid, 1)
     corners = np.ascontiguousarray(np.argwhere(np.ones(blocks.blocks))) * 64
-    found = block_ratios(around, known, contrast_cuts(contrast_histogram(around, known)), corners)
+    found = block_ratios(around, known, contrast_bin_edges(contrast_histogram(around, known)), corners)
     blocks.ratios[:] = found.reshape(blocks.ratios.shape)
     return blocks
 
@@ -233,16 +240,18 @@ def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
     blocks.counts[:, 16:] = 0
     blocks.sums[:, 16:] = 0
     # the block itself, its first quarter, and the first quarter of that
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [
+    assert required_ratios(blocks.sums, blocks.counts, IntensityRange(0.4, 0.6).edges, INF).tolist() == [
         [0, 0b100011, 0]
     ]
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.6, 0.9).edges, INF).tolist() == [[0, 0, 0]]
+    assert required_ratios(blocks.sums, blocks.counts, IntensityRange(0.6, 0.9).edges, INF).tolist() == [
+        [0, 0, 0]
+    ]
 
 
 def test_a_block_that_intensity_divides_all_the_way_needs_no_texture() -> None:
     blocks = BlockMap.empty((64, 64))
     blocks.counts[:] = 64
     blocks.sums[0, 0] = 64 * 65535
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.06).item() == 0
+    assert required_ratios(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.06).item() == 0
     # the means of its quarters are 1/16, 0, 0 and 0
-    assert undecided(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.07).item() == 1
+    assert required_ratios(blocks.sums, blocks.counts, IntensityRange(0.5, 1.0).edges, 0.07).item() == 1

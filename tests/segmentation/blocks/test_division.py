@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2_contingency
 
 from uavseg.segmentation.blocks.division import block_ratios
-from uavseg.segmentation.blocks.g_statistic import likelihood_ratio
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram, symbols
+from uavseg.segmentation.blocks.g_statistic import g_statistic
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
 
 FIRST = np.zeros((1, 2), np.int64)
 counts = st.lists(st.tuples(st.integers(0, 90), st.integers(0, 90)), min_size=2, max_size=20)
@@ -27,7 +27,7 @@ def noise(seed: int, shape: tuple[int, int]) -> NDArray[np.uint16]:
 
 def ratios_of(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None = None) -> Ratios:
     """R of the block inside a border of one pixel, and of the blocks in it."""
-    return block_ratios(grey, valid, contrast_cuts(contrast_histogram(grey, valid)), FIRST)[0]
+    return block_ratios(grey, valid, contrast_bin_edges(contrast_histogram(grey, valid)), FIRST)[0]
 
 
 def by_side(ratios: Ratios) -> list[Ratios]:
@@ -45,7 +45,7 @@ def test_ratios_are_those_of_the_reference(reference: ModuleType, seed: int) -> 
     beyond = [(1, -length % 64 + 1) for length in shape]
     padded, known = np.pad(grey, beyond), np.pad(valid, beyond).astype(np.uint8)
     corners = np.ascontiguousarray(np.argwhere(np.ones([-(-length // 64) for length in shape]))) * 64
-    found = block_ratios(padded, known, contrast_cuts(contrast_histogram(padded, known)), corners)
+    found = block_ratios(padded, known, contrast_bin_edges(contrast_histogram(padded, known)), corners)
     expected = reference.ratios(grey, valid)
     for (top, left), ratios in zip(corners.tolist(), found, strict=True):
         for side, picture in zip((64, 32, 16), by_side(ratios), strict=True):
@@ -100,7 +100,7 @@ def test_all_valid_is_the_same_as_nothing_said() -> None:
 
 def test_a_block_does_not_depend_on_which_others_are_asked_for() -> None:
     grey = noise(5, (200, 140))
-    cuts = contrast_cuts(contrast_histogram(grey))
+    cuts = contrast_bin_edges(contrast_histogram(grey))
     corners = np.array([[0, 0], [64, 64], [128, 0], [5, 71]], np.int64)
     together = block_ratios(grey, None, cuts, corners)
     for order in ([3, 1, 0, 2], [2], [1, 1]):
@@ -118,26 +118,26 @@ def test_g_is_that_of_scipy(pairs: list[tuple[int, int]]) -> None:
     if table.shape[1] < 2 or not table.any(axis=1).all():
         return
     expected = chi2_contingency(table, correction=False, lambda_="log-likelihood").statistic
-    assert likelihood_ratio(*table) == pytest.approx(expected, rel=1e-9, abs=1e-8)
+    assert g_statistic(*table) == pytest.approx(expected, rel=1e-9, abs=1e-8)
 
 
 @settings(deadline=None, max_examples=100)
 @given(counts, st.integers(1, 10))
 def test_g_is_symmetric_and_0_between_multiples(pairs: list[tuple[int, int]], times: int) -> None:
     first, second = np.array(pairs).T
-    assert likelihood_ratio(first, second) == pytest.approx(likelihood_ratio(second, first))
+    assert g_statistic(first, second) == pytest.approx(g_statistic(second, first))
     few = np.minimum(first, 18)
     if few.any():
-        assert likelihood_ratio(few, times * few) == 0
-    assert likelihood_ratio(first, second) >= 0
+        assert g_statistic(few, times * few) == 0
+    assert g_statistic(first, second) >= 0
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_kernel_and_the_formula_agree(seed: int) -> None:
     grey = noise(seed + 10, (66, 66))
-    cuts = contrast_cuts(contrast_histogram(grey))
-    texture = symbols(grey, None, cuts)
+    cuts = contrast_bin_edges(contrast_histogram(grey))
+    texture = lbp_symbols(grey, None, cuts)
     halves = [texture[r : r + 32, c : c + 32].ravel() for r in (0, 32) for c in (0, 32)]
     histograms = [np.bincount(half, minlength=2048) for half in halves]
-    G = [likelihood_ratio(histograms[i], histograms[j]) for i in range(4) for j in range(i)]
+    G = [g_statistic(histograms[i], histograms[j]) for i in range(4) for j in range(i)]
     assert ratios_of(grey)[0] == pytest.approx(max(G) / min(G), rel=1e-9)

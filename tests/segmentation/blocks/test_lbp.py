@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.raster.tiling import tiles
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram, symbols
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
 
 NO_CUTS = np.full(7, 65536, np.int32)
 extreme = st.sampled_from([0, 1, 7, 8, 9, 32767, 32768, 65534, 65535])
@@ -119,15 +119,15 @@ def test_histograms_of_tiles_add_up_to_that_of_the_whole(
 def test_symbols_are_those_of_plain_arithmetic(seed: int, cuts: list[int]) -> None:
     grey, valid = noise(seed, (19, 33)), holes(seed, (19, 33))
     some = np.array(sorted(cuts), np.int32) >> seed % 17
-    assert np.array_equal(symbols(grey, valid, some), plain_symbols(grey, valid, some))
-    assert np.array_equal(symbols(grey, None, some), plain_symbols(grey, np.ones_like(valid), some))
+    assert np.array_equal(lbp_symbols(grey, valid, some), plain_symbols(grey, valid, some))
+    assert np.array_equal(lbp_symbols(grey, None, some), plain_symbols(grey, np.ones_like(valid), some))
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_an_invalid_pixel_uncounts_the_nine_around_it(seed: int) -> None:
     grey, valid = noise(seed, (20, 20)), np.ones((20, 20), np.uint8)
     valid[7, 11] = 0
-    uncounted = symbols(grey, valid, NO_CUTS) == 65535
+    uncounted = lbp_symbols(grey, valid, NO_CUTS) == 65535
     assert uncounted.sum() == 9 and uncounted[5:8, 9:12].all()
     assert contrast_histogram(grey, valid).sum() == 18 * 18 - 9
 
@@ -137,9 +137,9 @@ def test_an_invalid_pixel_uncounts_the_nine_around_it(seed: int) -> None:
 def test_a_brighter_image_has_the_same_texture(seed: int, more: int) -> None:
     grey = noise(seed, (30, 30)) >> 1
     brighter = (grey + np.uint16(more)).astype(np.uint16)
-    cuts = contrast_cuts(contrast_histogram(grey))
+    cuts = contrast_bin_edges(contrast_histogram(grey))
     assert np.array_equal(contrast_histogram(grey), contrast_histogram(brighter))
-    assert np.array_equal(symbols(grey, None, cuts), symbols(brighter, None, cuts))
+    assert np.array_equal(lbp_symbols(grey, None, cuts), lbp_symbols(brighter, None, cuts))
 
 
 @pytest.mark.parametrize("turn", [np.rot90, np.fliplr, np.flipud, np.transpose])
@@ -153,7 +153,7 @@ def test_a_turned_image_has_the_same_contrasts(turn: object) -> None:
 @settings(deadline=None, max_examples=150)
 @given(st.lists(st.one_of(st.integers(0, 6), st.sampled_from([0, 0, 65535])), max_size=60))
 def test_a_cut_is_the_smallest_contrast_with_enough_at_or_below_it(contrasts: list[int]) -> None:
-    cuts = contrast_cuts(np.bincount(contrasts, minlength=65536).astype(np.int64))
+    cuts = contrast_bin_edges(np.bincount(contrasts, minlength=65536).astype(np.int64))
     ordered = sorted(contrasts)
     for k in range(1, 8):
         enough = [t for t in {0, *ordered} if 8 * sum(c <= t for c in ordered) >= k * len(ordered)]
@@ -162,8 +162,8 @@ def test_a_cut_is_the_smallest_contrast_with_enough_at_or_below_it(contrasts: li
 
 def test_where_contrasts_seldom_tie_bins_are_of_equal_size() -> None:
     grey = np.random.default_rng(3).integers(0, 65536, (200, 200)).astype(np.uint16)
-    cuts = contrast_cuts(contrast_histogram(grey))
-    found = np.bincount(symbols(grey, None, cuts).ravel() % 8, minlength=8)
+    cuts = contrast_bin_edges(contrast_histogram(grey))
+    found = np.bincount(lbp_symbols(grey, None, cuts).ravel() % 8, minlength=8)
     eighth = 198 * 198 / 8
     assert abs(found[0] + found[1] - 2 * eighth) < 10  # two ninths are the least or the greatest of nine: 0
     assert (abs(found[2:] - eighth) < 10).all()
@@ -172,6 +172,6 @@ def test_where_contrasts_seldom_tie_bins_are_of_equal_size() -> None:
 def test_where_contrasts_tie_bins_stay_empty() -> None:
     grey = np.zeros((40, 40), np.uint16)
     grey[20, 20] = 800  # nine contrasts that are not 0, of 1444
-    cuts = contrast_cuts(contrast_histogram(grey))
+    cuts = contrast_bin_edges(contrast_histogram(grey))
     assert cuts.tolist() == [0] * 7
-    assert set(np.unique(symbols(grey, None, cuts) % 8)) <= {0, 7}
+    assert set(np.unique(lbp_symbols(grey, None, cuts) % 8)) <= {0, 7}

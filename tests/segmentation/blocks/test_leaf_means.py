@@ -8,24 +8,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks import block_map
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
-from uavseg.segmentation.in_memory import divided
+from uavseg.segmentation.in_memory import block_map_of_array
+from uavseg.segmentation.params import DivisionParams
 
 
 def scene(seed: int, shape: tuple[int, int] = (200, 150)) -> BlockMap:
     rng = np.random.default_rng(seed)
     coarse = rng.integers(0, 65536, (shape[0] // 20 + 1, shape[1] // 20 + 1))
     grey = np.kron(coarse, np.ones((20, 20)))[: shape[0], : shape[1]] + rng.normal(0, 2000, shape)
-    return divided(np.clip(grey, 0, 65535).astype(np.uint16), rng.random(shape) < 0.8)
+    return block_map_of_array(np.clip(grey, 0, 65535).astype(np.uint16), rng.random(shape) < 0.8)
 
 
 @settings(deadline=None, max_examples=15)
 @given(st.integers(0, 99), st.sampled_from([0.02, 0.3, np.inf]))
 def test_it_is_that_of_the_leaves(seed: int, step: float) -> None:
     blocks = scene(seed)
-    found = histogram_of_means(blocks, 1.2, step)
-    _, mean = leaves(blocks, 1.2, step)
+    found = histogram_of_means(blocks, DivisionParams(1.2, step))
+    _, mean = find_leaves(blocks, DivisionParams(1.2, step))
     wanted = np.zeros(65536, np.int64)
     for v, count in zip(mean.flat, blocks.counts.flat, strict=True):
         if count:
@@ -35,7 +36,7 @@ def test_it_is_that_of_the_leaves(seed: int, step: float) -> None:
 
 def test_parts_merge_by_adding(monkeypatch: pytest.MonkeyPatch) -> None:
     blocks = scene(1, (400, 130))
-    whole = histogram_of_means(blocks, 1.2, 0.05)
+    whole = histogram_of_means(blocks, DivisionParams(1.2, 0.05))
     parts = [
         replace(
             blocks,
@@ -45,14 +46,14 @@ def test_parts_merge_by_adding(monkeypatch: pytest.MonkeyPatch) -> None:
         )
         for a, b in ((0, 3), (3, 4), (4, 7))
     ]
-    assert np.array_equal(sum(histogram_of_means(part, 1.2, 0.05) for part in parts), whole)
-    monkeypatch.setattr(block_map, "_STRIP", 2)
-    assert np.array_equal(histogram_of_means(blocks, 1.2, 0.05), whole)
+    assert np.array_equal(sum(histogram_of_means(part, DivisionParams(1.2, 0.05)) for part in parts), whole)
+    monkeypatch.setattr(block_map, "_STRIP_BLOCKS", 2)
+    assert np.array_equal(histogram_of_means(blocks, DivisionParams(1.2, 0.05)), whole)
 
 
 def test_values_that_are_means_are_known() -> None:
     grey = np.full((64, 64), 26214, np.uint16)  # v = 0.4
     grey[:, 32:] = 52428
-    blocks = divided(grey)
-    assert means_among(blocks, (0.2, 0.4, 0.400001, 0.8), 1.2, 0.05) == {0.4, 0.8}
-    assert means_among(blocks, (), 1.2, 0.05) == set()
+    blocks = block_map_of_array(grey)
+    assert means_among(blocks, (0.2, 0.4, 0.400001, 0.8), DivisionParams(1.2, 0.05)) == {0.4, 0.8}
+    assert means_among(blocks, (), DivisionParams(1.2, 0.05)) == set()

@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves
-from uavseg.segmentation.blocks.leaves import in_range, levels_of, pixels_of, states_of
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
+from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range, cells_to_pixels
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
+from uavseg.segmentation.params import DivisionParams
 
 V = np.arange(65536) / 65535
 ends = st.one_of(
@@ -28,7 +29,7 @@ def steps_of_grey(*greys: int) -> BlockMap:
 
 @pytest.mark.parametrize("pair", [(0.5, 0.5), (0.6, 0.5), (-0.1, 0.5), (0.5, 1.01), (np.nan, 1), (0, np.nan)])
 def test_a_range_that_is_none_is_refused_with_what_it_should_be(pair: tuple[float, float]) -> None:
-    with pytest.raises(IntensityRangeError, match=r"0 <= low < high <= 1, not"):
+    with pytest.raises(IntensityRangeError, match=r"0 <= low < high <= 1, got"):
         IntensityRange(*pair)
 
 
@@ -54,7 +55,7 @@ def test_a_range_between_two_greys_has_none() -> None:
 
 def test_leaves_on_either_end_are_in_the_range() -> None:
     blocks = steps_of_grey(13106, 13107, 20000, 26214, 26215)
-    inside = in_range(blocks, IntensityRange(0.2, 0.4), np.inf, np.inf)
+    inside = cells_in_range(blocks, IntensityRange(0.2, 0.4), DivisionParams(np.inf, np.inf))
     assert inside[0, ::8].tolist() == [0, 1, 1, 1, 0]
     assert inside.shape == (8, 40) and inside.dtype == np.uint8
 
@@ -62,13 +63,16 @@ def test_leaves_on_either_end_are_in_the_range() -> None:
 def test_a_leaf_without_valid_pixels_is_in_no_range() -> None:
     blocks = steps_of_grey(0, 0)
     blocks.counts[:, 8:] = 0
-    assert in_range(blocks, IntensityRange(0, 1), np.inf, np.inf)[0, ::8].tolist() == [1, 0]
+    assert cells_in_range(blocks, IntensityRange(0, 1), DivisionParams(np.inf, np.inf))[0, ::8].tolist() == [
+        1,
+        0,
+    ]
 
 
 def test_an_invalid_cell_goes_with_its_leaf() -> None:
     blocks = steps_of_grey(30000)
     blocks.counts[3, 3] = blocks.sums[3, 3] = 0
-    assert in_range(blocks, IntensityRange(0.3, 0.6), np.inf, np.inf).all()
+    assert cells_in_range(blocks, IntensityRange(0.3, 0.6), DivisionParams(np.inf, np.inf)).all()
 
 
 def test_a_tall_map_is_answered_as_its_leaves_are() -> None:
@@ -77,8 +81,11 @@ def test_a_tall_map_is_answered_as_its_leaves_are() -> None:
     blocks.counts[:] = rng.integers(0, 65, blocks.counts.shape)
     blocks.sums[:] = rng.random(blocks.counts.shape) * 65535 * blocks.counts
     blocks.ratios[:] = rng.random(blocks.ratios.shape) * 2
-    _, mean = leaves(blocks, 1.2, 0.4)
-    assert np.array_equal(in_range(blocks, IntensityRange(0.3, 0.6), 1.2, 0.4), (mean >= 0.3) & (mean <= 0.6))
+    _, mean = find_leaves(blocks, DivisionParams(1.2, 0.4))
+    assert np.array_equal(
+        cells_in_range(blocks, IntensityRange(0.3, 0.6), DivisionParams(1.2, 0.4)),
+        (mean >= 0.3) & (mean <= 0.6),
+    )
 
 
 # States and levels
@@ -88,7 +95,7 @@ def test_a_tall_map_is_answered_as_its_leaves_are() -> None:
     "pair", [(0.6, 0.4), (0.5, 0.5), (-0.1, 0.5), (0.4, 1.1), (np.nan, 0.6), (0.4, np.nan), (0.4, np.inf)]
 )
 def test_limits_upside_down_are_refused(pair: tuple[float, float]) -> None:
-    with pytest.raises(ParameterError, match=r"0 <= free below < occupied above <= 1, not"):
+    with pytest.raises(ParameterError, match=r"0 <= free below < occupied above <= 1, got"):
         StateLimits(*pair)
 
 
@@ -109,9 +116,16 @@ def test_levels_cover_everything_once(width: float) -> None:
 
 def test_a_mean_on_an_edge_belongs_below_it() -> None:
     blocks = steps_of_grey(0, 13107, 13108, 26214, 52429, 65535)
-    assert levels_of(blocks, Levels(0.2), np.inf, np.inf)[0, ::8].tolist() == [1, 1, 2, 2, 5, 5]
+    assert cell_levels(blocks, Levels(0.2), DivisionParams(np.inf, np.inf))[0, ::8].tolist() == [
+        1,
+        1,
+        2,
+        2,
+        5,
+        5,
+    ]
     limits = StateLimits(13107 / 65535, 26214 / 65535)
-    assert states_of(blocks, limits, np.inf, np.inf)[0, ::8].tolist() == [1, 1, 2, 2, 3, 3]
+    assert cell_states(blocks, limits, DivisionParams(np.inf, np.inf))[0, ::8].tolist() == [1, 1, 2, 2, 3, 3]
     assert limits.table[[0, 13107, 13108, 26214, 26215, 65535]].tolist() == [1, 1, 2, 2, 3, 3]
 
 
@@ -121,15 +135,15 @@ def test_one_half_of_eight_bits_is_unknown_either_way() -> None:
 
 def test_a_leaf_without_valid_pixels_has_no_state_and_no_level() -> None:
     blocks = BlockMap.empty((64, 64))
-    assert not states_of(blocks, StateLimits(), 1.2, 0.05).any()
-    assert not levels_of(blocks, Levels(0.1), 1.2, 0.05).any()
+    assert not cell_states(blocks, StateLimits(), DivisionParams(1.2, 0.05)).any()
+    assert not cell_levels(blocks, Levels(0.1), DivisionParams(1.2, 0.05)).any()
 
 
 def test_many_levels_have_room() -> None:
     blocks = steps_of_grey(0, 65535)
-    found = levels_of(blocks, Levels(0.001), np.inf, np.inf)
+    found = cell_levels(blocks, Levels(0.001), DivisionParams(np.inf, np.inf))
     assert found.dtype == np.uint32 and found[0, ::8].tolist() == [1, 1000]
-    assert levels_of(blocks, Levels(0.004), np.inf, np.inf).dtype == np.uint8
+    assert cell_levels(blocks, Levels(0.004), DivisionParams(np.inf, np.inf)).dtype == np.uint8
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint32])
@@ -137,5 +151,5 @@ def test_cells_are_spread_over_their_valid_pixels(dtype: type) -> None:
     rng = np.random.default_rng(2)
     cells = rng.integers(0, 256, (3, 5)).astype(dtype)
     valid = rng.integers(0, 2, (24, 40)).astype(np.uint8)
-    found = pixels_of(cells, valid)
+    found = cells_to_pixels(cells, valid)
     assert found.dtype == dtype and np.array_equal(found, cells.repeat(8, 0).repeat(8, 1) * valid)

@@ -11,7 +11,12 @@ from scipy.sparse.csgraph import connected_components
 from skimage import measure
 
 from uavseg.segmentation.labels.component_sums import component_sums
-from uavseg.segmentation.labels.components import components, equal_components, united, words_of
+from uavseg.segmentation.labels.components import (
+    label_components,
+    label_equal_values,
+    union_roots,
+    view_as_words,
+)
 
 seeds = st.integers(0, 100_000)
 shapes = st.tuples(st.integers(1, 45), st.integers(1, 45))
@@ -33,7 +38,7 @@ def picture(text: str) -> NDArray[np.uint32]:
 @given(seeds, shapes)
 def test_components_are_those_of_scipy(seed: int, shape: tuple[int, int]) -> None:
     inside = blots(seed, shape)
-    labels, count = components(inside)
+    labels, count = label_components(inside)
     expected, number = ndimage.label(inside)
     assert count == number
     assert np.array_equal(labels, expected)
@@ -44,8 +49,8 @@ def test_components_are_those_of_scipy(seed: int, shape: tuple[int, int]) -> Non
 def test_a_margin_is_left_out_as_if_it_were_not_there(seed: int, shape: tuple[int, int], margin: int) -> None:
     inside = blots(seed, (shape[0] + 2 * margin, shape[1] + 2 * margin))
     core = np.ascontiguousarray(inside[margin : margin + shape[0], margin : margin + shape[1]])
-    labels, count = components(inside, margin)
-    expected, number = components(core)
+    labels, count = label_components(inside, margin)
+    expected, number = label_components(core)
     assert count == number and np.array_equal(labels, expected)
 
 
@@ -53,8 +58,8 @@ def test_a_margin_is_left_out_as_if_it_were_not_there(seed: int, shape: tuple[in
 @given(seeds, st.integers(1, 30), st.integers(1, 9), st.sampled_from([0, 8, 16]))
 def test_eight_pixels_at_once_are_as_one_by_one(seed: int, rows: int, words: int, margin: int) -> None:
     inside = blots(seed, (rows + 2 * margin, 8 * words + 2 * margin))
-    assert words_of(inside).size == inside.size // 8
-    labels, count = components(inside, margin)
+    assert view_as_words(inside).size == inside.size // 8
+    labels, count = label_components(inside, margin)
     core = np.ascontiguousarray(inside[margin : margin + rows, margin : margin + 8 * words])
     expected, number = ndimage.label(core)
     assert count == number and np.array_equal(labels, expected)
@@ -64,7 +69,7 @@ def test_eight_pixels_at_once_are_as_one_by_one(seed: int, rows: int, words: int
 @given(seeds, shapes)
 def test_components_of_equal_value_are_those_of_scikit_image(seed: int, shape: tuple[int, int]) -> None:
     image = (blots(seed, shape) + 2 * blots(seed + 1, shape) * blots(seed + 2, shape)).astype(np.uint32)
-    labels, count = equal_components(image)
+    labels, count = label_equal_values(image)
     expected, number = measure.label(image, connectivity=1, background=0, return_num=True)
     assert count == number
     assert np.array_equal(labels, in_raster_order(expected))
@@ -93,21 +98,21 @@ def in_raster_order(labels: NDArray[np.int64]) -> NDArray[np.int64]:
 )
 def test_components_are_as_drawn(drawing: str) -> None:
     expected = picture(drawing)
-    labels, count = components((expected > 0).astype(np.uint8))
+    labels, count = label_components((expected > 0).astype(np.uint8))
     assert np.array_equal(labels, expected) and count == expected.max()
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 2), (3, 3), (5, 8), (64, 64), (65, 63)])
 def test_a_checkerboard_has_as_many_components_as_there_can_be(shape: tuple[int, int]) -> None:
     board = (np.indices(shape).sum(axis=0) % 2 == 0).astype(np.uint8)
-    labels, count = components(board)
+    labels, count = label_components(board)
     assert count == board.sum() == labels.max()
 
 
 @settings(deadline=None, max_examples=60)
 @given(seeds, shapes, st.integers(0, 3))
 def test_sums_are_those_of_each_component_alone(seed: int, shape: tuple[int, int], margin: int) -> None:
-    labels, count = components(blots(seed, shape))
+    labels, count = label_components(blots(seed, shape))
     grey = (
         np.random.default_rng(seed)
         .integers(0, 65536, [side + 2 * margin for side in shape])
@@ -140,11 +145,11 @@ def test_unions_are_the_components_of_the_graph(graph: tuple[int, list[tuple[int
     matrix = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(count, count))
     _, group = connected_components(matrix, directed=False)
     smallest = [int(np.flatnonzero(group == group[item])[0]) for item in range(count)]
-    assert united(links, count).tolist() == smallest
+    assert union_roots(links, count).tolist() == smallest
 
 
 def test_a_long_chain_is_one_union_in_whatever_order_it_comes() -> None:
     links = np.stack([np.arange(5000), np.arange(1, 5001)], axis=1)
     for order in (slice(None), slice(None, None, -1)):
-        assert not united(links[order], 5001).any()
-    assert not united(np.random.default_rng(0).permutation(links), 5001).any()
+        assert not union_roots(links[order], 5001).any()
+    assert not union_roots(np.random.default_rng(0).permutation(links), 5001).any()

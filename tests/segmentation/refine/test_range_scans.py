@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.refine.range_scans import REACH, scan, smooth
+from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 
 Image = NDArray[np.uint8]
 seeds = st.integers(0, 100_000)
@@ -87,7 +87,7 @@ def test_the_scans_are_those_that_are_told(seed: int, shape: tuple[int, int]) ->
     inside, valid, grey = random_case(seed, shape)
     fits = matching(grey, valid, MIDDLE)
     expected = plain_scan(inside, valid, fits)
-    assert np.array_equal(scan(inside, valid, fits), expected)
+    assert np.array_equal(refine_by_scans(inside, valid, fits), expected)
 
 
 @settings(deadline=None, max_examples=60)
@@ -100,7 +100,7 @@ def test_the_scans_of_salt_and_pepper_are_those_that_are_told(seed: int) -> None
     inside &= valid
     fits &= valid
     expected = plain_scan(inside, valid, fits)
-    assert np.array_equal(scan(inside, valid, fits), expected)
+    assert np.array_equal(refine_by_scans(inside, valid, fits), expected)
 
 
 @pytest.mark.parametrize(
@@ -118,17 +118,17 @@ def test_the_scans_of_salt_and_pepper_are_those_that_are_told(seed: int) -> None
 def test_a_line_is_refined_as_drawn(before: str, fits: str, after: str) -> None:
     for turn in (lambda a: a, np.fliplr, np.transpose, lambda a: a.T[::-1]):
         inside, fit = (np.ascontiguousarray(turn(picture(text))) for text in (before, fits))  # type: ignore[no-untyped-call]
-        assert np.array_equal(scan(inside, np.ones_like(inside), fit), turn(picture(after)))  # type: ignore[no-untyped-call]
+        assert np.array_equal(refine_by_scans(inside, np.ones_like(inside), fit), turn(picture(after)))  # type: ignore[no-untyped-call]
 
 
 def test_invalid_pixels_ask_nobody_to_leave() -> None:
     inside, valid = picture("####...."), picture("####.###")
-    assert np.array_equal(scan(inside.copy(), valid, np.zeros_like(inside)), inside)
+    assert np.array_equal(refine_by_scans(inside.copy(), valid, np.zeros_like(inside)), inside)
 
 
 def test_scan_works_in_place() -> None:
     inside = picture("####....")
-    assert scan(inside, np.ones_like(inside), picture("##......")) is inside
+    assert refine_by_scans(inside, np.ones_like(inside), picture("##......")) is inside
 
 
 @settings(deadline=None, max_examples=40)
@@ -136,14 +136,14 @@ def test_scan_works_in_place() -> None:
 def test_smoothing_is_a_local_mean(seed: int, shape: tuple[int, int]) -> None:
     inside, valid, grey = random_case(seed, shape)
     expected = plain_smooth(inside, valid, grey, 0.35, 0.65)
-    assert np.array_equal(smooth(inside, valid, grey, 0.35, 0.65), expected)
+    assert np.array_equal(refine_by_local_mean(inside, valid, grey, 0.35, 0.65), expected)
 
 
 def test_smoothing_leaves_what_it_is_given_and_pixels_far_from_a_boundary_alone() -> None:
     inside = np.zeros((40, 40), np.uint8)
     inside[:, 20:] = 1
     given_, valid = inside.copy(), np.ones_like(inside)
-    found = smooth(
+    found = refine_by_local_mean(
         inside, valid, np.full(inside.shape, 65535, np.uint16), 0.0, 0.5
     )  # all white, none in range
     assert np.array_equal(inside, given_)
@@ -154,15 +154,15 @@ def test_the_ends_of_a_range_are_in_it_when_smoothed() -> None:
     inside = np.zeros((20, 20), np.uint8)
     inside[:, 10:] = 1
     grey = np.full(inside.shape, 13107, np.uint16)
-    assert smooth(inside, np.ones_like(inside), grey, 0.2, 1.0)[:, 2:].all()
-    assert smooth(inside, np.ones_like(inside), grey, 0.0, 0.2)[:, 2:].all()
+    assert refine_by_local_mean(inside, np.ones_like(inside), grey, 0.2, 1.0)[:, 2:].all()
+    assert refine_by_local_mean(inside, np.ones_like(inside), grey, 0.0, 0.2)[:, 2:].all()
 
 
 def refine(how: str, inside: Image, valid: Image, grey: NDArray[np.uint16]) -> Image:
     inside, valid, grey = (np.ascontiguousarray(image).copy() for image in (inside, valid, grey))
     if how == "scan":
-        return scan(inside, valid, matching(grey, valid, MIDDLE))
-    return smooth(inside, valid, grey, MIDDLE.low, MIDDLE.high)
+        return refine_by_scans(inside, valid, matching(grey, valid, MIDDLE))
+    return refine_by_local_mean(inside, valid, grey, MIDDLE.low, MIDDLE.high)
 
 
 def cut_out_agrees(how: str, seed: int, margin: int) -> bool:
@@ -179,7 +179,7 @@ def cut_out_agrees(how: str, seed: int, margin: int) -> bool:
 @settings(deadline=None, max_examples=60)
 @given(seeds)
 def test_a_cut_out_with_reach_around_it_is_refined_as_the_whole(how: str, seed: int) -> None:
-    assert cut_out_agrees(how, seed, REACH)
+    assert cut_out_agrees(how, seed, REFINE_HALO)
 
 
 @pytest.mark.parametrize("how", ["scan", "smooth"])
@@ -192,7 +192,7 @@ def test_a_change_reaches_no_farther_than_it_may(axis: int) -> None:
     shape = (60, 300) if axis else (300, 60)
     for seed in range(20):
         inside, valid, grey = random_case(seed, shape)
-        far = np.s_[:, 150 + REACH :] if axis else np.s_[150 + REACH :]
+        far = np.s_[:, 150 + REFINE_HALO :] if axis else np.s_[150 + REFINE_HALO :]
         near = np.s_[:, :150] if axis else np.s_[:150]
         first = refine("scan", inside, valid, grey)[near]
         grey[far], inside[far] = 65535 - grey[far], 1 - inside[far]
@@ -205,16 +205,16 @@ def test_a_change_reaches_no_farther_than_it_may(axis: int) -> None:
 def test_regions_that_match_already_do_not_change(seed: int) -> None:
     _, valid, grey = random_case(seed, (50, 60))
     fits = matching(grey, valid, MIDDLE)
-    assert np.array_equal(scan(fits.copy(), valid, fits), fits)
+    assert np.array_equal(refine_by_scans(fits.copy(), valid, fits), fits)
 
 
 @settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_where_everything_matches_no_pixel_leaves_and_refining_again_only_grows(seed: int) -> None:
     inside, valid, _ = random_case(seed, (50, 60))
-    refined = scan(inside.copy(), valid, valid)
+    refined = refine_by_scans(inside.copy(), valid, valid)
     assert (refined >= inside).all()
-    assert (scan(refined.copy(), valid, valid) >= refined).all()
+    assert (refine_by_scans(refined.copy(), valid, valid) >= refined).all()
 
 
 @pytest.mark.parametrize("how", ["scan", "smooth"])

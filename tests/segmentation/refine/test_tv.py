@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.mixed_cells import unsettled
+from uavseg.segmentation.blocks.mixed_cells import mixed_cells
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.refine import total_variation
-from uavseg.segmentation.refine.range_scans import REACH
-from uavseg.segmentation.refine.tv import denoised
+from uavseg.segmentation.refine.range_scans import REFINE_HALO
+from uavseg.segmentation.refine.tv import refine_by_tv
 
 Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
@@ -47,7 +47,7 @@ def refined(
     inside: Image, open_cells: Image, valid: Image, grey: Grey, interval: IntensityRange = MIDDLE
 ) -> Image:
     fits = matching(valid, grey, interval)
-    return denoised(inside, open_cells, valid, grey, fits, interval.greys)
+    return refine_by_tv(inside, open_cells, valid, grey, fits, interval.greys)
 
 
 @settings(deadline=None, max_examples=60)
@@ -72,7 +72,7 @@ def test_panels_change_nothing(seed: int, width: int) -> None:
 
 def test_panels_with_less_around_them_may_change_something() -> None:
     cases = [random_case(seed, (6, 40)) for seed in range(40)]
-    with patch.object(total_variation, "_PANEL", 64), patch.object(total_variation, "HALO", 0):
+    with patch.object(total_variation, "_PANEL", 64), patch.object(total_variation, "TV_HALO", 0):
         found = [decided(case) for case in cases]
     assert any((decided(case) != other).any() for case, other in zip(cases, found, strict=True))
 
@@ -108,7 +108,7 @@ def test_u_stays_between_black_and_white(seed: int) -> None:
 @settings(deadline=None, max_examples=30)
 @given(seeds)
 def test_a_cut_out_with_reach_around_it_is_decided_as_the_whole(seed: int) -> None:
-    assert cut_out_agrees(seed, REACH // 8)
+    assert cut_out_agrees(seed, REFINE_HALO // 8)
 
 
 def test_a_cut_out_with_less_around_it_may_not_be() -> None:
@@ -188,25 +188,25 @@ def test_cells_far_from_the_ends_of_a_range_are_settled() -> None:
     blocks = blocks_of(v)
     inside = np.zeros((8, 16), np.uint8)
     inside[:, 8:] = 1
-    found = unsettled(blocks, inside, 0.5, 1.0)
+    found = mixed_cells(blocks, inside, 0.5, 1.0)
     assert found[:, 7:9].all() and not found[:, :7].any() and not found[:, 9:].any()
 
 
 def test_a_thin_road_leaves_the_cells_that_it_crosses_and_those_around_unsettled() -> None:
     v = np.full((8, 8), 0.42)
     v[:, 4] += 0.26 * 3 / 8  # three pixels of eight
-    found = unsettled(blocks_of(v), np.zeros((8, 8), np.uint8), 0.55, 1.0)
+    found = mixed_cells(blocks_of(v), np.zeros((8, 8), np.uint8), 0.55, 1.0)
     assert found[:, 3:6].all() and not found[:, :3].any() and not found[:, 6:].any()
 
 
 def test_a_cell_that_is_not_as_its_leaf_is_unsettled_and_one_without_pixels_is_not() -> None:
     blocks = blocks_of(np.full((8, 8), 0.3))
     blocks.counts[:, :4] = blocks.sums[:, :4] = 0
-    found = unsettled(blocks, np.ones((8, 8), np.uint8), 0.5, 1.0)
+    found = mixed_cells(blocks, np.ones((8, 8), np.uint8), 0.5, 1.0)
     assert found[:, 4:].all() and not found[:, :4].any()
 
 
 @pytest.mark.parametrize("low, high", [(0.0, 0.5), (0.5, 1.0)])
 def test_nothing_lies_beyond_the_ends_of_v(low: float, high: float) -> None:
     blocks = blocks_of(np.full((8, 8), low if low == 0 else high))
-    assert not unsettled(blocks, np.ones((8, 8), np.uint8), low, high).any()
+    assert not mixed_cells(blocks, np.ones((8, 8), np.uint8), low, high).any()

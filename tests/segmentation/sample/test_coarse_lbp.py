@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_histogram, symbols
-from uavseg.segmentation.sample.coarse_lbp import MARGIN, coarse_symbols
+from uavseg.segmentation.blocks.lbp import UNCOUNTED, contrast_histogram, lbp_symbols
+from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
 
 CUTS = np.array([0, 2000, 5000, 9000, 14000, 20000, 30000], np.int32)
 
@@ -20,13 +20,13 @@ def drawn(seed: int, rows: int, cols: int) -> tuple[NDArray[np.uint16], NDArray[
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10**6), rows=st.integers(0, 9), cols=st.integers(0, 9), every=st.booleans())
 def test_symbols_are_those_of_the_nine_means_around(seed: int, rows: int, cols: int, every: bool) -> None:
-    grey, valid = drawn(seed, rows + 2 * MARGIN, cols + 2 * MARGIN)
+    grey, valid = drawn(seed, rows + 2 * COARSE_HALO, cols + 2 * COARSE_HALO)
     found = coarse_symbols(grey, None if every else valid, CUTS)
     assert found.shape == (rows, cols)
     for row, col in np.ndindex(rows, cols):
         around = np.s_[row : row + 6, col : col + 6]
         means = grey[around].reshape(3, 2, 3, 2).astype(int).sum(axis=(1, 3)) // 4
-        [[name]] = symbols(means.astype(np.uint16), None, CUTS)
+        [[name]] = lbp_symbols(means.astype(np.uint16), None, CUTS)
         assert found[row, col] == (name if every or valid[around].all() else UNCOUNTED)
 
 
@@ -34,7 +34,7 @@ def test_noise_of_single_pixels_is_halved() -> None:
     rng = np.random.default_rng(1)
     grey = (30000 + 3000 * rng.normal(size=(200, 200))).astype(np.uint16)
     cuts = np.arange(1, 8, dtype=np.int32) * 1000
-    fine = symbols(grey[2:-2, 2:-2].copy(), None, cuts) & 7
+    fine = lbp_symbols(grey[2:-2, 2:-2].copy(), None, cuts) & 7
     coarse = coarse_symbols(grey, None, cuts) & 7
     assert contrast_histogram(grey).sum() and coarse.mean() < 0.65 * fine.mean()
 

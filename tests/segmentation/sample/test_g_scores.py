@@ -9,18 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.blocks.g_statistic import chance, likelihood_ratio
+from uavseg.segmentation.blocks.g_statistic import expected_g, g_statistic
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import (
-    EVEN,
-    UNITS,
-    UNKNOWN,
-    UNLIKE,
-    Bounds,
-    Model,
+    MAX_SCORE,
+    NO_SCORE,
+    NULL_SCORE,
+    SCORE_UNITS,
+    GreyBounds,
+    TextureModel,
     best_scores,
-    model_of,
-    smallest_count,
+    min_count,
+    texture_model,
     window_scores,
 )
 
@@ -35,8 +35,8 @@ def drawn(seed: int, rows: int, cols: int, many: int = 30, missing: float = 0.1)
     return names, rng.integers(0, 65536, (rows, cols)).astype(np.uint16)
 
 
-def everything(names: Image, grey: Image) -> Model:
-    return model_of(names, grey, np.ones((names.shape[0] // 8, names.shape[1] // 8), np.uint8))
+def everything(names: Image, grey: Image) -> TextureModel:
+    return texture_model(names, grey, np.ones((names.shape[0] // 8, names.shape[1] // 8), np.uint8))
 
 
 def plain_g(one: Counter[int], other: Counter[int]) -> float:
@@ -70,7 +70,7 @@ def plain_scores(names: Image, model: Counter[int], side: int, left_out: bool) -
         for col in range(cols):
             cut = names[8 * row : 8 * (row + side), 8 * col : 8 * (col + side)]
             window = Counter(cut[cut != UNCOUNTED].tolist())
-            if window.total() < smallest_count(side):
+            if window.total() < min_count(side):
                 continue
             rest = model - window if left_out else model
             share = (8 * side) ** 2 / (model.total() + (0 if left_out else (8 * side) ** 2))
@@ -93,12 +93,15 @@ def test_scores_are_those_of_a_plain_version(
     names, grey = drawn(seed, 8 * shape[0], 8 * shape[1], many)
     sample = (names, grey) if left_out else drawn(seed + 1, 64, 40, many)
     model = everything(*sample)
-    found = window_scores(names, grey, model, side, left_out=left_out)
+    found = window_scores(names, grey, model, side, leave_one_out=left_out)
     counts = Counter(sample[0][sample[0] != UNCOUNTED].tolist())
     wanted = plain_scores(names, counts, side, left_out)
-    assert np.array_equal(found == UNKNOWN, np.isnan(wanted))
-    known = found != UNKNOWN
-    assert np.abs((found[known].astype(int) - EVEN) / UNITS - wanted[known]).max(initial=0) < 2 / UNITS
+    assert np.array_equal(found == NO_SCORE, np.isnan(wanted))
+    known = found != NO_SCORE
+    assert (
+        np.abs((found[known].astype(int) - NULL_SCORE) / SCORE_UNITS - wanted[known]).max(initial=0)
+        < 2 / SCORE_UNITS
+    )
 
 
 def test_a_score_is_g_between_blocks_beyond_chance() -> None:
@@ -107,10 +110,10 @@ def test_a_score_is_g_between_blocks_beyond_chance() -> None:
     model = everything(other, other)
     own = everything(names, grey)
     [[score]] = window_scores(names, grey, model, 2)
-    g = likelihood_ratio(own.texture, model.texture)
+    g = g_statistic(own.texture, model.texture)
     both = own.texture + model.texture
-    by_chance = chance(int(both.max()), 256 / (256 + model.count))[both].sum()
-    assert (score - EVEN) / UNITS == pytest.approx((g - by_chance) / own.count, abs=0.002)
+    by_chance = expected_g(int(both.max()), 256 / (256 + model.count))[both].sum()
+    assert (score - NULL_SCORE) / SCORE_UNITS == pytest.approx((g - by_chance) / own.count, abs=0.002)
 
 
 @pytest.mark.parametrize("many", [20, 200, 2000])
@@ -123,18 +126,18 @@ def test_windows_of_the_models_own_source_score_what_chance_makes(many: int) -> 
     model = everything(sample, sample)
     for scores in (
         window_scores(image, image, model, 2),
-        window_scores(sample, sample, model, 2, left_out=True),
+        window_scores(sample, sample, model, 2, leave_one_out=True),
     ):
-        assert (scores.mean() - EVEN) / UNITS == pytest.approx(0, abs=0.04)
+        assert (scores.mean() - NULL_SCORE) / SCORE_UNITS == pytest.approx(0, abs=0.04)
     other = window_scores((image + many // 2) % np.uint16(many), image, model, 2)
-    assert (other.min() - float(EVEN)) / UNITS > 0.3
+    assert (other.min() - float(NULL_SCORE)) / SCORE_UNITS > 0.3
 
 
 @given(most=st.integers(1, 900), share=st.floats(0.001, 0.5))
 @settings(max_examples=30, deadline=None)
 def test_chance_is_interpolated_closely(most: int, share: float) -> None:
-    assert chance(most, share)[most] == pytest.approx(plain_chance([most], share), rel=1e-6, abs=1e-9)
-    assert chance(5000, share)[most] == pytest.approx(chance(most, share)[most], rel=0.01)
+    assert expected_g(most, share)[most] == pytest.approx(plain_chance([most], share), rel=1e-6, abs=1e-9)
+    assert expected_g(5000, share)[most] == pytest.approx(expected_g(most, share)[most], rel=0.01)
 
 
 @settings(max_examples=20, deadline=None)
@@ -142,48 +145,50 @@ def test_chance_is_interpolated_closely(most: int, share: float) -> None:
 def test_where_a_window_begins_to_move_changes_nothing(seed: int, row: int, col: int, left_out: bool) -> None:
     names, grey = drawn(seed, 64, 64)
     model = everything(names, grey)
-    whole = window_scores(names, grey, model, 2, Bounds(30000, 36000), left_out)
+    whole = window_scores(names, grey, model, 2, GreyBounds(30000, 36000), left_out)
     part = np.s_[8 * row :, 8 * col :]
-    cut = window_scores(names[part].copy(), grey[part].copy(), model, 2, Bounds(30000, 36000), left_out)
+    cut = window_scores(names[part].copy(), grey[part].copy(), model, 2, GreyBounds(30000, 36000), left_out)
     assert np.array_equal(cut, whole[row:, col:])
 
 
 def test_a_window_with_the_proportions_of_the_model_scores_less_than_chance() -> None:
     names, grey = drawn(3, 16, 16, missing=0)
     model = everything(np.tile(names, (2, 3)), np.tile(grey, (2, 3)))
-    by_chance = chance(2000, 256 / (256 + model.count))[model.texture * 7 // 6].sum()
+    by_chance = expected_g(2000, 256 / (256 + model.count))[model.texture * 7 // 6].sum()
     [[score]] = window_scores(names, grey, model, 2)
-    assert (int(score) - EVEN) / UNITS == pytest.approx(-by_chance / 256, abs=0.002)
+    assert (int(score) - NULL_SCORE) / SCORE_UNITS == pytest.approx(-by_chance / 256, abs=0.002)
 
 
 def test_windows_that_share_nothing_score_the_most() -> None:
     names, grey = np.full((16, 16), 7, np.uint16), np.zeros((16, 16), np.uint16)
     one, two = everything(names, grey), everything(names + np.uint16(1), grey)
     [[most]] = window_scores(names, grey, two, 2)
-    assert (most - EVEN) / UNITS == pytest.approx(4 * log(2) - 2 / 256, abs=0.001)  # chance: 1 a symbol
+    assert (most - NULL_SCORE) / SCORE_UNITS == pytest.approx(
+        4 * log(2) - 2 / 256, abs=0.001
+    )  # chance: 1 a symbol
     [[less]] = window_scores(names, grey, one + two, 2)
-    assert EVEN < less < most
+    assert NULL_SCORE < less < most
 
 
 def test_the_mean_must_lie_in_the_bounds() -> None:
     names, grey = np.full((16, 16), 7, np.uint16), np.full((16, 16), 500, np.uint16)
     model = everything(names, grey)
     for bounds, like in [((500, 500), True), ((0, 499), False), ((501, 65535), False)]:
-        assert (window_scores(names, grey, model, 2, Bounds(*bounds)) < UNLIKE).tolist() == [[like]]
+        assert (window_scores(names, grey, model, 2, GreyBounds(*bounds)) < MAX_SCORE).tolist() == [[like]]
 
 
 def test_a_window_needs_seven_eighths_of_its_pixels() -> None:
     names, grey = np.full((16, 16), 7, np.uint16), np.zeros((16, 16), np.uint16)
     model = everything(names, grey)
     names[:2] = UNCOUNTED
-    assert (window_scores(names, grey, model, 2) < UNLIKE).all()
+    assert (window_scores(names, grey, model, 2) < MAX_SCORE).all()
     names[2, 0] = UNCOUNTED
-    assert window_scores(names, grey, model, 2).tolist() == [[UNKNOWN]]
+    assert window_scores(names, grey, model, 2).tolist() == [[NO_SCORE]]
 
 
 def test_an_empty_model_and_a_small_image_have_no_scores() -> None:
     names, grey = drawn(4, 16, 16)
-    assert window_scores(names, grey, Model(), 2).tolist() == [[UNKNOWN]]
+    assert window_scores(names, grey, TextureModel(), 2).tolist() == [[NO_SCORE]]
     assert window_scores(names, grey, everything(names, grey), 3).size == 0
 
 
@@ -202,11 +207,11 @@ def test_models_of_cells_add_up(seed: int, margin: int) -> None:
     chosen = np.random.default_rng(seed).integers(0, 2, (3, 2)).astype(np.uint8)
     inner = np.s_[margin : margin + 24, margin : margin + 16]
     coarse = np.ascontiguousarray(names[inner][::-1])
-    one, other = (model_of(names, grey, cells, margin, coarse) for cells in (chosen, 1 - chosen))
+    one, other = (texture_model(names, grey, cells, margin, coarse) for cells in (chosen, 1 - chosen))
     counted = names[inner] != UNCOUNTED
     both = one + other
     assert np.array_equal(both.texture, np.bincount(names[inner][counted], minlength=2048))
     assert np.array_equal(both.greys, np.bincount(grey[inner][counted] // 1024, minlength=64))
     assert np.array_equal(both.coarse, both.texture)  # the same symbols, turned around
     assert both.count == counted.sum()
-    assert not model_of(names, grey, chosen, margin).coarse.any()
+    assert not texture_model(names, grey, chosen, margin).coarse.any()

@@ -5,12 +5,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
-from uavseg.segmentation.sample.g_scores import Model
-from uavseg.segmentation.sample.pixel_decision import AROUND, MARGIN, Weights, decide, open_cells
+from uavseg.segmentation.sample.g_scores import TextureModel
+from uavseg.segmentation.sample.pixel_decision import (
+    DECISION_HALO,
+    WINDOW_RADIUS,
+    PixelWeights,
+    classify_pixels,
+    undecided_cells,
+)
 
 
-def model(rng: np.random.Generator) -> Model:
-    return Model(rng.integers(0, 9, 2048), rng.integers(0, 900, 64), rng.integers(0, 9, 2048))
+def model(rng: np.random.Generator) -> TextureModel:
+    return TextureModel(rng.integers(0, 9, 2048), rng.integers(0, 900, 64), rng.integers(0, 9, 2048))
 
 
 def picture(seed: int, rows: int, cols: int) -> tuple[np.ndarray, ...]:
@@ -30,15 +36,18 @@ def picture(seed: int, rows: int, cols: int) -> tuple[np.ndarray, ...]:
 def test_pixels_are_decided_as_by_a_plain_version(seed: int, rows: int, cols: int) -> None:
     cells, valid, grey, names, coarse = picture(seed, 8 * rows, 8 * cols)
     rng = np.random.default_rng(seed)
-    weights = Weights.between(model(rng), model(rng))
-    found = decide(cells, valid, grey, names, coarse, weights)
+    weights = PixelWeights.between(model(rng), model(rng))
+    found = classify_pixels(cells, valid, grey, names, coarse, weights)
     weight = np.zeros(valid.shape, np.int64)
     texture = np.where(names == UNCOUNTED, 0, weights.texture[names % 2048])
     weight[1:-1, 1:-1] = (texture + weights.greys[grey[1:-1, 1:-1] // 1024]) * valid[1:-1, 1:-1]
     mean = np.where(coarse == UNCOUNTED, 0, weights.coarse[coarse % 2048])
     weight[3:-3, 3:-3] += mean * valid[3:-3, 3:-3]
     for row, col in np.ndindex(valid.shape):
-        around = weight[max(row - AROUND, 0) : row + AROUND + 1, max(col - AROUND, 0) : col + AROUND + 1]
+        around = weight[
+            max(row - WINDOW_RADIUS, 0) : row + WINDOW_RADIUS + 1,
+            max(col - WINDOW_RADIUS, 0) : col + WINDOW_RADIUS + 1,
+        ]
         kind = cells[row // 8, col // 8]
         assert found[row, col] == (valid[row, col] and (kind == 1 or (kind == 2 and around.sum() > 0)))
 
@@ -49,36 +58,36 @@ def test_a_margin_is_enough(seed: int, row: int, col: int) -> None:
     """Exact a pixel beyond what is cut out, too: that is where outlines look."""
     cells, valid, grey, names, coarse = picture(seed, 96, 96)
     rng = np.random.default_rng(seed)
-    weights = Weights.between(model(rng), model(rng))
-    whole = decide(cells, valid, grey, names, coarse, weights)
-    top, left, end = 8 * row, 8 * col, 16 + 2 * MARGIN
+    weights = PixelWeights.between(model(rng), model(rng))
+    whole = classify_pixels(cells, valid, grey, names, coarse, weights)
+    top, left, end = 8 * row, 8 * col, 16 + 2 * DECISION_HALO
     part = np.s_[top : top + end, left : left + end]
     inner, deep = (np.s_[top : top + end - less, left : left + end - less] for less in (2, 6))
     own = np.s_[row : row + end // 8, col : col + end // 8]
     pieces = (cells[own], valid[part], grey[part], names[inner], coarse[deep])
-    cut = decide(*(piece.copy() for piece in pieces), weights)
-    near = np.s_[MARGIN - 1 : 1 - MARGIN, MARGIN - 1 : 1 - MARGIN]
+    cut = classify_pixels(*(piece.copy() for piece in pieces), weights)
+    near = np.s_[DECISION_HALO - 1 : 1 - DECISION_HALO, DECISION_HALO - 1 : 1 - DECISION_HALO]
     assert np.array_equal(cut[near], whole[part][near])
 
 
 def test_what_speaks_for_one_side_speaks_against_the_other() -> None:
     rng = np.random.default_rng(1)
     one, other = model(rng), model(rng)
-    forth, back = Weights.between(one, other), Weights.between(other, one)
+    forth, back = PixelWeights.between(one, other), PixelWeights.between(other, one)
     assert np.array_equal(forth.texture, -back.texture) and np.array_equal(forth.greys, -back.greys)
-    assert not Weights.between(one, other, by_grey=False).greys.any()
-    assert not Weights.between(one, one).texture.any()
+    assert not PixelWeights.between(one, other, by_grey=False).greys.any()
+    assert not PixelWeights.between(one, one).texture.any()
 
 
 def test_weights_are_logarithms_of_ratios() -> None:
-    one, other = Model(), Model()
+    one, other = TextureModel(), TextureModel()
     one.greys[:2], other.greys[:2] = (30, 0), (10, 20)
     one.coarse[0] = one.texture[0] = 50
-    [first, second, third] = Weights.between(one, other).greys[:3] / 1024
+    [first, second, third] = PixelWeights.between(one, other).greys[:3] / 1024
     assert abs(first - np.log(30.5 / 10.5)) < 1e-3
     assert abs(second - np.log(0.5 / 20.5)) < 1e-3
     assert third == 0  # neither has seen it
-    weights = Weights.between(one, other)
+    weights = PixelWeights.between(one, other)
     assert np.array_equal(weights.coarse, weights.texture // 2)  # means that share pixels count half
 
 
@@ -86,7 +95,7 @@ def test_weights_are_logarithms_of_ratios() -> None:
 def test_cells_near_both_sides_are_open(seed: int, reach: int) -> None:
     kinds = np.random.default_rng(seed).choice(3, (7, 9), p=[0.7, 0.15, 0.15])
     matched, others = kinds == 1, kinds == 2
-    found = open_cells(matched, others, reach)
+    found = undecided_cells(matched, others, reach)
     for row, col in np.ndindex(kinds.shape):
         around = np.s_[max(row - reach, 0) : row + reach + 1, max(col - reach, 0) : col + reach + 1]
         both = matched[around].any() and others[around].any()

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from uavseg.errors import OutputError
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.states import state_image
-from uavseg.segmentation.states.state_image import StateImage, packed, unpack
+from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 
 
 @pytest.fixture(params=["memory", "file"])
 def room(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param == "file":
-        monkeypatch.setattr(state_image, "ROOM", 0)
+        monkeypatch.setattr(state_image, "MAX_IN_MEMORY", 0)
     return str(request.param)
 
 
@@ -25,19 +25,21 @@ def filled(shape: tuple[int, int], step: int) -> tuple[StateImage, np.ndarray]:
     rows = -(-shape[0] // 64) * 64
     codes = np.random.default_rng(1).integers(0, 16, (rows, image.cols)).astype(np.uint8)
     for row in reversed(range(0, rows, step)):
-        image.put(row, codes[row : row + step])
+        image.write_codes(row, codes[row : row + step])
     return image, codes
 
 
 def test_what_is_put_is_there(room: str) -> None:
     image, codes = filled((130, 70), 64)
     assert isinstance(image._file, io.BytesIO) == (room == "memory")
-    assert np.array_equal(image.codes(0, 192), codes)
-    assert np.array_equal(image.codes(63, 3), codes[63:66])
-    around = image.codes(-2, 196)
+    assert np.array_equal(image.read_codes(0, 192), codes)
+    assert np.array_equal(image.read_codes(63, 3), codes[63:66])
+    around = image.read_codes(-2, 196)
     assert not around[:2].any() and not around[-2:].any() and np.array_equal(around[2:-2], codes)
-    image.put(5, 15 - codes[5:7])
-    assert np.array_equal(image.codes(4, 4), np.stack([codes[4], 15 - codes[5], 15 - codes[6], codes[7]]))
+    image.write_codes(5, 15 - codes[5:7])
+    assert np.array_equal(
+        image.read_codes(4, 4), np.stack([codes[4], 15 - codes[5], 15 - codes[6], codes[7]])
+    )
 
 
 def test_states_are_read_by_window(room: str) -> None:
@@ -56,8 +58,8 @@ def test_states_are_read_by_window(room: str) -> None:
 def test_packing_is_undone(rows: int, pairs: int, seed: int) -> None:
     codes = np.random.default_rng(seed).integers(0, 16, (rows, 2 * pairs)).astype(np.uint8)
     found = np.empty_like(codes)
-    unpack(packed(codes), found)
-    assert np.array_equal(found, codes) and packed(codes).nbytes * 2 == codes.nbytes
+    unpack_codes(pack_codes(codes), found)
+    assert np.array_equal(found, codes) and pack_codes(codes).nbytes * 2 == codes.nbytes
 
 
 def test_half_a_byte_a_pixel_is_held() -> None:
@@ -72,15 +74,17 @@ def test_a_full_disk_is_told(room: str) -> None:
             raise OSError(28, "No space left on device")
 
     image._file = Full()
-    with pytest.raises(OutputError, match=r"cannot be kept in \S+ \(No space left on device\).*TMPDIR"):
-        image.put(0, codes)
+    with pytest.raises(
+        OutputError, match=r"cannot write the states to \S+ \(No space left on device\).*TMPDIR"
+    ):
+        image.write_codes(0, codes)
 
 
 def test_no_place_for_a_file_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: object) -> None:
         raise FileNotFoundError(2, "No usable temporary directory found")
 
-    monkeypatch.setattr(state_image, "ROOM", 0)
+    monkeypatch.setattr(state_image, "MAX_IN_MEMORY", 0)
     monkeypatch.setattr(state_image.tempfile, "TemporaryFile", refuse)
     with pytest.raises(OutputError, match="No usable temporary directory found"):
         StateImage((64, 64))

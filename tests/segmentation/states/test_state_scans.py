@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.segmentation.states.state_scans import (
-    AHEAD,
-    codes_of,
+    LOOKAHEAD,
     compact_columns,
     compact_rows,
     count_codes,
+    decode_states,
+    encode_states,
     refine_states,
-    settle_columns,
-    settle_rows,
-    states_in,
+    resolve_columns,
+    resolve_rows,
 )
 
 GREYS = np.array([0, 1000, 32768, 60000], np.uint16)  # of an own state
@@ -35,7 +35,7 @@ def text_of(states: Bytes) -> str:
 
 
 def refined(states: str, own: str) -> str:
-    return text_of(refine_states(codes_of(picture(states), picture(own))))
+    return text_of(refine_states(encode_states(picture(states), picture(own))))
 
 
 def random_states(seed: int) -> tuple[Bytes, Bytes]:
@@ -56,7 +56,7 @@ def test_states_are_those_of_the_reference(reference: ModuleType, first: int) ->
     for seed in range(first, first + 100):
         states, own = random_states(seed)
         wanted = reference.refine_states(states.astype(np.int64), GREYS[own])
-        if not np.array_equal(refine_states(codes_of(states, own)), wanted):
+        if not np.array_equal(refine_states(encode_states(states, own)), wanted):
             different.append(seed)
     assert not different
 
@@ -71,25 +71,27 @@ def in_strips(codes: Bytes, cuts: list[int]) -> Bytes:
         before = np.zeros(cols, np.uint8)
         for strip in strips[::-1] if upwards else strips:
             compact_columns(codes[strip], before, upwards)
-    settle_rows(codes)
+    resolve_rows(codes)
     for upwards in (True, False):
         before = np.zeros(cols, np.uint8)
         for strip in strips[::-1] if upwards else strips:
-            around = np.zeros((strip.stop - strip.start + AHEAD, cols), np.uint8)
+            around = np.zeros((strip.stop - strip.start + LOOKAHEAD, cols), np.uint8)
             rows = (
-                range(strip.start - AHEAD, strip.stop) if upwards else range(strip.start, strip.stop + AHEAD)
+                range(strip.start - LOOKAHEAD, strip.stop)
+                if upwards
+                else range(strip.start, strip.stop + LOOKAHEAD)
             )
             for k, row in enumerate(rows):
                 around[k] = codes[row] if 0 <= row < len(codes) else 0
-            settle_columns(around, before, upwards)
-            codes[strip] = around[AHEAD:] if upwards else around[:-AHEAD]
-    return states_in(codes)
+            resolve_columns(around, before, upwards)
+            codes[strip] = around[LOOKAHEAD:] if upwards else around[:-LOOKAHEAD]
+    return decode_states(codes)
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.data())
 def test_strips_change_nothing(seed: int, data: st.DataObject) -> None:
-    codes = codes_of(*random_states(seed))
+    codes = encode_states(*random_states(seed))
     cuts = data.draw(st.lists(st.integers(0, len(codes)), max_size=6))
     assert np.array_equal(in_strips(codes, cuts), refine_states(codes))
 
@@ -124,8 +126,8 @@ def test_the_scans_have_an_order_so_turning_the_map_may_change_its_states() -> N
     turned = 0
     for seed in range(60):
         states, own = random_states(seed)
-        there = refine_states(codes_of(states.T.copy(), own.T.copy())).T
-        turned += not np.array_equal(there, refine_states(codes_of(states, own)))
+        there = refine_states(encode_states(states.T.copy(), own.T.copy())).T
+        turned += not np.array_equal(there, refine_states(encode_states(states, own)))
     assert turned > 0
 
 
@@ -133,7 +135,7 @@ def test_the_scans_have_an_order_so_turning_the_map_may_change_its_states() -> N
 @settings(max_examples=60, deadline=None)
 def test_what_is_invalid_stays_and_nothing_else_becomes_so(seed: int) -> None:
     states, own = random_states(seed)
-    found = refine_states(codes_of(states, own))
+    found = refine_states(encode_states(states, own))
     assert np.array_equal(found == 0, states == 0)
     assert (found[states == 2] == 2).all()  # unknown stays unknown
     assert (own[(found == 2) & (states != 2)] == 2).all()  # and only half pixels become it
@@ -142,9 +144,9 @@ def test_what_is_invalid_stays_and_nothing_else_becomes_so(seed: int) -> None:
 def test_a_state_that_every_pixel_votes_for_stays() -> None:
     for state in (1, 2, 3):
         states = np.full((9, 11), state, np.uint8)
-        assert (refine_states(codes_of(states, states)) == state).all()
+        assert (refine_states(encode_states(states, states)) == state).all()
 
 
 def test_codes_are_counted() -> None:
-    codes = codes_of(*random_states(5))
+    codes = encode_states(*random_states(5))
     assert np.array_equal(count_codes(codes), np.bincount(codes.ravel(), minlength=16))

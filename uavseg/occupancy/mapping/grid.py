@@ -18,7 +18,7 @@ from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox, check_metres, upright
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.intervals import Cut
+from uavseg.segmentation.intervals import Intervals
 from uavseg.segmentation.params import SegmentParams
 
 
@@ -155,7 +155,7 @@ class OccupancyGrid:
         take(self._marks, self.log_odds, self._probabilities, self._ground, window)
         return window
 
-    def segment(self, cut: Cut | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
+    def segment(self, cut: Intervals | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
         """Segment the map, and keep its segments in step with what is merged for as long as they are held.
 
         Parameters

@@ -14,11 +14,11 @@ from uavseg.errors import ParameterError
 from uavseg.occupancy.mapping.grey_map import Ground, Mask
 from uavseg.occupancy.mapping.live_blocks import Places, decide, undecided_at
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.division import block_ratios, wanted_ratios
-from uavseg.segmentation.blocks.lbp import contrast_cuts, contrast_histogram
-from uavseg.segmentation.intervals import Cut, IntensityRange, StateLimits
+from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
+from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
+from uavseg.segmentation.intervals import IntensityRange, Intervals, StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import Question
+from uavseg.segmentation.pipeline import LeafQuery
 from uavseg.units import BLOCK, CELL, GREY_MAX
 
 MOST_INTERVALS = 255
@@ -47,10 +47,12 @@ class LiveSegmentation:
         If there are more than 255 intervals.
     """
 
-    def __init__(self, ground: Ground, cut: Cut | None = None, params: SegmentParams | None = None) -> None:
+    def __init__(
+        self, ground: Ground, cut: Intervals | None = None, params: SegmentParams | None = None
+    ) -> None:
         self.cut = StateLimits() if cut is None else cut
         self.params = SegmentParams(method="paper") if params is None else params
-        self._question = Question(self.cut.edges, self.params.step, self.params.threshold)
+        self._question = LeafQuery(self.cut.edges, self.params.division)
         if len(self.cut.edges) >= MOST_INTERVALS:
             raise ParameterError(
                 f"a live segmentation has at most {MOST_INTERVALS} intervals, not {len(self.cut.edges) + 1}; "
@@ -145,7 +147,7 @@ class LiveSegmentation:
 
     def refit(self) -> None:
         """Fit the cuts of contrast to the whole map as it is now, and divide every block again."""
-        self.cuts = contrast_cuts(contrast_histogram(self._ground.grey, self._ground.valid))
+        self.cuts = contrast_bin_edges(contrast_histogram(self._ground.grey, self._ground.valid))
         self._ground.hand_out()
         self._watch.taken()
         self._settle(*np.ones((2, *self._stale.shape), bool))
@@ -172,7 +174,8 @@ class LiveSegmentation:
         self._divide(divided)
         question = self._question
         places = _places(own | divided)
-        where = (question.edges, question.threshold, question.step, places, self._open[tuple(places.T)])
+        division = question.division
+        where = (question.edges, division.threshold, division.step, places, self._open[tuple(places.T)])
         decide(self._blocks, *where, self._leaves, self._intervals)
 
     def _measure(self, changed: Mask) -> None:
@@ -180,14 +183,14 @@ class LiveSegmentation:
         places = _places(changed)
         rows, cols = places.T
         question = self._question
-        self._open[rows, cols] = undecided_at(self._blocks, question.edges, question.step, places)
+        self._open[rows, cols] = undecided_at(self._blocks, question.edges, question.division.step, places)
         self._blocks.ratios[rows, cols] = 0
 
     def _divide(self, divided: Mask) -> None:
         """R of blocks, where they are open."""
         for some, valid in self._by_validity(_places(divided)):
             rows, cols = some.T
-            self._blocks.ratios[rows, cols] = wanted_ratios(
+            self._blocks.ratios[rows, cols] = selected_ratios(
                 self._ground.grey,
                 valid,
                 self.cuts,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_of, undecided_in_block
+from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_v, required_ratios_of_block
 
 Places = NDArray[np.int64]
 
@@ -62,7 +62,7 @@ def decide(
 def _undecided_at(sums, counts, edges, step, places, found):  # type: ignore[no-untyped-def]
     for k in range(places.shape[0]):
         row, col = max(places[k, 0], 0), max(places[k, 1], 0)
-        found[k] = undecided_in_block(sums, counts, row, col, edges, step)
+        found[k] = required_ratios_of_block(sums, counts, row, col, edges, step)
 
 
 _DECIDE = (
@@ -87,7 +87,7 @@ def _decide(  # type: ignore[no-untyped-def]
     for k in range(places.shape[0]):
         row, col = max(places[k, 0], 0), max(places[k, 1], 0)  # they are; the compiler does not know
         if bits[k] == 0 and step == inf:  # all cells lie in one interval, however the block is divided
-            one = interval_of(mean_of(sums, counts, 8 * row, 8 * col, 8), edges)
+            one = interval_of(mean_v(sums, counts, 8 * row, 8 * col, 8), edges)
             for r in range(8):
                 for c in range(8):
                     there = np.uint8(counts[8 * row + r, 8 * col + c] > 0)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.labels.components import WORD, words_of
+from uavseg.segmentation.labels.components import WORD, view_as_words
 
 OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table
 
@@ -67,7 +67,11 @@ def trace_tile(
     kernel_of_type = _trace_u1 if image.dtype == np.uint8 else _trace_u4
     stride = image.shape[1]
     ahead, steps = np.array([0, -1, -stride - 1, -stride]), np.array([1, stride, -1, -stride])
-    words = words_of(image) if image.dtype == np.uint8 and margin % WORD == 0 else np.empty((0, 0), np.uint64)
+    words = (
+        view_as_words(image)
+        if image.dtype == np.uint8 and margin % WORD == 0
+        else np.empty((0, 0), np.uint64)
+    )
     while True:
         vertices = np.empty((max_vertices, 2), np.int32)
         pinched = np.empty(max_vertices, np.uint8)

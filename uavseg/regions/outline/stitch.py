@@ -12,7 +12,7 @@ from uavseg.regions.outline.chains import OWNER, Chains, trace_tile
 from uavseg.regions.outline.region_outlines import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
-from uavseg.segmentation.labels.components import equal_components, united
+from uavseg.segmentation.labels.components import label_equal_values, union_roots
 from uavseg.units import CELL
 
 
@@ -146,12 +146,12 @@ class TileStitcher:
         sums = _concatenate_sums(self._sums)
         pairs = np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
         if leaves is None:
-            parts = united(pairs, self._count)
+            parts = union_roots(pairs, self._count)
             return _number_regions(sums, parts, parts, self._chains)
         row, col = sums.firsts.T // CELL
         kinds = leaves[row, col]
-        parts = united(pairs[kinds[pairs[:, 0]] == kinds[pairs[:, 1]]], self._count)
-        segments, _ = equal_components(leaves)
+        parts = union_roots(pairs[kinds[pairs[:, 0]] == kinds[pairs[:, 1]]], self._count)
+        segments, _ = label_equal_values(leaves)
         return _number_regions(sums, segments[row, col].astype(np.int64), parts, self._chains)
 
     def _numbered(self, border: NDArray[np.uint32]) -> NDArray[np.int64]:

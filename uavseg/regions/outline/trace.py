@@ -13,7 +13,7 @@ from uavseg.execution.executors import Map, serial
 from uavseg.regions.outline.chains import OWNER, START, Chains, trace_tile
 from uavseg.regions.outline.linking import link_chains, split_simple_rings
 from uavseg.regions.outline.rings import Rings, reorder_rings
-from uavseg.segmentation.labels.components import equal_components, united, values_of
+from uavseg.segmentation.labels.components import component_values, label_equal_values, union_roots
 
 STRIP = 256  # rows of a label image that are traced at a time: their working memory is reused
 
@@ -52,7 +52,7 @@ def trace(labels: LabelRows, map: Map = serial) -> Rings:
     for strip, offset in zip(strips, offsets, strict=False):
         strip.chains.table[:, OWNER] += offset
     of_component = _concatenate([strip.labels for strip in strips], (0,), np.int64)
-    parts = united(_contacts(strips, offsets), len(of_component))
+    parts = union_roots(_contacts(strips, offsets), len(of_component))
     return link_rings([strip.chains for strip in strips], of_component, parts)
 
 
@@ -80,13 +80,13 @@ def _trace_strip(image: LabelRows, top: int) -> _Strip:
     near = np.ascontiguousarray(image[max(top - 1, 0) : top + STRIP + 1], np.uint32)
     first = 1 if top == 0 else 0
     own = near[1 - first :][:STRIP]
-    components, count = equal_components(own)
+    components, count = label_equal_values(own)
     rows, cols = components.shape
     framed = np.zeros((rows + 2, cols + 2), np.uint32)
     framed[first : first + len(near), 1:-1] = near
     chains = trace_tile(framed, components, 1, (top, 0), cols)
     chains.table[:, OWNER] -= 1
-    labels = values_of(own, components, count)
+    labels = component_values(own, components, count)
     return _Strip(chains, labels, components[0].astype(np.int64) - 1, components[-1].astype(np.int64) - 1)
 
 

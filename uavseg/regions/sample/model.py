@@ -13,19 +13,19 @@ from uavseg.errors import SampleError
 from uavseg.execution.executors import Map
 from uavseg.raster.geodesy.ellipsoid import pixel_on_ground
 from uavseg.regions.sample.place import Place
-from uavseg.segmentation.blocks.lbp import UNCOUNTED, symbols
-from uavseg.segmentation.sample.coarse_lbp import MARGIN, coarse_symbols
+from uavseg.segmentation.blocks.lbp import UNCOUNTED, lbp_symbols
+from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
-    EVEN,
-    UNITS,
-    UNKNOWN,
-    UNLIKE,
-    Bounds,
-    Model,
-    model_of,
+    MAX_SCORE,
+    NO_SCORE,
+    NULL_SCORE,
+    SCORE_UNITS,
+    GreyBounds,
+    TextureModel,
+    texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.likelihood_weights import Evidence, Names
+from uavseg.segmentation.sample.likelihood_weights import SampleWeights, SymbolPair
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL, GREY_MAX
 
@@ -47,14 +47,14 @@ class Sample:
         Of the grey of its counted pixels.
     """
 
-    model: Model
+    model: TextureModel
     own: int
     mean: float
     deviation: float
 
     def limit(self, similarity: float) -> int:
         """The largest score of what is like the sample to this degree, see `similarity`."""
-        return min(self.own + math.floor(-2 * UNITS * math.log(similarity)), UNLIKE - 1)
+        return min(self.own + math.floor(-2 * SCORE_UNITS * math.log(similarity)), MAX_SCORE - 1)
 
     def similarity(self, score: NDArray[np.float64]) -> NDArray[np.float64]:
         """How like the sample something of a mean score is, from 0 to 1.
@@ -62,16 +62,16 @@ class Sample:
         Half of G is a logarithm of a likelihood ratio. So this is by how much, for each pixel, one texture
         for both explains what is there less well than two, beyond what it does within the sample.
         """
-        beyond = np.maximum(score - self.own, 0) / UNITS
+        beyond = np.maximum(score - self.own, 0) / SCORE_UNITS
         like: NDArray[np.float64] = np.exp(-beyond / 2)
         return like
 
-    def bounds(self, deviations: float) -> Bounds:
+    def bounds(self, deviations: float) -> GreyBounds:
         """Greys within so many deviations of the sample's mean, and always within one step of 8 bits."""
         if math.isinf(deviations):
-            return Bounds()
+            return GreyBounds()
         half = max(deviations * self.deviation, _GREY_STEP)
-        return Bounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), GREY_MAX))
+        return GreyBounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), GREY_MAX))
 
 
 def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: int, map: Map) -> Sample:
@@ -102,12 +102,12 @@ def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: i
     count, total, squares = (int(moment) for moment in moments)
     rank = -(-len(own) * _OWN[0] // _OWN[1])
     variance = (squares * count - total * total) / count**2
-    return Sample(model, max(int(np.sort(own)[rank - 1]), EVEN), total / count, math.sqrt(variance))
+    return Sample(model, max(int(np.sort(own)[rank - 1]), NULL_SCORE), total / count, math.sqrt(variance))
 
 
 def evidence_of(
     source: GreySource, cuts: NDArray[np.int32], place: Place, whole: NDArray[np.int64], side: int, map: Map
-) -> Evidence:
+) -> SampleWeights:
     """What tells a sample from the raster as a whole.
 
     Parameters
@@ -121,22 +121,22 @@ def evidence_of(
     return found
 
 
-def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> Names:
+def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> SymbolPair:
     """Symbols of a tile at both scales, without its margin of MARGIN pixels."""
-    inner = np.s_[MARGIN - 1 : 1 - MARGIN, MARGIN - 1 : 1 - MARGIN]
-    known = None if tile.every else tile.valid
+    inner = np.s_[COARSE_HALO - 1 : 1 - COARSE_HALO, COARSE_HALO - 1 : 1 - COARSE_HALO]
+    known = tile.mask
     near = None if known is None else np.ascontiguousarray(known[inner])
-    fine = symbols(np.ascontiguousarray(tile.grey[inner]), near, cuts)
+    fine = lbp_symbols(np.ascontiguousarray(tile.grey[inner]), near, cuts)
     return fine, coarse_symbols(tile.grey, known, cuts)
 
 
 def _weigh(
     source: GreySource, cuts: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: Place
-) -> Evidence:
-    return Evidence.of(_own_names(source.read(place.window, MARGIN), cuts, place), whole, side)
+) -> SampleWeights:
+    return SampleWeights.of(_own_names(source.read(place.window, COARSE_HALO), cuts, place), whole, side)
 
 
-def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> Names:
+def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> SymbolPair:
     """Symbols of the pixels of a sample, in the whole blocks around it."""
     names = names_of(tile, cuts)
     mask = np.zeros(names[0].shape, bool)
@@ -166,14 +166,14 @@ def _radius(source: GreySource, pixels: int) -> str:
 
 def _look(
     source: GreySource, cuts: NDArray[np.int32], side: int, place: Place
-) -> tuple[Model, NDArray[np.uint16], NDArray[np.uint64]]:
+) -> tuple[TextureModel, NDArray[np.uint16], NDArray[np.uint64]]:
     """Histograms of a sample, the scores of its windows, and number, sum and sum of squares of its greys."""
-    tile = source.read(place.window, MARGIN)
+    tile = source.read(place.window, COARSE_HALO)
     names, coarse = _own_names(tile, cuts, place)
-    grey = np.ascontiguousarray(tile.grey[MARGIN:-MARGIN, MARGIN:-MARGIN])
+    grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
-    model = model_of(names, grey, cells, coarse=coarse)
-    scores = window_scores(names, grey, model, side, left_out=True)
+    model = texture_model(names, grey, cells, coarse=coarse)
+    scores = window_scores(names, grey, model, side, leave_one_out=True)
     counted = grey[names != UNCOUNTED].astype(np.uint64)
     moments = np.array([len(counted), counted.sum(), (counted * counted).sum()], np.uint64)
-    return model, scores[scores != UNKNOWN], moments
+    return model, scores[scores != NO_SCORE], moments

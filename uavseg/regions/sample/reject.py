@@ -10,10 +10,10 @@ from uavseg.raster.tiling import Window, window_cells
 from uavseg.regions.sample.model import names_of
 from uavseg.regions.sample.scores import Criterion, Scored
 from uavseg.regions.tiles.kind_tiles import CellJobs
-from uavseg.segmentation.sample.coarse_lbp import MARGIN
-from uavseg.segmentation.sample.g_scores import UNLIKE, Model, model_of
-from uavseg.segmentation.sample.likelihood_weights import best_evidence
-from uavseg.segmentation.sample.pixel_decision import spread
+from uavseg.segmentation.dilation import dilate
+from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO
+from uavseg.segmentation.sample.g_scores import MAX_SCORE, TextureModel, texture_model
+from uavseg.segmentation.sample.likelihood_weights import best_mean_weights
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 
@@ -49,7 +49,7 @@ def confirmed(
     best, rest = scores.best.copy(), scores.rest
     confirm = partial(_confirm_tile, source, criterion, weights, least)
     for window, (refused, unlike) in zip(concerned, tile_pass.run(confirm, jobs), strict=True):
-        best[window_cells(window)][refused] = UNLIKE
+        best[window_cells(window)][refused] = MAX_SCORE
         rest += unlike
     return Scored(best, rest, scores.whole)
 
@@ -60,18 +60,18 @@ def _confirm_tile(
     weights: NDArray[np.int64],
     least: int,
     job: tuple[Window, NDArray[np.uint8]],
-) -> tuple[NDArray[np.bool_], Model]:
+) -> tuple[NDArray[np.bool_], TextureModel]:
     """Which of a tile's matched cells are refused, and the histograms of those that touch none that is kept:
     the others lie on boundaries and are of both sides.
     """
     window, around = job  # with one cell on every side
     halo = CELL * criterion.side
-    tile = source.read(window, halo + MARGIN)
+    tile = source.read(window, halo + COARSE_HALO)
     names = names_of(tile, criterion.cuts)
-    convincing = best_evidence(names, weights, criterion.side) >= least
+    convincing = best_mean_weights(names, weights, criterion.side) >= least
     matched, inner = around.view(np.bool_), np.s_[1:-1, 1:-1]
     refused = (matched & ~convincing)[inner]
-    unlike = refused & ~spread(matched & convincing, 1)[inner]
-    grey = np.ascontiguousarray(tile.grey[MARGIN:-MARGIN, MARGIN:-MARGIN])
+    unlike = refused & ~dilate(matched & convincing, 1)[inner]
+    grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     own = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
-    return refused, model_of(names[0], grey, unlike.view(np.uint8), halo, own)
+    return refused, texture_model(names[0], grey, unlike.view(np.uint8), halo, own)

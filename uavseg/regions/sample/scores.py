@@ -17,21 +17,21 @@ from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_til
 from uavseg.regions.sample.model import Sample
 from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.lbp import SYMBOLS, symbols
-from uavseg.segmentation.blocks.leaves import pixels_of
-from uavseg.segmentation.labels.components import components
+from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
+from uavseg.segmentation.blocks.leaves import cells_to_pixels
+from uavseg.segmentation.labels.components import label_components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
-    UNKNOWN,
-    UNLIKE,
-    Bounds,
-    Model,
+    MAX_SCORE,
+    NO_SCORE,
+    GreyBounds,
+    TextureModel,
     best_scores,
-    model_of,
+    texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.pixel_decision import MARGIN, Weights, decide
+from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights, classify_pixels
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL
 
@@ -54,10 +54,10 @@ class Criterion:
         The largest score that is like the sample.
     """
 
-    model: Model
+    model: TextureModel
     cuts: NDArray[np.int32]
     side: int
-    bounds: Bounds
+    bounds: GreyBounds
     limit: int
 
     @classmethod
@@ -83,7 +83,7 @@ class Scored:
     """
 
     best: NDArray[np.uint16]
-    rest: Model
+    rest: TextureModel
     whole: NDArray[np.int64]
 
 
@@ -100,8 +100,8 @@ def scored(
     criterion : Criterion
     tile_pass : TilePass
     """
-    best = np.full(BlockMap.empty(source.shape).counts.shape, UNKNOWN, np.uint16)
-    rest, whole = Model(), np.zeros((2, SYMBOLS), np.int64)
+    best = np.full(BlockMap.empty(source.shape).counts.shape, NO_SCORE, np.uint16)
+    rest, whole = TextureModel(), np.zeros((2, SYMBOLS), np.int64)
     for window, found in zip(
         tile_pass.windows, tile_pass.run(partial(_score_tile, source, criterion)), strict=True
     ):
@@ -116,7 +116,7 @@ def outline_matches(
     source: GreySource,
     cells: NDArray[np.uint8],
     cuts: NDArray[np.int32],
-    weights: Weights,
+    weights: PixelWeights,
     tile_pass: TilePass,
 ) -> RegionOutlines:
     """Regions of cells that are in, and of those pixels of open cells that weigh enough.
@@ -132,7 +132,7 @@ def outline_matches(
         As of `tilewise.outline_regions`.
     """
     outline = partial(_outline_match, source, cuts, weights)
-    tiles = tile_pass.run(outline, CellJobs(cells, tile_pass.windows, MARGIN))
+    tiles = tile_pass.run(outline, CellJobs(cells, tile_pass.windows, DECISION_HALO))
     return stitch_tiles(source.shape, tile_pass.windows, tiles).finish()
 
 
@@ -186,7 +186,7 @@ def _sum_scores(
     labels = sketch.rasterise()
     rows, cols = labels.shape
     scores = best.repeat(CELL, 0)[:rows].repeat(CELL, 1)[:, :cols].astype(np.int64)
-    labels[scores >= UNLIKE] = 0
+    labels[scores >= MAX_SCORE] = 0
     counts = np.bincount(labels.ravel())
     names = np.flatnonzero(counts[1:]) + 1
     sums = np.bincount(labels.ravel(), scores.ravel()).astype(np.int64)
@@ -195,7 +195,7 @@ def _sum_scores(
 
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], Model, NDArray[np.int64]] | None:
+) -> tuple[NDArray[np.uint16], TextureModel, NDArray[np.int64]] | None:
     """Scores of a tile's cells, the histograms of those that are unlike the sample, and how often each symbol
     occurs in the tile.
     """
@@ -203,35 +203,35 @@ def _score_tile(
     if source.dataset.is_empty(window):
         return None
     tile = source.read(window, halo + 1)
-    names = symbols(tile.grey, None if tile.every else tile.valid, criterion.cuts)
+    names = lbp_symbols(tile.grey, tile.mask, criterion.cuts)
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
-    unlike = ((best > criterion.limit) & (best != UNKNOWN)).view(np.uint8)
-    coarse = coarse_symbols(*_cut(tile, halo + 1 - coarse_lbp.MARGIN), criterion.cuts)
-    whole = model_of(names, grey, np.ones_like(unlike), halo, coarse)
-    return best, model_of(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
+    unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
+    coarse = coarse_symbols(*_cut(tile, halo + 1 - coarse_lbp.COARSE_HALO), criterion.cuts)
+    whole = texture_model(names, grey, np.ones_like(unlike), halo, coarse)
+    return best, texture_model(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
 
 
 def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
     """Grey and validity of a tile with so much less of its margin."""
     inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
-    return tile.grey[inner], None if tile.every else tile.valid[inner]
+    return tile.grey[inner], None if tile.all_valid else tile.valid[inner]
 
 
 def _outline_match(
     source: GreySource,
     cuts: NDArray[np.int32],
-    weights: Weights,
+    weights: PixelWeights,
     job: tuple[Window, NDArray[np.uint8]],
 ) -> TileOutlines | None:
     window, cells = job
     if not cells.any():
         return None
-    tile = source.read(window, MARGIN)
+    tile = source.read(window, DECISION_HALO)
     if (cells == 2).any():
-        known = None if tile.every else tile.valid
-        names = symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
-        pixels = decide(cells, tile.valid, tile.grey, *names, weights)
+        known = tile.mask
+        names = lbp_symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
+        pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
     else:
-        pixels = pixels_of(cells, tile.valid)
-    return outline_tile(pixels, *components(pixels, MARGIN), tile.grey, window, source.shape[1])
+        pixels = cells_to_pixels(cells, tile.valid)
+    return outline_tile(pixels, *label_components(pixels, DECISION_HALO), tile.grey, window, source.shape[1])

@@ -12,7 +12,7 @@ from uavseg.regions.outline.region_outlines import RegionOutlines, renumber_by_s
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.labels.component_sums import Sums
-from uavseg.segmentation.labels.components import equal_components
+from uavseg.segmentation.labels.components import label_equal_values
 from uavseg.units import CELL
 
 
@@ -28,10 +28,10 @@ def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> RegionOutlines:
     Returns
     -------
     Outlined
-        In pixels of the raster, apart from `sums.firsts`, which are cells.
+        In pixels of the raster. The first pixel of a region is that of its first cell, valid or not.
     """
     rows, cols = _cells_of(blocks)
-    leaves, count = equal_components(np.ascontiguousarray(kinds[:rows, :cols]))
+    leaves, count = label_equal_values(np.ascontiguousarray(kinds[:rows, :cols]))
     leaves[blocks.counts[:rows, :cols] == 0] = 0
     rings = trace(leaves)
     limit = np.array(blocks.shape, np.int32)
@@ -43,7 +43,7 @@ def count_segments(blocks: BlockMap, kinds: NDArray[Any], most: int) -> NDArray[
     """How many segments of each kind 1..most `outline_cells` finds, (most,) int64; nothing is outlined."""
     rows, cols = _cells_of(blocks)
     cells = np.ascontiguousarray(kinds[:rows, :cols])
-    labels, count = equal_components(cells)
+    labels, count = label_equal_values(cells)
     own = np.zeros(count + 1, kinds.dtype)
     own[labels] = cells
     return np.bincount(own[1:], minlength=most + 1)[1:].astype(np.int64)
@@ -70,5 +70,5 @@ def _sums_of_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> 
     np.add.at(counts, flat, blocks.counts[:rows, :cols].reshape(-1))
     names, first = np.unique(flat, return_index=True)
     firsts = np.zeros((count + 1, 2), np.int64)
-    firsts[names] = np.stack(np.divmod(first, cols), axis=1)
+    firsts[names] = np.stack(np.divmod(first, cols), axis=1) * CELL
     return Sums(counts[1:], greys[1:], np.full(count, np.nan), firsts[1:])

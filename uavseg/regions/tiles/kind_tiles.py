@@ -11,11 +11,11 @@ from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, cells_around, whole_blocks
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
-from uavseg.segmentation.blocks.leaves import pixels_of
-from uavseg.segmentation.labels.components import components, equal_components
+from uavseg.segmentation.blocks.leaves import cells_to_pixels
+from uavseg.segmentation.labels.components import label_components, label_equal_values
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage
-from uavseg.segmentation.states.state_scans import states_in
+from uavseg.segmentation.states.state_scans import decode_states
 from uavseg.units import CELL
 
 _Job = tuple[Window, NDArray[Any]]
@@ -95,7 +95,7 @@ class _PixelJobs(Sequence[_Job]):
         window = self._windows[k]
         rows = (window.row - CELL, whole_blocks(window.rows) + 2 * CELL)
         if self._held[0] != rows:
-            inside = states_in(self._image.codes(*rows)) == self._state
+            inside = decode_states(self._image.read_codes(*rows)) == self._state
             self._held = rows, np.pad(inside, ((0, 0), (CELL, CELL)))
         part = self._held[1][:, window.col : window.col + whole_blocks(window.cols) + 2 * CELL]
         return window, np.packbits(part, axis=1)
@@ -106,8 +106,8 @@ def _outline_cells(source: GreySource, job: _Job) -> TileOutlines | None:
     if not cells.any():
         return None
     tile = source.read(window, CELL)
-    kinds = pixels_of(cells, tile.valid)
-    return outline_tile(kinds, *equal_components(kinds, CELL), tile.grey, window, source.shape[1])
+    kinds = cells_to_pixels(cells, tile.valid)
+    return outline_tile(kinds, *label_equal_values(kinds, CELL), tile.grey, window, source.shape[1])
 
 
 def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
@@ -116,4 +116,4 @@ def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
         return None
     tile = source.read(window, CELL)
     pixels = np.unpackbits(bits, axis=1, count=tile.grey.shape[1])
-    return outline_tile(pixels, *components(pixels, CELL), tile.grey, window, source.shape[1])
+    return outline_tile(pixels, *label_components(pixels, CELL), tile.grey, window, source.shape[1])

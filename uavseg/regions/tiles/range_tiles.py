@@ -17,10 +17,10 @@ from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_til
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.labels.component_sums import Sums, component_sums
-from uavseg.segmentation.labels.components import components
+from uavseg.segmentation.labels.components import label_components
 from uavseg.segmentation.params import Refinement
-from uavseg.segmentation.pipeline import refined
-from uavseg.segmentation.refine.range_scans import REACH
+from uavseg.segmentation.pipeline import refine_tile
+from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
 
 
@@ -82,22 +82,24 @@ class _Jobs(Sequence[_Job]):
         window = self._windows[k]
         here, known = window_cells(window), self._expected
         cells = None if known is None else (known.sums[here], known.counts[here])
-        return _Job(window, cells_around(self._inside, window, REACH), cells)
+        return _Job(window, cells_around(self._inside, window, REFINE_HALO), cells)
 
 
 def _outline_tile(
     source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job
 ) -> TileOutlines | None:
-    found = refined(source, job.inside, interval, refine, job.window)
+    found = refine_tile(source, job.inside, interval, refine, job.window)
     if found is None:
         return None
     pixels, tile = found
-    if job.cells is not None and not _same(job.cells, cell_sums(tile.grey, tile.valid, REACH)):
+    if job.cells is not None and not _same(job.cells, cell_sums(tile.grey, tile.valid, REFINE_HALO)):
         raise RasterError(
             f"{source.dataset.source} is not as it was when its block map was made; make the block map again "
             "with uavseg divide, or give --refine none"
         )
-    return outline_tile(pixels, *components(pixels, REACH), tile.grey, job.window, source.shape[1])
+    return outline_tile(
+        pixels, *label_components(pixels, REFINE_HALO), tile.grey, job.window, source.shape[1]
+    )
 
 
 def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> bool:

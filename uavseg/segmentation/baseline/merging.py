@@ -1,8 +1,8 @@
-"""Agglomerative merging: adjacent regions of like texture become one, the most alike first.
+"""Agglomerative merging of adjacent regions by texture, the most similar pair first.
 
-Of the original LBP/C (Ojala and Pietikäinen 1999): MI of two adjacent regions is p G, where p is the number
-of counted pixels of the smaller one, and G the log-likelihood ratio of their histograms. Merging stops where
-the smallest MI is more than Y times the largest there was before.
+Part of the original LBP/C (Ojala and Pietikäinen 1999): the merging importance MI of two adjacent
+regions is p G, where p is the number of counted pixels of the smaller one, and G the log-likelihood ratio of
+their histograms. Merging stops where the smallest MI is more than Y times the largest MI so far.
 """
 
 import heapq
@@ -12,79 +12,79 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._jit import inlined, kernel
-from uavseg.segmentation.labels.components import united
-
-SYMBOLS = 2048
-SMALLEST_G = 1e-9  # per pixel of the pair, as in the division
-
-_LONGEST_TABLE = 1 << 16
+from uavseg._jit import kernel
+from uavseg.segmentation.blocks.g_statistic import g_of_region, n_ln_n_table
+from uavseg.segmentation.blocks.lbp import SYMBOLS
+from uavseg.segmentation.labels.components import union_roots
 
 
-def merged(
-    labels: NDArray[np.uint32], texels: NDArray[np.uint16], stop: float, untested: float
+def merge_regions(
+    labels: NDArray[np.uint32], symbols: NDArray[np.uint16], stop: float, untested: float
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
     """Merge the regions of a label image.
 
-    Where two pairs have the same MI, the one whose smaller label is smaller comes first, then the one whose
-    other label is; a merged region has the smaller of its labels.
+    Of two pairs with the same MI, the one with the smaller lower label comes first, then the one with the
+    smaller upper label. A merged region keeps the smaller of its two labels.
 
     Parameters
     ----------
     labels : (M, N) uint32 array
         1..n, 0 nothing.
-    texels : (M, N) uint16 array
-        Symbols as of `texture.symbols`.
+    symbols : (M, N) uint16 array
+        From `lbp.lbp_symbols`.
     stop : float
-        Y: merging stops where MI is more than Y times the largest MI of the merges before.
+        Y: merging stops where MI is more than Y times the largest MI of the merges so far.
     untested : float
-        That is not tested during this share of all merges that could be made.
+        Share of all possible merges during which the stop is not tested.
 
     Returns
     -------
     labels : (M, N) uint32 array
-        1..k in the order of the smallest label that went into each.
+        1..k in the order of the smallest label merged into each.
     models : (k + 1, 2048) uint32 array
-        The histogram of each.
+        The histogram of each region; row 0 is empty.
     """
     count = int(labels.max(initial=0))
-    regions = _Regions.of(labels, texels, count)
-    pairs = _adjacent(labels)
-    possible = count - len(np.unique(united(pairs, count + 1)[1:]))
+    regions = _Regions.of(labels, symbols, count)
+    pairs = _adjacent_pairs(labels)
+    possible = count - len(np.unique(union_roots(pairs, count + 1)[1:]))
     parents = _merge(regions, pairs, stop, untested * possible)
     roots, numbers = np.unique(parents, return_inverse=True)
     return numbers.astype(np.uint32)[labels], np.ascontiguousarray(regions.histograms[roots])
 
 
-def log_table(most: int) -> NDArray[np.float64]:
-    """n ln n for n from 0 to `most`, or to where computing it is no slower than looking it up."""
-    n = np.arange(min(most, _LONGEST_TABLE) + 1)
-    return np.asarray(n * np.log(np.maximum(n, 1)), np.float64)
-
-
 @dataclass(frozen=True)
 class _Regions:
-    """Histograms (n + 1, 2048) uint32 and counted pixels (n + 1,) int64 of regions; 0 is nothing."""
+    """Histograms of regions; region 0 is empty.
+
+    Parameters
+    ----------
+    histograms : (n + 1, 2048) uint32 array
+    totals : (n + 1,) int64 array
+        Counted pixels.
+    table : float64 array
+        n ln n, see `n_ln_n_table`.
+    """
 
     histograms: NDArray[np.uint32]
     totals: NDArray[np.int64]
     table: NDArray[np.float64]
 
     @classmethod
-    def of(cls, labels: NDArray[np.uint32], texels: NDArray[np.uint16], count: int) -> "_Regions":
+    def of(cls, labels: NDArray[np.uint32], symbols: NDArray[np.uint16], count: int) -> "_Regions":
         histograms = np.zeros((count + 1, SYMBOLS), np.uint32)
-        _count(labels, texels, histograms)
+        _count_symbols(labels, symbols, histograms)
         histograms[0] = 0
         totals = histograms.sum(axis=1, dtype=np.int64)
-        return cls(histograms, totals, log_table(int(totals.sum())))
+        return cls(histograms, totals, n_ln_n_table(int(totals.sum())))
 
     def importance(self, region: int, others: NDArray[np.int64]) -> list[float]:
         """MI of a region with each of some others."""
-        found = np.empty(len(others))
-        listed = np.flatnonzero(self.histograms[region])
+        g = np.empty(len(others))
+        present = np.flatnonzero(self.histograms[region])
         counts = self.histograms[region].astype(np.int64)
-        _likelihood_ratios(self.histograms, self.totals, others, counts, listed, self.table, found)
-        scaled: list[float] = (found * np.minimum(self.totals[others], self.totals[region])).tolist()
+        _g_of_regions(self.histograms, self.totals, others, counts, present, self.table, g)
+        scaled: list[float] = (g * np.minimum(self.totals[others], self.totals[region])).tolist()
         return scaled
 
     def join(self, one: int, other: int) -> None:
@@ -94,7 +94,7 @@ class _Regions:
 
 
 def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: float) -> NDArray[np.int64]:
-    """The region that each region went into."""
+    """The region that each region was merged into."""
     count = len(regions.totals)
     parents, versions = list(range(count)), [0] * count
     neighbours: list[set[int]] = [set() for _ in range(count)]
@@ -105,13 +105,13 @@ def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: f
     heapq.heapify(queue)
     largest, merges = 0.0, 0
     while queue:
-        least, one, other, *known = heapq.heappop(queue)
-        if known != [versions[one], versions[other]]:
+        smallest, one, other, *entry_versions = heapq.heappop(queue)
+        if entry_versions != [versions[one], versions[other]]:
             continue
-        if merges >= untested and least > stop * largest:
+        if merges >= untested and smallest > stop * largest:
             break
-        largest, merges = max(largest, least), merges + 1
-        _unite(regions, one, other, neighbours, versions)
+        largest, merges = max(largest, smallest), merges + 1
+        _merge_pair(regions, one, other, neighbours, versions)
         parents[other] = one
         for entry in _entries(regions, one, neighbours, versions):
             heapq.heappush(queue, entry)
@@ -123,16 +123,19 @@ def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: f
 def _entries(
     regions: _Regions, region: int, neighbours: list[set[int]], versions: list[int], above: int = 0
 ) -> list[tuple[Any, ...]]:
-    """What waits to be merged with a region: MI, the two labels, and their versions."""
+    """Queue entries of the pairs of a region: MI, the two labels, and the versions of the two regions."""
     others = sorted(other for other in neighbours[region] if other > above)
-    found = []
+    entries = []
     for other, value in zip(others, regions.importance(region, np.array(others, np.int64)), strict=True):
         one, two = min(region, other), max(region, other)
-        found.append((value, one, two, versions[one], versions[two]))
-    return found
+        entries.append((value, one, two, versions[one], versions[two]))
+    return entries
 
 
-def _unite(regions: _Regions, one: int, other: int, neighbours: list[set[int]], versions: list[int]) -> None:
+def _merge_pair(
+    regions: _Regions, one: int, other: int, neighbours: list[set[int]], versions: list[int]
+) -> None:
+    """Merge region `other` into `one`; queue entries of either become out of date."""
     regions.join(one, other)
     for third in neighbours[other]:
         neighbours[third].discard(other)
@@ -144,8 +147,8 @@ def _unite(regions: _Regions, one: int, other: int, neighbours: list[set[int]], 
     versions[other] = -1
 
 
-def _adjacent(labels: NDArray[np.uint32]) -> NDArray[np.int64]:
-    """The pairs of labels that share an edge, the smaller first; (k, 2)."""
+def _adjacent_pairs(labels: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """The pairs of adjacent labels, the smaller first; (k, 2)."""
     size = int(labels.max(initial=0)) + 1
     keys = []
     for one, other in ((labels[:, 1:], labels[:, :-1]), (labels[1:], labels[:-1])):
@@ -155,39 +158,15 @@ def _adjacent(labels: NDArray[np.uint32]) -> NDArray[np.int64]:
     return np.stack(np.divmod(np.unique(np.concatenate(keys)), size), axis=1)
 
 
-@inlined
-def _n_ln_n(table, n):  # type: ignore[no-untyped-def]
-    return table[n] if n < table.shape[0] else n * np.log(np.float64(n))
-
-
-@inlined
-def likelihood_ratio(histograms, totals, region, counts, listed, many, table):  # type: ignore[no-untyped-def]
-    """G between a region's histogram and counts of which the first `many` listed symbols are not 0.
-
-    A symbol that only one of the two has adds nothing.
-    """
-    total = np.int64(0)
-    shared = 0.0
-    for k in range(many):
-        a = counts[listed[k]]
-        b = np.int64(histograms[region, listed[k]])
-        total += a
-        if b:
-            shared += _n_ln_n(table, a + b) - _n_ln_n(table, a) - _n_ln_n(table, b)
-    whole = _n_ln_n(table, total + totals[region]) - _n_ln_n(table, total) - _n_ln_n(table, totals[region])
-    g = 2.0 * (whole - shared)
-    return g if g >= SMALLEST_G * (total + totals[region]) else 0.0
-
-
 @kernel("void(u4[:,::1], i8[::1], i8[::1], i8[::1], i8[::1], f8[::1], f8[::1])")
-def _likelihood_ratios(histograms, totals, regions, counts, listed, table, found):  # type: ignore[no-untyped-def]
+def _g_of_regions(histograms, totals, regions, counts, present, table, found):  # type: ignore[no-untyped-def]
     for k in range(regions.shape[0]):
-        found[k] = likelihood_ratio(histograms, totals, regions[k], counts, listed, listed.shape[0], table)
+        found[k] = g_of_region(histograms, totals, regions[k], counts, present, present.shape[0], table)
 
 
 @kernel("void(u4[:,::1], u2[:,::1], u4[:,::1])")
-def _count(labels, texels, histograms):  # type: ignore[no-untyped-def]
+def _count_symbols(labels, symbols, histograms):  # type: ignore[no-untyped-def]
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
-            if texels[r, c] < SYMBOLS:
-                histograms[labels[r, c], texels[r, c]] += 1
+            if symbols[r, c] < SYMBOLS:
+                histograms[labels[r, c], symbols[r, c]] += 1

@@ -1,6 +1,6 @@
-"""Grey of blocks that will be looked at again, kept between two passes while there is room.
+"""Cache of the grey of blocks between two passes, limited in size.
 
-Nothing depends on whether a block was kept: what is not here is read again.
+No result depends on it: a block that is not cached is read again.
 """
 
 import threading
@@ -14,13 +14,13 @@ from uavseg.raster.tiling import Window
 from uavseg.segmentation.source import GreyTile
 from uavseg.units import BLOCK
 
-ROOM = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
-SIDE = BLOCK + 2  # a block with the pixels around it
+CAPACITY = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
+CACHED_SIDE = BLOCK + 2  # a block with a border of one pixel
 
 
 @dataclass(frozen=True, slots=True)
-class Patch:
-    """Blocks of one tile, one under the other.
+class CachedBlocks:
+    """Blocks of one tile, stacked vertically.
 
     Parameters
     ----------
@@ -34,47 +34,48 @@ class Patch:
     valid: NDArray[np.uint8] | None
 
 
-class Patches:
-    """Patches by the tile that they are from; pickled, it arrives empty and keeps nothing."""
+class BlockCache:
+    """Cached blocks by tile; thread-safe. A pickled copy is empty and caches nothing."""
 
-    def __init__(self, room: int = ROOM) -> None:
-        self._room = room
-        self._kept: dict[Window, Patch] = {}
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self._free = capacity
+        self._tiles: dict[Window, CachedBlocks] = {}
         self._lock = threading.Lock()
 
-    def __reduce__(self) -> tuple[type["Patches"], tuple[int]]:
-        return Patches, (0,)
+    def __reduce__(self) -> tuple[type["BlockCache"], tuple[int]]:
+        return BlockCache, (0,)
 
     def fingerprint(self) -> tuple[()]:
-        """Nothing: no result depends on what is here."""
+        """Empty: no result depends on the cache."""
         return ()
 
     def put(self, window: Window, tile: GreyTile, corners: NDArray[np.int64]) -> None:
-        """Keep the blocks of a tile that begin at `corners`, (k, 2), if there is room for them.
+        """Cache the blocks of a tile that begin at `corners`, if there is room for them.
 
         Parameters
         ----------
         window : Window
         tile : GreyTile
-            With a margin of one pixel.
+            Grey with a margin of one pixel.
         corners : (k, 2) int64 array
             Row and column of each block's first pixel within the window.
         """
-        size = len(corners) * SIDE * SIDE * (2 if tile.every else 3)
+        size = len(corners) * CACHED_SIDE * CACHED_SIDE * (2 if tile.all_valid else 3)
         with self._lock:
-            if size == 0 or size > self._room:
+            if size == 0 or size > self._free:
                 return
-            self._room -= size
-        valid = None if tile.every else _cut(tile.valid, corners)
-        self._kept[window] = Patch(_cut(tile.grey, corners), valid)
+            self._free -= size
+        valid = None if tile.all_valid else _crop_blocks(tile.valid, corners)
+        self._tiles[window] = CachedBlocks(_crop_blocks(tile.grey, corners), valid)
 
-    def take(self, window: Window) -> Patch | None:
-        """The blocks kept of a tile, which are then no longer here; None if there are none."""
-        return self._kept.pop(window, None)
+    def take(self, window: Window) -> CachedBlocks | None:
+        """Remove and return the cached blocks of a tile; None if there are none."""
+        return self._tiles.pop(window, None)
 
 
-def _cut(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any]:
-    patches = np.empty((len(corners), SIDE, SIDE), image.dtype)
-    for patch, (row, col) in zip(patches, corners, strict=True):
-        patch[:] = image[row : row + SIDE, col : col + SIDE]
-    return patches.reshape(-1, SIDE)
+def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any]:
+    """The blocks that begin at `corners` of an array with a border of one pixel, stacked vertically."""
+    blocks = np.empty((len(corners), CACHED_SIDE, CACHED_SIDE), image.dtype)
+    for block, (row, col) in zip(blocks, corners, strict=True):
+        block[:] = image[row : row + CACHED_SIDE, col : col + CACHED_SIDE]
+    return blocks.reshape(-1, CACHED_SIDE)

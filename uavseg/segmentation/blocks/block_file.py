@@ -1,4 +1,4 @@
-"""Block maps as GeoTIFF: what QGIS shows of them, and all that is needed to load them back."""
+"""Block maps as GeoTIFF: leaves as bands to display, the block map itself in further pages."""
 
 import json
 import os
@@ -14,27 +14,28 @@ from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.opening import GDAL_ERRORS, gdal, is_remote, quiet_open
-from uavseg.segmentation.blocks.block_map import BlockMap, leaves
+from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
+from uavseg.segmentation.params import DivisionParams
 from uavseg.units import CELL, CELLS
 
 _TAG = "UAVSEG_BLOCK_MAP"
-_LOOKED_AT = ("mean v", "side of the leaf in pixels")
+_BAND_NAMES = ("mean v", "side of the leaf in pixels")
 _RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k}" for k in range(16)))
 _SUMS, _COUNTS, _RATIOS = 2, 3, 4  # pages of the file
 
 
 @dataclass(frozen=True)
 class Origin:
-    """What a block map was made from.
+    """The rasters that a block map was made from, and how they were read.
 
     Parameters
     ----------
     rasters : tuple of str
-        Paths as they were given.
+        Paths as given by the user.
     folder : str
-        The folder that relative paths start from.
+        Base folder of relative paths.
     band, rgb, nodata
-        What the user chose, or None.
+        Options of the user, or None.
     """
 
     rasters: tuple[str, ...]
@@ -43,8 +44,8 @@ class Origin:
     rgb: tuple[int, int, int] | None = None
     nodata: float | None = None
 
-    def found(self, beside: str | os.PathLike[str]) -> list[str] | None:
-        """Paths of the rasters where all are still there: as they were, or beside the block map's file."""
+    def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
+        """Paths of the rasters, at their old place or beside the block map; None if one does not exist."""
         for folder in (Path(self.folder), Path(beside).resolve().parent):
             paths = [raster if is_remote(raster) else str(folder / raster) for raster in self.rasters]
             if all(is_remote(path) or Path(path).exists() for path in paths):
@@ -54,7 +55,7 @@ class Origin:
 
 @dataclass(frozen=True)
 class SavedBlocks:
-    """A block map with its place on the map, the stretch that made its grey, and its origin."""
+    """A block map with its georeference, the stretch that made its grey, and its origin."""
 
     blocks: BlockMap
     geobox: GeoBox
@@ -69,64 +70,74 @@ def is_block_map(path: str | os.PathLike[str]) -> bool:
         with gdal(), quiet_open(path) as file:
             return _TAG in file.tags()
     except GDAL_ERRORS:
-        return False  # whatever is wrong with it is told when it is opened as a raster
+        return False  # the error is reported when the file is opened as a raster
 
 
-def save(
-    path: str | os.PathLike[str], saved: SavedBlocks, threshold: float, step: float, overwrite: bool = False
+def write_block_map(
+    path: str | os.PathLike[str], saved: SavedBlocks, division: DivisionParams, overwrite: bool = False
 ) -> None:
     """Write a block map; a pixel of the file is a cell of 8 x 8 pixels.
 
-    What one sees is the mean v and the side of each leaf, for the given X and tau. Further pages of the file
-    hold the block map itself: sums and counts of the cells, and R of all blocks, a pixel for each of 64.
+    The bands that a viewer displays are the mean v and the side of each leaf, for one choice of X and tau.
+    Further pages hold the block map itself: sums and counts of the cells, and R of all blocks with a pixel
+    for each block of 64.
+
+    Parameters
+    ----------
+    path : path
+    saved : SavedBlocks
+    division : DivisionParams
+        Of the leaves in the first page.
+    overwrite : bool
+        Whether an existing file is replaced.
     """
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
-    side, mean = leaves(blocks, threshold, step)
-    seen = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
+    side, mean = find_leaves(blocks, division)
+    bands = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
     write_geotiff(
         path,
-        [_within(band, cells) for band in seen],
+        [_crop(band, cells) for band in bands],
         cells,
-        _LOOKED_AT,
+        _BAND_NAMES,
         _tags(saved),
         overwrite,
         nodata=float("nan"),
         pages=[
-            Page([_within(blocks.sums, cells)], cells, ["sum of grey"]),
-            Page([_within(blocks.counts, cells)], cells, ["valid pixels"]),
+            Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
+            Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
             Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
         ],
     )
 
 
-def _within(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
-    """The part of a band of cells that the raster reaches."""
+def _crop(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
+    """The part of a band of cells that covers the raster."""
     return band[: cells.shape[0], : cells.shape[1]]
 
 
-def load(path: str | os.PathLike[str]) -> SavedBlocks:
-    """Read a block map back.
+def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
+    """Read a block map from its GeoTIFF.
 
     Raises
     ------
     RasterReadError, RasterError
-        If the file cannot be read or is no block map.
+        If the file cannot be read or is not a block map.
     """
     _, cells, _, tags = read_geotiff(path)
     try:
-        facts = json.loads(tags[_TAG])
-        shape = (int(facts["rows"]), int(facts["cols"]))
+        header = json.loads(tags[_TAG])
+        shape = (int(header["rows"]), int(header["cols"]))
         blocks = BlockMap.empty(shape)
         rows, cols = cells.shape
         blocks.sums[:rows, :cols] = read_geotiff(path, _SUMS)[0][0]
         blocks.counts[:rows, :cols] = read_geotiff(path, _COUNTS)[0][0]
         blocks.ratios[:] = read_geotiff(path, _RATIOS)[0].transpose(1, 2, 0)
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
-        rgb = facts["rgb"] and tuple(facts["rgb"])
-        nodata = None if facts["nodata"] is None else float(facts["nodata"])
-        origin = Origin(tuple(facts["rasters"]), facts["folder"], facts["band"], rgb, nodata)
-        stretch = Stretch(facts["low"], facts["high"], facts["stretch"])
-        return SavedBlocks(blocks, geobox, stretch, facts["bands"], origin)
+        rgb = header["rgb"] and tuple(header["rgb"])
+        nodata = None if header["nodata"] is None else float(header["nodata"])
+        origin = Origin(tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata)
+        stretch = Stretch(header["low"], header["high"], header["stretch"])
+        return SavedBlocks(blocks, geobox, stretch, header["bands"], origin)
     except (KeyError, ValueError, TypeError, IndexError, RasterReadError) as error:
         raise RasterError(
             f"{path} is not a block map that this version reads; make it again with uavseg divide"
@@ -135,7 +146,7 @@ def load(path: str | os.PathLike[str]) -> SavedBlocks:
 
 def _tags(saved: SavedBlocks) -> dict[str, str]:
     origin = saved.origin
-    facts = {
+    header = {
         "rows": saved.geobox.shape[0],
         "cols": saved.geobox.shape[1],
         "low": saved.stretch.low,
@@ -148,4 +159,4 @@ def _tags(saved: SavedBlocks) -> dict[str, str]:
         "rgb": origin.rgb,
         "nodata": None if origin.nodata is None else repr(origin.nodata),
     }
-    return {_TAG: json.dumps(facts)}
+    return {_TAG: json.dumps(header)}

@@ -1,8 +1,7 @@
-"""The block map: what every later question is answered from.
+"""Block map: cell sums and texture ratios, from which leaves follow for any threshold.
 
-For each cell of 8 x 8 pixels the sum of its valid grey and their number, for each block of 64, 32 and 16 the
-ratio R of its texture. None of it depends on a threshold or a range, so leaves for any of them follow from
-here.
+It holds the sum and the number of the valid pixels of each cell of 8 x 8, and the ratio R of each block of
+64, 32 and 16. Neither depends on a threshold or a range of intensity.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,19 +12,20 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.division import RATIOS
+from uavseg.segmentation.params import DivisionParams
 from uavseg.units import CELLS
 
-_STRIP = 64  # rows of blocks looked at together
+_STRIP_BLOCKS = 64  # rows of blocks in a strip of `leaf_means_by_strip`
 
 
 @dataclass(frozen=True, slots=True)
 class BlockMap:
-    """Sums, counts and ratios over a grid of B x C blocks of 64 x 64 pixels.
+    """Cell sums, cell counts and block ratios over a grid of B x C blocks of 64 x 64 pixels.
 
     Parameters
     ----------
     shape : (int, int)
-        Rows and columns of the image in pixels; the blocks go past its right and bottom edge.
+        Rows and columns of the image in pixels; the blocks extend past its right and bottom edge.
     sums : (8 B, 8 C) uint32 array
         Sum of the grey of the valid pixels of each cell.
     counts : (8 B, 8 C) uint8 array
@@ -54,49 +54,46 @@ class BlockMap:
         return self.ratios.shape[0], self.ratios.shape[1]
 
 
-def leaves(
-    blocks: BlockMap, threshold: float, intensity_step: float, rows: slice = slice(None)
+def find_leaves(
+    blocks: BlockMap, division: DivisionParams, rows: slice = slice(None)
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """The leaf that each cell belongs to: its side, and the mean of its valid pixels.
+    """Hierarchical division: the side and the mean v of the leaf that each cell belongs to.
 
     Parameters
     ----------
     blocks : BlockMap
-    threshold : float
-        X: a block is divided where R > X.
-    intensity_step : float
-        Tau: a block is also divided where the means of its children differ by more; infinite for none.
+    division : DivisionParams
     rows : slice
-        Rows of blocks to look at, so that a large map can be taken in strips.
+        Rows of blocks to divide, so that a large map can be processed in strips.
 
     Returns
     -------
     side : (8 b, 8 C) uint8 array
         64, 32, 16 or 8 pixels.
     mean : (8 b, 8 C) float64 array
-        Mean v of the leaf, -1 where it has no valid pixel.
+        Mean v of the leaf's valid pixels; -1 where it has none.
     """
     ratios = blocks.ratios[rows]
     cells = slice(*(index * CELLS for index in rows.indices(blocks.blocks[0])[:2]))
     side = np.empty((ratios.shape[0] * CELLS, ratios.shape[1] * CELLS), np.uint8)
     mean = np.empty(side.shape)
-    _leaves(blocks.sums[cells], blocks.counts[cells], ratios, threshold, intensity_step, side, mean)
+    _leaves(blocks.sums[cells], blocks.counts[cells], ratios, division.threshold, division.step, side, mean)
     return side, mean
 
 
-def strips_of_means(
-    blocks: BlockMap, threshold: float, intensity_step: float
+def leaf_means_by_strip(
+    blocks: BlockMap, division: DivisionParams
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """The means of `leaves`, some rows of a large map at a time: rows of cells, and what those hold."""
-    for top in range(0, blocks.blocks[0], _STRIP):
-        _, mean = leaves(blocks, threshold, intensity_step, slice(top, top + _STRIP))
+    """The means of `find_leaves` strip by strip: a slice of rows of cells, and the means of these rows."""
+    for top in range(0, blocks.blocks[0], _STRIP_BLOCKS):
+        _, mean = find_leaves(blocks, division, slice(top, top + _STRIP_BLOCKS))
         yield slice(CELLS * top, CELLS * top + len(mean)), mean
 
 
 def cell_sums(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], margin: int = 0
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
-    """Sum and number of the valid pixels of each cell of 8 x 8.
+    """Sum and number of the valid pixels of each cell of 8 x 8 pixels.
 
     Parameters
     ----------
@@ -104,7 +101,7 @@ def cell_sums(
         0 where a pixel is not valid; M and N less the margins are multiples of 8.
     valid : (M, N) uint8 array
     margin : int
-        Pixels on every side that belong to no cell.
+        Width of the border that belongs to no cell, in pixels.
 
     Returns
     -------
@@ -116,6 +113,33 @@ def cell_sums(
     counts = np.zeros(cells, np.uint8)
     _cell_sums(grey, valid, margin, sums, counts)
     return sums, counts
+
+
+def required_ratios(
+    sums: NDArray[np.uint32], counts: NDArray[np.uint8], edges: Sequence[float], step: float
+) -> NDArray[np.uint32]:
+    """Bit masks of the ratios R that decide in which interval the mean of every leaf lies.
+
+    Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
+    whatever its R. R is not required either where intensity alone divides the block.
+
+    Parameters
+    ----------
+    sums, counts : (8 B, 8 C) arrays
+        Of the cells, as in `BlockMap`.
+    edges : sequence of float
+        Between the intervals, increasing; a mean on an edge lies in the interval below it.
+    step : float
+        Tau; infinite for no intensity test.
+
+    Returns
+    -------
+    required : (B, C) uint32 array
+        Bit k is set where ratio k of a block is required, unless a larger block around it is not divided.
+    """
+    required = np.zeros((sums.shape[0] // CELLS, sums.shape[1] // CELLS), np.uint32)
+    _required_ratios(sums, counts, np.array(edges, np.float64), step, required)
+    return required
 
 
 @kernel("void(u2[:,::1], u1[:,::1], i8, u4[:,::1], u1[:,::1])")
@@ -133,12 +157,12 @@ def _cell_sums(grey, valid, margin, sums, counts):  # type: ignore[no-untyped-de
 
 
 @inlined
-def mean_of(sums, counts, row, col, many):  # type: ignore[no-untyped-def]
-    """Mean v over many x many cells; -1 where no pixel is valid."""
+def mean_v(sums, counts, row, col, size):  # type: ignore[no-untyped-def]
+    """Mean v over size x size cells; -1 where no pixel is valid."""
     total = np.int64(0)
     number = np.int64(0)
-    for r in range(row, row + many):
-        for c in range(col, col + many):
+    for r in range(row, row + size):
+        for c in range(col, col + size):
             total += np.int64(sums[r, c])
             number += np.int64(counts[r, c])
     if number == 0:
@@ -147,13 +171,13 @@ def mean_of(sums, counts, row, col, many):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def spread_of_children(sums, counts, row, col, many):  # type: ignore[no-untyped-def]
-    """How far the means of the four children of many x many cells lie apart; 0 with fewer than two."""
+def range_of_child_means(sums, counts, row, col, size):  # type: ignore[no-untyped-def]
+    """Maximum less minimum of the means of the four children of size x size cells; 0 with fewer than two."""
     low = 2.0
     high = -1.0
-    half = many // 2
+    half = size // 2
     for child in range(4):
-        mean = mean_of(sums, counts, row + child // 2 * half, col + child % 2 * half, half)
+        mean = mean_v(sums, counts, row + child // 2 * half, col + child % 2 * half, half)
         if mean >= 0.0:
             low = min(low, mean)
             high = max(high, mean)
@@ -161,11 +185,11 @@ def spread_of_children(sums, counts, row, col, many):  # type: ignore[no-untyped
 
 
 @inlined
-def mark(side, mean, row, col, many, value):  # type: ignore[no-untyped-def]
-    """Write a leaf into its cells."""
-    for r in range(row, row + many):
-        for c in range(col, col + many):
-            side[r, c] = 8 * many
+def write_leaf(side, mean, row, col, size, value):  # type: ignore[no-untyped-def]
+    """Write side and mean of a leaf of size x size cells into its cells."""
+    for r in range(row, row + size):
+        for c in range(col, col + size):
+            side[r, c] = 8 * size
             mean[r, c] = value
 
 
@@ -174,27 +198,27 @@ def leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
     """Write the leaves of one block of 64 into its cells."""
     r64 = 8 * row
     c64 = 8 * col
-    if not (ratios[row, col, 0] > threshold or spread_of_children(sums, counts, r64, c64, 8) > step):
-        mark(side, mean, r64, c64, 8, mean_of(sums, counts, r64, c64, 8))
+    if not (ratios[row, col, 0] > threshold or range_of_child_means(sums, counts, r64, c64, 8) > step):
+        write_leaf(side, mean, r64, c64, 8, mean_v(sums, counts, r64, c64, 8))
         return
     for half in range(4):
         r32 = r64 + half // 2 * 4
         c32 = c64 + half % 2 * 4
         texture = ratios[row, col, 1 + half]
-        if not (texture > threshold or spread_of_children(sums, counts, r32, c32, 4) > step):
-            mark(side, mean, r32, c32, 4, mean_of(sums, counts, r32, c32, 4))
+        if not (texture > threshold or range_of_child_means(sums, counts, r32, c32, 4) > step):
+            write_leaf(side, mean, r32, c32, 4, mean_v(sums, counts, r32, c32, 4))
             continue
         for quarter in range(4):
             r16 = r32 + quarter // 2 * 2
             c16 = c32 + quarter % 2 * 2
             texture = ratios[row, col, 5 + (r16 - r64) // 2 * 4 + (c16 - c64) // 2]
-            if not (texture > threshold or spread_of_children(sums, counts, r16, c16, 2) > step):
-                mark(side, mean, r16, c16, 2, mean_of(sums, counts, r16, c16, 2))
+            if not (texture > threshold or range_of_child_means(sums, counts, r16, c16, 2) > step):
+                write_leaf(side, mean, r16, c16, 2, mean_v(sums, counts, r16, c16, 2))
                 continue
             for cell in range(4):
                 r8 = r16 + cell // 2
                 c8 = c16 + cell % 2
-                mark(side, mean, r8, c8, 1, mean_of(sums, counts, r8, c8, 1))
+                write_leaf(side, mean, r8, c8, 1, mean_v(sums, counts, r8, c8, 1))
 
 
 @kernel("void(u4[:,::1], u1[:,::1], f8[:,:,::1], f8, f8, u1[:,::1], f8[:,::1])")
@@ -204,45 +228,18 @@ def _leaves(sums, counts, ratios, threshold, step, side, mean):  # type: ignore[
             leaves_of_block(sums, counts, ratios, threshold, step, row, col, side, mean)
 
 
-def undecided(
-    sums: NDArray[np.uint32], counts: NDArray[np.uint8], edges: Sequence[float], intensity_step: float
-) -> NDArray[np.uint32]:
-    """Which R must be known before it is known in which of some intervals the mean of every leaf lies.
-
-    Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
-    and how the block is divided changes nothing. Nor does R where intensity divides anyway.
-
-    Parameters
-    ----------
-    sums, counts : (8 B, 8 C) arrays
-        Of the cells, as in `BlockMap`.
-    edges : sequence of float
-        Between the intervals, increasing; a mean on an edge lies in the interval below it.
-    intensity_step : float
-        Tau; infinite for none.
-
-    Returns
-    -------
-    undecided : (B, C) uint32 array
-        Bit k is set where ratio k of a block must be known, unless a larger block around it stays whole.
-    """
-    found = np.zeros((sums.shape[0] // CELLS, sums.shape[1] // CELLS), np.uint32)
-    _undecided(sums, counts, np.array(edges, np.float64), intensity_step, found)
-    return found
-
-
 @inlined
-def is_mixed(sums, counts, row, col, many, edges):  # type: ignore[no-untyped-def]
-    """Whether the means of the cells lie in more than one interval: an edge lies between them."""
+def straddles_edge(sums, counts, row, col, size, edges):  # type: ignore[no-untyped-def]
+    """Whether the means of size x size cells lie in more than one interval."""
     low = 2.0
     high = -1.0
-    for r in range(row, row + many):
-        for c in range(col, col + many):
-            mean = mean_of(sums, counts, r, c, 1)
+    for r in range(row, row + size):
+        for c in range(col, col + size):
+            mean = mean_v(sums, counts, r, c, 1)
             if mean >= 0.0:
                 low = min(low, mean)
                 high = max(high, mean)
-    first = 0  # the first edge that is not below the lowest mean
+    first = 0  # binary search: the first edge that is not below the lowest mean
     end = edges.shape[0]
     while first < end:
         middle = (first + end) // 2
@@ -254,28 +251,28 @@ def is_mixed(sums, counts, row, col, many, edges):  # type: ignore[no-untyped-de
 
 
 @inlined
-def undecided_in_block(sums, counts, row, col, edges, step):  # type: ignore[no-untyped-def]
-    """The bits of `undecided` of one block of 64."""
+def required_ratios_of_block(sums, counts, row, col, edges, step):  # type: ignore[no-untyped-def]
+    """The bit mask of `required_ratios` for one block of 64."""
     bits = np.uint32(0)
-    place = 0  # of a block's ratio: side 64, then four of 32, then sixteen of 16
-    many = 8
-    while many >= 2:
+    bit = 0  # index of a ratio: side 64, then four of 32, then sixteen of 16
+    size = 8
+    while size >= 2:
         mixed = 0
-        for r in range(8 * row, 8 * row + 8, many):
-            for c in range(8 * col, 8 * col + 8, many):
-                if is_mixed(sums, counts, r, c, many, edges):
+        for r in range(8 * row, 8 * row + 8, size):
+            for c in range(8 * col, 8 * col + 8, size):
+                if straddles_edge(sums, counts, r, c, size, edges):
                     mixed += 1
-                    if spread_of_children(sums, counts, r, c, many) <= step:
-                        bits |= np.uint32(1) << np.uint32(place)
-                place += 1
+                    if range_of_child_means(sums, counts, r, c, size) <= step:
+                        bits |= np.uint32(1) << np.uint32(bit)
+                bit += 1
         if mixed == 0:
             break
-        many //= 2
+        size //= 2
     return bits
 
 
 @kernel("void(u4[:,::1], u1[:,::1], f8[::1], f8, u4[:,::1])")
-def _undecided(sums, counts, edges, step, found):  # type: ignore[no-untyped-def]
-    for row in range(found.shape[0]):
-        for col in range(found.shape[1]):
-            found[row, col] = undecided_in_block(sums, counts, row, col, edges, step)
+def _required_ratios(sums, counts, edges, step, required):  # type: ignore[no-untyped-def]
+    for row in range(required.shape[0]):
+        for col in range(required.shape[1]):
+            required[row, col] = required_ratios_of_block(sums, counts, row, col, edges, step)

@@ -1,38 +1,38 @@
-"""How uniform a block's texture is: G between its four children, R of the block.
+"""Hierarchical division by texture: the ratio R = G_max / G_min over the pairs of a block's four children.
 
-G is Sokal and Rohlf's log-likelihood ratio between two histograms, R = G_max / G_min over the pairs of
-children (Abou Merhy, Payeur and Petriu 2008, equations 1 and 2). R of a block depends on nothing but its
-texture, so it is computed once and any threshold is applied afterwards.
+G is the log-likelihood ratio of two histograms, see `g_statistic` (Abou Merhy, Payeur and Petriu 2008,
+equations 1 and 2). R depends only on the texture of the block, so it is computed once and any threshold is
+applied afterwards.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.blocks.g_statistic import _N_LN_N, SMALLEST_G
+from uavseg.segmentation.blocks.g_statistic import MIN_G_PER_PIXEL, N_LN_N
 from uavseg.segmentation.blocks.lbp import (
-    BINS,
+    CONTRAST_BINS,
     SYMBOLS,
     UNCOUNTED,
     contrast,
     contrast_bin,
-    counted,
-    given,
+    is_counted,
     lbp_code,
+    or_empty,
 )
 from uavseg.units import BLOCK
 
 RATIOS = 21  # of one block: side 64, then four of side 32, then sixteen of side 16, each row by row
-EVERY = np.uint32((1 << RATIOS) - 1)  # all of them are wanted
+ALL_RATIOS = np.uint32((1 << RATIOS) - 1)  # bit mask
 
 
 def block_ratios(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8] | None,
-    cuts: NDArray[np.int32],
+    bin_edges: NDArray[np.int32],
     corners: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """R of blocks of 64 x 64 pixels, and of the blocks of 32 and 16 within them.
+    """R of blocks of 64 x 64 pixels and of the blocks of 32 and 16 within them.
 
     Parameters
     ----------
@@ -40,61 +40,72 @@ def block_ratios(
         Image with a border of one pixel.
     valid : (M + 2, N + 2) uint8 array or None
         1 where a pixel is valid; None where all are.
-    cuts : (7,) int32 array
-        Of the contrast, from `texture.contrast_cuts`.
+    bin_edges : (7,) int32 array
+        Of the contrast, from `lbp.contrast_bin_edges`.
     corners : (B, 2) int64 array
-        Row and column of each block's first pixel, 0 to M - 64 and N - 64 (the border not counted).
+        Row and column of each block's first pixel, 0 to M - 64 and N - 64, without the border.
 
     Returns
     -------
     ratios : (B, 21) float64 array
         Side 64, then the four of side 32, then the sixteen of side 16, row by row. 0 where every G is 0 or
-        fewer than two children have counted pixels (never divided); infinite where only the smallest G is 0.
+        fewer than two children have counted pixels (not divided); infinite where only the smallest G is 0.
     """
     ratios = np.empty((len(corners), RATIOS))
     scratch = np.zeros((6, SYMBOLS), np.uint64)
-    texture = np.empty(BLOCK * BLOCK, np.uint16)
-    _ratios(grey, given(valid), valid is None, cuts, corners, _N_LN_N, scratch, texture, ratios)
+    symbols = np.empty(BLOCK * BLOCK, np.uint16)
+    _ratios(grey, or_empty(valid), valid is None, bin_edges, corners, N_LN_N, scratch, symbols, ratios)
     return ratios
 
 
-def wanted_ratios(
+def selected_ratios(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8] | None,
-    cuts: NDArray[np.int32],
+    bin_edges: NDArray[np.int32],
     corners: NDArray[np.int64],
-    wanted: NDArray[np.uint32],
+    selected: NDArray[np.uint32],
     threshold: float,
 ) -> NDArray[np.float64]:
-    """R of some of the blocks within blocks of 64 x 64 pixels: those that a question depends on.
+    """R of selected blocks within blocks of 64 x 64 pixels.
 
     Parameters
     ----------
-    grey, valid, cuts, corners
-        As of `block_ratios`.
-    wanted : (B,) uint32 array
-        Bit k is set where ratio k of a block is wanted.
+    grey, valid, bin_edges, corners
+        As for `block_ratios`.
+    selected : (B,) uint32 array
+        Bit k is set where ratio k of a block is selected.
     threshold : float
-        X. Where a wanted block is not divided, what lies within it is not looked at.
+        X. The blocks within a selected block that is not divided are skipped.
 
     Returns
     -------
     ratios : (B, 21) float64 array
-        Exactly as of `block_ratios` where they were computed, 0 where they were not.
+        Identical to `block_ratios` where computed, 0 elsewhere.
     """
     ratios = np.zeros((len(corners), RATIOS))
-    table, listed = np.zeros(SYMBOLS, np.uint64), np.zeros(SYMBOLS, np.uint64)
-    texture = np.empty(BLOCK * BLOCK, np.uint16)
-    every = valid is None
-    _wanted_ratios(
-        grey, given(valid), every, cuts, corners, wanted, threshold, _N_LN_N, table, listed, texture, ratios
+    table, present = np.zeros(SYMBOLS, np.uint64), np.zeros(SYMBOLS, np.uint64)
+    symbols = np.empty(BLOCK * BLOCK, np.uint16)
+    all_valid = valid is None
+    _selected_ratios(
+        grey,
+        or_empty(valid),
+        all_valid,
+        bin_edges,
+        corners,
+        selected,
+        threshold,
+        N_LN_N,
+        table,
+        present,
+        symbols,
+        ratios,
     )
     return ratios
 
 
 @inlined
-def pack_sums(packed, width):  # type: ignore[no-untyped-def]
-    """Sum of the four counts packed into one word, each `width` bits wide."""
+def sum_of_packed(packed, width):  # type: ignore[no-untyped-def]
+    """Sum of the four counts packed into one word with `width` bits each."""
     mask = (np.uint64(1) << width) - np.uint64(1)
     return (
         (packed & mask)
@@ -105,18 +116,17 @@ def pack_sums(packed, width):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def ratio_of_children(packed, listed, many, width, n_ln_n):  # type: ignore[no-untyped-def]
-    """R from the four histograms packed in a table, over the `many` symbols that are listed.
+def ratio_of_children(packed, present, n_present, width, n_ln_n):  # type: ignore[no-untyped-def]
+    """R from four histograms packed in a table, over the first `n_present` symbols in `present`.
 
-    G of a pair is 2 (J(N_s, N_m) - sum of J(f_s, f_m)) with J(a, b) = (a + b) ln (a + b) - a ln a - b ln b,
-    which is equation 1 put in order. A symbol that only one of the two has adds nothing, so no branch is
-    needed.
+    See `g_statistic` for the formula of G. A symbol that only one histogram of a pair has adds nothing, so no
+    branch is needed.
     """
     mask = (np.uint64(1) << width) - np.uint64(1)
     n0 = n1 = n2 = n3 = np.uint64(0)
     j01 = j02 = j03 = j12 = j13 = j23 = 0.0
-    for k in range(many):
-        word = packed[listed[k]]
+    for k in range(n_present):
+        word = packed[present[k]]
         a = word & mask
         b = (word >> width) & mask
         c = (word >> (np.uint64(2) * width)) & mask
@@ -147,7 +157,7 @@ def ratio_of_children(packed, listed, many, width, n_ln_n):  # type: ignore[no-u
     ):
         if first and second:
             g = 2.0 * (n_ln_n[first + second] - n_ln_n[first] - n_ln_n[second] - shared)
-            if g < SMALLEST_G * (first + second):
+            if g < MIN_G_PER_PIXEL * (first + second):
                 g = 0.0
             smallest = min(smallest, g)
             largest = max(largest, g)
@@ -159,125 +169,131 @@ def ratio_of_children(packed, listed, many, width, n_ln_n):  # type: ignore[no-u
 
 
 @inlined
-def ratios_of_block(texture, n_ln_n, scratch, ratios, b):  # type: ignore[no-untyped-def]
+def ratios_of_block(symbols, n_ln_n, scratch, ratios, b):  # type: ignore[no-untyped-def]
     """Fill ratios[b] from the 4096 symbols of a block, from the smallest blocks up.
 
-    Three tables hold four packed counts a symbol (8 bits each for the cells of a block of 16, 16 bits for
-    its parents); `listed` names the symbols that a table holds, so that only those are looked at.
+    Three tables hold four packed counts for each symbol (8 bits each for the cells of a block of 16, 16 bits
+    for its parents). Three lists hold the symbols present in each table, so that only these are visited.
     """
-    cells, cells_listed, sixteens, sixteens_listed, halves, halves_listed = 0, 1, 2, 3, 4, 5
+    cells, cells_present, sixteens, sixteens_present, halves, halves_present = 0, 1, 2, 3, 4, 5
     eight = np.uint64(8)
     sixteen = np.uint64(16)
-    many_halves = 0
+    n_halves = 0
     for half in range(4):
-        many_sixteens = 0
+        n_sixteens = 0
         for quarter in range(4):
             row = (half // 2) * 32 + (quarter // 2) * 16
             col = (half % 2) * 32 + (quarter % 2) * 16
-            many = 0
+            n_present = 0
             for r in range(16):
                 for c in range(16):
-                    name = texture[(row + r) * BLOCK + col + c]
-                    if name != UNCOUNTED:
-                        if scratch[cells, name] == 0:
-                            scratch[cells_listed, many] = name
-                            many += 1
-                        scratch[cells, name] += np.uint64(1) << np.uint64(8 * (2 * (r // 8) + c // 8))
+                    symbol = symbols[(row + r) * BLOCK + col + c]
+                    if symbol != UNCOUNTED:
+                        if scratch[cells, symbol] == 0:
+                            scratch[cells_present, n_present] = symbol
+                            n_present += 1
+                        scratch[cells, symbol] += np.uint64(1) << np.uint64(8 * (2 * (r // 8) + c // 8))
             place = 5 + (row // 16) * 4 + col // 16
-            ratios[b, place] = ratio_of_children(scratch[cells], scratch[cells_listed], many, eight, n_ln_n)
-            for k in range(many):
-                name = scratch[cells_listed, k]
-                if scratch[sixteens, name] == 0:
-                    scratch[sixteens_listed, many_sixteens] = name
-                    many_sixteens += 1
-                scratch[sixteens, name] += pack_sums(scratch[cells, name], eight) << np.uint64(16 * quarter)
-                scratch[cells, name] = 0
+            ratios[b, place] = ratio_of_children(
+                scratch[cells], scratch[cells_present], n_present, eight, n_ln_n
+            )
+            for k in range(n_present):
+                symbol = scratch[cells_present, k]
+                if scratch[sixteens, symbol] == 0:
+                    scratch[sixteens_present, n_sixteens] = symbol
+                    n_sixteens += 1
+                scratch[sixteens, symbol] += sum_of_packed(scratch[cells, symbol], eight) << np.uint64(
+                    16 * quarter
+                )
+                scratch[cells, symbol] = 0
         ratios[b, 1 + half] = ratio_of_children(
-            scratch[sixteens], scratch[sixteens_listed], many_sixteens, sixteen, n_ln_n
+            scratch[sixteens], scratch[sixteens_present], n_sixteens, sixteen, n_ln_n
         )
-        for k in range(many_sixteens):
-            name = scratch[sixteens_listed, k]
-            if scratch[halves, name] == 0:
-                scratch[halves_listed, many_halves] = name
-                many_halves += 1
-            scratch[halves, name] += pack_sums(scratch[sixteens, name], sixteen) << np.uint64(16 * half)
-            scratch[sixteens, name] = 0
-    ratios[b, 0] = ratio_of_children(scratch[halves], scratch[halves_listed], many_halves, sixteen, n_ln_n)
-    for k in range(many_halves):
-        scratch[halves, scratch[halves_listed, k]] = 0
+        for k in range(n_sixteens):
+            symbol = scratch[sixteens_present, k]
+            if scratch[halves, symbol] == 0:
+                scratch[halves_present, n_halves] = symbol
+                n_halves += 1
+            scratch[halves, symbol] += sum_of_packed(scratch[sixteens, symbol], sixteen) << np.uint64(
+                16 * half
+            )
+            scratch[sixteens, symbol] = 0
+    ratios[b, 0] = ratio_of_children(scratch[halves], scratch[halves_present], n_halves, sixteen, n_ln_n)
+    for k in range(n_halves):
+        scratch[halves, scratch[halves_present, k]] = 0
 
 
 @kernel("void(u2[:,::1], u1[:,::1], b1, i4[::1], i8[:,::1], f8[::1], u8[:,::1], u2[::1], f8[:,::1])")
-def _ratios(grey, valid, every, cuts, corners, n_ln_n, scratch, texture, ratios):  # type: ignore[no-untyped-def]
-    seven = (cuts[0], cuts[1], cuts[2], cuts[3], cuts[4], cuts[5], cuts[6])
+def _ratios(grey, valid, all_valid, bin_edges, corners, n_ln_n, scratch, symbols, ratios):  # type: ignore[no-untyped-def]
+    edges = (bin_edges[0], bin_edges[1], bin_edges[2], bin_edges[3], bin_edges[4], bin_edges[5], bin_edges[6])
     for b in range(corners.shape[0]):
-        fill_texture(grey, valid, every, seven, corners[b, 0] + 1, corners[b, 1] + 1, texture)
-        ratios_of_block(texture, n_ln_n, scratch, ratios, b)
+        fill_symbols(grey, valid, all_valid, edges, corners[b, 0] + 1, corners[b, 1] + 1, symbols)
+        ratios_of_block(symbols, n_ln_n, scratch, ratios, b)
 
 
 @inlined
-def ratio_of_block(texture, row, col, side, n_ln_n, table, listed):  # type: ignore[no-untyped-def]
-    """R of one block within the 4096 symbols of a block of 64; leaves the table as it found it, empty."""
-    # Sixteens in the order of `ratios_of_block`, so that sums are rounded alike and R is the same to the bit.
+def ratio_of_block(symbols, row, col, side, n_ln_n, table, present):  # type: ignore[no-untyped-def]
+    """R of one block within the 4096 symbols of a block of 64; the table is empty before and after."""
+    # Blocks of 16 in the order of `ratios_of_block`, so that rounding is the same and R equal to the bit.
     half = side // 2
-    many = 0
+    n_present = 0
     for k in range(side // 16 * (side // 16)):
         top = k // 8 * 32 + k // 2 % 2 * 16
         left = k // 4 % 2 * 32 + k % 2 * 16
         for r in range(top, top + 16):
             for c in range(left, left + 16):
-                name = texture[(row + r) * BLOCK + col + c]
-                if name != UNCOUNTED:
-                    if table[name] == 0:
-                        listed[many] = name
-                        many += 1
-                    table[name] += np.uint64(1) << np.uint64(16 * (2 * (r // half) + c // half))
-    ratio = ratio_of_children(table, listed, many, np.uint64(16), n_ln_n)
-    for k in range(many):
-        table[listed[k]] = 0
+                symbol = symbols[(row + r) * BLOCK + col + c]
+                if symbol != UNCOUNTED:
+                    if table[symbol] == 0:
+                        present[n_present] = symbol
+                        n_present += 1
+                    table[symbol] += np.uint64(1) << np.uint64(16 * (2 * (r // half) + c // half))
+    ratio = ratio_of_children(table, present, n_present, np.uint64(16), n_ln_n)
+    for k in range(n_present):
+        table[present[k]] = 0
     return ratio
 
 
 @inlined
-def fill_texture(grey, valid, every, cuts, top, left, texture):  # type: ignore[no-untyped-def]
+def fill_symbols(grey, valid, all_valid, bin_edges, top, left, symbols):  # type: ignore[no-untyped-def]
     """The symbols of a block of 64 whose first pixel is grey[top, left]."""
-    top, left = max(top, 1), max(left, 1)  # they are; the compiler does not know, and counts from the end
+    top, left = max(top, 1), max(left, 1)  # always true; spares the compiler a check for negative indices
     for r in range(BLOCK):
         row = top + r
         for c in range(BLOCK):
-            level = contrast_bin(contrast(grey, row, left + c), cuts)
-            texture[r * BLOCK + c] = lbp_code(grey, row, left + c) * BINS + level
-        if not every:
+            bin_index = contrast_bin(contrast(grey, row, left + c), bin_edges)
+            symbols[r * BLOCK + c] = lbp_code(grey, row, left + c) * CONTRAST_BINS + bin_index
+        if not all_valid:
             for c in range(BLOCK):
-                if not counted(valid, row, left + c):
-                    texture[r * BLOCK + c] = UNCOUNTED
+                if not is_counted(valid, row, left + c):
+                    symbols[r * BLOCK + c] = UNCOUNTED
 
 
-_WANTED = (
+_SELECTED_RATIOS_SIGNATURE = (
     "void(u2[:,::1], u1[:,::1], b1, i4[::1], i8[:,::1], u4[::1], f8, f8[::1], u8[::1], u8[::1], u2[::1], "
     "f8[:,::1])"
 )
 
 
-@kernel(_WANTED)
-def _wanted_ratios(  # type: ignore[no-untyped-def]
-    grey, valid, every, cuts, corners, wanted, threshold, n_ln_n, table, listed, texture, ratios
+@kernel(_SELECTED_RATIOS_SIGNATURE)
+def _selected_ratios(  # type: ignore[no-untyped-def]
+    grey, valid, all_valid, bin_edges, corners, selected, threshold, n_ln_n, table, present, symbols, ratios
 ):
-    seven = (cuts[0], cuts[1], cuts[2], cuts[3], cuts[4], cuts[5], cuts[6])
+    edges = (bin_edges[0], bin_edges[1], bin_edges[2], bin_edges[3], bin_edges[4], bin_edges[5], bin_edges[6])
     for b in range(corners.shape[0]):
-        bits = wanted[b]
+        bits = selected[b]
         if bits == 0:
             continue
-        fill_texture(grey, valid, every, seven, corners[b, 0] + 1, corners[b, 1] + 1, texture)
+        fill_symbols(grey, valid, all_valid, edges, corners[b, 0] + 1, corners[b, 1] + 1, symbols)
         if bits & np.uint32(1):
-            ratios[b, 0] = ratio_of_block(texture, 0, 0, 64, n_ln_n, table, listed)
+            ratios[b, 0] = ratio_of_block(symbols, 0, 0, 64, n_ln_n, table, present)
             if ratios[b, 0] <= threshold:
                 continue
         for half in range(4):
             row = half // 2 * 32
             col = half % 2 * 32
             if bits >> np.uint32(1 + half) & np.uint32(1):
-                ratios[b, 1 + half] = ratio_of_block(texture, row, col, 32, n_ln_n, table, listed)
+                ratios[b, 1 + half] = ratio_of_block(symbols, row, col, 32, n_ln_n, table, present)
                 if ratios[b, 1 + half] <= threshold:
                     continue
             for quarter in range(4):
@@ -285,4 +301,4 @@ def _wanted_ratios(  # type: ignore[no-untyped-def]
                 c = col + quarter % 2 * 16
                 k = 5 + r // 16 * 4 + c // 16
                 if bits >> np.uint32(k) & np.uint32(1):
-                    ratios[b, k] = ratio_of_block(texture, r, c, 16, n_ln_n, table, listed)
+                    ratios[b, k] = ratio_of_block(symbols, r, c, 16, n_ln_n, table, present)

@@ -1,90 +1,126 @@
-"""What chance makes of G between two histograms that come from one source."""
+"""G, the log-likelihood ratio of two histograms (Sokal and Rohlf, Biometry), and its expectation.
+
+With J(a, b) = (a + b) ln (a + b) - a ln a - b ln b, G of histograms f_s and f_m with totals N_s and N_m is
+2 [J(N_s, N_m) - sum of J(f_s, f_m) over the symbols]: equation 1 of the paper, reordered. A symbol that only
+one of the two histograms has adds nothing.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg._jit import inlined
 from uavseg.units import BLOCK
 
-_DENSE = 64  # pixels of a symbol up to which chance is computed for every number, and then for each 5 % more
+MIN_G_PER_PIXEL = 1e-9  # a G that is smaller, per pixel of the pair, is rounding error and counts as 0
+
+_MAX_TABLE = 1 << 16  # largest n of a lookup table: beyond it, computing n ln n is no slower
+_EXACT = 64  # pixels of a symbol up to which the expectation is computed for every number
+_GRID_RATIO = 1.05  # between the numbers of pixels above, for which it is computed
 
 
-def chance(most: int, share: float) -> NDArray[np.float64]:
-    """What chance makes of G: the part of a symbol, by how many pixels of it both histograms have together.
-
-    If both come from one source, each pixel of a symbol is the window's with a probability of `share`, apart
-    from all others. So the expectation of G is a sum over symbols, close to 1 for each that is frequent and
-    less for the rarest. Without it, a window of many rare symbols would seem less like its own kind than like
-    another one of few symbols.
-
-    Parameters
-    ----------
-    most : int
-        The largest number of pixels.
-    share : float
-        Of the window in the pixels of both.
-
-    Returns
-    -------
-    parts : (most + 1,) float64 array
-        2 (n H - E[n ln n - f ln f - (n - f) ln (n - f)]) with f binomial of n and `share`, and H the entropy
-        of `share`. Numbers above 64 are computed for each 5 % more, and interpolated.
-
-    Examples
-    --------
-    >>> chance(1000, 0.2).round(3)[[0, 1, 2, 10, 1000]]
-    array([0.   , 1.001, 1.114, 1.144, 1.001])
-    """
-    ln_factorial: NDArray[np.float64] = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, most + 1)))])
-    steps = np.rint(_DENSE * 1.05 ** np.arange(np.log(max(most / _DENSE, 1)) / np.log(1.05) + 1))
-    grid = np.unique(np.minimum(np.concatenate([np.arange(_DENSE), steps]), most)).astype(np.int64)
-    return np.interp(np.arange(most + 1), grid, [_part(n, share, ln_factorial) for n in grid.tolist()])
-
-
-def _part(n: int, share: float, ln_factorial: NDArray[np.float64]) -> float:
-    """What chance makes of G in a symbol of n pixels."""
-    middle, width = n * share, 12 * np.sqrt(n * share * (1 - share)) + 30
-    f = np.arange(max(int(middle - width), 0), min(int(middle + width), n) + 1)
-    ways = ln_factorial[n] - ln_factorial[f] - ln_factorial[n - f]
-    likely = np.exp(ways + f * np.log(share) + (n - f) * np.log1p(-share))
-    entropy = -share * np.log(share) - (1 - share) * np.log1p(-share)
-    both = x_ln_x(np.array([n])) - x_ln_x(f) - x_ln_x(n - f)
-    return float(2 * (n * entropy - (likely * both).sum()))
-
-
-def x_ln_x(x: NDArray[np.int64]) -> NDArray[np.float64]:
-    """x ln x; 0 of 0."""
-    product: NDArray[np.float64] = x.astype(np.float64) * np.log(np.maximum(x, 1))
-    return product
-
-
-SMALLEST_G = 1e-9  # per pixel of the pair; below it a G is what rounding left of 0
-
-
-_N_LN_N = np.concatenate([[0.0], np.arange(1, BLOCK * BLOCK + 1) * np.log(np.arange(1, BLOCK * BLOCK + 1))])
-
-
-def likelihood_ratio(first: NDArray[np.integer], second: NDArray[np.integer]) -> float:
-    """G between two histograms: 0 where they have the same proportions.
+def g_statistic(first: NDArray[np.integer], second: NDArray[np.integer]) -> float:
+    """G of two histograms: 0 where they have the same proportions.
 
     Parameters
     ----------
     first, second : (n,) integer arrays
-        Counts, of at most 4096 in all.
+        Counts.
 
     Examples
     --------
-    >>> likelihood_ratio(np.array([2, 1]), np.array([4, 2]))
+    >>> g_statistic(np.array([2, 1]), np.array([4, 2]))
     0.0
-    >>> round(likelihood_ratio(np.array([1, 0]), np.array([0, 1])), 4)
+    >>> round(g_statistic(np.array([1, 0]), np.array([0, 1])), 4)
     2.7726
     """
-    total = int(first.sum() + second.sum())
+    totals = np.array([first.sum()]), np.array([second.sum()])
     shared = (first > 0) & (second > 0)
-    both = _joined(first[shared], second[shared]).sum()
-    g = 2 * float(_joined(np.array([first.sum()]), np.array([second.sum()]))[0] - both)
-    return g if g >= SMALLEST_G * total else 0.0
+    g = 2 * float(_j(*totals)[0] - _j(first[shared], second[shared]).sum())
+    return g if g >= MIN_G_PER_PIXEL * int(totals[0][0] + totals[1][0]) else 0.0
 
 
-def _joined(first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.float64]:
-    joined: NDArray[np.float64] = _N_LN_N[first + second] - _N_LN_N[first] - _N_LN_N[second]
-    return joined
+def _j(first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.float64]:
+    return n_ln_n(first + second) - n_ln_n(first) - n_ln_n(second)
+
+
+def expected_g(largest: int, share: float) -> NDArray[np.float64]:
+    """Expected G under the null hypothesis: the contribution of a symbol, by its pixels in both histograms.
+
+    If both histograms come from one source, each pixel of a symbol belongs to the window with probability
+    `share`, independently of all others. So the expectation of G is a sum over symbols; it is close to 1 for
+    each frequent symbol and smaller for the rarest. It is subtracted as a bias correction: otherwise a window
+    of many rare symbols would seem less like its own texture than like one of few symbols.
+
+    Parameters
+    ----------
+    largest : int
+        The largest number of pixels.
+    share : float
+        The window's share of the pixels of both histograms.
+
+    Returns
+    -------
+    contributions : (largest + 1,) float64 array
+        2 (n H - E[n ln n - f ln f - (n - f) ln (n - f)]) with f binomial of n and `share`, and H the entropy
+        of `share`. Above 64, computed at steps of 5 % and interpolated.
+
+    Examples
+    --------
+    >>> expected_g(1000, 0.2).round(3)[[0, 1, 2, 10, 1000]]
+    array([0.   , 1.001, 1.114, 1.144, 1.001])
+    """
+    ln_factorial: NDArray[np.float64] = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, largest + 1)))])
+    powers = np.arange(np.log(max(largest / _EXACT, 1)) / np.log(_GRID_RATIO) + 1)
+    steps = np.rint(_EXACT * _GRID_RATIO**powers)
+    grid = np.unique(np.minimum(np.concatenate([np.arange(_EXACT), steps]), largest)).astype(np.int64)
+    values = [_expected_g_of_symbol(n, share, ln_factorial) for n in grid.tolist()]
+    return np.interp(np.arange(largest + 1), grid, values)
+
+
+def _expected_g_of_symbol(n: int, share: float, ln_factorial: NDArray[np.float64]) -> float:
+    """The expected contribution to G of a symbol with n pixels."""
+    middle, width = n * share, 12 * np.sqrt(n * share * (1 - share)) + 30
+    f = np.arange(max(int(middle - width), 0), min(int(middle + width), n) + 1)
+    ln_binomial = ln_factorial[n] - ln_factorial[f] - ln_factorial[n - f]
+    probability = np.exp(ln_binomial + f * np.log(share) + (n - f) * np.log1p(-share))
+    entropy = -share * np.log(share) - (1 - share) * np.log1p(-share)
+    joint = n_ln_n(np.array([n])) - n_ln_n(f) - n_ln_n(n - f)
+    return float(2 * (n * entropy - (probability * joint).sum()))
+
+
+def n_ln_n(n: NDArray[np.integer]) -> NDArray[np.float64]:
+    """n ln n of counts; 0 where n is 0."""
+    product: NDArray[np.float64] = n.astype(np.float64) * np.log(np.maximum(n, 1))
+    return product
+
+
+def n_ln_n_table(largest: int) -> NDArray[np.float64]:
+    """Lookup table of n ln n for n from 0 to `largest`, or to 65536 if that is less; see `n_ln_n_of`."""
+    return n_ln_n(np.arange(min(largest, _MAX_TABLE) + 1))
+
+
+N_LN_N = n_ln_n_table(BLOCK * BLOCK)  # for the counts of a block
+
+
+@inlined
+def n_ln_n_of(table, n):  # type: ignore[no-untyped-def]
+    """n ln n from a lookup table, computed beyond its end."""
+    return table[n] if n < table.shape[0] else n * np.log(np.float64(n))
+
+
+@inlined
+def g_of_region(histograms, totals, region, counts, present, n_present, table):  # type: ignore[no-untyped-def]
+    """G between a region's histogram and `counts`, whose first `n_present` symbols in `present` are not 0."""
+    total = np.int64(0)
+    shared = 0.0
+    for k in range(n_present):
+        a = counts[present[k]]
+        b = np.int64(histograms[region, present[k]])
+        total += a
+        if b:
+            shared += n_ln_n_of(table, a + b) - n_ln_n_of(table, a) - n_ln_n_of(table, b)
+    whole = (
+        n_ln_n_of(table, total + totals[region]) - n_ln_n_of(table, total) - n_ln_n_of(table, totals[region])
+    )
+    g = 2.0 * (whole - shared)
+    return g if g >= MIN_G_PER_PIXEL * (total + totals[region]) else 0.0

@@ -1,6 +1,6 @@
-"""Texture of a pixel: which neighbours are as bright (LBP) and how strongly they differ (contrast).
+"""LBP/C texture: local binary pattern and contrast of each pixel.
 
-After Ojala and Pietikäinen, "Unsupervised texture segmentation using feature distributions", Pattern
+Ojala and Pietikäinen, "Unsupervised texture segmentation using feature distributions", Pattern
 Recognition 32 (1999) 477-486. A pixel is *counted* where its whole 3x3 neighbourhood is valid. Everything
 is integer arithmetic on 16-bit grey.
 """
@@ -11,25 +11,25 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.units import GREY_LEVELS
 
-BINS = 8  # bins of contrast
-SYMBOLS = 256 * BINS  # pairs of LBP code and bin of contrast
-UNCOUNTED = 0xFFFF
+CONTRAST_BINS = 8
+SYMBOLS = 256 * CONTRAST_BINS  # pairs of LBP code and contrast bin
+UNCOUNTED = 0xFFFF  # sentinel in place of a symbol
 
 
 def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None = None) -> NDArray[np.int64]:
-    """How often each contrast occurs among the counted pixels of an image.
+    """Histogram of the contrast of the counted pixels of an image.
 
     Parameters
     ----------
     grey : (M + 2, N + 2) uint16 array
-        Image with a border of one pixel, which is looked at but not counted itself.
+        Image with a border of one pixel, which is read but not counted.
     valid : (M + 2, N + 2) uint8 array, optional
-        1 where a pixel is valid; all are, if left out.
+        1 where a pixel is valid; None where all are.
 
     Returns
     -------
     histogram : (65536,) int64 array
-        Histograms of tiles add up to the histogram of the whole.
+        Histograms of tiles merge by adding.
 
     Examples
     --------
@@ -41,15 +41,15 @@ def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None
     counts = np.zeros(GREY_LEVELS, np.uint32)
     if rows > 0 and cols > 0:
         line = np.empty(cols, np.int32)
-        _count_contrasts(grey, given(valid), valid is None, line, counts)
+        _count_contrasts(grey, or_empty(valid), valid is None, line, counts)
     return counts.astype(np.int64)
 
 
-def contrast_cuts(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
-    """The seven values that cut counted pixels into eight bins of contrast, as even as ties allow.
+def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
+    """Seven edges of eight bins of contrast with equal counts, as far as ties allow.
 
-    Cut k is the smallest contrast with at least ceil(k N / 8) of the N counted pixels at or below it; a
-    pixel's bin is the number of cuts strictly below its contrast.
+    Edge k, from 1, is the smallest contrast with at least ceil(k N / 8) of the N counted pixels at or below
+    it; a pixel's bin is the number of edges strictly below its contrast.
 
     Parameters
     ----------
@@ -57,24 +57,24 @@ def contrast_cuts(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
 
     Returns
     -------
-    cuts : (7,) int32 array, ascending; zeros where nothing was counted
+    bin_edges : (7,) int32 array, ascending; zeros where no pixel is counted
     """
-    below = np.cumsum(histogram)
-    ranks = [-(-k * int(below[-1]) // BINS) for k in range(1, BINS)]
-    return np.searchsorted(below, ranks).astype(np.int32)
+    cumulative = np.cumsum(histogram)
+    ranks = [-(-k * int(cumulative[-1]) // CONTRAST_BINS) for k in range(1, CONTRAST_BINS)]
+    return np.searchsorted(cumulative, ranks).astype(np.int32)
 
 
-def symbols(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None, cuts: NDArray[np.int32]
+def lbp_symbols(
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None, bin_edges: NDArray[np.int32]
 ) -> NDArray[np.uint16]:
-    """LBP code and bin of contrast of every pixel, as ``8 * code + bin``.
+    """LBP code and contrast bin of every pixel, as ``8 * code + bin``.
 
     Parameters
     ----------
     grey : (M + 2, N + 2) uint16 array
         Image with a border of one pixel.
     valid : (M + 2, N + 2) uint8 array or None
-    cuts : (7,) int32 array, from `contrast_cuts`
+    bin_edges : (7,) int32 array, from `contrast_bin_edges`
 
     Returns
     -------
@@ -82,19 +82,19 @@ def symbols(
         0 to 2047; 65535 where a pixel is not counted.
     """
     rows, cols = grey.shape[0] - 2, grey.shape[1] - 2
-    found = np.empty((rows, cols), np.uint16)
-    _symbols(grey, given(valid), valid is None, cuts, found)
-    return found
+    symbols = np.empty((rows, cols), np.uint16)
+    _lbp_symbols(grey, or_empty(valid), valid is None, bin_edges, symbols)
+    return symbols
 
 
-def given(valid: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
-    """The array, or an empty one in its place: kernels want a value of one type."""
+def or_empty(valid: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+    """The array, or an empty one in place of None: kernel arguments have one type."""
     return np.empty((0, 0), np.uint8) if valid is None else valid
 
 
 @inlined
-def counted(valid, r, c):  # type: ignore[no-untyped-def]
-    """1 where the 3x3 pixels around (r, c) are all valid."""
+def is_counted(valid, r, c):  # type: ignore[no-untyped-def]
+    """1 where the 3 x 3 pixels around (r, c) are all valid."""
     return (
         valid[r - 1, c - 1]
         & valid[r - 1, c]
@@ -112,9 +112,8 @@ def counted(valid, r, c):  # type: ignore[no-untyped-def]
 def contrast(grey, r, c):  # type: ignore[no-untyped-def]
     """Mean of the neighbours >= the centre less mean of the others, rounded down; 0 if either group is empty.
 
-    As one fraction, (hi m - lo n) / (n m): both integers fit float32 exactly and the quotient rounds to
-    an integer only where it is one, so that this is the exact floor. Where a group is empty the numerator is
-    0.
+    Computed as one fraction, (hi m - lo n) / (n m): both integers are exact in float32, and the quotient
+    rounds to an integer only where it is one, so the floor is exact. The numerator is 0 for an empty group.
     """
     g = np.int32(grey[r, c])
     n = np.int32(0)
@@ -126,7 +125,7 @@ def contrast(grey, r, c):  # type: ignore[no-untyped-def]
         n += above
         high += q * above
         total += q
-    n -= np.int32(1)  # the centre met itself
+    n -= np.int32(1)  # the centre itself
     high -= g
     m = np.int32(8) - n
     low = total - g - high
@@ -136,7 +135,7 @@ def contrast(grey, r, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def lbp_code(grey, r, c):  # type: ignore[no-untyped-def]
-    """Eight bits: which neighbours are at least as bright as the centre."""
+    """Local binary pattern: a bit for each of the eight neighbours that is >= the centre."""
     g = grey[r, c]
     return (
         np.int32(grey[r - 1, c - 1] >= g)
@@ -151,37 +150,35 @@ def lbp_code(grey, r, c):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def contrast_bin(value, cuts):  # type: ignore[no-untyped-def]
-    """The number of cuts strictly below a contrast; `cuts` as seven numbers, which keeps the loop
-    straight.
-    """
-    found = np.int32(0)
-    for cut in cuts:
-        found += np.int32(cut < value)
-    return found
+def contrast_bin(value, edges):  # type: ignore[no-untyped-def]
+    """Number of edges strictly below a contrast; a tuple of edges lets the compiler unroll the loop."""
+    index = np.int32(0)
+    for edge in edges:
+        index += np.int32(edge < value)
+    return index
 
 
 @kernel("void(u2[:,::1], u1[:,::1], b1, i4[::1], u4[::1])")
-def _count_contrasts(grey, valid, every, line, counts):  # type: ignore[no-untyped-def]
+def _count_contrasts(grey, valid, all_valid, line, counts):  # type: ignore[no-untyped-def]
     for r in range(1, grey.shape[0] - 1):
         for c in range(line.shape[0]):
             line[c] = contrast(grey, r, c + 1)
-        if every:
+        if all_valid:
             for c in range(line.shape[0]):
                 counts[line[c]] += 1
         else:
             for c in range(line.shape[0]):
-                counts[line[c]] += counted(valid, r, c + 1)
+                counts[line[c]] += is_counted(valid, r, c + 1)
 
 
 @kernel("void(u2[:,::1], u1[:,::1], b1, i4[::1], u2[:,::1])")
-def _symbols(grey, valid, every, cuts, found):  # type: ignore[no-untyped-def]
-    seven = (cuts[0], cuts[1], cuts[2], cuts[3], cuts[4], cuts[5], cuts[6])
-    for r in range(found.shape[0]):
-        for c in range(found.shape[1]):
-            level = contrast_bin(contrast(grey, r + 1, c + 1), seven)
-            found[r, c] = lbp_code(grey, r + 1, c + 1) * BINS + level
-        if not every:
-            for c in range(found.shape[1]):
-                if not counted(valid, r + 1, c + 1):
-                    found[r, c] = UNCOUNTED
+def _lbp_symbols(grey, valid, all_valid, bin_edges, symbols):  # type: ignore[no-untyped-def]
+    edges = (bin_edges[0], bin_edges[1], bin_edges[2], bin_edges[3], bin_edges[4], bin_edges[5], bin_edges[6])
+    for r in range(symbols.shape[0]):
+        for c in range(symbols.shape[1]):
+            bin_index = contrast_bin(contrast(grey, r + 1, c + 1), edges)
+            symbols[r, c] = lbp_code(grey, r + 1, c + 1) * CONTRAST_BINS + bin_index
+        if not all_valid:
+            for c in range(symbols.shape[1]):
+                if not is_counted(valid, r + 1, c + 1):
+                    symbols[r, c] = UNCOUNTED

@@ -1,4 +1,4 @@
-"""Which leaves, and which pixels, belong together: by a range of intensity, by state, by level."""
+"""Classification of leaves by range, state or level, and upsampling of cells to pixels."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,69 +7,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, strips_of_means
+from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
 from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
+from uavseg.segmentation.params import DivisionParams
 
 
-def states_of(
-    blocks: BlockMap, limits: StateLimits, threshold: float, intensity_step: float
-) -> NDArray[np.uint8]:
-    """The state of each cell: that of the mean of the leaf which it lies in.
+def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams) -> NDArray[np.uint8]:
+    """The state of each cell: that of the mean of its leaf.
 
     Parameters
     ----------
     blocks : BlockMap
     limits : StateLimits
-    threshold, intensity_step : float
-        X and tau of the division, see `blockmap.leaves`; an infinite tau is the paper's method.
+    division : DivisionParams
 
     Returns
     -------
     states : (8 B, 8 C) uint8 array
         1 free, 2 unknown, 3 occupied; 0 where the leaf has no valid pixel.
     """
-    return intervals_of(blocks, limits.edges, threshold, intensity_step)
+    return cell_intervals(blocks, limits.edges, division)
 
 
-def levels_of(
-    blocks: BlockMap, levels: Levels, threshold: float, intensity_step: float
+def cell_levels(
+    blocks: BlockMap, levels: Levels, division: DivisionParams
 ) -> NDArray[np.uint8] | NDArray[np.uint32]:
-    """The level of each cell, counted from 1: that of the mean of the leaf which it lies in.
+    """The level of each cell, counted from 1: that of the mean of its leaf.
 
     Parameters
     ----------
     blocks : BlockMap
     levels : Levels
-    threshold, intensity_step : float
-        As of `states_of`.
+    division : DivisionParams
 
     Returns
     -------
     levels : (8 B, 8 C) array
-        0 where the leaf has no valid pixel; uint8 where 255 levels are enough, else uint32.
+        0 where the leaf has no valid pixel; uint8 up to 255 levels, else uint32.
     """
     dtype = np.uint8 if levels.count < 256 else np.uint32
-    return intervals_of(blocks, levels.edges, threshold, intensity_step, dtype)
+    return cell_intervals(blocks, levels.edges, division, dtype)
 
 
-def intervals_of(
-    blocks: BlockMap,
-    edges: Sequence[float],
-    threshold: float,
-    intensity_step: float,
-    dtype: Any = np.uint8,
+def cell_intervals(
+    blocks: BlockMap, edges: Sequence[float], division: DivisionParams, dtype: Any = np.uint8
 ) -> NDArray[Any]:
-    """The interval of each cell, counted from 1: that of the mean of the leaf which it lies in.
+    """The interval of each cell, counted from 1: that of the mean of its leaf.
 
     Parameters
     ----------
     blocks : BlockMap
     edges : sequence of float
-        Between the intervals, increasing; a mean on an edge lies in the interval below it.
-    threshold, intensity_step : float
-        As of `states_of`.
+        Edges between the intervals, increasing; a mean on an edge lies in the interval below it.
+    division : DivisionParams
     dtype
-        An unsigned integer that holds the number of intervals.
+        An unsigned integer type that holds the number of intervals.
 
     Returns
     -------
@@ -77,56 +69,54 @@ def intervals_of(
         0 where the leaf has no valid pixel.
     """
     bounds = np.array([-0.5, *edges])  # a leaf without valid pixels has the mean -1
-    found = np.empty(blocks.counts.shape, dtype)
-    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
-        found[rows] = np.searchsorted(bounds, mean)
-    return found
+    intervals = np.empty(blocks.counts.shape, dtype)
+    for rows, mean in leaf_means_by_strip(blocks, division):
+        intervals[rows] = np.searchsorted(bounds, mean)
+    return intervals
 
 
-def in_range(
-    blocks: BlockMap, interval: IntensityRange, threshold: float, intensity_step: float
-) -> NDArray[np.uint8]:
+def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: DivisionParams) -> NDArray[np.uint8]:
     """Cells of the leaves whose mean lies in a range.
 
     Parameters
     ----------
     blocks : BlockMap
     interval : IntensityRange
-    threshold, intensity_step : float
-        X and tau of the division, see `blockmap.leaves`.
+    division : DivisionParams
 
     Returns
     -------
     inside : (8 B, 8 C) uint8 array, 1 in range
     """
     inside = np.zeros(blocks.counts.shape, np.uint8)
-    for rows, mean in strips_of_means(blocks, threshold, intensity_step):
+    for rows, mean in leaf_means_by_strip(blocks, division):
         inside[rows] = (mean >= interval.low) & (mean <= interval.high)
     return inside
 
 
-def pixels_of(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
-    """What cells hold, at their valid pixels.
+def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+    """Upsample cells to pixels: each valid pixel gets the value of its cell.
 
     Parameters
     ----------
     cells : (m, n) uint8 or uint32 array
-        Such as 1 where a cell is in range.
     valid : (8 m, 8 n) uint8 array
 
     Returns
     -------
-    pixels : (8 m, 8 n) array of the type of the cells
+    pixels : (8 m, 8 n) array of the dtype of the cells
         0 where a pixel is not valid.
     """
     pixels = np.empty(valid.shape, cells.dtype)
-    spread = _spread_u1 if cells.dtype == np.uint8 else _spread_u4
-    spread(cells, valid, pixels)
+    upsample = _upsample_u1 if cells.dtype == np.uint8 else _upsample_u4
+    upsample(cells, valid, pixels)
     return pixels
 
 
-def matching(grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int) -> NDArray[np.uint8]:
-    """The valid pixels whose own grey lies in low..high, both ends in it.
+def pixels_in_range(
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high: int
+) -> NDArray[np.uint8]:
+    """The valid pixels whose own grey lies in low..high, both ends included.
 
     Parameters
     ----------
@@ -137,15 +127,15 @@ def matching(grey: NDArray[np.uint16], valid: NDArray[np.uint8], low: int, high:
 
     Returns
     -------
-    matching : (M, N) uint8 array
+    in_range : (M, N) uint8 array
     """
-    fits = np.empty_like(valid)
-    _match(grey.reshape(-1), valid.reshape(-1), low, high, fits.reshape(-1))
-    return fits
+    in_range = np.empty_like(valid)
+    _pixels_in_range(grey.reshape(-1), valid.reshape(-1), low, high, in_range.reshape(-1))
+    return in_range
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
-def _spread_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
+def _upsample_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
             own = cells[r // 8, cell]
@@ -154,7 +144,7 @@ def _spread_u1(cells, valid, pixels):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(u4[:,::1], u1[:,::1], u4[:,::1])")
-def _spread_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
+def _upsample_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
     for r in range(pixels.shape[0]):
         for cell in range(cells.shape[1]):
             own = cells[r // 8, cell]
@@ -163,8 +153,8 @@ def _spread_u4(cells, valid, pixels):  # type: ignore[no-untyped-def]
 
 
 @kernel("void(u2[::1], u1[::1], i8, i8, u1[::1])")
-def _match(grey, valid, low, high, fits):  # type: ignore[no-untyped-def]
-    least = np.uint16(max(low, 0))
-    most = np.uint16(max(high, 0))
+def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyped-def]
+    minimum = np.uint16(max(low, 0))
+    maximum = np.uint16(max(high, 0))
     for i in range(grey.size):
-        fits[i] = np.uint8(grey[i] >= least) & np.uint8(grey[i] <= most) & valid[i]
+        in_range[i] = np.uint8(grey[i] >= minimum) & np.uint8(grey[i] <= maximum) & valid[i]

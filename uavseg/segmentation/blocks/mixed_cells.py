@@ -1,20 +1,20 @@
-"""Which cells may hold pixels on both sides of an end of a range, from the block map alone."""
+"""Mixed cells: cells that may straddle a bound of the range, found from the block map alone."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, mean_of
+from uavseg.segmentation.blocks.block_map import BlockMap, mean_v
 
-_MARGIN = 2.0  # how much farther the mean of a part of a cell may lie away than those of cells do
+_MARGIN = 2.0  # part of a cell may lie this many times farther from the mean than the cells around it
 
 
-def unsettled(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: float) -> NDArray[np.uint8]:
-    """Cells whose pixels may lie on both sides of an end of the range.
+def mixed_cells(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: float) -> NDArray[np.uint8]:
+    """Cells whose pixels may lie on both sides of a bound of the range.
 
-    A cell is settled where its leaf and the leaves of the eight cells around are on the same side, and the
-    means of these nine cells lie on that side too, farther from the end than `_MARGIN` times what they lie
-    apart: a road of 3 pixels moves the mean of a cell by a third of how far it stands out.
+    A cell is not mixed where its leaf and the leaves of its eight neighbours are on the same side, and the
+    means of these nine cells lie on that side too, farther from the bound than `_MARGIN` times their range:
+    a road of 3 pixels shifts the mean of a cell by a third of the road's contrast.
 
     Parameters
     ----------
@@ -26,33 +26,33 @@ def unsettled(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: flo
 
     Returns
     -------
-    unsettled : (8 B, 8 C) uint8 array
+    mixed : (8 B, 8 C) uint8 array
     """
-    found = np.zeros_like(inside)
-    ends = np.array([end for end in (low, high) if 0 < end < 1])  # nothing lies beyond 0 and 1
-    _unsettled(blocks.sums, blocks.counts, inside, low, high, ends, _MARGIN, found)
-    return found
+    mixed = np.zeros_like(inside)
+    bounds = np.array([bound for bound in (low, high) if 0 < bound < 1])  # nothing lies beyond 0 and 1
+    _mixed_cells(blocks.sums, blocks.counts, inside, low, high, bounds, _MARGIN, mixed)
+    return mixed
 
 
 @kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], f8, f8, f8[::1], f8, u1[:,::1])")
-def _unsettled(sums, counts, inside, low, high, ends, margin, found):  # type: ignore[no-untyped-def]
+def _mixed_cells(sums, counts, inside, low, high, bounds, margin, mixed):  # type: ignore[no-untyped-def]
     rows, cols = counts.shape
     for row in range(rows):
         for col in range(cols):
-            own = mean_of(sums, counts, row, col, 1)
+            own = mean_v(sums, counts, row, col, 1)
             if own < 0.0:
                 continue
             differs = (low <= own and own <= high) != (inside[row, col] != 0)
-            least = own
-            most = own
+            minimum = own
+            maximum = own
             for r in range(max(row - 1, 0), min(row + 2, rows)):
                 for c in range(max(col - 1, 0), min(col + 2, cols)):
-                    mean = mean_of(sums, counts, r, c, 1)
+                    mean = mean_v(sums, counts, r, c, 1)
                     if mean >= 0.0:
-                        least = min(least, mean)
-                        most = max(most, mean)
+                        minimum = min(minimum, mean)
+                        maximum = max(maximum, mean)
                         differs |= inside[r, c] != inside[row, col]
-            spread = margin * (most - least)
-            for k in range(ends.shape[0]):
-                differs |= least - spread <= ends[k] and ends[k] <= most + spread
-            found[row, col] = differs
+            distance = margin * (maximum - minimum)
+            for k in range(bounds.shape[0]):
+                differs |= minimum - distance <= bounds[k] and bounds[k] <= maximum + distance
+            mixed[row, col] = differs

@@ -1,4 +1,4 @@
-"""What adds up over connected pixels: number, grey, squares of grey, the first pixel."""
+"""Sums over connected components: pixels, grey, squared grey, first pixel."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from uavseg._jit import kernel
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """What adds up over the pixels of each component; tiles of a component merge by adding.
+    """Sums over the pixels of each component; those of tiles merge by adding.
 
     Parameters
     ----------
@@ -19,9 +19,9 @@ class Sums:
     greys : (n,) uint64 array
         Sum of g.
     squares : (n,) uint64 array
-        Sum of g * g; holds up to 4e9 pixels.
+        Sum of g * g; does not overflow up to 4e9 pixels.
     firsts : (n, 2) int64 array
-        Row and column of the first pixel in raster order.
+        Row and column of the first pixel in raster order; pixels also where components are whole cells.
     """
 
     counts: NDArray[np.int64]
@@ -39,6 +39,7 @@ def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint
     count : int
     grey : (M + 2 m, N + 2 m) uint16 array
     margin : int
+        m, width of the border of `grey` that has no labels.
     """
     counts = np.zeros(count, np.int64)
     greys = np.zeros(count, np.uint64)

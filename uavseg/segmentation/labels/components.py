@@ -1,4 +1,4 @@
-"""Connected components: pixels of a region that share edges (4-connectivity; a corner does not connect)."""
+"""Connected-component labelling of 4-connected pixels, and union-find over pairs."""
 
 from typing import Any
 
@@ -7,55 +7,55 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-WORD = 8  # pixels of an image of bytes that are looked at together
+WORD = 8  # pixels of a uint8 image that are compared at once
 
 
-def components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
-    """Number the components of an image in raster order of their first pixels.
+def label_components(inside: NDArray[np.uint8], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
+    """Label the connected components of a mask in raster order of their first pixels.
 
     Parameters
     ----------
     inside : (M + 2 m, N + 2 m) uint8 array
         1 where a pixel belongs to a component.
     margin : int
-        m, pixels on every side that are left out.
+        m, width of a border that is left out.
 
     Returns
     -------
     labels : (M, N) uint32 array
-        0 nothing, 1..n.
+        1..n; 0 outside.
     n : int
 
     Examples
     --------
-    >>> components(np.array([[1, 0, 1], [1, 1, 0]], np.uint8))[0]
+    >>> label_components(np.array([[1, 0, 1], [1, 1, 0]], np.uint8))[0]
     array([[1, 0, 2],
            [1, 1, 0]], dtype=uint32)
     """
     labels = np.zeros((inside.shape[0] - 2 * margin, inside.shape[1] - 2 * margin), np.uint32)
     parents = np.empty(labels.size // 2 + 2, np.uint32)
-    words = words_of(inside) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
+    words = view_as_words(inside) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
     return labels, _label_u1(inside, words, margin, labels, parents)
 
 
-def equal_components(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
-    """Number the connected pixels of equal value, 0 left out, in raster order of their first pixels.
+def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
+    """Label connected components of equal value other than 0 in raster order of their first pixels.
 
     Parameters
     ----------
     image : (M + 2 m, N + 2 m) uint8 or uint32 array
     margin : int
-        m, pixels on every side that are left out.
+        m, width of a border that is left out.
 
     Returns
     -------
     labels : (M, N) uint32 array
-        0 where the image is, 1..n.
+        1..n; 0 where the image is 0.
     n : int
 
     Examples
     --------
-    >>> equal_components(np.array([[5, 0, 5], [5, 7, 7]], np.uint32))[0]
+    >>> label_equal_values(np.array([[5, 0, 5], [5, 7, 7]], np.uint32))[0]
     array([[1, 0, 2],
            [1, 3, 3]], dtype=uint32)
     """
@@ -63,40 +63,40 @@ def equal_components(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.u
     parents = np.empty(labels.size + 1, np.uint32)
     if image.dtype != np.uint8:
         return labels, _label_u4(image, np.empty((0, 0), np.uint64), margin, labels, parents)
-    words = words_of(image) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
+    words = view_as_words(image) if margin % WORD == 0 else np.empty((0, 0), np.uint64)
     return labels, _label_u1(image, words, margin, labels, parents)
 
 
-def values_of(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
+def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
     """The value of each component 1..count of an image, (count,) int64.
 
     Parameters
     ----------
     image, labels : (M, N) uint32 arrays
-        As given to `equal_components`, and what it gave.
+        The image given to `label_equal_values`, and its labels.
     count : int
     """
     values = np.empty(count, np.int64)
-    _name(image, labels, values)
+    _component_values(image, labels, values)
     return values
 
 
-def words_of(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
-    """Eight pixels of a row in one number, so that they are compared at once; empty where they do not fit."""
+def view_as_words(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
+    """View eight pixels of a row as one uint64; an empty array if the image is not aligned for it."""
     if image.shape[1] % WORD or not image.flags.c_contiguous or image.ctypes.data % WORD:
         return np.empty((0, 0), np.uint64)
     return image.view(np.uint64)
 
 
-def united(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """The smallest of all items that pairs connect each item with.
+def union_roots(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Union-find: the smallest item of the set that each item belongs to.
 
     Parameters
     ----------
     pairs : (k, 2) int64 array
-        Items that belong together.
+        Items of the same set.
     count : int
-        Items are 0..count - 1.
+        The items are 0..count - 1.
 
     Returns
     -------
@@ -104,17 +104,17 @@ def united(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 
     Examples
     --------
-    >>> united(np.array([[3, 1], [3, 4]]), 5)
+    >>> union_roots(np.array([[3, 1], [3, 4]]), 5)
     array([0, 1, 2, 1, 1])
     """
     parents = np.arange(count)
-    _unite(np.ascontiguousarray(pairs), parents)
+    _union(np.ascontiguousarray(pairs), parents)
     return parents
 
 
 @inlined
 def root_of(parents, item):  # type: ignore[no-untyped-def]
-    """The root of an item; halves the path on the way."""
+    """The root of an item, with path halving."""
     while parents[item] != item:
         parents[item] = parents[parents[item]]
         item = parents[item]
@@ -123,7 +123,7 @@ def root_of(parents, item):  # type: ignore[no-untyped-def]
 
 @inlined
 def end_of_run(image, words, margin, r, c, value):  # type: ignore[no-untyped-def]
-    """Where the pixels of a value that begin at column c of a row end; columns count from the margin."""
+    """End of the run of a value that begins at column c of a row; columns count from the margin."""
     cols = image.shape[1] - 2 * margin
     full = np.uint64(value) * np.uint64(0x0101010101010101)
     while c < cols and image[r + margin, c + margin] == value:
@@ -135,8 +135,8 @@ def end_of_run(image, words, margin, r, c, value):  # type: ignore[no-untyped-de
 
 
 def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-def]
-    # Runs of pixels get provisional numbers, and which of them meet is noted; the smaller one is the root, so
-    # roots are in raster order.
+    # Two passes: runs of pixels get provisional labels, united where runs of two rows touch. The smaller
+    # label is the root, so roots are in raster order; the second pass renumbers them.
     rows, cols = labels.shape
     used = np.uint32(0)
     parents[0] = 0
@@ -147,11 +147,11 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
             end = end_of_run(image, words, margin, r, c, value)
             if value != 0:
                 label = np.uint32(0)
-                before = np.uint32(0)
+                previous = np.uint32(0)
                 for k in range(c, end if r > 0 else c):
                     above = labels[r - 1, k]
-                    if above != before:
-                        before = above
+                    if above != previous:
+                        previous = above
                         if above != 0 and image[r + margin - 1, k + margin] == value:
                             root = root_of(parents, above)
                             if label != 0:
@@ -166,11 +166,11 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
                 for k in range(c, end):
                     labels[r, k] = label
             c = end
-    found = np.uint32(0)
+    count = np.uint32(0)
     for k in range(1, used + 1):
         if parents[k] == k:
-            found += np.uint32(1)
-            parents[k] = found
+            count += np.uint32(1)
+            parents[k] = count
         else:
             parents[k] = parents[parents[k]]
     for r in range(rows):
@@ -181,7 +181,7 @@ def _label(image, words, margin, labels, parents):  # type: ignore[no-untyped-de
                 continue
             labels[r, c] = parents[labels[r, c]]
             c += 1
-    return found
+    return count
 
 
 _label_u1 = kernel("i8(u1[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
@@ -189,17 +189,17 @@ _label_u4 = kernel("i8(u4[:,::1], u8[:,::1], i8, u4[:,::1], u4[::1])")(_label)
 
 
 @kernel("void(u4[:,::1], u4[:,::1], i8[::1])")
-def _name(image, labels, values):  # type: ignore[no-untyped-def]
-    named = 0  # components are numbered in the order in which they are met
+def _component_values(image, labels, values):  # type: ignore[no-untyped-def]
+    known = 0  # labels are in raster order of their first pixels
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
-            if labels[r, c] > named:
-                values[named] = image[r, c]
-                named += 1
+            if labels[r, c] > known:
+                values[known] = image[r, c]
+                known += 1
 
 
 @kernel("void(i8[:,::1], i8[::1])")
-def _unite(pairs, parents):  # type: ignore[no-untyped-def]
+def _union(pairs, parents):  # type: ignore[no-untyped-def]
     for k in range(pairs.shape[0]):
         first = root_of(parents, pairs[k, 0])
         second = root_of(parents, pairs[k, 1])

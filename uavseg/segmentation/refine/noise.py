@@ -1,8 +1,8 @@
-"""How noisy an image is around each square of 16 x 16 pixels, by Immerkaer's estimate.
+"""Local noise estimation (Immerkaer) in squares of 16 x 16 pixels.
 
 J. Immerkaer, Fast noise variance estimation, Comput. Vis. Image Underst. 64 (1996) 300-302: the mean
-|response| to second differences across of second differences down is 6 sqrt(2 / pi) times the deviation of
-the noise.
+|response| to the second difference along rows of the second difference along columns is 6 sqrt(2 / pi) times
+the standard deviation of the noise.
 """
 
 import math
@@ -11,30 +11,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.segmentation.dilation import dilate
 
-SIDE = 16  # pixels of a square
-_FOUR = 4  # pixels on a side of a mean, and means on a side of a square
-
-
-def grown(cells: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The largest value of each three by three cells."""
-    found = cells.copy()
-    np.maximum(found[1:], cells[:-1], out=found[1:])
-    np.maximum(found[:-1], cells[1:], out=found[:-1])
-    down = found.copy()
-    np.maximum(found[:, 1:], down[:, :-1], out=found[:, 1:])
-    np.maximum(found[:, :-1], down[:, 1:], out=found[:, :-1])
-    return found
+NOISE_SIDE = 16  # pixels: side of a square
+_COARSE = 4  # side of a mean in pixels, and of a square in means
 
 
-def noise_around(
+def estimate_noise(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8], active: NDArray[np.uint8]
 ) -> NDArray[np.float64]:
-    """Deviation of the noise around each square with active cells, in grey; 0 elsewhere.
+    """Standard deviation of the noise around each square with active cells, in grey; 0 elsewhere.
 
-    The larger of two: the noise of pixels, and that of means of 4 x 4 pixels as it would be in pixels that
-    know nothing of each other. Grain and crowns of trees are seen in the second alone. The median over the
-    3 x 3 squares around is taken, so that an edge counts for little.
+    The larger of two estimates: the noise of pixels, and that of means of 4 x 4 pixels, scaled to independent
+    pixels. Only the second detects grain and crowns of trees. The median over 3 x 3 squares makes it robust
+    against edges.
 
     Parameters
     ----------
@@ -47,74 +37,76 @@ def noise_around(
     -------
     noise : (M / 16, N / 16) float64 array
     """
-    rows, cols = (n // SIDE for n in grey.shape)
+    rows, cols = (n // NOISE_SIDE for n in grey.shape)
     squares = active[::2, ::2] | active[::2, 1::2] | active[1::2, ::2] | active[1::2, 1::2]
-    found = np.full((2, rows, cols), -1.0)
-    lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_FOUR, _FOUR * cols), np.int32)
+    estimates = np.full((2, rows, cols), -1.0)
+    lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_COARSE, _COARSE * cols), np.int32)
     flags = np.empty(grey.shape[1], np.uint8), np.empty(means.shape, np.uint8)
-    _measure_squares(grey, valid, grown(squares), lines, flags[0], means, flags[1], *found)
+    _measure_squares(grey, valid, dilate(squares), lines, flags[0], means, flags[1], *estimates)
     noise = np.zeros((rows, cols))
-    _take_medians(found.max(axis=0), squares, np.empty(9), np.empty((2, cols)), noise)
+    _take_medians(estimates.max(axis=0), squares, np.empty(9), np.empty((2, cols)), noise)
     return math.sqrt(math.pi / 2) / 6 * noise
 
 
 @inlined
-def respond(grey, valid, row, begin, end, bend, whole, total, number):  # type: ignore[no-untyped-def]
-    """Add |responses| in a row to those of rows before, where all that is looked at is valid."""
+def add_responses(grey, valid, row, begin, end, second, all_valid, sums, number):  # type: ignore[no-untyped-def]
+    """Add the |responses| of a row where all 3 x 3 pixels are valid, column by column."""
     above = row - np.uintp(1)
     below = row + np.uintp(1)
     for c in range(begin, end):
         here = np.int32(grey[row, c])
-        bend[c] = (np.int32(grey[above, c]) - here) + (np.int32(grey[below, c]) - here)
+        second[c] = (np.int32(grey[above, c]) - here) + (np.int32(grey[below, c]) - here)
     for c in range(begin, end):
-        whole[c] = valid[above, c] & valid[row, c] & valid[below, c]
+        all_valid[c] = valid[above, c] & valid[row, c] & valid[below, c]
     for c in range(begin + np.uintp(1), end - np.uintp(1)):
-        here = bend[c]
-        size = abs((bend[c - np.uintp(1)] - here) + (bend[c + np.uintp(1)] - here))
-        one = np.int32(whole[c - np.uintp(1)] & whole[c] & whole[c + np.uintp(1)])
-        total[c] += size * one
-        number[c] += one
+        here = second[c]
+        size = abs((second[c - np.uintp(1)] - here) + (second[c + np.uintp(1)] - here))
+        ok = np.int32(all_valid[c - np.uintp(1)] & all_valid[c] & all_valid[c + np.uintp(1)])
+        sums[c] += size * ok
+        number[c] += ok
 
 
 @inlined
-def keep_means(total, number, side, scale, wanted, found):  # type: ignore[no-untyped-def]
-    """Mean |responses| that look at nothing outside their square; and zeros for the next."""
-    for col in range(np.uintp(wanted.shape[0])):
+def store_mean_responses(sums, number, side, scale, needed, found):  # type: ignore[no-untyped-def]
+    """Store the mean |response| of each square, from responses within it; reset the sums."""
+    for col in range(np.uintp(needed.shape[0])):
         size = np.int32(0)
-        many = np.int32(0)
+        count = np.int32(0)
         for c in range(side * col + np.uintp(1), side * col + side - np.uintp(1)):
-            size += total[c]
-            many += number[c]
-        if wanted[col] and many > 0:
-            found[col] = scale * (size / many)
-    total[:] = 0
+            size += sums[c]
+            count += number[c]
+        if needed[col] and count > 0:
+            found[col] = scale * (size / count)
+    sums[:] = 0
     number[:] = 0
 
 
 @inlined
-def take_means(grey, valid, row, begin, end, sums, every, means, whole):  # type: ignore[no-untyped-def]
-    """Means of 4 x 4 pixels, and which of them are of valid pixels alone."""
+def mean_of_4x4(grey, valid, row, begin, end, sums, column_valid, means, all_valid):  # type: ignore[no-untyped-def]
+    """Means of 4 x 4 pixels, and whether all their pixels are valid."""
     a, b, c, d = row, row + np.uintp(1), row + np.uintp(2), row + np.uintp(3)
     for x in range(begin, end):
         sums[x] = np.int32(grey[a, x]) + np.int32(grey[b, x]) + np.int32(grey[c, x]) + np.int32(grey[d, x])
     for x in range(begin, end):
-        every[x] = valid[a, x] & valid[b, x] & valid[c, x] & valid[d, x]
-    one, two, three, four = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(_FOUR)
+        column_valid[x] = valid[a, x] & valid[b, x] & valid[c, x] & valid[d, x]
+    one, two, three, four = np.uintp(1), np.uintp(2), np.uintp(3), np.uintp(_COARSE)
     for k in range(begin // four, end // four):
         f = four * k
         means[k] = (sums[f] + sums[f + one] + sums[f + two] + sums[f + three] + np.int32(8)) >> np.int32(4)
     for k in range(begin // four, end // four):
         f = four * k
-        whole[k] = every[f] & every[f + one] & every[f + two] & every[f + three]
+        all_valid[k] = (
+            column_valid[f] & column_valid[f + one] & column_valid[f + two] & column_valid[f + three]
+        )
 
 
 @inlined
-def wanted_part(wanted):  # type: ignore[no-untyped-def]
-    """The first of what is wanted, and the one after the last; 0 if nothing is."""
-    first = wanted.shape[0]
+def extent_of_nonzero(needed):  # type: ignore[no-untyped-def]
+    """Index of the first nonzero element, and the index after the last; the latter 0 if there is none."""
+    first = needed.shape[0]
     last = 0
-    for k in range(wanted.shape[0]):
-        if wanted[k]:
+    for k in range(needed.shape[0]):
+        if needed[k]:
             first = min(first, k)
             last = k + 1
     return first, last
@@ -123,53 +115,53 @@ def wanted_part(wanted):  # type: ignore[no-untyped-def]
 @kernel(
     "void(u2[:,::1], u1[:,::1], u1[:,::1], i4[:,::1], u1[::1], i4[:,::1], u1[:,::1], f8[:,::1], f8[:,::1])"
 )
-def _measure_squares(grey, valid, wanted, lines, line, means, whole, fine, coarse):  # type: ignore[no-untyped-def]
+def _measure_squares(grey, valid, needed, lines, line, means, all_valid, fine, coarse):  # type: ignore[no-untyped-def]
     sums, total, number = lines[0], lines[1], lines[2]
-    side = np.uintp(SIDE)
-    four = np.uintp(_FOUR)
+    side = np.uintp(NOISE_SIDE)
+    four = np.uintp(_COARSE)
     total[:] = 0
     number[:] = 0
-    for row in range(np.uintp(wanted.shape[0])):
-        first, last = wanted_part(wanted[row])
+    for row in range(np.uintp(needed.shape[0])):
+        first, last = extent_of_nonzero(needed[row])
         if last == 0:
             continue
-        begin, end = np.uintp(first * SIDE), np.uintp(last * SIDE)
+        begin, end = np.uintp(first * NOISE_SIDE), np.uintp(last * NOISE_SIDE)
         for r in range(np.uintp(2), side, four):
-            respond(grey, valid, row * side + r, begin, end, sums, line, total, number)
-        keep_means(total, number, side, 1, wanted[row], fine[row])
+            add_responses(grey, valid, row * side + r, begin, end, sums, line, total, number)
+        store_mean_responses(total, number, side, 1, needed[row], fine[row])
         for k in range(four):
-            take_means(grey, valid, row * side + four * k, begin, end, sums, line, means[k], whole[k])
+            mean_of_4x4(grey, valid, row * side + four * k, begin, end, sums, line, means[k], all_valid[k])
         for r in range(np.uintp(1), four - np.uintp(1)):
-            respond(means, whole, r, begin // four, end // four, sums, line, total, number)
-        keep_means(total, number, four, _FOUR, wanted[row], coarse[row])
+            add_responses(means, all_valid, r, begin // four, end // four, sums, line, total, number)
+        store_mean_responses(total, number, four, _COARSE, needed[row], coarse[row])
 
 
 @inlined
-def median_around(values, row, col, some):  # type: ignore[no-untyped-def]
-    """The upper median of what is known of the squares around; 0 if nothing is."""
-    many = 0
+def median_of_known(values, row, col, known):  # type: ignore[no-untyped-def]
+    """Upper median of the known values in the 3 x 3 squares around; 0 if none is known."""
+    count = 0
     for r in range(max(row - 1, 0), min(row + 2, values.shape[0])):
         for c in range(max(col - 1, 0), min(col + 2, values.shape[1])):
             value = values[r, c]
             if value >= 0.0:
-                k = many
-                while k > 0 and some[k - 1] > value:
-                    some[k] = some[k - 1]
+                k = count
+                while k > 0 and known[k - 1] > value:
+                    known[k] = known[k - 1]
                     k -= 1
-                some[k] = value
-                many += 1
-    return some[many // 2] if many else 0.0
+                known[k] = value
+                count += 1
+    return known[count // 2] if count else 0.0
 
 
 @inlined
-def middle(a, b, c):  # type: ignore[no-untyped-def]
-    """The median of three."""
+def median_of_three(a, b, c):  # type: ignore[no-untyped-def]
+    """Median of three values."""
     return max(min(a, b), min(max(a, b), c))
 
 
 @inlined
-def medians_of_nine(above, line, below, least, median):  # type: ignore[no-untyped-def]
-    """Median and least of each value and the eight around it: columns of three are sorted first."""
+def medians_of_nine(above, line, below, minimum, median):  # type: ignore[no-untyped-def]
+    """Median and minimum of 3 x 3 values: columns of three are sorted first."""
     cols = np.uintp(line.shape[0])
     one = np.uintp(1)
     for c in range(one, cols - one):
@@ -177,29 +169,31 @@ def medians_of_nine(above, line, below, least, median):  # type: ignore[no-untyp
         low_a = min(above[a], line[a], below[a])
         low_b = min(above[b], line[b], below[b])
         low_d = min(above[d], line[d], below[d])
-        least[c] = min(low_a, low_b, low_d)
+        minimum[c] = min(low_a, low_b, low_d)
         high = min(
             max(above[a], line[a], below[a]),
             max(above[b], line[b], below[b]),
             max(above[d], line[d], below[d]),
         )
-        middles = middle(
-            middle(above[a], line[a], below[a]),
-            middle(above[b], line[b], below[b]),
-            middle(above[d], line[d], below[d]),
+        middles = median_of_three(
+            median_of_three(above[a], line[a], below[a]),
+            median_of_three(above[b], line[b], below[b]),
+            median_of_three(above[d], line[d], below[d]),
         )
-        median[c] = middle(max(low_a, low_b, low_d), middles, high)
+        median[c] = median_of_three(max(low_a, low_b, low_d), middles, high)
 
 
 @kernel("void(f8[:,::1], u1[:,::1], f8[::1], f8[:,::1], f8[:,::1])")
-def _take_medians(found, wanted, some, lines, noise):  # type: ignore[no-untyped-def]
-    # Where all nine are known, whole rows are done at once.
-    rows, cols = wanted.shape
-    least, median = lines[0], lines[1]
+def _take_medians(found, needed, known, lines, noise):  # type: ignore[no-untyped-def]
+    # Where all nine values are known, whole rows are computed at once.
+    rows, cols = needed.shape
+    minimum, median = lines[0], lines[1]
     for row in range(rows):
-        least[:] = -1.0
+        minimum[:] = -1.0
         if 0 < row < rows - 1:
-            medians_of_nine(found[row - 1], found[row], found[row + 1], least, median)
+            medians_of_nine(found[row - 1], found[row], found[row + 1], minimum, median)
         for col in range(cols):
-            if wanted[row, col]:
-                noise[row, col] = median[col] if least[col] >= 0.0 else median_around(found, row, col, some)
+            if needed[row, col]:
+                noise[row, col] = (
+                    median[col] if minimum[col] >= 0.0 else median_of_known(found, row, col, known)
+                )

@@ -1,19 +1,19 @@
-"""Pieces and holes of a few pixels change sides."""
+"""Removal of small, thin components: specks inside and outside change side."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-SPECK = 12  # pixels: thin pieces that are smaller, and thin holes, are drawn by nobody
-_NOWHERE = np.uint8(2)  # not valid, or outside
+MIN_PIECE = 12  # pixels: smaller thin pieces and thin holes are removed
+_NO_DATA = np.uint8(2)  # not valid, or outside the image
 
 
 def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDArray[np.uint8]) -> None:
-    """Pieces of fewer than 12 pixels that touch pixels of the other side go over to it, all at once.
+    """Flip the components of fewer than 12 pixels that touch the other side, all at once.
 
-    Pieces inside are 4-connected, as regions are; those outside are 8-connected, as holes are. Where 3 x 3
-    pixels of a piece are together, they stay.
+    Components inside are 4-connected, as regions are; those outside are 8-connected, as holes are. A square
+    of 3 x 3 pixels of one side is kept.
 
     Parameters
     ----------
@@ -24,34 +24,34 @@ def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDA
         Not 0 for cells whose pixels may change.
     """
     sides = np.empty((inside.shape[0] + 2, inside.shape[1] + 2), np.uint8)
-    _frame(inside, valid, sides)
+    _pad_sides(inside, valid, sides)
     lines = np.ones((8, sides.shape[1]), np.uint8)
-    listed, seen = np.empty((SPECK, 2), np.int64), np.empty(2 * SPECK + 1, np.uint32)
-    _drop_specks(sides, active, lines, listed, seen, inside)
+    stack, seen = np.empty((MIN_PIECE, 2), np.int64), np.empty(2 * MIN_PIECE + 1, np.uint32)
+    _drop_specks(sides, active, lines, stack, seen, inside)
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
-def _frame(inside, valid, sides):  # type: ignore[no-untyped-def]
-    sides[0] = _NOWHERE
-    sides[-1] = _NOWHERE
+def _pad_sides(inside, valid, sides):  # type: ignore[no-untyped-def]
+    sides[0] = _NO_DATA
+    sides[-1] = _NO_DATA
     for r in range(inside.shape[0]):
-        sides[r + 1, 0] = _NOWHERE
-        sides[r + 1, -1] = _NOWHERE
+        sides[r + 1, 0] = _NO_DATA
+        sides[r + 1, -1] = _NO_DATA
         for c in range(np.uintp(inside.shape[1])):
-            sides[r + 1, c + np.uintp(1)] = inside[r, c] if valid[r, c] else _NOWHERE
+            sides[r + 1, c + np.uintp(1)] = inside[r, c] if valid[r, c] else _NO_DATA
 
 
 @inlined
 def changes_across(line, result):  # type: ignore[no-untyped-def]
-    """Not 0 where a pixel is nowhere, or not on the side of those left and right of it."""
+    """Not 0 where a pixel has no data or differs from its left or right neighbour."""
     for c in range(np.uintp(result.shape[0] - 2)):
         here = line[c + np.uintp(1)]
-        result[c + np.uintp(1)] = (line[c] ^ here) | (here ^ line[c + np.uintp(2)]) | (here & _NOWHERE)
+        result[c + np.uintp(1)] = (line[c] ^ here) | (here ^ line[c + np.uintp(2)]) | (here & _NO_DATA)
 
 
 @inlined
 def changes_around(above, line, below, across_above, across, across_below, result):  # type: ignore[no-untyped-def]
-    """1 where the nine pixels around one are not all on one side."""
+    """1 where the 3 x 3 pixels around a pixel are not all on one side."""
     for c in range(np.uintp(1), np.uintp(result.shape[0] - 1)):
         result[c] = across_above[c] | across[c] | across_below[c]
     for c in range(np.uintp(1), np.uintp(result.shape[0] - 1)):
@@ -59,8 +59,8 @@ def changes_around(above, line, below, across_above, across, across_below, resul
 
 
 @inlined
-def thin(above, line, below, narrow, result):  # type: ignore[no-untyped-def]
-    """1 where no 3 x 3 pixels on one side have this one among them."""
+def mark_thin(above, line, below, narrow, result):  # type: ignore[no-untyped-def]
+    """1 where a pixel belongs to no 3 x 3 square of one side (its piece is thin here)."""
     for c in range(np.uintp(narrow.shape[0])):
         narrow[c] = above[c] & line[c] & below[c]
     for c in range(np.uintp(narrow.shape[0] - 2)):
@@ -68,45 +68,45 @@ def thin(above, line, below, narrow, result):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def is_speck(sides, r, c, listed, seen):  # type: ignore[no-untyped-def]
-    """Whether a pixel's piece is smaller than the list is long, and touches the other side."""
+def is_speck(sides, r, c, stack, seen):  # type: ignore[no-untyped-def]
+    """Whether a pixel's component is smaller than MIN_PIECE and touches the other side (flood fill)."""
     one = np.uint32(1)
     own = sides[r, c]
     seen[:] = 0
-    seen[SPECK] = one << np.uint32(SPECK)  # a bit for each pixel that is listed
-    listed[0, 0] = r
-    listed[0, 1] = c
-    many = 1
+    seen[MIN_PIECE] = one << np.uint32(MIN_PIECE)  # a bit for each visited pixel
+    stack[0, 0] = r
+    stack[0, 1] = c
+    count = 1
     touches = False
     k = 0
-    while k < many:
-        row = listed[k, 0]
-        col = listed[k, 1]
+    while k < count:
+        row = stack[k, 0]
+        col = stack[k, 1]
         for y in range(row - 1, row + 2):
             for x in range(col - 1, col + 2):
-                bit = one << np.uint32(x - c + SPECK)
+                bit = one << np.uint32(x - c + MIN_PIECE)
                 if sides[y, x] != own:
-                    touches |= sides[y, x] != _NOWHERE
-                elif (own == 0 or y == row or x == col) and not seen[y - r + SPECK] & bit:
-                    if many == SPECK - 1:
+                    touches |= sides[y, x] != _NO_DATA
+                elif (own == 0 or y == row or x == col) and not seen[y - r + MIN_PIECE] & bit:
+                    if count == MIN_PIECE - 1:
                         return False
-                    seen[y - r + SPECK] |= bit
-                    listed[many, 0] = y
-                    listed[many, 1] = x
-                    many += 1
+                    seen[y - r + MIN_PIECE] |= bit
+                    stack[count, 0] = y
+                    stack[count, 1] = x
+                    count += 1
         k += 1
     return touches
 
 
 @kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], i8[:,::1], u4[::1], u1[:,::1])")
-def _drop_specks(sides, active, lines, listed, seen, inside):  # type: ignore[no-untyped-def]
-    # `sides` has a pixel of nowhere on every side. Lines follow one another: across, around, thin.
+def _drop_specks(sides, active, lines, stack, seen, inside):  # type: ignore[no-untyped-def]
+    # `sides` has a border of no data. Three rolling lines behind each other: across, around, thin.
     rows = inside.shape[0]
     across, around, narrow, result = lines[:3], lines[3:6], lines[6], lines[7]
-    for time in range(rows + 4):
-        if time < rows + 2:
-            changes_across(sides[time], across[time % 3])
-        row = time - 1
+    for step in range(rows + 4):
+        if step < rows + 2:
+            changes_across(sides[step], across[step % 3])
+        row = step - 1
         if row > rows:
             around[row % 3] = 1
         elif row > 0:
@@ -119,12 +119,12 @@ def _drop_specks(sides, active, lines, listed, seen, inside):  # type: ignore[no
                 across[(row + 1) % 3],
                 around[row % 3],
             )
-        row = time - 2
+        row = step - 2
         if row < 1 or row > rows:
             continue
-        thin(around[(row - 1) % 3], around[row % 3], around[(row + 1) % 3], narrow, result)
+        mark_thin(around[(row - 1) % 3], around[row % 3], around[(row + 1) % 3], narrow, result)
         for cell in range(active.shape[1]):
             if active[(row - 1) // 8, cell]:
                 for c in range(8 * cell + 1, 8 * cell + 9):
-                    if result[c] and sides[row, c] != _NOWHERE and is_speck(sides, row, c, listed, seen):
+                    if result[c] and sides[row, c] != _NO_DATA and is_speck(sides, row, c, stack, seen):
                         inside[row - 1, c - 1] = np.uint8(1) - inside[row - 1, c - 1]

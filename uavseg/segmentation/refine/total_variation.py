@@ -1,13 +1,13 @@
-"""Total variation: grey is evened out between neighbours, as far as weights allow, and decided.
+"""Total-variation denoising (Rudin-Osher-Fatemi) and thresholding of its result.
 
-u minimises sum (u - grey)^2 / 2 plus, for each pair of neighbours, a weight times |difference of u|: what
-Rudin, Osher and Fatemi minimise (Physica D 60, 1992), on pairs of pixels. What lies above a threshold of u is
-then the set that balances its distance from grey with the length of its boundary (Chambolle, J. Math. Imaging
-Vis. 20, 2004). With eight neighbours, those across a corner counted by 0.7, that length hardly depends on
-direction (Boykov and Kolmogorov, ICCV 2003). The dual problem is a flow between the two pixels of each pair,
-no larger than their weight; it is solved pair by pair, in a fixed number of sweeps: so what happens to a
-pixel depends on its neighbourhood alone. No more flows than there is between two pixels: u stays between the
-least and the largest grey, and all of it, in half grey, fits 16 bits.
+u minimises sum (u - grey)^2 / 2 plus, for each pair of neighbours, a weight times |difference of u| (Rudin,
+Osher and Fatemi, Physica D 60, 1992). The set where u is above a threshold then balances the distance from
+grey with the length of the boundary (Chambolle, J. Math. Imaging Vis. 20, 2004). With eight neighbours, the
+diagonal ones weighted by 0.7, that length hardly depends on direction (Boykov and Kolmogorov, ICCV 2003). The
+dual problem is a flow between the two pixels of each pair, bounded by their weight. It is solved pair by pair
+in a fixed number of sweeps, so that a result depends on a bounded neighbourhood only. A pair never exchanges
+more than half its difference, so u stays between the minimum and the maximum of grey and, in units of half a
+grey, fits 16 bits.
 """
 
 from typing import Any
@@ -18,24 +18,24 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 
 SWEEPS = 5
-HALO = 32  # columns, whole cells: a sweep looks six farther, two along rows, two in each pair of rows
-MOST = 16000  # a weight in half grey: gap and flow together stay within 16 bits
-_CORNER = 45  # 64ths of a weight across corners
-_PANEL = 2304  # columns: lines that are in work stay in the cache
-_LINES = 2 * SWEEPS + 2  # that are in work
-_VECTOR = 64  # pixels: loops over a multiple of them are over whole vectors
-_GROUPS = 8  # of pairs of neighbours: two within a line, two down, four across corners
-_GAP = 16  # pixels of no weight behind those of even and of odd columns
+TV_HALO = 32  # columns, whole cells: a sweep reaches six columns, two along rows, two in each pair of rows
+MAX_WEIGHT = 16000  # in units of half a grey: difference plus flow fit 16 bits
+_DIAGONAL = 45  # weight of a diagonal pair, in 64ths
+_PANEL = 2304  # columns: the active lines fit the cache
+_LINES = 2 * SWEEPS + 2  # active lines
+_VECTOR = 64  # pixels: loops over a multiple of it need no remainder loop
+_GROUPS = 8  # groups of pairs of neighbours: two within a line, two vertical, four diagonal
+_GAP = 16  # pixels of weight 0 behind those of the even and of the odd columns
 
 
-def decide_evened(
+def threshold_tv(
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8],
     weights: NDArray[np.int16],
     greys: tuple[int, int],
     inside: NDArray[np.uint8],
 ) -> None:
-    """Decide pixels by whether grey that is evened out lies in a range; those that do not change stay.
+    """Classify pixels by whether denoised grey lies in a range; unchanged pixels keep their side.
 
     Parameters
     ----------
@@ -43,29 +43,39 @@ def decide_evened(
         M is even, N a multiple of 8.
     valid : (M, N) uint8 array
     weights : (M / 8, N / 8) int16 array
-        Of the pairs of pixels of each cell, in half grey, 0 to `MOST`; the smaller counts between cells.
+        Weight of the pixel pairs of each cell, in units of half a grey, 0 to `MAX_WEIGHT`; between cells the
+        smaller one holds.
     greys : (int, int)
         The range.
     inside : (M, N) uint8 array
         1 where in range; changed in place.
     """
-    low, high = (greys[0] + 1) // 2, greys[1] // 2  # in half grey
+    low, high = (greys[0] + 1) // 2, greys[1] // 2  # in units of half a grey
     for begin in range(0, grey.shape[1], _PANEL):
         end = min(begin + _PANEL, grey.shape[1])
-        first, last = max(begin - HALO, 0), min(end + HALO, grey.shape[1])
-        caps = weights[:, first // 8 : last // 8].repeat(4, axis=1)  # of even columns, and of odd ones
-        busy = caps.any(axis=1).view(np.uint8)
-        if busy.any():
+        first, last = max(begin - TV_HALO, 0), min(end + TV_HALO, grey.shape[1])
+        column_weights = weights[:, first // 8 : last // 8].repeat(4, axis=1)  # of even columns, and of odd
+        active = column_weights.any(axis=1).view(np.uint8)
+        if active.any():
             panel = np.array([first, begin, end])
-            _decide(grey, valid, caps, busy, panel, low, high, *_lines((last - first) // 2), inside)
+            _threshold_tv(
+                grey,
+                valid,
+                column_weights,
+                active,
+                panel,
+                low,
+                high,
+                *_line_buffers((last - first) // 2),
+                inside,
+            )
 
 
-def _lines(half: int) -> tuple[NDArray[Any], ...]:
-    """What each line in work has: u and weights of its pixels, weights across corners, what flows between the
-    eight groups of pairs of neighbours; then where groups begin.
+def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
+    """Buffers of the active lines: u, weights, diagonal weights, and flows of the eight groups of pairs.
 
-    In a line, the pixels of even columns come first. A group touches no pixel twice, and begins at one pixel
-    of the upper line and at one of the lower, (8, 2).
+    In a line, the pixels of even columns come first. A group touches no pixel twice. The last array, (8, 2),
+    holds the first pixel of each group in the upper and in the lower line.
     """
     length = -(-half // _VECTOR) * _VECTOR
     even, odd, right = 0, length + _GAP, 1
@@ -79,92 +89,94 @@ def _lines(half: int) -> tuple[NDArray[Any], ...]:
 
 
 @inlined
-def entered(grey, valid, weights, first, tones, caps, corners, even, odd):  # type: ignore[no-untyped-def]
-    """Take a row of pixels into a line."""
+def load_row(grey, valid, cell_weights, first, u, weights, diagonals, even, odd):  # type: ignore[no-untyped-def]
+    """Load a row of pixels into a line."""
     one, two = np.uintp(1), np.uintp(2)
-    for k in range(np.uintp(weights.shape[0])):
-        tones[even + k] = grey[first + two * k] >> 1
-        tones[odd + k] = grey[first + two * k + one] >> 1
-    for k in range(np.uintp(weights.shape[0])):
-        caps[even + k] = weights[k] * valid[first + two * k]
-        caps[odd + k] = weights[k] * valid[first + two * k + one]
-    for k in range(even, odd + np.uintp(weights.shape[0])):
-        corners[k] = np.int16(np.int32(caps[k]) * np.int32(_CORNER) >> 6)
+    for k in range(np.uintp(cell_weights.shape[0])):
+        u[even + k] = grey[first + two * k] >> 1
+        u[odd + k] = grey[first + two * k + one] >> 1
+    for k in range(np.uintp(cell_weights.shape[0])):
+        weights[even + k] = cell_weights[k] * valid[first + two * k]
+        weights[odd + k] = cell_weights[k] * valid[first + two * k + one]
+    for k in range(even, odd + np.uintp(cell_weights.shape[0])):
+        diagonals[k] = np.int16(np.int32(weights[k]) * np.int32(_DIAGONAL) >> 6)
 
 
 @inlined
-def evened(tones, caps, a, b, flows, at, length):  # type: ignore[no-untyped-def]
-    """Let half of the gap between two pixels flow, as far as the smaller weight lets it."""
+def relax_pairs(u, weights, a, b, flows, at, length):  # type: ignore[no-untyped-def]
+    """Move half of the difference between the pixels of each pair, bounded by the smaller weight."""
     for k in range(length):
-        half = np.int16(np.int16(tones[b + k] - tones[a + k]) >> 1)
-        wanted = np.int16(flows[at + k] + half)
-        limit = min(caps[a + k], caps[b + k])
-        flowing = max(min(wanted, limit), np.int16(-limit))
-        more = np.int16(flowing - flows[at + k])
-        flows[at + k] = flowing
-        tones[a + k] = np.int16(tones[a + k] + more)
-        tones[b + k] = np.int16(tones[b + k] - more)
+        half = np.int16(np.int16(u[b + k] - u[a + k]) >> 1)
+        flow = np.int16(flows[at + k] + half)
+        limit = min(weights[a + k], weights[b + k])
+        bounded = max(min(flow, limit), np.int16(-limit))
+        change = np.int16(bounded - flows[at + k])
+        flows[at + k] = bounded
+        u[a + k] = np.int16(u[a + k] + change)
+        u[b + k] = np.int16(u[b + k] - change)
 
 
 @inlined
-def even_groups(begin, end, groups, tones, caps, flows, upper, lower, length):  # type: ignore[no-untyped-def]
-    """Even out some groups of two lines."""
+def relax_groups(begin, end, groups, u, weights, flows, upper, lower, length):  # type: ignore[no-untyped-def]
+    """Relax the pairs of some groups between two lines."""
     for k in range(begin, end):
         a = np.uintp(upper * 2 * (length + _GAP) + groups[k, 0])
         b = np.uintp(lower * 2 * (length + _GAP) + groups[k, 1])
-        evened(tones, caps, a, b, flows, np.uintp((upper * _GROUPS + k) * length), np.uintp(length))
+        relax_pairs(u, weights, a, b, flows, np.uintp((upper * _GROUPS + k) * length), np.uintp(length))
 
 
 @inlined
-def side(tone, grey, valid, low, high, inside):  # type: ignore[no-untyped-def]
-    """Where a pixel lies, 0 or 1."""
-    found = np.uint8(low <= tone) & np.uint8(tone <= high) & valid
-    return found if tone != np.int16(grey >> 1) else inside
+def threshold_pixel(value, grey, valid, low, high, inside):  # type: ignore[no-untyped-def]
+    """1 where the denoised grey of a pixel is in range; an unchanged pixel keeps its side."""
+    found = np.uint8(low <= value) & np.uint8(value <= high) & valid
+    return found if value != np.int16(grey >> 1) else inside
 
 
 @inlined
-def decided(tones, even, odd, grey, valid, low, high, begin, half, inside):  # type: ignore[no-untyped-def]
-    """Decide a row of pixels."""
+def threshold_row(u, even, odd, grey, valid, low, high, begin, half, inside):  # type: ignore[no-untyped-def]
+    """Classify a row of pixels."""
     for k in range(half):
         c = begin + np.uintp(2) * k
         d = c + np.uintp(1)
-        inside[c] = side(tones[even + k], grey[c], valid[c], low, high, inside[c])
-        inside[d] = side(tones[odd + k], grey[d], valid[d], low, high, inside[d])
+        inside[c] = threshold_pixel(u[even + k], grey[c], valid[c], low, high, inside[c])
+        inside[d] = threshold_pixel(u[odd + k], grey[d], valid[d], low, high, inside[d])
 
 
 @kernel(
     "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], i2, i2, i2[::1], i2[::1], i2[::1], i2[::1],"
     " i8[:,::1], u1[:,::1])"
 )
-def _decide(  # type: ignore[no-untyped-def]
-    grey, valid, weights, busy, panel, low, high, tones, caps, corners, flows, groups, inside
+def _threshold_tv(  # type: ignore[no-untyped-def]
+    grey, valid, cell_weights, active, panel, low, high, u, weights, diagonals, flows, groups, inside
 ):
-    # All sweeps go over the rows at once, each a pair of rows behind the one before: few lines are in work.
+    # All sweeps run over the rows together, each a pair of rows behind the one before: few lines are active.
     rows = grey.shape[0]
     length = flows.shape[0] // (_LINES * _GROUPS)
     width = length + _GAP
     first, begin, half = np.uintp(panel[0]), np.uintp(panel[1]), np.uintp(panel[2] - panel[1]) // np.uintp(2)
-    for time in range(rows // 2 + SWEEPS):
-        for row in range(2 * time, min(2 * time + 2, rows)):
-            if busy[row // 8]:
+    for step in range(rows // 2 + SWEEPS):
+        for row in range(2 * step, min(2 * step + 2, rows)):
+            if active[row // 8]:
                 line = row % _LINES
                 even, odd = np.uintp(2 * line * width), np.uintp((2 * line + 1) * width)
-                entered(grey[row], valid[row], weights[row // 8], first, tones, caps, corners, even, odd)
+                load_row(
+                    grey[row], valid[row], cell_weights[row // 8], first, u, weights, diagonals, even, odd
+                )
                 flows[line * _GROUPS * length : (line + 1) * _GROUPS * length] = 0
         for sweep in range(SWEEPS):
-            row = 2 * (time - sweep)
-            if 0 <= row < rows and busy[row // 8]:
+            row = 2 * (step - sweep)
+            if 0 <= row < rows and active[row // 8]:
                 above, line, below = (row - 1) % _LINES, row % _LINES, (row + 1) % _LINES
-                even_groups(0, 2, groups, tones, caps, flows, line, line, length)
-                even_groups(0, 2, groups, tones, caps, flows, below, below, length)
-                even_groups(2, 4, groups, tones, caps, flows, line, below, length)
-                even_groups(4, 8, groups, tones, corners, flows, line, below, length)
-                if row > 0 and busy[(row - 1) // 8]:
-                    even_groups(2, 4, groups, tones, caps, flows, above, line, length)
-                    even_groups(4, 8, groups, tones, corners, flows, above, line, length)
-        done = 2 * (time - SWEEPS + 1)
+                relax_groups(0, 2, groups, u, weights, flows, line, line, length)
+                relax_groups(0, 2, groups, u, weights, flows, below, below, length)
+                relax_groups(2, 4, groups, u, weights, flows, line, below, length)
+                relax_groups(4, 8, groups, u, diagonals, flows, line, below, length)
+                if row > 0 and active[(row - 1) // 8]:
+                    relax_groups(2, 4, groups, u, weights, flows, above, line, length)
+                    relax_groups(4, 8, groups, u, diagonals, flows, above, line, length)
+        done = 2 * (step - SWEEPS + 1)
         for row in range(max(done - 1, 0), min(done + 1, rows)):
-            if busy[row // 8]:
+            if active[row // 8]:
                 even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
                 odd = even + np.uintp(width)
-                decided(tones, even, odd, grey[row], valid[row], low, high, begin, half, inside[row])
+                threshold_row(u, even, odd, grey[row], valid[row], low, high, begin, half, inside[row])

@@ -1,10 +1,9 @@
-"""How like a sample an image is: G between the sample's histogram and that of a window that moves over it.
+"""Sliding-window texture similarity: G between the histogram of a window and that of a sample.
 
-A model is the joint histogram of LBP codes and bins of contrast of a sample's counted pixels. A square window
-moves over the image in steps of one cell of 8 pixels; its score is G of the two histograms (Sokal and Rohlf's
-log-likelihood ratio, as between the children of a block), less what chance makes of G, for each of its
-counted pixels. Logarithms are in fixed point, so that a score is a sum of integers: where a window began to
-move changes nothing.
+A model is the joint histogram of LBP codes and contrast bins of a sample's counted pixels. A square window
+moves over the image in steps of one cell of 8 pixels. Its score is G of the two histograms less the expected
+G under the null hypothesis (see `g_statistic`), per counted pixel. Logarithms are in fixed point, so a score
+is a sum of integers and does not depend on where the window started.
 """
 
 from dataclasses import dataclass, field
@@ -14,42 +13,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.blocks.g_statistic import chance, x_ln_x
+from uavseg.segmentation.blocks.g_statistic import expected_g, n_ln_n
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
-from uavseg.units import CELL
+from uavseg.units import CELL, GREY_MAX
 
-UNITS = 2048  # of a score: G for each counted pixel, in parts of this
-EVEN = 4 * UNITS  # the score where G is what chance makes of it
-UNLIKE = 0xFFFE  # the score of a window whose mean lies outside of what is asked for, and the largest score
-UNKNOWN = 0xFFFF  # the score where no window has enough counted pixels
+SCORE_UNITS = 2048  # units of a score for a G of 1 per counted pixel
+NULL_SCORE = 4 * SCORE_UNITS  # the score where G equals its expectation under the null hypothesis
+MAX_SCORE = 0xFFFE  # the largest score, and that of a window whose mean grey is out of bounds
+NO_SCORE = 0xFFFF  # sentinel: no window has enough counted pixels
 GREY_BINS = 64
 
-_FINE = 1 << 20  # fixed point of n ln n
-_FULL_SHARE = (7, 8)  # of a window's pixels that must be counted
+_LOG_SCALE = 1 << 20  # fixed point of n ln n
+_MIN_COVERAGE = (7, 8)  # share of a window's pixels that must be counted
 
 T = TypeVar("T", bound=np.integer[Any])
 
 
 @dataclass(frozen=True)
-class Model:
-    """Histograms of counted pixels; those of parts merge by adding.
+class TextureModel:
+    """Texture and grey histograms of counted pixels; those of parts merge by adding.
 
     Parameters
     ----------
     texture : (2048,) int64 array
-        How often each symbol occurs, see `texture.symbols`.
+        Histogram of symbols, see `lbp.lbp_symbols`.
     greys : (64,) int64 array
-        How many pixels have a grey of 0..1023, 1024..2047, and so on.
+        Histogram of grey in bins of 1024.
     coarse : (2048,) int64 array
-        How often each symbol of means of 2 x 2 pixels occurs, see `coarser.coarse_symbols`.
+        Histogram of symbols of means of 2 x 2 pixels, see `coarse_lbp.coarse_symbols`.
     """
 
     texture: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
     greys: NDArray[np.int64] = field(default_factory=lambda: np.zeros(GREY_BINS, np.int64))
     coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
-    def __add__(self, other: "Model") -> "Model":
-        return Model(self.texture + other.texture, self.greys + other.greys, self.coarse + other.coarse)
+    def __add__(self, other: "TextureModel") -> "TextureModel":
+        return TextureModel(
+            self.texture + other.texture, self.greys + other.greys, self.coarse + other.coarse
+        )
 
     @property
     def count(self) -> int:
@@ -58,80 +59,80 @@ class Model:
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
-    """The mean grey that a window must have, both ends in it."""
+class GreyBounds:
+    """Bounds of the mean grey of a window, both included."""
 
     low: int = 0
-    high: int = 65535
+    high: int = GREY_MAX
 
 
-def model_of(
+def texture_model(
     symbols: NDArray[np.uint16],
     grey: NDArray[np.uint16],
     cells: NDArray[np.uint8],
     margin: int = 0,
     coarse: NDArray[np.uint16] | None = None,
-) -> Model:
-    """The histograms of some cells of an image.
+) -> TextureModel:
+    """Histograms of selected cells of an image.
 
     Parameters
     ----------
     symbols : (M + 2 m, N + 2 m) uint16 array
-        From `texture.symbols`; 65535 does not count.
+        From `lbp_symbols`; 65535 is not counted.
     grey : (M + 2 m, N + 2 m) uint16 array
     cells : (M / 8, N / 8) uint8 array
-        1 where a cell counts.
+        1 where a cell is selected.
     margin : int
-        m, pixels on every side that belong to no cell.
+        m, width of a border that belongs to no cell.
     coarse : (M, N) uint16 array, optional
-        From `coarser.coarse_symbols`, without the margin.
+        From `coarse_symbols`, without the margin.
     """
-    found = Model()
-    _count(symbols, grey, cells, margin, found.texture, found.greys)
+    model = TextureModel()
+    _count(symbols, grey, cells, margin, model.texture, model.greys)
     if coarse is not None:
-        _count_coarse(coarse, cells, found.coarse)
-    return found
+        _count_coarse(coarse, cells, model.coarse)
+    return model
 
 
-def smallest_count(side: int) -> int:
-    """How many pixels of a window of `side` cells must be counted, that it has a score: seven eighths."""
-    return (side * CELL) ** 2 * _FULL_SHARE[0] // _FULL_SHARE[1]
+def min_count(side: int) -> int:
+    """Smallest number of counted pixels with which a window of `side` cells has a score: seven eighths."""
+    return (side * CELL) ** 2 * _MIN_COVERAGE[0] // _MIN_COVERAGE[1]
 
 
 def window_scores(
     symbols: NDArray[np.uint16],
     grey: NDArray[np.uint16],
-    model: Model,
+    model: TextureModel,
     side: int,
-    bounds: Bounds = Bounds(),
-    left_out: bool = False,
+    bounds: GreyBounds = GreyBounds(),
+    leave_one_out: bool = False,
 ) -> NDArray[np.uint16]:
-    """The score of every window: G against a model beyond chance, for each of its counted pixels.
+    """Score of every window: G against a model less its expectation, per counted pixel.
 
     Parameters
     ----------
     symbols, grey : (M, N) uint16 arrays
-        From `texture.symbols`, and the grey of the same pixels; M and N are multiples of 8.
+        From `lbp_symbols`, and the grey of the same pixels; M and N are multiples of 8.
     model : Model
     side : int
-        Of a window, in cells.
+        Side of a window, in cells.
     bounds : Bounds
-        Of the mean grey of a window's counted pixels.
-    left_out : bool
-        Whether each window is compared with the rest of the model instead: it must be a part of it.
+        Bounds of the mean grey of a window's counted pixels.
+    leave_one_out : bool
+        Whether each window, a part of the model, is compared with the rest of the model.
 
     Returns
     -------
     scores : (M / 8 - side + 1, N / 8 - side + 1) uint16 array
-        Of the window that begins at each cell: (G - chance) / pixels in parts of 1 / 2048, rounded down, and
-        `EVEN` more. 65534 where the mean is out of bounds, 65535 where less than seven eighths of the window
-        are counted.
+        Of the window that begins at each cell: (G - expected G) / pixels in units of 1 / 2048, rounded down,
+        plus `NULL_SCORE`. 65534 where the mean is out of bounds, 65535 where less than seven eighths of the
+        window are counted.
     """
     rows, cols = (length // CELL - side + 1 for length in symbols.shape)
-    scores = np.full((max(rows, 0), max(cols, 0)), UNKNOWN, np.uint16)
+    scores = np.full((max(rows, 0), max(cols, 0)), NO_SCORE, np.uint16)
     if scores.size and model.count:
-        above, below, whole = _tables(model, (CELL * side) ** 2, left_out)
-        _slide(
+        above, below, whole = _tables(model, (CELL * side) ** 2, leave_one_out)
+        _slide_window(
             symbols,
             grey,
             side,
@@ -139,8 +140,8 @@ def window_scores(
             above,
             below,
             whole,
-            left_out,
-            smallest_count(side),
+            leave_one_out,
+            min_count(side),
             bounds.low,
             bounds.high,
             np.zeros(SYMBOLS, np.int64),
@@ -150,15 +151,15 @@ def window_scores(
 
 
 def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
-    """For each cell the lowest score of the windows that it lies in.
+    """Minimum filter: for each cell the lowest score of the windows that contain it.
 
-    Near a boundary, most windows around a cell lie on both sides of it, but some on its own side alone (as in
-    Kuwahara's filter): so the lowest is that of a window on the sample's side, if the cell is there too.
+    Near a boundary, most windows around a cell straddle it, but some lie on the cell's own side only (as in
+    Kuwahara's filter). A cell on the sample's side therefore gets the score of a window on that side.
 
     Parameters
     ----------
     scores : (m + side - 1, n + side - 1) array of integers
-        Of the windows that begin up to ``side - 1`` cells before the first cell.
+        Scores of windows, the first of which begins ``side - 1`` cells before the first cell.
     side : int
 
     Returns
@@ -173,86 +174,87 @@ def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
 
 
 def _tables(
-    model: Model, largest: int, left_out: bool
+    model: TextureModel, largest: int, leave_one_out: bool
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """What windows of up to `largest` pixels are scored by, in fixed point; all of it is half of G.
+    """Lookup tables for windows of up to `largest` pixels, in fixed point; all values are half of G.
 
     Returns
     -------
     above, below : int64 arrays
-        What one more pixel of a symbol adds, by the pixels of it in both histograms, and in the window; see
-        `gain`.
+        Terms of `added_g`: by the pixels of a symbol in both histograms, and in the window.
     whole : (largest + 1,) int64 array
-        J(N, n) of windows of n counted pixels, less what chance makes of it before a window has any.
+        J(N, n) of windows of n counted pixels, less the expectation for an empty window.
     """
     total = model.count
     n = np.arange(largest + 1)
-    rest = np.maximum(total - n, 0) if left_out else np.full_like(n, total)
-    most = int(model.texture.max()) + (0 if left_out else largest + 1)
-    share = min(largest / total, 0.5) if left_out else largest / (total + largest)
-    by_chance = _fixed(chance(most, share) / 2)
-    above: NDArray[np.int64] = np.diff(_fixed(x_ln_x(np.arange(most + 1))))
-    if not left_out:  # else the pixels of both are those of the model, whatever the window
-        above += np.diff(by_chance)
-    below = np.diff(_fixed(x_ln_x(np.arange(largest + 2))))
-    whole = _fixed(x_ln_x(rest + n)) - _fixed(x_ln_x(rest)) - _fixed(x_ln_x(n))
-    return above, below, whole - by_chance[model.texture].sum()
+    rest = np.maximum(total - n, 0) if leave_one_out else np.full_like(n, total)
+    largest_n = int(model.texture.max()) + (0 if leave_one_out else largest + 1)
+    share = min(largest / total, 0.5) if leave_one_out else largest / (total + largest)
+    expected = _fixed(expected_g(largest_n, share) / 2)
+    above: NDArray[np.int64] = np.diff(_fixed(n_ln_n(np.arange(largest_n + 1))))
+    if not leave_one_out:  # else both histograms together are the model, for every window
+        above += np.diff(expected)
+    below = np.diff(_fixed(n_ln_n(np.arange(largest + 2))))
+    whole = _fixed(n_ln_n(rest + n)) - _fixed(n_ln_n(rest)) - _fixed(n_ln_n(n))
+    return above, below, whole - expected[model.texture].sum()
 
 
 def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
-    fixed: NDArray[np.int64] = np.rint(values * _FINE).astype(np.int64)
+    """Fixed point, rounded."""
+    fixed: NDArray[np.int64] = np.rint(values * _LOG_SCALE).astype(np.int64)
     return fixed
 
 
 @inlined
-def gain(frequency, count, above, below, left_out):  # type: ignore[no-untyped-def]
-    """What one more pixel of a symbol adds to J(f, n) = (f + n) ln (f + n) - f ln f - n ln n, and to chance.
+def added_g(frequency, count, above, below, leave_one_out):  # type: ignore[no-untyped-def]
+    """What one more pixel of a symbol adds to J(f, n) and its expectation, see `g_statistic`.
 
-    `count` pixels of the symbol are in the window; those of the model that are not are all `frequency`, or
-    (left_out) what the window leaves of them.
+    The window has `count` pixels of the symbol; the model has `frequency`, which include those of the window
+    if leave_one_out.
     """
-    other = frequency - count - 1 if left_out else frequency + count
+    other = frequency - count - 1 if leave_one_out else frequency + count
     return above[other] - below[count]
 
 
 @kernel(
     "void(u2[:,::1], u2[:,::1], i8, i8[::1], i8[::1], i8[::1], i8[::1], b1, i8, i8, i8, i8[::1], u2[:,::1])",
 )
-def _slide(  # type: ignore[no-untyped-def]
-    symbols, grey, side, model, above, below, whole, left_out, least, low, high, table, scores
+def _slide_window(  # type: ignore[no-untyped-def]
+    symbols, grey, side, model, above, below, whole, leave_one_out, minimum, low, high, table, scores
 ):
-    # One row of windows after the other, from left to right: a column of cells enters, another one leaves.
+    # Row by row of windows, from left to right: one column of cells enters, another leaves.
     rows, cols = scores.shape
     for row in range(rows):
         shared = np.int64(0)
-        counted = np.int64(0)
-        light = np.int64(0)
+        count = np.int64(0)
+        grey_sum = np.int64(0)
         for entering in range(cols + 2 * side - 1):
             for r in range(8 * row, 8 * (row + side)):
                 if entering < cols + side - 1:
                     for c in range(8 * entering, 8 * entering + 8):
-                        name = symbols[r, c]
-                        if name != UNCOUNTED:
-                            shared += gain(model[name], table[name], above, below, left_out)
-                            table[name] += 1
-                            counted += 1
-                            light += np.int64(grey[r, c])
+                        symbol = symbols[r, c]
+                        if symbol != UNCOUNTED:
+                            shared += added_g(model[symbol], table[symbol], above, below, leave_one_out)
+                            table[symbol] += 1
+                            count += 1
+                            grey_sum += np.int64(grey[r, c])
                 if entering >= side:
                     for c in range(8 * (entering - side), 8 * (entering - side) + 8):
-                        name = symbols[r, c]
-                        if name != UNCOUNTED:
-                            table[name] -= 1
-                            shared -= gain(model[name], table[name], above, below, left_out)
-                            counted -= 1
-                            light -= np.int64(grey[r, c])
+                        symbol = symbols[r, c]
+                        if symbol != UNCOUNTED:
+                            table[symbol] -= 1
+                            shared -= added_g(model[symbol], table[symbol], above, below, leave_one_out)
+                            count -= 1
+                            grey_sum -= np.int64(grey[r, c])
             first = entering - side + 1
-            if first < 0 or first >= cols or counted < least:
+            if first < 0 or first >= cols or count < minimum:
                 continue
-            if light < low * counted or light > high * counted:
-                scores[row, first] = UNLIKE
+            if grey_sum < low * count or grey_sum > high * count:
+                scores[row, first] = MAX_SCORE
             else:
-                score = EVEN + (whole[counted] - shared) // (256 * counted)  # 2 * UNITS / _FINE = 1 / 256
-                scores[row, first] = min(max(score, np.int64(0)), np.int64(UNLIKE))
+                units = (whole[count] - shared) // (256 * count)  # 2 * SCORE_UNITS / _LOG_SCALE = 1 / 256
+                score = NULL_SCORE + units
+                scores[row, first] = min(max(score, np.int64(0)), np.int64(MAX_SCORE))
 
 
 @kernel("void(u2[:,::1], u2[:,::1], u1[:,::1], i8, i8[::1], i8[::1])")
@@ -261,17 +263,17 @@ def _count(symbols, grey, cells, margin, texture, greys):  # type: ignore[no-unt
         for cell in range(cells.shape[1]):
             if cells[r // 8, cell]:
                 for c in range(margin + 8 * cell, margin + 8 * cell + 8):
-                    name = symbols[margin + r, c]
-                    if name != UNCOUNTED:
-                        texture[name] += 1
+                    symbol = symbols[margin + r, c]
+                    if symbol != UNCOUNTED:
+                        texture[symbol] += 1
                         greys[grey[margin + r, c] >> 10] += 1
 
 
 @kernel("void(u2[:,::1], u1[:,::1], i8[::1])")
-def _count_coarse(coarse, cells, found):  # type: ignore[no-untyped-def]
+def _count_coarse(coarse, cells, histogram):  # type: ignore[no-untyped-def]
     for r in range(8 * cells.shape[0]):
         for cell in range(cells.shape[1]):
             if cells[r // 8, cell]:
                 for c in range(8 * cell, 8 * cell + 8):
                     if coarse[r, c] != UNCOUNTED:
-                        found[coarse[r, c]] += 1
+                        histogram[coarse[r, c]] += 1

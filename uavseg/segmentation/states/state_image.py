@@ -1,4 +1,4 @@
-"""StateImage: the states of a whole raster, half a byte a pixel, read by window."""
+"""StateImage: the states of a whole raster in 4 bits per pixel, read by window."""
 
 import io
 import tempfile
@@ -10,63 +10,63 @@ from numpy.typing import NDArray
 
 from uavseg.errors import OutputError
 from uavseg.raster.tiling import Window, whole_blocks
-from uavseg.segmentation.states.state_scans import Codes, states_in
+from uavseg.segmentation.states.state_scans import Codes, decode_states
 
-ROOM = 64 << 20  # bytes held in memory: the codes of 128 million pixels; more lie in a temporary file
+MAX_IN_MEMORY = 64 << 20  # bytes: the codes of 128 million pixels; larger images go to a temporary file
 
-_FOUR = np.uint8(4)
-_LOW = np.uint8(15)
+_HALF_BYTE = np.uint8(4)
+_LOW_BITS = np.uint8(15)
 
 
 class StateImage:
-    """Codes of the pixels of a raster (see `statescans`), packed two to a byte.
+    """Codes of the pixels of a raster (see `state_scans`), packed two to a byte.
 
-    Up to 64 MB they are held in memory; beyond that in an unnamed temporary file, so that what is held does
-    not grow with the raster.
+    Images of up to 64 MB are held in memory, larger ones in an unnamed temporary file, so that memory is
+    bounded.
 
     Parameters
     ----------
     shape : (int, int)
-        Rows and columns of the raster; codes are kept for its whole blocks.
+        Rows and columns of the raster; codes are stored for its whole blocks.
 
     Raises
     ------
     OutputError
-        If there is no room for the temporary file.
+        If there is no space for the temporary file.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self.shape = shape
         self._rows, self._cols = (whole_blocks(length) for length in shape)
-        self._file = _room_for(self._rows * self._cols // 2)
+        self._file = _open_buffer(self._rows * self._cols // 2)
 
     @property
     def cols(self) -> int:
-        """Columns of its whole blocks."""
+        """Columns, rounded up to whole blocks."""
         return self._cols
 
-    def put(self, row: int, codes: Codes) -> None:
-        """Keep the codes of some rows from `row` on, (rows, cols) with the columns of whole blocks."""
+    def write_codes(self, row: int, codes: Codes) -> None:
+        """Write the codes of rows from `row` on, (rows, cols) with the columns of whole blocks."""
         try:
             self._file.seek(row * self._cols // 2)
-            self._file.write(packed(codes).tobytes())
+            self._file.write(pack_codes(codes).tobytes())
         except OSError as error:
-            raise _no_room(error) from error
+            raise _disk_error(error) from error
 
-    def codes(self, row: int, rows: int) -> Codes:
-        """Codes of some rows, (rows, cols) with the columns of whole blocks; 0 above and below the raster."""
+    def read_codes(self, row: int, rows: int) -> Codes:
+        """Read the codes of rows, (rows, cols) with the columns of whole blocks; 0 outside the raster."""
         first, last = max(row, 0), min(row + rows, self._rows)
-        found = np.zeros((rows, self._cols), np.uint8)
+        codes = np.zeros((rows, self._cols), np.uint8)
         if last > first:
             self._file.seek(first * self._cols // 2)
             content = self._file.read((last - first) * self._cols // 2)
-            unpack(
-                np.frombuffer(content, np.uint8).reshape(last - first, -1), found[first - row : last - row]
+            unpack_codes(
+                np.frombuffer(content, np.uint8).reshape(last - first, -1), codes[first - row : last - row]
             )
-        return found
+        return codes
 
     def read(self, window: Window | None = None) -> NDArray[np.uint8]:
-        """States of a window, or of all.
+        """Read the states of a window, or of the whole raster.
 
         Returns
         -------
@@ -74,40 +74,40 @@ class StateImage:
             0 invalid, 1 free, 2 unknown, 3 occupied.
         """
         part = Window(0, 0, *self.shape) if window is None else window
-        codes = self.codes(part.row, part.rows)
-        return np.ascontiguousarray(states_in(codes[:, part.col : part.col + part.cols]))
+        codes = self.read_codes(part.row, part.rows)
+        return np.ascontiguousarray(decode_states(codes[:, part.col : part.col + part.cols]))
 
     def strips(self, rows: int = 256) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
-        """States of all rows, some at a time from the top."""
+        """Windows of whole rows from the top, with their states."""
         for row in range(0, self.shape[0], rows):
             window = Window(row, 0, rows, self.shape[1]).clipped(self.shape)
             yield window, self.read(window)
 
 
-def packed(codes: Codes) -> NDArray[np.uint8]:
-    """Codes two to a byte: (rows, cols / 2), the left half of each row in the low bits."""
+def pack_codes(codes: Codes) -> NDArray[np.uint8]:
+    """Pack codes two to a byte: (rows, cols / 2), the left half of each row in the low bits."""
     half = codes.shape[1] // 2
-    return codes[:, :half] | codes[:, half:] << _FOUR
+    return codes[:, :half] | codes[:, half:] << _HALF_BYTE
 
 
-def unpack(pairs: NDArray[np.uint8], codes: Codes) -> None:
-    """`packed` undone, into an array."""
+def unpack_codes(pairs: NDArray[np.uint8], codes: Codes) -> None:
+    """The inverse of `pack_codes`, into an array."""
     half = pairs.shape[1]
-    np.bitwise_and(pairs, _LOW, out=codes[:, :half])
-    np.right_shift(pairs, _FOUR, out=codes[:, half:])
+    np.bitwise_and(pairs, _LOW_BITS, out=codes[:, :half])
+    np.right_shift(pairs, _HALF_BYTE, out=codes[:, half:])
 
 
-def _room_for(size: int) -> IO[bytes]:
-    if size <= ROOM:
+def _open_buffer(size: int) -> IO[bytes]:
+    if size <= MAX_IN_MEMORY:
         return io.BytesIO(bytes(size))
     try:
         return tempfile.TemporaryFile(prefix="uavseg-states-")
     except OSError as error:
-        raise _no_room(error) from error
+        raise _disk_error(error) from error
 
 
-def _no_room(error: OSError) -> OutputError:
+def _disk_error(error: OSError) -> OutputError:
     return OutputError(
-        f"the states cannot be kept in {tempfile.gettempdir()} ({error.strerror or error}); name a folder "
-        "with more room in the environment variable TMPDIR"
+        f"cannot write the states to {tempfile.gettempdir()} ({error.strerror or error}); name a folder "
+        "with more space in the environment variable TMPDIR"
     )
