@@ -15,8 +15,8 @@ from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
 from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.region_outlines import RegionOutlines
-from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
-from uavseg.regions.tiles.range_tiles import outline_regions, summed
+from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
+from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
@@ -181,16 +181,16 @@ def _extraction(
     if params.fill_holes is not None:
         filled = fill_small_holes(outlined, source.dataset.geobox, params.fill_holes)
         if filled is not outlined:  # what was in the holes counts now
-            outlined = replace(filled, sums=summed(source, filled, tile_pass))
+            outlined = replace(filled, sums=sum_regions(source, filled, tile_pass))
     return _measured(outlined, About.source(source), interval, params)
 
 
 def _at_block_edges(saved: SavedBlocks, interval: IntensityRange, params: ExtractParams) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone."""
     blocks, how = saved.blocks, params.segment
-    outlined = outline_cells(blocks, cells_in_range(blocks, interval, how.division))
+    outlined = outline_block_map(blocks, cells_in_range(blocks, interval, how.division))
     if params.fill_holes is not None:
-        outlined = summed_cells(blocks, fill_small_holes(outlined, saved.geobox, params.fill_holes))
+        outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, saved.geobox, params.fill_holes))
     return _measured(outlined, About.saved(saved), interval, params)
 
 

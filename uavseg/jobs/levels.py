@@ -14,7 +14,7 @@ from uavseg.raster.tile_pass import TilePass
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.region_outlines import RegionOutlines
-from uavseg.regions.tiles.block_map_regions import outline_cells
+from uavseg.regions.tiles.block_map_regions import outline_block_map
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.leaves import cell_levels
@@ -85,7 +85,7 @@ def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams
     _check(params)
     how = params.segment
     kinds = cell_levels(saved.blocks, levels, how.division)
-    outlined = outline_cells(saved.blocks, kinds)
+    outlined = outline_block_map(saved.blocks, kinds)
     return _extraction(outlined, About.saved(saved), levels, kinds, params)
 
 

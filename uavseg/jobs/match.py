@@ -28,7 +28,7 @@ from uavseg.regions.sample.place import Disc, place_of
 from uavseg.regions.sample.reject import confirmed
 from uavseg.regions.sample.scores import Criterion, Scored, mean_scores, outline_matches, scored
 from uavseg.regions.tiles.kind_tiles import outline_segments
-from uavseg.regions.tiles.range_tiles import summed
+from uavseg.regions.tiles.range_tiles import sum_regions
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
 from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
@@ -193,7 +193,7 @@ def _extraction(
     if params.fill_holes is not None:
         filled = fill_small_holes(outlined, geobox, params.fill_holes)
         if filled is not outlined:
-            outlined = replace(filled, sums=summed(source, filled, tile_pass))
+            outlined = replace(filled, sums=sum_regions(source, filled, tile_pass))
     if params.min_area is not None:
         outlined = drop_small_regions(outlined, geobox, params.min_area)
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}

@@ -24,9 +24,9 @@ from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
+from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
-from uavseg.regions.tiles.range_tiles import outline_regions, summed
+from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.pipeline import MIXED, measure_cells
 from uavseg.segmentation.source import GreySource
@@ -244,7 +244,7 @@ def test_sums_are_found_again_from_the_outlines(sourced: Sourced, seed: int, sid
     image = scene(seed, (150, 200))
     source, windows = sourced(image), tiles((150, 200), side)
     found = outline_regions(source, random_cells(seed, image.shape), BRIGHT, "scan", TilePass(windows))
-    again = summed(source, found, TilePass(windows, shuffled(seed)))
+    again = sum_regions(source, found, TilePass(windows, shuffled(seed)))
     assert same(RegionOutlines(found.rings, again), found)
 
 
@@ -259,7 +259,7 @@ def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
     kinds[-(-shape[0] // 8) :] = kinds[:, -(-shape[1] // 8) :] = 0  # no leaf lies wholly beyond the raster
     source = sourced(image)
     blocks = measure_cells(source, TilePass(one_tile(image))).blocks
-    cells = outline_cells(blocks, kinds)
+    cells = outline_block_map(blocks, kinds)
     for windows in (one_tile(image), tiles(shape, side)):
         pixels = outline_segments(source, kinds, TilePass(windows))
         sums = replace(cells.sums, squares=pixels.sums.squares)
@@ -274,11 +274,11 @@ def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_enclose
     """Also where cells have no valid pixels, and with the sums of all cells enclosed."""
     image, kinds = scene(seed, shape), random_cells(seed, shape)
     blocks = measure_cells(sourced(image), TilePass(one_tile(image))).blocks
-    found = outline_cells(blocks, kinds)
+    found = outline_block_map(blocks, kinds)
     names, firsts = np.unique(whole(found, image), return_index=True)
     places = np.stack(np.unravel_index(firsts[names > 0], shape), 1).tolist()
     assert found.sums.firsts.tolist() == places
-    assert summed_cells(blocks, found).sums.firsts.tolist() == places
+    assert sum_enclosed_cells(blocks, found).sums.firsts.tolist() == places
 
 
 def test_progress_is_told_of_every_tile(sourced: Sourced) -> None:

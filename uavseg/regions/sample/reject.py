@@ -9,7 +9,7 @@ from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, window_cells
 from uavseg.regions.sample.model import names_of
 from uavseg.regions.sample.scores import Criterion, Scored
-from uavseg.regions.tiles.kind_tiles import CellJobs
+from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.dilation import dilate
 from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, TextureModel, texture_model
@@ -45,7 +45,7 @@ def confirmed(
     """
     matched = scores.best <= criterion.limit
     concerned = [window for window in tile_pass.windows if matched[window_cells(window)].any()]
-    jobs = CellJobs(matched.view(np.uint8), concerned, CELL)
+    jobs = cell_jobs(matched.view(np.uint8), concerned, CELL)
     best, rest = scores.best.copy(), scores.rest
     confirm = partial(_confirm_tile, source, criterion, weights, least)
     for window, (refused, unlike) in zip(concerned, tile_pass.run(confirm, jobs), strict=True):

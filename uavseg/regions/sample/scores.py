@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.sample.model import Sample
-from uavseg.regions.tiles.kind_tiles import CellJobs
+from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
@@ -132,7 +131,7 @@ def outline_matches(
         As of `tilewise.outline_regions`.
     """
     outline = partial(_outline_match, source, cuts, weights)
-    tiles = tile_pass.run(outline, CellJobs(cells, tile_pass.windows, DECISION_HALO))
+    tiles = tile_pass.run(outline, cell_jobs(cells, tile_pass.windows, DECISION_HALO))
     return stitch_tiles(source.shape, tile_pass.windows, tiles).finish()
 
 
@@ -154,7 +153,8 @@ def mean_scores(
         NaN where no cell of a region has a score.
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
-    jobs = _Scores(edge_tables(outlined.rings, tile_pass.windows), best)
+    tables = edge_tables(outlined.rings, tile_pass.windows)
+    jobs = LazySequence(len(tables), partial(_score_job, tables, best))
     for names, total, count in tile_pass.silent.run(_sum_scores, jobs):
         sums[names] += total
         counts[names] += count
@@ -163,19 +163,12 @@ def mean_scores(
     return means
 
 
-class _Scores(Sequence[Any]):
-    """Labels of tiles as they are drawn, with the scores of their cells."""
-
-    def __init__(self, sketches: LazySequence[EdgeTable], best: NDArray[np.uint16]) -> None:
-        self._sketches = sketches
-        self._best = best
-
-    def __len__(self) -> int:
-        return len(self._sketches)
-
-    def __getitem__(self, k: Any) -> Any:
-        sketch = self._sketches[k]
-        return sketch, self._best[window_cells(sketch.window)]
+def _score_job(
+    tables: Sequence[EdgeTable], best: NDArray[np.uint16], k: int
+) -> tuple[EdgeTable, NDArray[np.uint16]]:
+    """The outlines in a tile with the scores of its cells."""
+    table = tables[k]
+    return table, best[window_cells(table.window)]
 
 
 def _sum_scores(
