@@ -175,13 +175,12 @@ def _hazard(picture: Path) -> Hazard:
 
 
 def _classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
-    from uavseg.jobs.classify import LIMITS, classify
-    from uavseg.jobs.extract import ExtractParams
+    from uavseg.jobs.classify import ClassifyRequest, classify
+    from uavseg.jobs.open_source import ProbabilityMap
     from uavseg.segmentation.params import SegmentParams
-    from uavseg.segmentation.source import GreySource
 
-    params = ExtractParams(SegmentParams(method, refine=refine))  # type: ignore[arg-type]
-    return classify(GreySource(dataset, stretch), LIMITS, params, objects=False)
+    segment = SegmentParams(method, refine=refine)  # type: ignore[arg-type]
+    return classify(ProbabilityMap(dataset, stretch), ClassifyRequest(segment=segment, objects=False))
 
 
 if __name__ == "__main__":

@@ -96,7 +96,8 @@ def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
     def find(scene: Scene) -> Any:
         from affine import Affine
 
-        from uavseg.jobs.match import MatchParams, match
+        from uavseg.jobs.match import MatchRequest, match
+        from uavseg.jobs.open_source import Raster
         from uavseg.raster.dataset import Dataset
         from uavseg.raster.geobox import GeoBox
         from uavseg.raster.tiling import Window
@@ -105,9 +106,8 @@ def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
 
         box = GeoBox(scene.image.shape, Affine.identity(), None)
         row, col, radius = scene.sample
-        found = match(
-            Dataset.of_values(scene.image, box, "scene"), Disc(col, row, radius), MatchParams(refine=refine)
-        )
+        source = Raster(Dataset.of_values(scene.image, box, "scene"))
+        found = match(source, MatchRequest(Disc(col, row, radius), refine=refine))
         return rasterise(found.found.rings, Window(0, 0, *box.shape)) > 0
 
     return find

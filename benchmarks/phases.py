@@ -29,7 +29,7 @@ WATCHED = (
     ("segmentation/labels/component_sums.py", "component_sums", "`component_sums.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
     ("regions/outline/trace.py", "link_rings", "`trace.link_rings`"),
-    ("regions/table.py", "make_regions", "areas, lengths, points inside: `make_regions`"),
+    ("regions/table.py", "make_regions", "areas, lengths, points inside: `table.make_regions`"),
     ("regions/formats/export.py", "write_regions", "GeoPackage: `export.write_regions`"),
 )
 
@@ -60,8 +60,8 @@ def _measured(raster: str) -> list[tuple[str, float]]:
     from uavseg import _lazy_pandas
 
     _lazy_pandas.install()  # as the program does
-    from uavseg.jobs.extract import ExtractParams, extract
-    from uavseg.raster.dataset import Dataset
+    from uavseg.jobs.extract import ExtractRequest, extract
+    from uavseg.jobs.open_source import open_source
     from uavseg.regions.edit.small import Area
     from uavseg.regions.formats import export
     from uavseg.segmentation.intervals import IntensityRange
@@ -70,8 +70,8 @@ def _measured(raster: str) -> list[tuple[str, float]]:
     imported = time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
         profile.enable()
-        params = ExtractParams(min_area=Area(MIN_PIXELS, True))
-        found = extract(Dataset.open(raster), IntensityRange(LOW, 1), params)
+        request = ExtractRequest(IntensityRange(LOW, 1), min_area=Area(MIN_PIXELS, True))
+        found = extract(open_source(raster), request)
         export.write_regions(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
         profile.disable()
     whole = time.perf_counter() - start

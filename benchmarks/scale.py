@@ -154,20 +154,21 @@ def _again(raster: str, blocks: str) -> tuple[float, float]:
     import numpy as np
 
     from uavseg.execution.executors import threads
-    from uavseg.jobs.extract import ExtractParams, extract, extract_from_blocks
-    from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blocks.block_file import read_block_map
+    from uavseg.jobs.extract import ExtractRequest, extract
+    from uavseg.jobs.open_source import open_source
+    from uavseg.jobs.work import Work
     from uavseg.segmentation.intervals import IntensityRange
     from uavseg.segmentation.params import SegmentParams
 
-    saved, dataset = read_block_map(blocks), Dataset.open(raster)
-    params = ExtractParams(SegmentParams(refine="none"))
-    extract_from_blocks(saved, None, IntensityRange(0.7, 1), params)  # loads all that is needed
+    saved, source = open_source(blocks), open_source(raster)
+    segment = SegmentParams(refine="none")
+    extract(saved, ExtractRequest(IntensityRange(0.7, 1), segment))  # loads all that is needed
     begun = time.perf_counter()
-    np.asarray(extract(dataset, IntensityRange(LOW, 1), map=threads()).regions.polygons)
+    work = Work(executor=threads())
+    np.asarray(extract(source, ExtractRequest(IntensityRange(LOW, 1)), work).regions.polygons)
     between = time.perf_counter()
     low, high = map(float, ANOTHER_RANGE.split(","))
-    np.asarray(extract_from_blocks(saved, None, IntensityRange(low, high), params).regions.polygons)
+    np.asarray(extract(saved, ExtractRequest(IntensityRange(low, high), segment)).regions.polygons)
     return between - begun, time.perf_counter() - between
 
 

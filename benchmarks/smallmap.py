@@ -71,23 +71,23 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     from skimage.segmentation import felzenszwalb
 
     import uavseg
-    from uavseg.jobs.classify import classify
-    from uavseg.jobs.extract import ExtractParams
+    from uavseg.jobs.classify import ClassifyRequest, classify
+    from uavseg.jobs.open_source import ProbabilityMap
+    from uavseg.jobs.path import PathRequest, free_cells
     from uavseg.occupancy.paths.find_path import find_way
-    from uavseg.occupancy.paths.free_cells import FreeCells
     from uavseg.occupancy.probability_map import stretch_of
     from uavseg.segmentation.intervals import IntensityRange
-    from uavseg.segmentation.source import GreySource
+    from uavseg.segmentation.params import SegmentParams
 
     dataset, interval = grid.dataset(), IntensityRange(*RANGE)
-    source = GreySource(dataset, stretch_of(dataset))
-    params = ExtractParams(stretch=source.stretch)
-    free = FreeCells.of(dataset, interval, params)
+    source = ProbabilityMap(dataset, stretch_of(dataset))
+    request = PathRequest(interval, start, goal, segment=SegmentParams())
+    free = free_cells(source, request)
     return {
         "uavseg: segment by a range, and plan": lambda: uavseg.path(grid, RANGE, start, goal, threads=1),
-        "uavseg: segment by a range": lambda: FreeCells.of(dataset, interval, params),
+        "uavseg: segment by a range": lambda: free_cells(source, request),
         "uavseg: plan": lambda: find_way(free, start, goal),
-        "uavseg: states, refined": lambda: classify(source, objects=False),
+        "uavseg: states, refined": lambda: classify(source, ClassifyRequest(objects=False)),
         "uavseg: states, refined, and objects": lambda: classify(source),
         "scikit-image: felzenszwalb, no plan": lambda: felzenszwalb(
             grid.probabilities, scale=100, sigma=0.5, min_size=64

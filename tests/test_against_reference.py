@@ -15,7 +15,9 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, serial, threads
-from uavseg.jobs.extract import ExtractParams, extract
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Raster
+from uavseg.jobs.work import Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
@@ -146,7 +148,9 @@ def test_regions_of_a_file_are_those_of_the_reference(
         given = StretchSpec("given", (Fraction(low), Fraction(high)))
         side, run = [(192, serial), (64, threads(2))][seed % 2]
         for case in cases(reference, seed):
-            found = extract(dataset, case.interval, ExtractParams(case.params, given, tile=side), run)
+            found = extract(
+                Raster(dataset, given), ExtractRequest(case.interval, case.params), Work(side, run)
+            )
             if not np.array_equal(painted(found.rings, valid.shape), case.labels):
                 different.append(told(seed, case, side))
             mine = np.bincount(case.labels.ravel(), minlength=1)[1:]

@@ -88,11 +88,11 @@ MAY_IMPORT = {
     "raster": GROUND,
     "segmentation": GROUND | {"raster"},
     "regions": GROUND | {"raster", "segmentation"},
-    "occupancy": TO_REGIONS | {"jobs"},
+    "occupancy": TO_REGIONS,
     "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
     "jobs": TO_REGIONS | {"occupancy", "flight"},
     "plot": TO_REGIONS - {"segmentation"} | {"occupancy", "flight", "jobs"},  # it draws what the others made
-    "api": TO_REGIONS | {"occupancy", "jobs"},
+    "api": TO_REGIONS | {"occupancy", "flight", "jobs"},
     "uavseg": {"_version"} | TO_REGIONS | {"occupancy", "flight", "jobs", "api"},  # by name, on first use
     "cli": TO_REGIONS | {"occupancy", "flight", "plot", "jobs", "api", "uavseg"},
     "_lazy_pandas": set(),
@@ -221,7 +221,7 @@ def test_commands_import_only_click_before_they_are_called() -> None:
 
 def test_the_imports_are_seen() -> None:
     seen = {(found.importer, found.imported) for found in imports()}
-    assert ("uavseg.cli.info", "uavseg.raster.dataset") in seen  # in a function
+    assert ("uavseg.cli.info", "uavseg.jobs.info") in seen  # in a function
     assert ("uavseg.raster.tile_pass", "uavseg.execution.executors") in seen
     assert (
         "uavseg.raster.intensity.stretch",

@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 
 import uavseg.segmentation.states.classify_strips as classification
 from uavseg.execution.executors import Map, serial, threads
-from uavseg.jobs.classify import classify
-from uavseg.jobs.extract import ExtractParams
-from uavseg.jobs.levels import extract_levels
+from uavseg.jobs.classify import ClassifyRequest, classify
+from uavseg.jobs.levels import LevelsRequest, levels
+from uavseg.jobs.open_source import ProbabilityMap
 from uavseg.jobs.result import Extraction
+from uavseg.jobs.work import Work
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.segmentation.intervals import Levels, StateLimits
+from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.source import GreySource
 
 MAPS = 220
 CHUNK = 20
@@ -86,7 +86,7 @@ def dataset_of(folder: Path, seed: int, values: NDArray[Any], valid: NDArray[np.
 class Case(NamedTuple):
     """A map, how it is divided, and the slow implementation's leaves."""
 
-    source: GreySource
+    source: ProbabilityMap
     grey: NDArray[np.uint16]
     valid: NDArray[np.bool_]
     X: float
@@ -98,7 +98,7 @@ def case_of(
     reference: ModuleType, dataset: Dataset, values: Any, valid: Any, X: float, tau: float | None
 ) -> Case:
     grey = reference.grey(values, valid, 0, 255.0 if values.dtype == np.uint8 else 1.0)
-    source = GreySource(dataset, stretch_of(dataset))
+    source = ProbabilityMap(dataset, stretch_of(dataset))
     return Case(source, grey, valid, X, tau, reference.divide(grey, valid, X, tau))
 
 
@@ -106,28 +106,25 @@ def painted(found: Extraction) -> NDArray[np.uint32]:
     return rasterise(found.rings, Window(0, 0, *found.geobox.shape))
 
 
-def params_of(case: Case, refine: str, tile: int) -> ExtractParams:
+def params_of(case: Case, refine: str) -> SegmentParams:
     method = "paper" if case.tau is None else "adaptive"
-    segment = SegmentParams(method, case.X, case.tau or 0.0, refine)  # type: ignore[arg-type]
-    form = "dtype" if case.source.dataset.dtype.kind == "u" else "none"
-    return ExtractParams(segment, form, tile=tile)
+    return SegmentParams(method, case.X, case.tau or 0.0, refine)  # type: ignore[arg-type]
 
 
 def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> list[tuple[object, ...]]:
     """What differs of states and objects, refined or not."""
     different = []
     by_value = case.grey / 65535 > reference.UNKNOWN_TO
-    tile, run = runner
     for refine in ("scan", "none"):
         states, segments = reference.states_of_leaves(case.leaves, case.grey, case.valid, refine == "scan")
-        found = classify(case.source, StateLimits(), params_of(case, refine, tile), map=run)
+        found = classify(case.source, ClassifyRequest(segment=params_of(case, refine)), Work(*runner))
         same = np.array_equal(found.states, states)
         same &= np.array_equal(painted(found.objects), reference.by_size(segments))
         same &= found.cells == {k: int((states == k).sum()) for k in range(4)}
         same &= found.occupied_in_free == ((states == 1) & by_value).sum()
         same &= found.occupied_by_value == (case.valid & by_value).sum()
         if not same:
-            different.append((refine, tile, case.X, case.tau))
+            different.append((refine, runner[0], case.X, case.tau))
     return different
 
 
@@ -137,8 +134,7 @@ def wrong_levels(
     """What differs of levels, their segments and the bounds that are told."""
     level, labels = reference.levels_of_leaves(case.leaves, case.valid, width)
     edges = reference.level_edges(width)
-    tile, run = runner
-    found = extract_levels(case.source.dataset, Levels(width), params_of(case, "none", tile), run)
+    found = levels(case.source, LevelsRequest(Levels(width), params_of(case, "none")), Work(*runner))
     columns = found.regions.columns
     image = painted(found)
     same = np.array_equal(image, labels)
@@ -146,7 +142,7 @@ def wrong_levels(
     same &= columns["range_low"].tolist() == [edges[k] for k in columns["level"]]
     high = [min(edges[k + 1], 1.0) for k in columns["level"]]
     same &= np.allclose(columns["range_high"], high, rtol=0, atol=1e-9)  # the last edge may be a hair less
-    return [] if same else [("levels", width, tile, case.X, case.tau)]
+    return [] if same else [("levels", width, runner[0], case.X, case.tau)]
 
 
 @pytest.mark.parametrize("first", CHUNKS, ids=lambda first: f"maps {first} to {first + CHUNK - 1}")
@@ -210,6 +206,7 @@ def test_very_wide_maps_are_cut_into_low_strips(monkeypatch: pytest.MonkeyPatch)
     dataset = Dataset.of_values(values, GeoBox(values.shape, Affine.identity(), None), "map")
     strips = classification.state_strips(values.shape, (512, 512))
     assert {window.rows for strip in strips[:-1] for window in strip} == {64}
-    low = classify(GreySource(dataset, stretch_of(dataset)))
+    source = ProbabilityMap(dataset, stretch_of(dataset))
+    low = classify(source)
     monkeypatch.undo()
-    assert np.array_equal(low.states, classify(GreySource(dataset, stretch_of(dataset))).states)
+    assert np.array_equal(low.states, classify(source).states)

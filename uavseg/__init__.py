@@ -12,14 +12,14 @@ from uavseg._version import __version__
 if TYPE_CHECKING:
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import path as path
+    from uavseg.api.missions import plan as plan
     from uavseg.api.questions import match as match
     from uavseg.api.questions import suggest as suggest
     from uavseg.api.rasters import divide as divide
     from uavseg.api.rasters import extract as extract
     from uavseg.api.rasters import levels as levels
     from uavseg.errors import UavsegError as UavsegError
-    from uavseg.flight.planner import PlanParams as PlanParams
-    from uavseg.flight.planner import plan as plan
+    from uavseg.flight.params import PlanParams as PlanParams
     from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
     from uavseg.occupancy.mapping.scan import Pose as Pose
     from uavseg.occupancy.mapping.scan import Scan as Scan
@@ -37,15 +37,15 @@ _HOMES = {
     "match": "uavseg.api.questions",
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
-    "plan": "uavseg.flight.planner",
-    "PlanParams": "uavseg.flight.planner",
+    "plan": "uavseg.api.missions",
+    "PlanParams": "uavseg.flight.params",
     "Dataset": "uavseg.raster.dataset",
     "GeoBox": "uavseg.raster.geobox",
     "IntensityRange": "uavseg.segmentation.intervals",
     "StateLimits": "uavseg.segmentation.intervals",
     "OccupancyGrid": "uavseg.occupancy.mapping.grid",
-    "Pose": "uavseg.occupancy.simulation.range_finder",
-    "Scan": "uavseg.occupancy.simulation.range_finder",
+    "Pose": "uavseg.occupancy.mapping.scan",
+    "Scan": "uavseg.occupancy.mapping.scan",
     "trace": "uavseg.regions.outline.trace",
     "UavsegError": "uavseg.errors",
 }

@@ -7,9 +7,11 @@ from affine import Affine
 
 from benchmarks.quality.camera import Mask
 from benchmarks.quality.scenes import RANGE, Scene
-from uavseg.jobs.extract import ExtractParams, extract
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Raster
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.stretch import StretchSpec
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import Rasteriser
 from uavseg.segmentation.intervals import IntensityRange
@@ -39,7 +41,7 @@ def settings(words: Sequence[str] = ()) -> dict[str, SegmentParams]:
 def extracted(scene: Scene, params: SegmentParams) -> Mask:
     """Pixels of the regions of a scene."""
     dataset = Dataset.of_values(scene.v, GeoBox(scene.v.shape, Affine.identity(), None), "scene")
-    found = extract(dataset, IntensityRange(*RANGE), ExtractParams(params, "none"))
+    found = extract(Raster(dataset, StretchSpec("none")), ExtractRequest(IntensityRange(*RANGE), params))
     if len(found.rings.starts) == 0:
         return np.zeros(scene.v.shape, bool)
     return Rasteriser(found.rings)(Window(0, 0, *scene.v.shape)) > 0

@@ -16,6 +16,7 @@ from geopandas.testing import assert_geodataframe_equal
 
 import uavseg
 from uavseg.errors import IntensityRangeError, ParameterError, RasterReadError
+from uavseg.flight import planner
 
 COLUMNS = ["id", "area_m2", "perimeter_m", "mean", "std", "pixels", "holes", "lon", "lat"]
 COLUMNS += ["range_low", "range_high", "source", "geometry"]
@@ -143,10 +144,11 @@ def test_no_region_is_an_empty_frame(raster: Path) -> None:
 def test_regions_become_a_mission(regions: geopandas.GeoDataFrame) -> None:
     on_globe = regions.to_crs(4326)
     points = list(zip(regions["lon"], regions["lat"], strict=True))
-    mission = uavseg.plan(
-        list(on_globe.geometry), points, uavseg.PlanParams(altitude_m=60, pattern="visit"), (45.1, -76.2)
-    )
+    params, home = uavseg.PlanParams(altitude_m=60, pattern="visit"), (45.1, -76.2)
+    mission = planner.plan(list(on_globe.geometry), points, params, home)
     assert len(mission.items) >= 3
+    with pytest.warns(UserWarning, match="altitude of home"):
+        assert uavseg.plan(regions, altitude=60, home=home) == mission
 
 
 def test_a_block_map(raster: Path) -> None:
@@ -256,8 +258,8 @@ def test_a_map_becomes_states_and_objects(tmp_path: Path) -> None:
 
 
 def test_maps_of_every_kind_are_the_same_map(tmp_path: Path) -> None:
-    from uavseg.jobs.classify import write_states
     from uavseg.occupancy.mapping.grid import OccupancyGrid
+    from uavseg.occupancy.state_file import write_states
     from uavseg.raster.geobox import upright
 
     grid = OccupancyGrid.from_probabilities(occupancy(), upright((140, 180), 1.0, (0, 0)))
@@ -267,7 +269,7 @@ def test_maps_of_every_kind_are_the_same_map(tmp_path: Path) -> None:
         found = uavseg.classify(source, tile=64)
         assert np.array_equal(found.states, wanted.states)
         assert found.frame()["pixels"].tolist() == wanted.frame()["pixels"].tolist()
-    write_states(tmp_path / "out.yaml", wanted)
+    write_states(tmp_path / "out.yaml", wanted.image, wanted.geobox)
     again = uavseg.classify(tmp_path / "out.yaml", refine="none")
     assert again.cells.keys() == wanted.cells.keys()
 
@@ -285,22 +287,23 @@ def test_a_map_of_something_else_is_stretched_where_that_is_asked_for(tmp_path: 
     for source in (percent, write(tmp_path / "percent.tif", percent)):
         found = uavseg.classify(source, stretch="0,100", tile=64)
         assert np.array_equal(found.states, wanted.states)
-        assert found.about.stretch.name == "0,100 -> 0..100"
+        assert found.source.stretch.name == "0,100 -> 0..100"
     assert uavseg.classify(percent).cells[3] == 0  # as parts of 255
-    assert uavseg.classify(percent, stretch="minmax").about.stretch.high == percent.max()
+    assert uavseg.classify(percent, stretch="minmax").source.stretch.high == percent.max()
 
 
 def test_a_ros_map_is_never_stretched(tmp_path: Path) -> None:
-    from uavseg.jobs.classify import write_states
     from uavseg.occupancy.mapping.grid import OccupancyGrid
+    from uavseg.occupancy.state_file import write_states
     from uavseg.raster.geobox import upright
 
     grid = OccupancyGrid.from_probabilities(occupancy(), upright((140, 180), 1.0, (0, 0)))
-    write_states(tmp_path / "map.yaml", uavseg.classify(grid))
+    found = uavseg.classify(grid)
+    write_states(tmp_path / "map.yaml", found.image, found.geobox)
     wanted = uavseg.classify(tmp_path / "map.yaml")
     for stretch in ("auto", "none"):
         found = uavseg.classify(tmp_path / "map.yaml", stretch=stretch)
-        assert found.about.stretch == wanted.about.stretch
+        assert found.source.stretch == wanted.source.stretch
     ends = {"range": (0, 0.45), "start": (20.5, 120.5), "goal": (30.5, 120.5)}
     for call in (uavseg.classify, lambda source, stretch: uavseg.path(source, **ends, stretch=stretch)):
         with pytest.raises(ParameterError, match=r"a ROS map holds probabilities, .* leave stretch out"):
@@ -311,8 +314,8 @@ def test_a_ros_map_is_never_stretched(tmp_path: Path) -> None:
     ("call", "told"),
     [
         (lambda: uavseg.levels(scene(), 0), "width of a level"),
-        (lambda: uavseg.levels(scene()[None], 0.1), "an array wants numbers in rows and columns"),
-        (lambda: uavseg.levels(scene() > 9, 0.1), "not bool of shape"),
+        (lambda: uavseg.levels(scene()[None], 0.1), "expected a 2-D array of numbers, got uint8 of shape"),
+        (lambda: uavseg.levels(scene() > 9, 0.1), "got bool of shape"),
         (lambda: uavseg.levels(scene(), 0.1, nodata=0), "an array has one band and no nodata"),
         (lambda: uavseg.classify(occupancy(), refine="smooth"), "refine is scan or none, not smooth"),
         (lambda: uavseg.classify(occupancy() * 2), "lies in 0..1 and this one holds 1.8"),
@@ -328,13 +331,10 @@ def test_maps_and_levels_that_cannot_be_are_refused(call: Any, told: str) -> Non
 
 
 def test_objects_that_nobody_asked_for_are_not_there() -> None:
-    from uavseg.jobs.classify import classify
-    from uavseg.occupancy.probability_map import stretch_of
-    from uavseg.raster.geobox import GeoBox
-    from uavseg.segmentation.source import GreySource
+    from uavseg.jobs.classify import ClassifyRequest, classify
+    from uavseg.jobs.open_source import open_probability_map
 
-    dataset = uavseg.Dataset.of_values(occupancy(), GeoBox((140, 180), Affine.identity(), None), "map")
-    found = classify(GreySource(dataset, stretch_of(dataset)), objects=False)
+    found = classify(open_probability_map(occupancy()), ClassifyRequest(objects=False))
     with pytest.raises(ParameterError, match="no objects were asked for"):
         found.frame()
 

@@ -11,17 +11,15 @@ from click.testing import CliRunner
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import IntensityRangeError, MapError, ParameterError, PathError
-from uavseg.jobs.extract import ExtractParams
+from uavseg.jobs.open_source import ProbabilityMap, open_probability_map
+from uavseg.jobs.path import PathRequest, free_cells
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.paths.any_angle import is_visible
-from uavseg.occupancy.paths.free_cells import FreeCells
-from uavseg.occupancy.probability_map import open_map
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import upright
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.params import SegmentParams
 
 CELL = 0.25
 RANGE = (0, 0.45)
@@ -107,11 +105,13 @@ def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["depot.yaml", "tb3_sandbox.yaml"])
 def test_on_real_maps_no_way_enters_a_cell_out_of_the_range(name: str, shared_data: Path) -> None:
-    dataset, stretch = open_map(shared_data / "maps" / name)
+    opened = open_probability_map(shared_data / "maps" / name)
+    assert isinstance(opened, ProbabilityMap)
+    dataset = opened.dataset
     values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
     safe = values[0] <= 0.45
-    params = ExtractParams(SegmentParams(refine="scan"), stretch)
-    _, mask, walls = FreeCells.of(dataset, IntensityRange(*RANGE), params).of_region(1)
+    request = PathRequest(IntensityRange(*RANGE), (0, 0), (0, 0))
+    _, mask, walls = free_cells(opened, request).of_region(1)
     assert walls > 100 and mask.sum() <= safe.sum()
     source, found = shared_data / "maps" / name, 0
     for first, last in np.random.default_rng(7).choice(np.argwhere(safe), (12, 2)):

@@ -79,7 +79,7 @@ def program(*arguments: object, script: str = "", **how: Any) -> subprocess.Pope
 SLOW = """
 import time
 from uavseg.cli import main
-from uavseg.cli._running import Reporter
+from uavseg.cli._run import Reporter
 tell = Reporter.progress
 def tell_slowly(self, done, total):
     tell(self, done, total)

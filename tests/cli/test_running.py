@@ -13,10 +13,9 @@ import rasterio
 from affine import Affine
 from click.testing import CliRunner
 
-from uavseg.cli import _running, main
-from uavseg.cli._progress import Amount, bar
-from uavseg.cli._running import Reporter
-from uavseg.raster.dataset import Dataset
+from uavseg.cli import _run, main
+from uavseg.cli._run import Amount, Reporter, bar
+from uavseg.raster.dataset import Dataset, windows_of
 
 QUARRY = Path(__file__).resolve().parents[2] / "samples" / "quarry.tif"
 
@@ -28,10 +27,10 @@ class Terminal(io.StringIO):
 
 def test_a_terminal_sees_tiles_speed_and_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     seconds = itertools.count(step=10)
-    monkeypatch.setattr(_running.time, "perf_counter", lambda: float(next(seconds)))
+    monkeypatch.setattr(_run.time, "perf_counter", lambda: float(next(seconds)))
     monkeypatch.setattr(sys, "stderr", screen := Terminal())
     reporter = Reporter(False, False, "auto")
-    reporter.begin(Dataset.open(QUARRY), 64)  # 9 x 10 tiles of 560 x 640 pixels; ten seconds in
+    reporter.begin(windows_of(Dataset.open(QUARRY), 64))  # 9 x 10 tiles of 560 x 640 pixels; ten seconds in
     reporter.progress(1, 2)
     reporter.progress(2, 2)
     reporter.finish()

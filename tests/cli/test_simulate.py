@@ -120,7 +120,7 @@ def test_the_sensor_can_be_changed(scene: str) -> None:
         (["lens", "--max-range", "nan"], "maximal range is a number above 0, not nan"),
         (["lens", "--fov", "400"], "field of view is more than 0 and at most 360 degrees, not 400"),
         (["lens", "--step", "0"], "angular step is a number above 0, not 0"),
-        (["lens", "--poses", "9"], "lens has 5 poses; --poses 9 asks for more"),
+        (["lens", "--poses", "9"], "lens has 5 poses, and 9 are asked for"),
         (["lens", "--png", "map.tif"], "two outputs have the same name"),
         (["lens", "--png", "nowhere/map.png"], "the folder nowhere does not exist"),
         (["lens", "--truth", "there.tif"], "there.tif exists; give --overwrite"),

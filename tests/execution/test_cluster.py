@@ -20,7 +20,9 @@ pytest.importorskip("distributed", reason="dask.distributed is not installed")
 from uavseg.cli import main
 from uavseg.errors import ClusterError, ParameterError, RasterReadError
 from uavseg.execution import cluster
-from uavseg.jobs.extract import ExtractParams, extract
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Raster
+from uavseg.jobs.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import upright
@@ -29,6 +31,7 @@ from uavseg.segmentation.intervals import IntensityRange
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"
 RANGE = ("--range", "0.55,1")
+BRIGHT = ExtractRequest(IntensityRange(0.55, 1))
 pytestmark = pytest.mark.slow
 
 
@@ -146,7 +149,7 @@ def test_no_pixels_travel(work: cluster.Cluster, tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(cluster, "unpacked", lambda content: unpack(counted("results", content)))
     image = np.kron(scene((256, 256)) // 9000, np.ones((8, 8), np.uint16)) * 9000
     raster = write(tmp_path / "tile.tif", image.astype(np.uint16))
-    extract(Dataset.open(raster), IntensityRange(0.55, 1), ExtractParams(tile=1024), work)
+    extract(Raster(Dataset.open(raster)), BRIGHT, Work(1024, work))
     assert 0 < sizes["items"] < 0.02 * image.size
     assert 0 < sizes["results"] < 0.2 * image.size  # of 2 bytes each
 
@@ -195,8 +198,7 @@ def test_a_worker_killed_in_the_middle_changes_nothing(
     processes: Any, work: cluster.Cluster, tmp_path: Path
 ) -> None:
     dataset = Dataset.open(write(tmp_path / "tile.tif", scene()))
-    params = ExtractParams(tile=64, fill_holes=None)
-    wanted = extract(dataset, IntensityRange(0.55, 1), params)
+    wanted = extract(Raster(dataset), BRIGHT, Work(64))
     killed = []
 
     def kill(done: int, total: int) -> None:
@@ -204,7 +206,7 @@ def test_a_worker_killed_in_the_middle_changes_nothing(
             killed.append(processes.workers.pop())
             killed[0].send_signal(signal.SIGKILL)
 
-    found = extract(dataset, IntensityRange(0.55, 1), params, work, kill)
+    found = extract(Raster(dataset), BRIGHT, Work(64, work, progress=kill))
     assert killed[0].wait(20) == -signal.SIGKILL
     processes.add(1)
     assert len(wanted.regions) > 10 and np.array_equal(found.rings.vertices, wanted.rings.vertices)
@@ -230,7 +232,7 @@ def test_a_raster_that_a_worker_does_not_have_is_named_with_the_worker(
         cluster.dask(processes.address) as work,
         pytest.raises(RasterReadError, match=rf"there is no file {raster} \(on the worker tcp://\S+, host"),
     ):
-        extract(dataset, IntensityRange(0.55, 1), ExtractParams(), work)
+        extract(Raster(dataset), BRIGHT, Work(executor=work))
 
 
 # What is refused

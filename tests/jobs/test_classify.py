@@ -10,26 +10,29 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import serial, threads
-from uavseg.jobs.classify import Classification, classify
-from uavseg.jobs.extract import ExtractParams
-from uavseg.occupancy.probability_map import open_map, stretch_of
+from uavseg.jobs.classify import Classification, ClassifyRequest, classify
+from uavseg.jobs.open_source import ProbabilityMap, open_probability_map
+from uavseg.jobs.work import Work
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.source import GreySource
 
-SCAN, NONE = (ExtractParams(SegmentParams("paper", refine=refine)) for refine in ("scan", "none"))
+SCAN, NONE = (ClassifyRequest(segment=SegmentParams("paper", refine=refine)) for refine in ("scan", "none"))
 FREE, UNKNOWN, OCCUPIED = 1, 2, 3
 
 
-def source_of(values: NDArray[np.floating], transform: Affine | None = None) -> GreySource:
-    dataset = Dataset.of_values(
-        values, GeoBox(values.shape, transform or Affine.scale(0.1, -0.1), None), "map"
-    )
-    return GreySource(dataset, stretch_of(dataset))
+def source_of(values: NDArray[np.floating], transform: Affine | None = None) -> ProbabilityMap:
+    place = GeoBox(values.shape, transform or Affine.scale(0.1, -0.1), None)
+    return opened(Dataset.of_values(values, place, "map"))
+
+
+def opened(source: object) -> ProbabilityMap:
+    found = open_probability_map(source)
+    assert isinstance(found, ProbabilityMap)
+    return found
 
 
 def random_map(seed: int) -> NDArray[np.float32]:
@@ -49,11 +52,10 @@ def random_map(seed: int) -> NDArray[np.float32]:
 @given(
     st.integers(0, 10**6), st.sampled_from([64, 128, 192, 4096]), st.booleans(), st.sampled_from([SCAN, NONE])
 )
-def test_tiles_and_threads_change_nothing(seed: int, tile: int, many: bool, params: ExtractParams) -> None:
+def test_tiles_and_threads_change_nothing(seed: int, tile: int, many: bool, request: ClassifyRequest) -> None:
     source = source_of(random_map(seed))
-    one = classify(source, params=params)
-    how = ExtractParams(params.segment, tile=tile)
-    other = classify(source, params=how, map=threads(2) if many else serial)
+    one = classify(source, request)
+    other = classify(source, request, Work(tile, threads(2) if many else serial))
     assert np.array_equal(one.states, other.states)
     assert (one.cells, one.occupied_in_free) == (other.cells, other.occupied_in_free)
     assert one.frame().to_wkb().equals(other.frame().to_wkb())
@@ -97,11 +99,7 @@ def test_a_turned_map_need_not_have_turned_states() -> None:
 
 def test_progress_ends_at_the_end() -> None:
     told: list[tuple[int, int]] = []
-    classify(
-        source_of(random_map(3)),
-        params=ExtractParams(SCAN.segment, tile=64),
-        progress=lambda *a: told.append(a),
-    )
+    classify(source_of(random_map(3)), SCAN, Work(64, progress=lambda *a: told.append(a)))
     shares = [done / total for done, total in told]
     assert shares == sorted(shares) and shares[-1] == 1 and shares[0] < 0.2
 
@@ -115,9 +113,8 @@ def iou(found: Classification, truth: NDArray[np.uint8], state: int) -> float:
 def test_refinement_brings_free_and_unknown_closer_to_the_truth(name: str) -> None:
     simulation = BUILT_IN[name]()
     truth = simulation.truth().states
-    dataset = simulation.run().dataset()
-    source = GreySource(dataset, stretch_of(dataset))
-    blocks, refined = classify(source, params=NONE), classify(source, params=SCAN)
+    source = opened(simulation.run())
+    blocks, refined = classify(source, NONE), classify(source, SCAN)
     for state in (FREE, UNKNOWN):
         assert iou(refined, truth, state) > iou(blocks, truth, state) + 0.02
         assert iou(refined, truth, state) > 0.9
@@ -126,9 +123,9 @@ def test_refinement_brings_free_and_unknown_closer_to_the_truth(name: str) -> No
 
 @pytest.mark.parametrize("name", ["depot", "tb3_sandbox"])
 def test_walls_that_are_called_free_are_counted(shared_data: Path, name: str) -> None:
-    dataset, stretch = open_map(shared_data / "maps" / f"{name}.yaml")
-    found = classify(GreySource(dataset, stretch))
-    values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
+    source = opened(shared_data / "maps" / f"{name}.yaml")
+    found = classify(source)
+    values, _ = source.dataset.read(Window(0, 0, *source.geobox.shape))
     above = values[0] > StateLimits().occupied_above
     assert found.occupied_by_value == above.sum() > 500
     assert found.occupied_in_free == (above & (found.states == FREE)).sum() > 0.4 * above.sum()

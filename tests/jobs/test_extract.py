@@ -18,13 +18,18 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import serial, threads
-from uavseg.jobs.extract import ExtractParams, divide, extract, extract_from_blocks
+from uavseg.jobs.divide import divide
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Blocks, Raster
 from uavseg.jobs.result import Extraction
+from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset, windows_of
+from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.tiling import tiles
+from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.label_raster import label_strips
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks
+from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
 
@@ -84,9 +89,22 @@ def cells_of(found: Extraction) -> list[str]:
     return ["".join(".123456789"[label] for label in row) for row in labels_of(found)[::8, ::8]]
 
 
-def saved(dataset: Dataset, path: str = "there.tif") -> SavedBlocks:
-    blocks, stretch = divide(dataset)
-    return SavedBlocks(blocks, dataset.geobox, stretch, dataset.band_names, Origin((path,), "/nowhere"))
+def extracted(
+    source: Dataset | Blocks,
+    segment: SegmentParams = SegmentParams(),
+    stretch: str = "auto",
+    work: Work = SERIAL,
+    **more: Any,
+) -> Extraction:
+    opened = Raster(source, parse_stretch(stretch)) if isinstance(source, Dataset) else source
+    return extract(opened, ExtractRequest(BRIGHT, segment, **more), work)
+
+
+def saved(dataset: Dataset, raster: Dataset | None = None) -> Blocks:
+    """The block map of a raster that is not where it was, or has become another."""
+    path = "there.tif" if raster is None else raster.paths[0]
+    blocks = divide(Raster(dataset)).saved
+    return Blocks(replace(blocks, origin=Origin((path,), "/nowhere")), "/nowhere/blocks.tif")
 
 
 def equal(one: Extraction, other: Extraction) -> bool:
@@ -128,7 +146,7 @@ def test_labels_are_those_of_the_reference(
     image = scene(seed, shape)
     tau = how.intensity_step if how.method == "adaptive" else None
     wanted = reference.extract(image, image > 0, 0, 255, 0.55, 1, how.threshold, tau, how.refine)
-    found = extract(opened(image, 0), BRIGHT, ExtractParams(how, tile=64))
+    found = extracted(opened(image, 0), how, work=Work(64))
     assert np.array_equal(labels_of(found), wanted)
     assert_measured(found, reference.grey(image, image > 0, 0, 255), image > 0)
 
@@ -137,15 +155,15 @@ def test_floats_with_nan_and_sixteen_bits_too(reference: ModuleType, opened: Ope
     image = scene(9, (90, 120))
     floats = np.where(image == 0, np.nan, image / 255).astype(np.float32)
     wanted = reference.extract(floats, image > 0, 0, 1, 0.55, 1, 1.2, 0.05)
-    assert np.array_equal(labels_of(extract(opened(floats), BRIGHT, ExtractParams(SCAN, "none"))), wanted)
+    assert np.array_equal(labels_of(extracted(opened(floats), SCAN, "none")), wanted)
     deep = image.astype(np.uint16) * 200
     wanted = reference.extract(deep, image > 0, 2000, 50_000, 0.55, 1, 1.2, 0.05)
-    found = extract(opened(deep, 0), BRIGHT, ExtractParams(SCAN, "2000,50000"))
+    found = extracted(opened(deep, 0), SCAN, "2000,50000")
     assert np.array_equal(labels_of(found), wanted)
 
 
 def test_a_bright_field_is_one_region_with_its_attributes(opened: Opened) -> None:
-    found = extract(opened(picture("...... .####. .#..#. .####. ......")), BRIGHT)
+    found = extracted(opened(picture("...... .####. .#..#. .####. ......")))
     assert cells_of(found) == ["......", ".1111.", ".1..1.", ".1111.", "......"]
     columns = {name: column.tolist() for name, column in found.regions.columns.items()}
     assert columns["pixels"] == [640] and columns["holes"] == [1]
@@ -161,7 +179,7 @@ def test_a_bright_field_is_one_region_with_its_attributes(opened: Opened) -> Non
 
 def test_nothing_in_range_is_no_region(opened: Opened) -> None:
     for image in (picture("... ..."), np.zeros((20, 30), np.uint8)):
-        found = extract(opened(image, 0), BRIGHT)
+        found = extracted(opened(image, 0))
         assert len(found.regions) == 0 and not labels_of(found).any()
 
 
@@ -178,37 +196,35 @@ def test_tiles_and_threads_change_nothing(
     opened: Opened, seed: int, shape: tuple[int, int], how: SegmentParams, stretch: str, clean: bool
 ) -> None:
     dataset = opened(scene(seed, shape), 0)
-    params = ExtractParams(how, stretch, pixels(40) if clean else None, pixels(10) if clean else None)
-    wanted = extract(dataset, BRIGHT, replace(params, tile=4096))
+    small = {"fill_holes": pixels(40), "min_area": pixels(10)} if clean else {}
+    wanted = extracted(dataset, how, stretch, Work(4096), **small)
     for tile, run in ((64, threads(2)), (128, serial), (192, threads(3)), (None, serial)):
-        assert equal(wanted, extract(dataset, BRIGHT, replace(params, tile=tile), run))
+        assert equal(wanted, extracted(dataset, how, stretch, Work(tile, run), **small))
 
 
 def test_progress_rises_to_the_end(opened: Opened) -> None:
     told: list[float] = []
     dataset = opened(scene(4, (200, 200)).astype(np.uint16))
-    extract(
-        dataset, BRIGHT, ExtractParams(tile=64), threads(2), lambda done, total: told.append(done / total)
-    )
+    extracted(dataset, work=Work(64, threads(2), progress=lambda done, total: told.append(done / total)))
     assert told == sorted(told) and told[-1] == 1 and len(told) > 16
 
 
 @pytest.mark.parametrize("tile", [100, -64, 63])
 def test_a_tile_that_is_no_multiple_of_64_is_refused(opened: Opened, tile: int) -> None:
     with pytest.raises(ParameterError, match=f"multiple of 64 pixels, not {tile}"):
-        extract(opened(picture("#")), BRIGHT, ExtractParams(tile=tile))
+        extracted(opened(picture("#")), work=Work(tile))
 
 
 @pytest.mark.parametrize("metres", [-1.0, float("nan"), float("inf")])
 def test_outlines_are_not_simplified_by_less_than_nothing(metres: float) -> None:
     with pytest.raises(ParameterError, match="simplified by metres that are not negative"):
-        ExtractParams(simplify_m=metres)
+        Drawing(simplify_m=metres)
 
 
 def test_simplified_outlines_keep_ids_and_measures_of_the_pixels(opened: Opened) -> None:
     dataset = opened(scene(12, (200, 200)), 0)
-    exact = extract(dataset, BRIGHT)
-    simple = extract(dataset, BRIGHT, ExtractParams(simplify_m=5))
+    exact = extracted(dataset)
+    simple = extracted(dataset, drawing=Drawing(simplify_m=5))
     for name in ("id", "pixels", "mean", "std", "holes"):
         if name != "holes":
             assert simple.regions.columns[name].tolist() == exact.regions.columns[name].tolist()
@@ -224,19 +240,19 @@ LAKE = ".......... .#####.... .#...#.##. .#.#.#.##. .#...#.##. .#####.##. ......
 
 def test_small_regions_are_dropped_after_holes_are_filled(opened: Opened) -> None:
     dataset = opened(picture("....... .###... .#.#... .###... ......."))
-    kept = extract(dataset, BRIGHT, ExtractParams(NONE, "auto", pixels(65), pixels(576)))
+    kept = extracted(dataset, NONE, fill_holes=pixels(65), min_area=pixels(576))
     assert kept.regions.columns["pixels"].tolist() == [576]
-    assert len(extract(dataset, BRIGHT, ExtractParams(NONE, "auto", None, pixels(576))).regions) == 0
-    assert len(extract(dataset, BRIGHT, ExtractParams(NONE, "auto", pixels(64), pixels(576))).regions) == 0
+    assert len(extracted(dataset, NONE, min_area=pixels(576)).regions) == 0
+    assert len(extracted(dataset, NONE, fill_holes=pixels(64), min_area=pixels(576)).regions) == 0
 
 
 def test_what_was_in_a_filled_hole_is_measured_anew(reference: ModuleType, opened: Opened) -> None:
     image = picture(LAKE)
     dataset = opened(image)
     grey, everywhere = reference.grey(image, image > 0, 0, 255), image > 0
-    before = extract(dataset, BRIGHT, ExtractParams(NONE))
+    before = extracted(dataset, NONE)
     assert before.regions.columns["pixels"].tolist() == [64 * 16, 64 * 10, 64]
-    found = extract(dataset, BRIGHT, ExtractParams(NONE, fill_holes=pixels(1000)))
+    found = extracted(dataset, NONE, fill_holes=pixels(1000))
     assert found.regions.columns["pixels"].tolist() == [64 * 25, 64 * 10]
     assert found.regions.columns["holes"].tolist() == [0, 0]
     assert_measured(found, grey, everywhere)
@@ -249,9 +265,8 @@ def test_cleaned_regions_are_measured_over_their_valid_pixels(
 ) -> None:
     image = scene(seed, (120, 130))
     valid = image > 0
-    found = extract(
-        opened(image, 0), BRIGHT, ExtractParams(how, "auto", pixels(holes), pixels(small), tile=64)
-    )
+    area = {"fill_holes": pixels(holes), "min_area": pixels(small)}
+    found = extracted(opened(image, 0), how, work=Work(64), **area)
     if len(found.regions):
         assert_measured(found, reference.grey(image, valid, 0, 255), valid)
         assert found.regions.columns["pixels"].min() >= small
@@ -261,15 +276,14 @@ def test_dropping_nothing_changes_nothing(opened: Opened) -> None:
     image = picture("........ .###.##. .#x#.##. .###.##. .....##. .....#.. ........")
     dataset = opened(image, 0)  # eight cells and a hole of nodata, against nine cells
     image[40:44, 40:48] = 20
-    filled = ExtractParams(NONE, fill_holes=pixels(100))
-    one = extract(dataset, BRIGHT, filled)
-    assert equal(one, extract(dataset, BRIGHT, replace(filled, min_area=pixels(1))))
+    one = extracted(dataset, NONE, fill_holes=pixels(100))
+    assert equal(one, extracted(dataset, NONE, fill_holes=pixels(100), min_area=pixels(1)))
 
 
 def test_a_filled_hole_of_nodata_counts_as_pixels_but_not_for_the_mean(opened: Opened) -> None:
     image = picture("......... .###.###. .#x#.#.#. .###.###. .........")
     image[28:32, 60:64] = 20  # the second region is smaller by this, and its hole is not
-    found = extract(opened(image, 0), BRIGHT, ExtractParams(SCAN, fill_holes=pixels(100), min_area=pixels(1)))
+    found = extracted(opened(image, 0), SCAN, fill_holes=pixels(100), min_area=pixels(1))
     columns = found.regions.columns
     assert columns["pixels"].tolist() == sorted(columns["pixels"].tolist(), reverse=True)
     assert columns["mean"][0] == pytest.approx(200 / 255, abs=1e-5)
@@ -279,16 +293,16 @@ def test_a_part_of_a_region_in_its_own_hole_survives_filling(opened: Opened) -> 
     image = np.full((64, 64), 200, np.uint8)
     image[20:40, 20:40] = 0
     image[24:36, 24:36] = 200  # one leaf, in two parts
-    found = extract(opened(image, 0), BRIGHT, ExtractParams(NONE, fill_holes=pixels(1000)))
+    found = extracted(opened(image, 0), NONE, fill_holes=pixels(1000))
     assert found.regions.columns["pixels"].tolist() == [64 * 64]
 
 
 def test_square_metres_want_a_crs(opened: Opened) -> None:
     dataset = opened(picture("### #.# ###"), crs=None)
-    assert len(extract(dataset, BRIGHT, ExtractParams(min_area=pixels(4))).regions) == 1
-    for params in (ExtractParams(min_area=Area(4)), ExtractParams(fill_holes=Area(4))):
+    assert len(extracted(dataset, min_area=pixels(4)).regions) == 1
+    for what in ("min_area", "fill_holes"):
         with pytest.raises(ParameterError, match="give the area in pixels, such as 4px"):
-            extract(dataset, BRIGHT, params)
+            extracted(dataset, **{what: Area(4)})
 
 
 # A block map
@@ -304,18 +318,16 @@ def test_a_block_map_with_its_raster_answers_as_the_raster(
     opened: Opened, seed: int, shape: tuple[int, int], how: SegmentParams
 ) -> None:
     dataset = opened(scene(seed, shape), 0)
-    params = ExtractParams(how, tile=64)
-    assert equal(
-        extract_from_blocks(saved(dataset), dataset, BRIGHT, params), extract(dataset, BRIGHT, params)
-    )
+    tiled = Work(64)
+    assert equal(extracted(saved(dataset, dataset), how, work=tiled), extracted(dataset, how, work=tiled))
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (100, 140), (7, 9), (129, 65)])
 def test_a_block_map_alone_answers_with_whole_cells(opened: Opened, shape: tuple[int, int]) -> None:
     image = np.maximum(scene(6, shape), 1)
     dataset = opened(image)
-    alone = extract_from_blocks(saved(dataset), None, BRIGHT, ExtractParams(NONE))
-    exact = extract(dataset, BRIGHT, ExtractParams(NONE))
+    alone = extracted(saved(dataset), NONE)
+    exact = extracted(dataset, NONE)
     assert np.array_equal(labels_of(alone), labels_of(exact))  # every pixel is valid
     for name in ("id", "pixels", "mean", "area_m2", "holes"):
         assert alone.regions.columns[name].tolist() == pytest.approx(exact.regions.columns[name].tolist())
@@ -326,7 +338,7 @@ def test_a_block_map_alone_answers_with_whole_cells(opened: Opened, shape: tuple
 def test_cells_with_few_valid_pixels_are_whole_where_the_raster_is_gone(opened: Opened) -> None:
     image = picture("##. ..x", 64)
     image[0:37, 64:128] = 0  # four rows of cells, and five of the eight rows of pixels in the next
-    alone = extract_from_blocks(saved(opened(image, 0)), None, BRIGHT, ExtractParams(NONE))
+    alone = extracted(saved(opened(image, 0)), NONE)
     assert alone.regions.columns["pixels"].tolist() == [64 * 64 + 32 * 64]
     assert alone.regions.columns["mean"].tolist() == pytest.approx([200 / 255], abs=1e-5)
 
@@ -334,50 +346,49 @@ def test_cells_with_few_valid_pixels_are_whole_where_the_raster_is_gone(opened: 
 def test_regions_of_a_block_map_are_numbered_by_their_pixels(opened: Opened) -> None:
     image = picture("##.###", 64)
     image[::2, 192:] = 0  # half of the larger region is nodata
-    alone = extract_from_blocks(saved(opened(image, 0)), None, BRIGHT, ExtractParams(NONE))
+    alone = extracted(saved(opened(image, 0)), NONE)
     assert alone.regions.columns["pixels"].tolist() == [3 * 64 * 64, 2 * 64 * 64]
 
 
 def test_holes_of_a_block_map_are_measured_with_what_was_in_them(opened: Opened) -> None:
     dataset = opened(picture(LAKE))
-    params = ExtractParams(NONE, fill_holes=pixels(1000))
-    alone = extract_from_blocks(saved(dataset), None, BRIGHT, params)
-    exact = extract(dataset, BRIGHT, params)
+    alone = extracted(saved(dataset), NONE, fill_holes=pixels(1000))
+    exact = extracted(dataset, NONE, fill_holes=pixels(1000))
     assert alone.regions.columns["pixels"].tolist() == exact.regions.columns["pixels"].tolist()
     assert alone.regions.columns["mean"].tolist() == pytest.approx(exact.regions.columns["mean"].tolist())
 
 
 def test_a_raster_that_changed_is_refused(opened: Opened) -> None:
     image = scene(8, (130, 130))
-    blocks = saved(opened(image, 0))
     changed = image.copy()
     changed[np.unravel_index(np.argmax(image), image.shape)] -= 9
+    blocks = saved(opened(image, 0), opened(changed, 0))
     with pytest.raises(
         RasterError, match="make the block map again with uavseg divide, or give --refine none"
     ):
-        extract_from_blocks(blocks, opened(changed, 0), BRIGHT, ExtractParams(tile=64))
-    assert len(extract_from_blocks(blocks, opened(changed, 0), BRIGHT, ExtractParams(NONE)).regions)
+        extracted(blocks, work=Work(64))
+    assert len(extracted(blocks, NONE).regions)
 
 
 def test_a_raster_whose_black_became_nodata_has_changed_too(opened: Opened) -> None:
     image = np.full((64, 64), 200, np.uint8)
     image[24:40, 24:40] = 0
     with pytest.raises(RasterError, match="is not as it was"):
-        extract_from_blocks(saved(opened(image)), opened(image, 0), BRIGHT)
+        extracted(saved(opened(image), opened(image, 0)))
 
 
 def test_a_raster_of_another_size_is_refused(opened: Opened) -> None:
     with pytest.raises(
         ParameterError, match="has not the size of the raster that the block map was made from"
     ):
-        extract_from_blocks(saved(opened(picture("##"))), opened(picture("###")), BRIGHT)
+        extracted(saved(opened(picture("##")), opened(picture("###"))))
 
 
 # Labels and tiles
 
 
 def test_labels_are_painted_from_the_top_window_by_window(opened: Opened) -> None:
-    found = extract(opened(scene(2, (200, 70)), 0), BRIGHT)
+    found = extracted(opened(scene(2, (200, 70)), 0))
     windows = [window for window, _ in label_strips(found.rings, found.geobox.shape)]
     assert sum(window.rows * window.cols for window in windows) == 200 * 70
     assert [window.row for window in windows] == sorted(window.row for window in windows)
@@ -391,4 +402,4 @@ def test_tiles_suit_the_file_where_no_side_is_given(opened: Opened) -> None:
 
 def test_folders_and_stems_of_the_source(opened: Opened) -> None:
     dataset = opened(picture("##"))
-    assert set(extract(dataset, BRIGHT).regions.columns["source"]) == {Path(dataset.paths[0]).name}
+    assert set(extracted(dataset).regions.columns["source"]) == {Path(dataset.paths[0]).name}

@@ -19,9 +19,12 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import serial, threads
-from uavseg.jobs.match import Match, MatchParams, match
+from uavseg.jobs.match import Match, MatchRequest, match
+from uavseg.jobs.open_source import Raster
+from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import parse_area
 from uavseg.regions.outline.rasterise import rasterise
@@ -29,8 +32,6 @@ from uavseg.regions.sample.place import Disc, parse_like, place_of
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
-
-PLAIN, CELLS = MatchParams(), MatchParams(refine="none")
 
 
 def grain(rng: np.random.Generator, shape: tuple[int, int], side: int) -> NDArray[np.float64]:
@@ -67,6 +68,7 @@ def scene(wanted: str, other: str, seed: int = 0, shape: tuple[int, int] = (256,
 
 
 INSIDE = Disc(110, 110, 50)  # of the scene's disc
+PLAIN, CELLS = MatchRequest(INSIDE), MatchRequest(INSIDE, refine="none")
 
 
 def dataset(image: NDArray[np.generic], crs: str | None = None) -> Dataset:
@@ -74,8 +76,14 @@ def dataset(image: NDArray[np.generic], crs: str | None = None) -> Dataset:
     return Dataset.of_values(image, GeoBox(image.shape, Affine.identity(), crs and CRS.from_string(crs)), "a")
 
 
-def found(image: NDArray[np.generic], like: Disc = INSIDE, params: MatchParams = PLAIN) -> Match:
-    return match(dataset(image), like, params)
+def found(
+    image: NDArray[np.generic],
+    like: Disc = INSIDE,
+    request: MatchRequest = PLAIN,
+    stretch: str = "auto",
+    work: Work = SERIAL,
+) -> Match:
+    return match(Raster(dataset(image), parse_stretch(stretch)), replace(request, like=like), work)
 
 
 def painted(made: Match) -> Mask:
@@ -120,7 +128,7 @@ def test_textures_that_a_window_alone_may_both_be_are_told_apart(seed: int) -> N
 
 def test_what_is_found_goes_to_the_pixel() -> None:
     image, truth = scene("rows", "meadow", 1)
-    by_pixel, by_cell = (overlap(painted(found(image, params=p)), truth) for p in (PLAIN, CELLS))
+    by_pixel, by_cell = (overlap(painted(found(image, request=p)), truth) for p in (PLAIN, CELLS))
     assert by_pixel > by_cell > 0.7
 
 
@@ -139,11 +147,11 @@ def test_tiles_and_threads_change_nothing(
     image, _ = scene(wanted, "meadow", seed, (256, 320))
     image = image[: shape[0], : shape[1]].astype(np.float32) / 255
     image[rng.random(shape) < 0.001] = np.nan
-    params = MatchParams(window, refine=refine, similarity=0.7, stretch="none", fill_holes=None)
     like = Disc(36, 36, 34)
-    whole = match(dataset(image), like, replace(params, tile=256))
+    request = MatchRequest(like, window, refine=refine, similarity=0.7)
+    whole = found(image, like, request, "none", Work(256))
     for side, count in ((64, 1), (128, 2)):
-        parts = match(dataset(image), like, replace(params, tile=side), threads(count))
+        parts = found(image, like, request, "none", Work(side, threads(count)))
         assert np.array_equal(parts.found.rings.vertices, whole.found.rings.vertices)
         assert np.array_equal(parts.found.rings.labels, whole.found.rings.labels)
         for name, column in whole.found.regions.columns.items():
@@ -159,8 +167,8 @@ def test_what_workers_get_and_give_may_be_sent() -> None:
             yield pickle.loads(pickle.dumps(sent(job)))
 
     image, _ = scene("rows", "sand", 11)
-    params = MatchParams(tile=64, fill_holes=parse_area("50px"))
-    here, there = (match(dataset(image), INSIDE, params, run) for run in (serial, elsewhere))
+    request = MatchRequest(INSIDE, fill_holes=parse_area("50px"))
+    here, there = (found(image, request=request, work=Work(64, run)) for run in (serial, elsewhere))
     for name, column in here.found.regions.columns.items():
         np.testing.assert_array_equal(there.found.regions.columns[name], column)
 
@@ -185,7 +193,7 @@ def test_a_raster_of_one_texture_is_like_its_sample_everywhere(name: str) -> Non
 @pytest.mark.parametrize("pair", [("meadow", "forest"), ("rows", "meadow")], ids=" in ".join)
 def test_less_similarity_finds_all_of_it_and_more(pair: tuple[str, str]) -> None:
     image, _ = scene(*pair, 4)
-    masks = [painted(found(image, params=replace(CELLS, similarity=s))) for s in (1, 0.9, 0.7, 0.4, 0.1)]
+    masks = [painted(found(image, request=replace(CELLS, similarity=s))) for s in (1, 0.9, 0.7, 0.4, 0.1)]
     for strict, loose in pairwise(masks):
         assert not (strict & ~loose).any()
     assert masks[-1].sum() > masks[0].sum()
@@ -194,7 +202,7 @@ def test_less_similarity_finds_all_of_it_and_more(pair: tuple[str, str]) -> None
 def test_more_deviations_find_all_of_it_and_more() -> None:
     image, _ = scene("sand", "sand", 5)
     image[:, 160:] = np.clip(image[:, 160:] * 0.9 + 30, 0, 255)
-    masks = [painted(found(image, params=replace(CELLS, intensity=k))) for k in (0, 0.3, 1, 3, np.inf)]
+    masks = [painted(found(image, request=replace(CELLS, intensity=k))) for k in (0, 0.3, 1, 3, np.inf)]
     for strict, loose in pairwise(masks):
         assert not (strict & ~loose).any()
     assert masks[0].sum() < masks[-1].sum()
@@ -204,16 +212,15 @@ def test_the_same_texture_of_another_grey_is_not_like_the_sample() -> None:
     rng = np.random.default_rng(6)
     image = 0.3 + 0.05 * rng.normal(size=(200, 300))
     image[:, 150:] += 0.3
-    params = MatchParams(stretch="none")
-    sides = painted(found(np.clip(image, 0, 1), Disc(75, 100, 50), params))
+    sides = painted(found(np.clip(image, 0, 1), Disc(75, 100, 50), stretch="none"))
     assert sides[:, :148].all() and not sides[:, 152:].any()
-    alone = replace(params, intensity=np.inf)
-    assert painted(found(np.clip(image, 0, 1), Disc(75, 100, 50), alone)).all()
+    alone = replace(PLAIN, intensity=np.inf)
+    assert painted(found(np.clip(image, 0, 1), Disc(75, 100, 50), alone, "none")).all()
 
 
 def test_each_region_tells_how_similar_it_is() -> None:
     image, truth = scene("rows", "meadow", 7)
-    strict = found(image, params=replace(CELLS, similarity=0.9))
+    strict = found(image, request=replace(CELLS, similarity=0.9))
     columns = strict.found.regions.columns
     assert list(columns)[:3] == ["id", "similarity", "area_m2"]
     assert (columns["similarity"] >= 0.9).all() and (columns["similarity"] <= 1).all()
@@ -230,7 +237,7 @@ def test_nodata_is_never_like_anything_and_hides_nothing() -> None:
     values = image.astype(np.float32) / 255
     values[60:70] = np.nan
     values[:, 300:] = np.nan
-    made = painted(found(values, params=MatchParams(stretch="none")))
+    made = painted(found(values, stretch="none"))
     known = np.isfinite(values)
     assert not made[~known].any()
     assert overlap(made[known], truth[known]) > 0.85
@@ -240,7 +247,7 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
     image, _ = scene("rows", "meadow", 9)
     image[104:128, 104:128] = 127  # a hole in the texture
     open_, filled = (
-        found(image, Disc(110, 60, 28), MatchParams(16, fill_holes=size, min_area=size))
+        found(image, Disc(110, 60, 28), MatchRequest(INSIDE, 16, fill_holes=size, min_area=size))
         for size in (None, parse_area("900px"))
     )
     assert not painted(open_)[115, 115] and painted(filled)[115, 115]
@@ -251,7 +258,7 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
 def test_a_clearing_is_not_like_the_forest_around_it(shared_data: Path) -> None:
     raster = Dataset.open(shared_data / "imagery" / "naip_forest_gap_1m.tif")
     x, y = raster.geobox.xy_from_pixel(230, 100)
-    made = painted(match(raster, Disc(float(x), float(y), 50)))
+    made = painted(match(Raster(raster), MatchRequest(Disc(float(x), float(y), 50))))
     assert made[180:, :60].mean() > 0.95 and made[150:280, 180:].mean() > 0.99
     assert not made[75:100, 108:125].any() and not made[15:25, 70:90].any()
 
@@ -317,14 +324,14 @@ def test_a_sample_that_is_too_small_is_refused_and_told_how_large_it_must_be(rad
 @given(x=st.floats(100, 120), y=st.floats(100, 120), window=st.sampled_from([16, 32, 64]))
 def test_a_disc_as_large_as_it_is_told_is_enough(x: float, y: float, window: int) -> None:
     image, _ = scene("rows", "meadow", shape=(220, 220))
-    assert found(image, Disc(x, y, window), MatchParams(window)).sample.model.count > 2 * window**2
+    assert found(image, Disc(x, y, window), MatchRequest(INSIDE, window)).sample.model.count > 2 * window**2
 
 
 def test_a_sample_on_nodata_is_refused() -> None:
     values = np.full((200, 200), np.nan)
     values[:, :100] = 0.5
     with pytest.raises(SampleError, match="lies on nodata"):
-        found(values, Disc(160, 100, 35), MatchParams(stretch="none"))
+        found(values, Disc(160, 100, 35), stretch="none")
 
 
 @pytest.mark.parametrize(
@@ -337,12 +344,11 @@ def test_a_sample_on_nodata_is_refused() -> None:
         ({"intensity": -1}, "not negative, not -1"),
         ({"intensity": np.nan}, "not negative"),
         ({"refine": "scan"}, "pixel or none"),
-        ({"simplify_m": -1}, "not negative, not -1"),
     ],
 )
 def test_parameters_check_themselves(wrong: dict[str, object], said: str) -> None:
     with pytest.raises(ParameterError, match=said):
-        MatchParams(**wrong)  # type: ignore[arg-type]
+        MatchRequest(INSIDE, **wrong)  # type: ignore[arg-type]
 
 
 def test_from_python() -> None:

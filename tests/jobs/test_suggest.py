@@ -1,7 +1,6 @@
 """Ranges that are suggested are what extracting them gives."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +10,16 @@ import uavseg
 from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import threads
 from uavseg.jobs import suggest as module
-from uavseg.jobs.extract import ExtractParams, divide, extract_from_blocks
-from uavseg.jobs.suggest import Suggestions, suggest, suggest_from_blocks
+from uavseg.jobs.divide import divide
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.open_source import Blocks, Raster
+from uavseg.jobs.suggest import Suggestions, SuggestRequest, suggest
+from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.otsu import multi_otsu
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map
+from uavseg.raster.intensity.stretch import parse_stretch
+from uavseg.segmentation.blocks.block_file import is_block_map
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.intervals import IntensityRange
 from uavseg.segmentation.params import SegmentParams
@@ -40,16 +43,18 @@ def dataset(image: np.ndarray) -> Dataset:
     return Dataset.of_values(image, GeoBox(image.shape, Affine.identity(), None), "scene")
 
 
+def raster(image: np.ndarray) -> Raster:
+    return Raster(dataset(image), parse_stretch("none"))
+
+
 def suggested(
-    image: np.ndarray, classes: int | None = None, segment: SegmentParams = NONE, **more: Any
+    image: np.ndarray, classes: int | None = None, segment: SegmentParams = NONE, work: Work = SERIAL
 ) -> Suggestions:
-    return suggest(dataset(image), classes, ExtractParams(segment, "none", **more))
+    return suggest(raster(image), SuggestRequest(classes, segment), work)
 
 
-def saved(image: np.ndarray) -> SavedBlocks:
-    source = dataset(image)
-    blocks, stretch = divide(source, "none")
-    return SavedBlocks(blocks, source.geobox, stretch, source.band_names, Origin(("scene",), "."))
+def saved(image: np.ndarray) -> Blocks:
+    return Blocks(divide(raster(image)).saved, "blocks.tif")
 
 
 @pytest.mark.parametrize(
@@ -60,13 +65,14 @@ def test_regions_and_pixels_are_those_of_extracting_each_range(
     classes: int | None, segment: SegmentParams
 ) -> None:
     blocks = saved(scene(1))
-    found = suggest_from_blocks(blocks, classes, ExtractParams(segment))
+    found = suggest(blocks, SuggestRequest(classes, segment))
     assert len(found.ranges) == (classes or 3 if segment is NONE else len(found.ranges))
     for chosen in found.ranges:
         interval = IntensityRange(*chosen.range)
-        regions = extract_from_blocks(blocks, None, interval, ExtractParams(segment)).regions
-        inside = cells_in_range(blocks.blocks, interval, segment.division)
-        assert (len(regions), int(blocks.blocks.counts[inside > 0].sum())) == (chosen.regions, chosen.pixels)
+        regions = extract(blocks, ExtractRequest(interval, segment)).regions
+        known = blocks.saved.blocks
+        inside = cells_in_range(known, interval, segment.division)
+        assert (len(regions), int(known.counts[inside > 0].sum())) == (chosen.regions, chosen.pixels)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -87,7 +93,7 @@ def test_a_cut_that_is_a_mean_moves_beside_it(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(
         module, "propose_ranges", lambda *_: RangeCandidates((0.4,), multi_otsu([1, 1], 2)[1], True)
     )
-    found = suggest_from_blocks(saved(image))
+    found = suggest(saved(image))
     assert [chosen.range for chosen in found.ranges] == [(0, 0.40001), (0.40001, 1)]
     assert [chosen.share for chosen in found.ranges] == [0.5, 0.5]
 
@@ -95,11 +101,10 @@ def test_a_cut_that_is_a_mean_moves_beside_it(monkeypatch: pytest.MonkeyPatch) -
 def test_tiles_threads_and_a_block_map_change_nothing() -> None:
     image = scene(2, (330, 270))
     wanted = suggested(image)
-    blocks = suggest_from_blocks(saved(image))
+    blocks = suggest(saved(image))
     assert blocks.ranges == wanted.ranges and np.array_equal(blocks.histogram, wanted.histogram)
     for tile in (64, 128, 4096):
-        params = ExtractParams(NONE, "none", tile=tile)
-        found = suggest(dataset(image), None, params, threads(2))
+        found = suggested(image, work=Work(tile, threads(2)))
         assert found.ranges == wanted.ranges and np.array_equal(found.intervals, wanted.intervals)
 
 
@@ -164,5 +169,5 @@ def test_the_public_word_warns_and_refuses() -> None:
 @pytest.mark.parametrize("name", ["imagery/naip_forest_gap_1m.tif", "imagery/landsat_bahamas_RGB.byte.tif"])
 def test_real_rasters(shared_data: Path, name: str) -> None:
     assert not is_block_map(shared_data / name)
-    found = suggest(Dataset.open(shared_data / name))
+    found = suggest(Raster(Dataset.open(shared_data / name)))
     assert len(found.ranges) >= 2 and sum(chosen.share for chosen in found.ranges) == pytest.approx(1)

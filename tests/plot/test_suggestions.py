@@ -10,13 +10,14 @@ from matplotlib.colors import to_rgb
 from matplotlib.image import imread
 
 from uavseg.errors import OutputError, OutputExistsError
-from uavseg.jobs.extract import ExtractParams
+from uavseg.jobs.open_source import Raster
 from uavseg.jobs.suggest import Suggestions, suggest
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.range_layer import COLORS, RangeLayer, colors_of, spread
 from uavseg.plot.suggestions import draw_suggestions
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.stretch import StretchSpec
 
 
 def raster(image: np.ndarray) -> Dataset:
@@ -32,7 +33,7 @@ def halves() -> np.ndarray:
 
 def found_in(image: np.ndarray) -> tuple[Suggestions, Dataset]:
     dataset = raster(image)
-    return suggest(dataset, None, ExtractParams(stretch="none")), dataset
+    return suggest(Raster(dataset, StretchSpec("none"))), dataset
 
 
 def has(picture: np.ndarray, color: tuple[float, ...]) -> bool:
@@ -89,6 +90,6 @@ def test_cells_are_spread_over_exactly_the_raster(most: int) -> None:
 
 def test_ranges_of_a_large_raster_are_thinned() -> None:
     found, _ = found_in(halves())
-    layer = RangeLayer.of(found.intervals, 2, Frame(replace(found.about.geobox)), 60)
+    layer = RangeLayer.of(found.intervals, 2, Frame(replace(found.source.geobox)), 60)
     assert layer.intervals.shape == (40, 60)
     assert set(layer.intervals[:, :30].ravel()) == {0, 1} and set(layer.intervals[:, 30:].ravel()) == {2}

@@ -5,24 +5,17 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from uavseg.api.given import area_of, dataset_of, working
-from uavseg.errors import ParameterError
+from uavseg.api._values import warn, work
 from uavseg.execution.executors import Progress
-from uavseg.execution.executors import threads as workers
-from uavseg.jobs.classify import Classification
-from uavseg.jobs.classify import classify as _classify
-from uavseg.jobs.extract import ExtractParams
-from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.paths.find_path import Way, WayParams, find_way
-from uavseg.occupancy.paths.free_cells import FreeCells
-from uavseg.occupancy.probability_map import open_map, stretch_of
-from uavseg.occupancy.ros.ros_map import is_ros_map
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit, parse_stretch
-from uavseg.raster.tile_pass import TilePass
+from uavseg.jobs.classify import Classification, ClassifyRequest
+from uavseg.jobs.classify import classify as run_classify
+from uavseg.jobs.open_source import ReadOptions, open_probability_map
+from uavseg.jobs.path import PathRequest
+from uavseg.jobs.path import path as run_path
+from uavseg.jobs.words import area, segment_params
+from uavseg.occupancy.paths.find_path import Way, WayParams
+from uavseg.regions.drawing import Drawing
 from uavseg.segmentation.intervals import IntensityRange, StateLimits
-from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.source import GreySource
 
 
 def classify(
@@ -83,13 +76,16 @@ def classify(
     >>> found.cells[3], found.frame()["pixels"].tolist()
     (512, [512])
     """
-    segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
-    params = ExtractParams(segment, min_area=area_of(min_area), simplify_m=simplify, tile=tile)
-    limits = StateLimits(free_below, occupied_above)
-    dataset, wanted = _map_of(source, band, nodata, stretch)
-    with working(threads, resume) as run:
-        grey = GreySource(dataset, fit(dataset, wanted, TilePass.over(dataset, tile, run)))
-        return _classify(grey, limits, params, True, run, progress)
+    request = ClassifyRequest(
+        StateLimits(free_below, occupied_above),
+        segment_params(method, threshold, intensity_step, refine),
+        drawing=Drawing(simplify_m=simplify),
+        min_area=area(min_area),
+    )
+    opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
+    found = run_classify(opened, request, work(threads, tile, progress, resume))
+    warn(found.warnings)
+    return found
 
 
 def path(
@@ -146,7 +142,7 @@ def path(
     -------
     way : Way
         Its corners are `way.xy` on the map; its length is `way.length_m`, in units of the map where that has
-        no CRS; what is to be told is in `way.warnings`.
+        no CRS; `way.warnings` are warnings too.
 
     Raises
     ------
@@ -164,37 +160,14 @@ def path(
     >>> [round(float(number), 3) for number in way.xy[-1]]
     [2.305, 0.705]
     """
-    how = WayParams(clearance, smooth)
-    dataset, wanted = _map_of(source, band, nodata, stretch)
-    segment = SegmentParams(method, threshold, intensity_step, "scan")  # type: ignore[arg-type]
-    params = ExtractParams(segment, wanted, tile=tile)
-    with working(threads, resume) as run:
-        free = FreeCells.of(dataset, IntensityRange(*range), params, run, progress)
-    return find_way(free, start, goal, how, workers(threads))
-
-
-def _map_of(
-    source: Any, band: int | None, nodata: float | None, stretch: str | None
-) -> tuple[Dataset, Stretch | StretchSpec]:
-    """A map, and the stretch that was named; that of probabilities if none was.
-
-    Raises
-    ------
-    UavsegError
-        As of `dataset_of`, and if a ROS map is to be stretched.
-    """
-    if isinstance(source, str | os.PathLike):
-        dataset, own = open_map(source, band, nodata)
-    else:
-        dataset = (
-            source.dataset() if isinstance(source, OccupancyGrid) else dataset_of(source, band, None, nodata)
-        )
-        own = stretch_of(dataset)
-    if stretch is None:
-        return dataset, own
-    wanted = parse_stretch(stretch)
-    if not (isinstance(source, str | os.PathLike) and is_ros_map(source)):
-        return dataset, wanted
-    if wanted.form not in ("auto", "none"):
-        raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
-    return dataset, own
+    request = PathRequest(
+        IntensityRange(*range),
+        start,
+        goal,
+        WayParams(clearance, smooth),
+        segment_params(method, threshold, intensity_step, "scan"),
+    )
+    opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
+    found = run_path(opened, request, work(threads, tile, progress, resume))
+    warn(found.warnings)
+    return found.path

@@ -1,21 +1,21 @@
-"""Questions to a raster: what is like this sample, and which ranges are worth asking for."""
+"""Search for what is like a sample, and suggestion of ranges."""
 
 from __future__ import annotations
 
 import os
 from typing import TYPE_CHECKING, Any
 
-from uavseg.api.given import area_of, dataset_of, warn_that, working
+from uavseg.api._values import warn, work
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.extract import ExtractParams
-from uavseg.jobs.match import MatchParams
-from uavseg.jobs.match import match as _match
-from uavseg.jobs.suggest import Suggestion, suggest_from_blocks
-from uavseg.jobs.suggest import suggest as _suggest
+from uavseg.jobs.match import MatchRequest
+from uavseg.jobs.match import match as run_match
+from uavseg.jobs.open_source import ReadOptions, open_source
+from uavseg.jobs.suggest import Suggestion, SuggestRequest
+from uavseg.jobs.suggest import suggest as run_suggest
+from uavseg.jobs.words import area, segment_params
+from uavseg.regions.drawing import Drawing
 from uavseg.regions.sample.place import Disc, parse_like
-from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map
-from uavseg.segmentation.params import SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -84,12 +84,19 @@ def match(
     >>> f"{pixels / field.size:.0%}"
     '50%'
     """
-    wanted = Disc(*like) if isinstance(like, tuple) else parse_like(os.fspath(like))
-    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
-    holes, smallest = area_of(fill_holes), area_of(min_area)
-    params = MatchParams(window, similarity, intensity, refine, stretch, holes, smallest, simplify, tile)
-    with working(threads, resume) as run:
-        found = _match(dataset, wanted, params, run, progress)
+    request = MatchRequest(
+        Disc(*like) if isinstance(like, tuple) else parse_like(os.fspath(like)),
+        window,
+        similarity,
+        intensity,
+        refine,
+        Drawing(simplify_m=simplify),
+        area(fill_holes),
+        area(min_area),
+    )
+    opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+    found = run_match(opened, request, work(threads, tile, progress, resume))
+    warn(found.warnings)
     return found.found.regions.frame()
 
 
@@ -126,7 +133,7 @@ def suggest(
     ranges : list of Suggestion
         The darkest first: `low` and `high`, together `range`; valid `pixels` and their `share` of all;
         `regions`, their number before boundaries are refined. Empty where all leaves have one mean. What
-        makes the ranges doubtful is told in a warning.
+        makes the ranges doubtful is a warning.
 
     Raises
     ------
@@ -144,18 +151,11 @@ def suggest(
     (0.0, 0.51) 0.875 1
     (0.51, 1.0) 0.125 1
     """
-    number = _number_of(classes)
-    segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
-    params = ExtractParams(segment, stretch, tile=tile)
-    if isinstance(source, str | os.PathLike) and is_block_map(source):
-        if (band, rgb, nodata, stretch) != (None, None, None, "auto"):
-            raise ParameterError("a block map has its bands, nodata and stretch already")
-        found = suggest_from_blocks(read_block_map(source), number, params)
-    else:
-        dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
-        with working(threads, resume) as run:
-            found = _suggest(dataset, number, params, run, progress)
-    warn_that(found.warnings)
+    segment = segment_params(method, threshold, intensity_step, "none")
+    request = SuggestRequest(_number_of(classes), segment)
+    opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+    found = run_suggest(opened, request, work(threads, tile, progress, resume))
+    warn(found.warnings)
     return list(found.ranges)
 
 

@@ -1,20 +1,21 @@
-"""Rasters divided: regions of a range, levels, and the block map that answers later questions."""
+"""Segmentation of rasters: regions of a range, levels, and the block map that answers later requests."""
 
 from __future__ import annotations
 
 import os
 from typing import TYPE_CHECKING, Any
 
-from uavseg.api.given import area_of, dataset_of, working
+from uavseg.api._values import warn, work
 from uavseg.execution.executors import Progress
-from uavseg.jobs.extract import ExtractParams, Small
-from uavseg.jobs.extract import divide as _divide
-from uavseg.jobs.extract import extract as _extract
-from uavseg.jobs.levels import extract_levels
-from uavseg.occupancy.probability_map import open_map
-from uavseg.occupancy.ros.ros_map import is_ros_map
+from uavseg.jobs.divide import divide as run_divide
+from uavseg.jobs.extract import ExtractRequest
+from uavseg.jobs.extract import extract as run_extract
+from uavseg.jobs.levels import LevelsRequest, Small
+from uavseg.jobs.levels import levels as run_levels
+from uavseg.jobs.open_source import ReadOptions, open_source
+from uavseg.jobs.words import area, segment_params
+from uavseg.regions.drawing import Drawing
 from uavseg.segmentation.intervals import IntensityRange, Levels
-from uavseg.segmentation.params import SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -49,7 +50,8 @@ def extract(
     Parameters
     ----------
     source : path, sequence of paths, DataArray, (rows, cols) array or Dataset
-        Many paths are one mosaic. A DataArray wants rioxarray's `.rio`.
+        Many paths are one mosaic. The path of a block map is answered from it, and refined with its raster
+        where that is at hand. A DataArray needs rioxarray's `.rio`.
     range : (float, float)
         Of v in [0, 1], both ends in it.
     band, rgb, nodata, stretch, method, refine, threshold, intensity_step
@@ -68,7 +70,7 @@ def extract(
         A folder in which finished tiles are kept, so that a run that was stopped goes on where it stopped. It
         stays there in the end, and may be removed.
     skip_bad_tiles : bool
-        Whether blocks of a file that cannot be read count as nodata. Each is told of in a warning.
+        Whether blocks of a file that cannot be read count as nodata. Each gives a warning.
 
     Returns
     -------
@@ -86,13 +88,16 @@ def extract(
     >>> import uavseg
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
-    segment = SegmentParams(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
-    params = ExtractParams(
-        segment, stretch, area_of(fill_holes), area_of(min_area), simplify, tile, smooth_outline
+    request = ExtractRequest(
+        IntensityRange(*range),
+        segment_params(method, threshold, intensity_step, refine),
+        Drawing(smooth_outline, simplify),
+        area(fill_holes),
+        area(min_area),
     )
-    with working(threads, resume) as run:
-        found = _extract(dataset, IntensityRange(*range), params, run, progress)
+    opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+    found = run_extract(opened, request, work(threads, tile, progress, resume))
+    warn(found.warnings)
     return found.regions.frame()
 
 
@@ -148,13 +153,16 @@ def levels(
     >>> import uavseg
     >>> segments = uavseg.levels("tile.tif", width=0.1)  # doctest: +SKIP
     """
-    if isinstance(source, str | os.PathLike) and is_ros_map(source):
-        source, stretch = open_map(source)[0], "none"
-    dataset = dataset_of(source, band, rgb, nodata, skip_bad_tiles)
-    segment = SegmentParams(method, threshold, intensity_step, "none")  # type: ignore[arg-type]
-    params = ExtractParams(segment, stretch, None, area_of(min_area), simplify, tile, smooth_outline, small)
-    with working(threads, resume) as run:
-        found = extract_levels(dataset, Levels(width), params, run, progress)
+    request = LevelsRequest(
+        Levels(width),
+        segment_params(method, threshold, intensity_step, "none"),
+        Drawing(smooth_outline, simplify),
+        area(min_area),
+        small,
+    )
+    opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+    found = run_levels(opened, request, work(threads, tile, progress, resume))
+    warn(found.warnings)
     return found.regions.frame()
 
 
@@ -178,6 +186,7 @@ def divide(
     skip_bad_tiles : bool
         As of `extract`.
     """
-    with working(threads, resume) as run:
-        blocks, _ = _divide(dataset_of(source, skip_bad_tiles=skip_bad_tiles), stretch, tile, run)
-    return blocks
+    opened = open_source(source, ReadOptions(stretch=stretch, skip_bad_tiles=skip_bad_tiles))
+    found = run_divide(opened, work=work(threads, tile, None, resume))
+    warn(found.warnings)
+    return found.saved.blocks

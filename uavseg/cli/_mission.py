@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.errors import MissionError, ParameterError
+from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
-    from uavseg.flight.params import PlanParams
-    from uavseg.regions.table import Regions
+    from uavseg.jobs.plan import Home, Planned, PlanRequest
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -21,7 +20,7 @@ def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
     They arrive as `altitude`, `home`, `pattern`, `spacing`, `angle`, `speed`, `firmware` and `tolerance`:
-    see `mission_params` and `home_position`.
+    see `plan_request`.
     """
     options = [
         click.option(
@@ -63,40 +62,30 @@ def mission_options(command: F) -> F:
     return command
 
 
-def mission_params(**flight: Any) -> PlanParams:
-    """How to fly, from the values of `mission_options`."""
-    from uavseg.flight.planner import PlanParams
+def plan_request(options: dict[str, Any]) -> PlanRequest:
+    """How to fly, from where and over which regions, from the values of `mission_options`."""
+    from uavseg.jobs.plan import PlanRequest, flight_params
 
-    if flight["altitude"] is None:
+    if options["altitude"] is None:
         raise ParameterError("a mission needs --altitude, in metres above home")
-    pattern = flight["pattern"] or ("visit" if flight["spacing"] is None else "survey")
-    return PlanParams(
-        altitude_m=flight["altitude"],
-        pattern=pattern,
-        spacing_m=flight["spacing"],
-        angle_deg=parse_angle(flight["angle"]),
-        speed_m_s=flight["speed"],
-        firmware=flight["firmware"],
-        tolerance_m=flight["tolerance"],
+    names = ("pattern", "spacing", "speed", "firmware", "tolerance")
+    flight = flight_params(
+        options["altitude"],
+        angle=parse_angle(options["angle"]),
+        **{name: options[name] for name in names},
+    )
+    home = parse_home(options["home"])
+    return PlanRequest(
+        flight, home, parse_ids(options.get("ids")), options.get("largest"), options.get("where")
     )
 
 
-def planned(regions: Regions, polygons: Sequence[Any], params: PlanParams, home: str | None) -> Mission:
-    """A mission over regions whose polygons are given in degrees (lon, lat)."""
-    from uavseg.flight.planner import plan
-
-    points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
-    return plan(polygons, points, params, home_position(home, points))
-
-
-def home_position(text: str | None, points: Sequence[tuple[float, float]]) -> tuple[float, ...]:
-    """LAT,LON or LAT,LON,M as numbers; auto is the first of the points (lon, lat)."""
+def parse_home(text: str | None) -> Home:
+    """LAT,LON or LAT,LON,M as numbers, or auto."""
     if text is None:
         raise ParameterError("a mission needs --home LAT,LON, where the vehicle starts (or --home auto)")
     if text.strip().lower() == "auto":
-        if not points:
-            raise MissionError("there is no region to fly to; choose at least one")
-        return points[0][1], points[0][0]
+        return "auto"
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -104,6 +93,16 @@ def home_position(text: str | None, points: Sequence[tuple[float, float]]) -> tu
     if len(numbers) not in (2, 3):
         raise ParameterError(f"--home is LAT,LON or LAT,LON,M in degrees and metres, or auto, not {text!r}")
     return numbers
+
+
+def parse_ids(text: str | None) -> list[int] | None:
+    """Whole numbers between commas."""
+    if text is None:
+        return None
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise RegionError(f"--ids is whole numbers between commas, as in 1,4,7, not {text!r}") from None
 
 
 def parse_angle(text: str) -> float | None:
@@ -116,8 +115,17 @@ def parse_angle(text: str) -> float | None:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
 
 
+def write_mission(planned: Planned, path: str, overwrite: bool, quiet: bool) -> None:
+    """Write a mission, and report it unless the command is quiet."""
+    from uavseg.flight import files
+
+    files.write(planned.mission, path, overwrite)
+    if not quiet:
+        report(planned.mission, planned.regions, path)
+
+
 def report(mission: Mission, regions: int, output: str) -> None:
-    """Tell on stderr what the mission is, and what to mind."""
+    """Print length, duration and warnings of a mission on stderr."""
     minutes, seconds = divmod(round(mission.duration_s), 60)
     say = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
     click.echo(f"{say}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s", err=True)

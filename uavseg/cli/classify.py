@@ -8,27 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._reading import map_stretch_option
-from uavseg.cli._regions import (
+from uavseg.cli._options import (
     area,
-    check_targets,
-    largest,
-    opened_ros_map,
-    shown,
-    tell,
-    write_labels,
-    write_regions,
+    drawing,
+    map_stretch_option,
+    read_options,
+    segment_params,
+    segmenting_options,
 )
-from uavseg.cli._running import Reporter, Running, running_options
-from uavseg.cli._segmenting import segmenting_options
-from uavseg.errors import OutputError, ParameterError
+from uavseg.cli._run import RunOptions, running_options
+from uavseg.cli._write import check_distinct, check_targets, largest, shown, write_labels, write_regions
+from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
-    from uavseg.execution.executors import Map
-    from uavseg.jobs.classify import Classification
-    from uavseg.jobs.extract import ExtractParams
+    from uavseg.jobs.classify import Classification, ClassifyRequest
+    from uavseg.raster.geobox import GeoBox
     from uavseg.segmentation.intervals import StateLimits
-    from uavseg.segmentation.source import GreySource
 
 
 @click.command("classify", short_help="Find what is free, unknown and occupied in a map of probabilities.")
@@ -87,14 +82,7 @@ if TYPE_CHECKING:
 @click.option("--min-area", metavar="M2|Npx", help="Drop objects of less; states stay as they are.")
 @click.option("--simplify", type=float, metavar="METRES", help="Simplify the outlines of objects.")
 @running_options
-def command(
-    path: str,
-    output: str | None,
-    objects: str | None,
-    labels: str | None,
-    running: Running,
-    **options: Any,
-) -> None:
+def command(**options: Any) -> None:
     """Find what is free (1), unknown (2) and occupied (3) in MAP; 0 is nodata.
 
     MAP is a raster of probabilities, integers from 0 to the largest of their type or floats from 0 to 1, or
@@ -102,112 +90,74 @@ def command(
     map knows no nodata: such cells are written as unknown.
     """
     from uavseg.jobs.classify import classify
-    from uavseg.occupancy.ros.ros_map import is_ros_map
+    from uavseg.jobs.open_source import open_probability_map
+
+    run = RunOptions.of(options)
+    target = options["output"] or f"{Path(options['path']).stem}.states.tif"
+    request, read = _request(options), read_options(options)
+    _check_targets(target, options, run.overwrite)
+    source = open_probability_map(options["path"], read)
+    _check_place(target, options, source.geobox, run.overwrite)
+    work = run.work()
+    found = classify(source, request, work)
+    run.reporter.finish(found.warnings)
+    _write_states(found, target, options["mode"], run)
+    if found.objects is not None and options["objects"] is not None:
+        write_regions(found.objects, options["objects"], run.overwrite)
+    if found.objects is not None and options["labels"] is not None:
+        write_labels(found.objects, options["labels"], work, run.overwrite)
+    rows = _rows(found, request.limits, target, options["objects"])
+    run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
+
+
+def _request(options: dict[str, Any]) -> ClassifyRequest:
+    from uavseg.jobs.classify import ClassifyRequest
     from uavseg.segmentation.intervals import StateLimits
 
-    reporter = running.reporter
-    target = output or f"{Path(path).stem}.states.tif"
-    limits = StateLimits(options["free_below"], options["occupied_above"])
-    params = _params(running.tile, options)
-    _check(target, objects, labels, running.overwrite)
-    source = _opened(path, options, running.resume)
-    _check_place(target, options["mode"], objects, source, running.overwrite)
-    run = running.workers()
-    reporter.begin(source.dataset, running.tile)
-    wanted = objects is not None or labels is not None
-    kept = running.resuming(run)
-    if not is_ros_map(path):
-        source = _stretched(source, options["stretch"], running.tile, kept)
-    found = classify(source, limits, params, wanted, kept, reporter.progress)
-    reporter.finish()
-    for warning in found.about.warnings:
-        reporter.warn(warning)
-    _write_states(found, target, options["mode"], running.overwrite, reporter)
-    if found.objects is not None and objects is not None:
-        write_regions(found.objects, objects, running.overwrite)
-    if found.objects is not None and labels is not None:
-        write_labels(found.objects, labels, run, running)
-    _tell(found, limits, target, objects, reporter)
-
-
-def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.jobs.extract import ExtractParams
-    from uavseg.segmentation.params import SegmentParams
-
-    return ExtractParams(
-        SegmentParams(options["method"], options["threshold"], options["intensity_step"], options["refine"]),
-        min_area=area(options["min_area"]),
-        simplify_m=options["simplify"],
-        tile=tile,
+    return ClassifyRequest(
+        StateLimits(options["free_below"], options["occupied_above"]),
+        segment_params(options, options["refine"]),
+        options["objects"] is not None or options["labels"] is not None,
+        drawing(options),
+        area(options["min_area"]),
     )
 
 
-def _check(target: str, objects: str | None, labels: str | None, overwrite: bool) -> None:
+def _check_targets(target: str, options: dict[str, Any], overwrite: bool) -> None:
     """Nothing is computed that could not be written."""
     from uavseg.atomic import check_target
 
     if Path(target).suffix.lower() not in (".tif", ".tiff", ".yaml", ".yml"):
         raise OutputError(f"{target}: states are written to .tif, or to .yaml for a ROS map")
     check_target(target, overwrite)
-    check_targets(objects, labels, overwrite)
-    named = [Path(name).resolve() for name in (target, objects, labels) if name and name != "-"]
-    if len(set(named)) < len(named):
-        raise OutputError("two outputs have the same name; give each its own")
+    check_targets(options["objects"], options["labels"], overwrite)
+    check_distinct(target, options["objects"], options["labels"])
 
 
-def _opened(path: str, options: dict[str, Any], resume: str | None) -> GreySource:
-    from uavseg.occupancy.probability_map import open_map, stretch_of
-    from uavseg.occupancy.ros.ros_map import is_ros_map
-    from uavseg.segmentation.blocks.block_file import is_block_map
-    from uavseg.segmentation.source import GreySource
-
-    if is_ros_map(path):
-        dataset = opened_ros_map((path,), options, resume)
-        return GreySource(dataset, stretch_of(dataset))
-    if is_block_map(path):
-        raise ParameterError(
-            f"{path} is a block map; states are refined with the map, so give the map itself"
-        )
-    return GreySource(*open_map(path, options["band"], options["nodata"]))
-
-
-def _stretched(source: GreySource, stretch: str | None, tile: int | None, map: Map) -> GreySource:
-    """The map as probabilities, where it holds something else."""
-    from uavseg.raster.intensity.stretch import fit
-    from uavseg.raster.tile_pass import TilePass
-    from uavseg.segmentation.source import GreySource
-
-    if stretch is None:
-        return source
-    dataset = source.dataset
-    return GreySource(dataset, fit(dataset, stretch, TilePass.over(dataset, tile, map)))
-
-
-def _check_place(target: str, mode: str, objects: str | None, source: GreySource, overwrite: bool) -> None:
+def _check_place(target: str, options: dict[str, Any], geobox: GeoBox, overwrite: bool) -> None:
     """Nothing is computed that has no place where it is to be written."""
     from uavseg.occupancy.ros.ros_map import check_ros_map, is_ros_map
     from uavseg.regions.formats import export
 
     if is_ros_map(target):
-        check_ros_map(target, source.dataset.geobox, overwrite, mode)
-    if objects is not None:
-        export.check_region_crs(objects, source.dataset.geobox.wkt)
+        check_ros_map(target, geobox, overwrite, options["mode"])
+    if options["objects"] is not None:
+        export.check_region_crs(options["objects"], geobox.wkt)
 
 
-def _write_states(found: Classification, target: str, mode: str, overwrite: bool, reporter: Reporter) -> None:
-    from uavseg.jobs.classify import write_states
+def _write_states(found: Classification, target: str, mode: str, run: RunOptions) -> None:
     from uavseg.occupancy.ros.ros_map import is_ros_map
+    from uavseg.occupancy.state_file import write_states
 
-    write_states(target, found, overwrite, mode)
+    write_states(target, found.image, found.geobox, run.overwrite, mode)
     if is_ros_map(target) and found.cells[0]:
-        reporter.warn(
+        run.reporter.warn(
             f"a ROS map knows no nodata: {found.cells[0]:,} cells without data are unknown in {target}"
         )
 
 
-def _tell(
-    found: Classification, limits: StateLimits, target: str, objects: str | None, reporter: Reporter
-) -> None:
+def _rows(found: Classification, limits: StateLimits, target: str, objects: str | None) -> dict[str, str]:
+    """The short table at the end."""
     rows, cols = found.geobox.shape
     names = {1: "free", 2: "unknown", 3: "occupied", 0: "no data"}
     shares = {
@@ -223,6 +173,5 @@ def _tell(
     table["limits"] = f"free up to {limits.free_below:g}, occupied above {limits.occupied_above:g}"
     hazard, by_value = found.occupied_in_free, found.occupied_by_value
     table["hazard"] = f"{hazard:,} of {by_value:,} cells with v above the occupied limit are called free"
-    table["stretch"] = found.about.stretch.name
-    table["seconds"] = f"{reporter.seconds:.2f}"
-    tell(table, reporter)
+    table["stretch"] = found.source.stretch.name
+    return table

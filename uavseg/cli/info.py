@@ -1,44 +1,32 @@
-"""uavseg info: what a raster is, and what to try with it."""
+"""`uavseg info`: what a raster is, and what to try with it."""
 
 import sys
-from dataclasses import replace
+from typing import Any
 
 import click
 
-from uavseg.cli._reading import reading_options
+from uavseg.cli._options import read_options, reading_options
 
 
 @click.command("info", short_help="Tell what a raster is and what its intensity looks like.")
 @reading_options
 @click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
 @click.option("--threads", type=click.IntRange(min=1), help="Threads to count with.  [default: all cores]")
-def command(
-    rasters: tuple[str, ...],
-    band: int | None,
-    rgb: tuple[int, int, int] | None,
-    nodata: float | None,
-    stretch: str,
-    skip_bad_tiles: bool,
-    as_json: bool,
-    threads: int | None,
-) -> None:
+def command(**options: Any) -> None:
     """Tell the size, place, bands, nodata and intensity of RASTER (many are one mosaic), how that intensity
     is stretched, and a command to try next: the rarer of dark and bright pixels. `uavseg suggest` takes
     longer and proposes ranges from the means of leaves, with what each would give.
 
     Every pixel is counted up to 100 megapixels; a larger raster is looked at from afar, and it is said so.
     """
-    from uavseg.execution.executors import threads as workers
-    from uavseg.raster.bad_blocks import BadBlock, listening, listing
-    from uavseg.raster.dataset import Dataset
-    from uavseg.raster.summary import summarize
+    from uavseg.execution.executors import threads
+    from uavseg.jobs.info import info
+    from uavseg.jobs.open_source import open_raster
+    from uavseg.jobs.work import Work
 
-    dataset = Dataset.open(rasters, band=band, rgb=rgb, nodata=nodata, skip_bad_tiles=skip_bad_tiles)
-    bad: set[BadBlock] = set()
-    with listening(bad):
-        summary = summarize(dataset, stretch, listing(workers(threads), bad))
-    summary = replace(summary, warnings=(*summary.warnings, *map(str, sorted(bad))))
-    if as_json:
+    source = open_raster(options["rasters"], read_options(options))
+    summary = info(source, Work(executor=threads(options["threads"])))
+    if options["as_json"]:
         import json
 
         click.echo(json.dumps(summary.as_dict(), indent=2, allow_nan=False))

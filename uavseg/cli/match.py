@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._reading import reading_options
-from uavseg.cli._regions import area, check_targets, largest, shown, tell, write_labels, write_regions
-from uavseg.cli._running import Reporter, Running, running_options
-from uavseg.errors import ParameterError
+from uavseg.cli._options import area, drawing, read_options, reading_options
+from uavseg.cli._run import RunOptions, running_options
+from uavseg.cli._write import check_targets, shown, summary_rows, write_labels, write_regions
 
 if TYPE_CHECKING:
-    from uavseg.execution.executors import Map
-    from uavseg.jobs.match import Match, MatchParams
-    from uavseg.raster.dataset import Dataset
-    from uavseg.regions.sample.place import Disc
+    from uavseg.jobs.match import Match, MatchRequest
 
 
 @click.command("match", short_help="Find regions whose texture and intensity are like a sample's.")
@@ -78,14 +73,7 @@ if TYPE_CHECKING:
     "--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared."
 )
 @running_options
-def command(
-    rasters: tuple[str, ...],
-    like: str,
-    output: str | None,
-    labels: str | None,
-    running: Running,
-    **options: Any,
-) -> None:
+def command(**options: Any) -> None:
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
 
     Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast, so
@@ -93,82 +81,55 @@ def command(
     whole than like the sample is left out. Each region has its similarity, 1 where it is as like the sample
     as the sample is to itself.
     """
+    from uavseg.jobs.match import match
+    from uavseg.jobs.open_source import open_source
     from uavseg.regions.formats import export
+
+    run = RunOptions.of(options)
+    target = options["output"] or f"{Path(options['rasters'][0]).stem}.match.geojson"
+    labels = options["labels"]
+    request, read = _request(options), read_options(options)
+    check_targets(target, labels, run.overwrite)
+    source = open_source(options["rasters"], read)
+    export.check_region_crs(target, source.geobox.wkt)
+    work = run.work()
+    found = match(source, request, work)
+    run.reporter.finish(found.warnings)
+    write_regions(found.found, target, run.overwrite)
+    if labels is not None:
+        write_labels(found.found, labels, work, run.overwrite)
+    run.reporter.table(_rows(found, target) | {"seconds": f"{run.reporter.seconds:.2f}"})
+
+
+def _request(options: dict[str, Any]) -> MatchRequest:
+    from uavseg.jobs.match import MatchRequest
     from uavseg.regions.sample.place import parse_like
 
-    reporter = running.reporter
-    target = output or f"{Path(rasters[0]).stem}.match.geojson"
-    wanted, params = parse_like(like), _params(running.tile, options)
-    check_targets(target, labels, running.overwrite)
-    dataset = _opened(rasters, options)
-    export.check_region_crs(target, dataset.geobox.wkt)
-    run = running.workers()
-    reporter.begin(dataset, running.tile)
-    found = _found(dataset, wanted, params, running.resuming(run), reporter)
-    reporter.finish()
-    for warning in found.found.warnings:
-        reporter.warn(warning)
-    if len(found.found.regions) == 0:
-        reporter.warn("nothing is like the sample; a smaller --similarity or a larger --intensity finds more")
-    write_regions(found.found, target, running.overwrite)
-    if labels is not None:
-        write_labels(found.found, labels, run, running)
-    _tell(found, target, reporter)
-
-
-def _params(tile: int | None, options: dict[str, Any]) -> MatchParams:
-    from uavseg.jobs.match import MatchParams
-    from uavseg.raster.intensity.stretch import parse_stretch
-
-    return MatchParams(
+    return MatchRequest(
+        parse_like(options["like"]),
         options["window"],
         options["similarity"],
         options["intensity"],
         options["refine"],
-        parse_stretch(options["stretch"]),
+        drawing(options),
         area(options["fill_holes"]),
         area(options["min_area"]),
-        options["simplify"],
-        tile,
     )
 
 
-def _opened(rasters: tuple[str, ...], options: dict[str, Any]) -> Dataset:
-    from uavseg.raster.dataset import Dataset
-    from uavseg.segmentation.blocks.block_file import is_block_map
-
-    if any(is_block_map(raster) for raster in rasters):
-        raise ParameterError("a block map holds no texture to be compared; name the raster itself")
-    how = (options["band"], options["rgb"], options["nodata"], options["skip_bad_tiles"])
-    return Dataset.open(rasters, *how)
-
-
-def _found(dataset: Dataset, like: Disc | str, params: MatchParams, run: Map, reporter: Reporter) -> Match:
-    from uavseg.jobs.match import match
-    from uavseg.raster.bad_blocks import BadBlock, listing
-
-    bad: set[BadBlock] = set()
-    found = match(dataset, like, params, listing(run, bad), reporter.progress)
-    told = (*found.found.warnings, *map(str, sorted(bad)))
-    return replace(found, found=replace(found.found, warnings=told))
-
-
-def _tell(match: Match, target: str, reporter: Reporter) -> None:
+def _rows(match: Match, target: str) -> dict[str, str]:
     """The short table at the end."""
     from uavseg.units import GREY_MAX
 
-    found = match.found
-    unit = "m2" if found.regions.wkt is not None else "square units"
-    sample = match.sample
+    found, sample = match.found, match.sample
     mean, deviation = sample.mean / GREY_MAX, sample.deviation / GREY_MAX
-    rows = {
+    common = summary_rows(found)
+    return {
         "regions": f"{len(found.regions):,} -> {shown(target)}",
-        "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {unit}",
-        "largest": largest(found, unit),
+        "total area": common["total area"],
+        "largest": common["largest"],
         "sample": f"{sample.model.count:,} pixels, v {mean:.3f} +- {deviation:.3f}",
         "G per pixel": f"{match.own:.3f} beyond chance in the sample, up to {match.limit:.3f} is like it",
-        "stretch": found.stretch.name,
-        "band": found.band_names,
-        "seconds": f"{reporter.seconds:.2f}",
+        "stretch": common["stretch"],
+        "band": common["band"],
     }
-    tell(rows, reporter)

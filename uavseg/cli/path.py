@@ -1,29 +1,31 @@
-"""`uavseg path`: the shortest way between two places of one region of a map."""
+"""`uavseg path`: the shortest path between two places of one region of a map."""
 
 from __future__ import annotations
 
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._mission import home_position
-from uavseg.cli._reading import map_stretch_option
-from uavseg.cli._regions import opened_ros_map
-from uavseg.cli._running import Reporter, Running, running_options
-from uavseg.cli._segmenting import parsed_range, segmenting_options
+from uavseg.cli._mission import parse_home
+from uavseg.cli._options import (
+    map_stretch_option,
+    parsed_range,
+    read_options,
+    segment_params,
+    segmenting_options,
+)
+from uavseg.cli._run import RunOptions, running_options
+from uavseg.cli._write import shown
 from uavseg.errors import MissionError, OutputError, ParameterError
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
     from uavseg.flight.params import PlanParams
-    from uavseg.jobs.extract import ExtractParams
+    from uavseg.jobs.path import PathFound, PathRequest
     from uavseg.occupancy.paths.find_path import Way
-    from uavseg.raster.dataset import Dataset
     from uavseg.raster.geobox import GeoBox
-    from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 
 _LINES = (".geojson", ".json")
 
@@ -60,62 +62,46 @@ _LINES = (".geojson", ".json")
 @click.option("--speed", type=float, default=5.0, metavar="M_S", show_default=True, help="For a mission.")
 @click.option("--firmware", type=click.Choice(["ardupilot", "px4"]), default="ardupilot", show_default=True)
 @running_options
-def command(
-    map_: str,
-    interval: str,
-    start: str,
-    goal: str,
-    output: str,
-    running: Running,
-    **options: Any,
-) -> None:
+def command(**options: Any) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
 
     MAP is a raster of probabilities, or the YAML file of a ROS map. The region is that of `uavseg extract`
     with the same --range. The path never enters a cell whose own value is outside of the range, and cuts no
     corner.
     """
-    from uavseg.occupancy.paths.find_path import WayParams, find_way
-    from uavseg.occupancy.paths.free_cells import FreeCells
-    from uavseg.occupancy.ros.ros_map import is_ros_map
+    from uavseg.jobs.open_source import open_probability_map
+    from uavseg.jobs.path import path
 
-    reporter = running.reporter
-    places = _parsed_place("--start", start), _parsed_place("--goal", goal)
-    passable = parsed_range(interval)
-    params = WayParams(options["clearance"], options["smooth"])
+    run = RunOptions.of(options)
+    output = options["output"]
+    request, read = _request(options), read_options(options)
     flight = _flight(output, options)
-    _check_target(output, running.overwrite)
-    dataset, stretch = _opened(map_, options, running.resume)
-    _check_place(dataset.geobox, flight)
-    run = running.resuming(running.workers())
-    reporter.begin(dataset, running.tile)
-    free = FreeCells.of(dataset, passable, _params(stretch, running.tile, options), run, reporter.progress)
-    reporter.finish()
-    begun = time.perf_counter()
-    way = find_way(free, *places, params, running.local_workers())
-    for warning in way.warnings:
-        reporter.warn(warning)
-    mission = None if flight is None else _flown(way, flight, options["home"])
-    _write(way, mission, output, running.overwrite)
-    in_metres = way.geobox.crs is not None or is_ros_map(map_)
-    _tell(way, output, "m" if in_metres else "units of the map", time.perf_counter() - begun, reporter)
-    if mission is not None and not reporter.quiet:
+    _check_target(output, run.overwrite)
+    source = open_probability_map(options["map_"], read)
+    _check_place(source.geobox, flight)
+    found = path(source, request, run.work())
+    run.reporter.finish(found.warnings)
+    mission = None if flight is None else _flown(found.path, flight, options["home"])
+    _write(found.path, mission, output, run.overwrite)
+    run.reporter.table(_rows(found, output) | {"seconds": f"{run.reporter.seconds:.2f}"})
+    if mission is not None and not run.reporter.quiet:
         from uavseg.cli._mission import report
 
         report(mission, 1, output)
 
 
-def _opened(path: str, options: dict[str, Any], resume: str | None) -> tuple[Dataset, Stretch | StretchSpec]:
-    """The map, and the stretch that was named; its own if none was, and always that of a ROS map."""
-    from uavseg.occupancy.probability_map import open_map, stretch_of
-    from uavseg.occupancy.ros.ros_map import is_ros_map
-    from uavseg.raster.intensity.stretch import parse_stretch
+def _request(options: dict[str, Any]) -> PathRequest:
+    from uavseg.jobs.path import PathRequest
+    from uavseg.occupancy.paths.find_path import WayParams
 
-    if is_ros_map(path):
-        dataset = opened_ros_map((path,), options, resume)
-        return dataset, stretch_of(dataset)
-    dataset, own = open_map(path, nodata=options["nodata"])
-    return dataset, parse_stretch(options["stretch"]) if options["stretch"] else own
+    start, goal = (_parsed_place(f"--{name}", options[name]) for name in ("start", "goal"))
+    return PathRequest(
+        parsed_range(options["interval"]),
+        start,
+        goal,
+        WayParams(options["clearance"], options["smooth"]),
+        segment_params(options, "scan"),
+    )
 
 
 def _parsed_place(option: str, text: str) -> tuple[float, float]:
@@ -141,7 +127,7 @@ def _flight(output: str, options: dict[str, Any]) -> PlanParams | None:
         raise OutputError(f"{output}: a path is written to .geojson, .json, .waypoints or .plan") from None
     if options["altitude"] is None:
         raise ParameterError("a mission needs --altitude, in metres above home")
-    home_position(options["home"], [(0.0, 0.0)])
+    parse_home(options["home"])
     return PlanParams(options["altitude"], speed_m_s=options["speed"], firmware=options["firmware"])
 
 
@@ -163,20 +149,13 @@ def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
         )
 
 
-def _params(stretch: Stretch | StretchSpec, tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.jobs.extract import ExtractParams
-    from uavseg.segmentation.params import SegmentParams
-
-    segment = SegmentParams(options["method"], options["threshold"], options["intensity_step"], "scan")
-    return ExtractParams(segment, stretch, tile=tile)
-
-
 def _flown(way: Way, flight: PlanParams, home: str | None) -> Mission:
     from uavseg.flight.along import fly_along
     from uavseg.occupancy.paths.path_geojson import lonlat
 
     lon, lat = lonlat(way)
-    return fly_along(lon, lat, flight, home_position(home, [(float(lon[0]), float(lat[0]))]))
+    position = parse_home(home)
+    return fly_along(lon, lat, flight, (float(lat[0]), float(lon[0])) if position == "auto" else position)
 
 
 def _write(way: Way, mission: Mission | None, output: str, overwrite: bool) -> None:
@@ -193,14 +172,13 @@ def _write(way: Way, mission: Mission | None, output: str, overwrite: bool) -> N
             temporary.write_text(geojson(way), encoding="utf-8", newline="\n")
 
 
-def _tell(way: Way, output: str, unit: str, seconds: float, reporter: Reporter) -> None:
+def _rows(found: PathFound, output: str) -> dict[str, str]:
     """The short table at the end."""
-    rows = {
-        "path": f"{len(way.corners):,} corners -> {'stdout' if output == '-' else output}",
+    way = found.path
+    unit = "m" if found.in_metres else "units of the map"
+    return {
+        "path": f"{len(way.corners):,} corners -> {shown(output)}",
         "length": f"{way.length_m:,.3f} {unit} ({way.cells:,} cells)",
-        "expanded": f"{way.expanded:,} cells in {seconds:.3f} s",
+        "expanded": f"{way.expanded:,} cells in {found.search_s:.3f} s",
         "kept out of": f"{way.walls:,} cells of region {way.region} whose own value is outside of the range",
-        "seconds": f"{reporter.seconds:.2f}",
     }
-    for name, value in rows.items():
-        reporter.say(f"  {name:<12}{value}")

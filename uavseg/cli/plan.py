@@ -6,8 +6,7 @@ from typing import Any
 
 import click
 
-from uavseg.cli._mission import mission_options, mission_params, planned, report
-from uavseg.errors import RegionError
+from uavseg.cli._mission import mission_options, plan_request, write_mission
 
 
 @click.command("plan")
@@ -25,17 +24,7 @@ from uavseg.errors import RegionError
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
-def command(
-    regions: str,
-    output: str,
-    ids: str | None,
-    largest: int | None,
-    where: str | None,
-    layer: str | None,
-    overwrite: bool,
-    quiet: bool,
-    **flight: Any,
-) -> None:
+def command(**options: Any) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
@@ -43,25 +32,12 @@ def command(
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
-    from uavseg.regions.formats.read import read_regions
-    from uavseg.regions.select.choose import select_regions
+    from uavseg.jobs.plan import open_regions, plan
 
+    output, regions = options["output"], options["regions"]
     files.check_format(output)
-    check_target(output, overwrite)
-    params = mission_params(**flight)
+    check_target(output, options["overwrite"])
+    request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
-    chosen = select_regions(read_regions(source, layer), parse_ids(ids), largest, where)
-    mission = planned(chosen, list(chosen.polygons), params, flight["home"])
-    files.write(mission, output, overwrite)
-    if not quiet:
-        report(mission, len(chosen), output)
-
-
-def parse_ids(text: str | None) -> list[int] | None:
-    """Whole numbers between commas."""
-    if text is None:
-        return None
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError:
-        raise RegionError(f"--ids is whole numbers between commas, as in 1,4,7, not {text!r}") from None
+    planned = plan(open_regions(source, options["layer"]), request)
+    write_mission(planned, output, options["overwrite"], options["quiet"])

@@ -1,4 +1,4 @@
-"""uavseg preview: a picture of a raster with what was found in it."""
+"""`uavseg preview`: a picture of a raster with what was found in it."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._reading import reading_options
+from uavseg.cli._options import read_options, reading_options
 
 if TYPE_CHECKING:
-    from uavseg.raster.dataset import Dataset
+    from uavseg.jobs.open_source import ProbabilityMap, Raster
     from uavseg.raster.intensity.stretch import Stretch
 
 _LAYERS = ("levels", "states", "leaves", "regions", "path", "mission")
@@ -28,15 +28,7 @@ _LAYERS = ("levels", "states", "leaves", "regions", "path", "mission")
 @click.option("--width", default=1400, show_default=True, help="Width of the picture in pixels.")
 @click.option("--overwrite", is_flag=True, help="Replace a picture that is there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
-def command(
-    rasters: tuple[str, ...],
-    stretch: str,
-    output: str | None,
-    width: int,
-    overwrite: bool,
-    quiet: bool,
-    **options: Any,
-) -> None:
+def command(**options: Any) -> None:
     """Draw RASTER (many are one mosaic, a YAML file is a ROS map) in grey as a PNG picture, with a scale bar
     and what is named: the outlines and ids of regions, the legs of a mission in their order, the states or
     the levels of segments, the leaves of the quadtree, a path.
@@ -45,30 +37,40 @@ def command(
     drawn with free cells black and occupied ones white (--stretch none, where it holds floats and neither
     --states nor --path are given).
     """
+    from uavseg.jobs.work import Work
     from uavseg.plot.preview import preview
-    from uavseg.raster.bad_blocks import BadBlock, listening
 
-    dataset, grey = _opened(rasters, stretch, options)
-    out = output or f"{Path(dataset.source).stem}.preview.png"
-    bad: set[BadBlock] = set()
-    with listening(bad):
-        drawn = {name: options[name] for name in _LAYERS}
-        preview(dataset, out, **drawn, stretch=grey, width_px=width, overwrite=overwrite)
-    if quiet:
+    source, stretch = _opened(options)
+    out = options["output"] or f"{Path(source.name).stem}.preview.png"
+    drawn = {name: options[name] for name in _LAYERS}
+    work = Work()
+    with work.reading_here():
+        preview(
+            source.dataset,
+            out,
+            **drawn,
+            stretch=stretch,
+            width_px=options["width"],
+            overwrite=options["overwrite"],
+        )
+    if options["quiet"]:
         return
-    for warning in (*dataset.warnings, *map(str, sorted(bad))):
+    for warning in (*source.warnings, *map(str, sorted(work.bad_blocks))):
         click.echo(f"uavseg: warning: {warning}", err=True)
     click.echo(f"wrote {out}", err=True)
 
 
-def _opened(rasters: tuple[str, ...], stretch: str, options: dict[str, Any]) -> tuple[Dataset, Stretch | str]:
+def _opened(options: dict[str, Any]) -> tuple[Raster | ProbabilityMap, Stretch | str]:
     """The raster and its stretch; a ROS map has its own unless one is named."""
-    from uavseg.occupancy.probability_map import open_map
-    from uavseg.occupancy.ros.ros_map import is_ros_map
-    from uavseg.raster.dataset import Dataset
+    from dataclasses import replace
 
-    if len(rasters) == 1 and is_ros_map(rasters[0]):
-        dataset, own = open_map(rasters[0])
-        return dataset, own if stretch == "auto" else stretch
-    how = (options[name] for name in ("band", "rgb", "nodata", "skip_bad_tiles"))
-    return Dataset.open(rasters, *how), stretch
+    from uavseg.jobs.open_source import ProbabilityMap, open_raster, open_source
+    from uavseg.raster.intensity.stretch import Stretch
+
+    rasters, stretch = options["rasters"], options["stretch"]
+    read = replace(read_options(options), stretch=None)
+    if not rasters[0].lower().endswith((".yaml", ".yml")):
+        return open_raster(rasters, read), stretch
+    source = open_source(rasters, read)
+    assert isinstance(source, ProbabilityMap) and isinstance(source.stretch, Stretch)
+    return source, source.stretch if stretch == "auto" else stretch

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from uavseg.cli._write import check_distinct
 
 if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
@@ -37,7 +38,7 @@ _SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "st
 @click.option("--poses", type=click.IntRange(min=1), metavar="N", help="Scan from the first N poses only.")
 @click.option("--overwrite", is_flag=True, help="Replace files that are there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
-def command(scene: str, output: str, seed: int, quiet: bool, **options: Any) -> None:
+def command(**options: Any) -> None:
     """Scan a scene with a laser range finder, merge the scans in log-odds and write the map.
 
     lens and circles are the two maps of the paper, 320 x 320 cells: five views with σ = 5 cm of an object
@@ -47,49 +48,35 @@ def command(scene: str, output: str, seed: int, quiet: bool, **options: Any) -> 
     The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
     and visible (the sensor could see it, into what is solid as deep as 3 σ).
     """
+    from uavseg.jobs.simulate import SimulateRequest, simulate
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.geotiff import write_geotiff
     from uavseg.raster.formats.png import write_png
 
-    _check_targets([output, options["png"], options["truth"]], options["overwrite"])
-    simulation = _simulation(scene, options)
-    grid = simulation.run(seed)
-    tags = {"scene": scene, "seed": str(seed)}
+    scene, overwrite = options["scene"], options["overwrite"]
+    outputs = [options[name] for name in ("output", "png", "truth") if options[name]]
+    _check_targets(outputs, overwrite)
+    sensor = {name: options[option] for option, name in _SENSOR.items()}
+    found = simulate(scene, SimulateRequest(options["seed"], options["poses"], **sensor))
+    grid = found.grid
+    tags = {"scene": scene, "seed": str(options["seed"])}
     write_geotiff(
-        output, [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite=options["overwrite"]
+        options["output"], [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite=overwrite
     )
     if options["png"]:
-        write_png(options["png"], grey_picture(grid.probabilities), options["overwrite"])
+        write_png(options["png"], grey_picture(grid.probabilities), overwrite)
     if options["truth"]:
-        _write_truth(options["truth"], simulation, options["overwrite"])
-    if not quiet:
-        _tell(simulation, grid, [output, options["png"], options["truth"]])
+        _write_truth(options["truth"], found.simulation, overwrite)
+    if not options["quiet"]:
+        _report(found.simulation, grid, outputs)
 
 
-def _simulation(scene: str, options: dict[str, Any]) -> Simulation:
-    from uavseg.errors import SceneError
-    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
-    from uavseg.occupancy.simulation.scene_file import load_scene
-
-    found = BUILT_IN[scene]() if scene in BUILT_IN else load_scene(scene)
-    changed = {name: options[key] for key, name in _SENSOR.items() if options[key] is not None}
-    wanted = options["poses"] or len(found.poses)
-    if wanted > len(found.poses):
-        raise SceneError(f"{scene} has {len(found.poses)} poses; --poses {wanted} asks for more")
-    return replace(found, sensor=replace(found.sensor, **changed), poses=found.poses[:wanted])
-
-
-def _check_targets(paths: list[str | None], overwrite: bool) -> None:
-    from pathlib import Path
-
+def _check_targets(paths: list[str], overwrite: bool) -> None:
     from uavseg.atomic import check_target
-    from uavseg.errors import OutputError
 
-    named = [path for path in paths if path]
-    for path in named:
+    for path in paths:
         check_target(path, overwrite)
-    if len({Path(path).resolve() for path in named}) < len(named):
-        raise OutputError("two outputs have the same name; give each its own")
+    check_distinct(*paths)
 
 
 def _write_truth(path: str, simulation: Simulation, overwrite: bool) -> None:
@@ -101,7 +88,7 @@ def _write_truth(path: str, simulation: Simulation, overwrite: bool) -> None:
     write_geotiff(path, bands, simulation.geobox, names, overwrite=overwrite)
 
 
-def _tell(simulation: Simulation, grid: OccupancyGrid, outputs: list[str | None]) -> None:
+def _report(simulation: Simulation, grid: OccupancyGrid, outputs: list[str]) -> None:
     sensor, (rows, cols) = simulation.sensor, grid.geobox.shape
     values = grid.probabilities
     shares = [(values < 0.5).mean(), (values == 0.5).mean(), (values > 0.5).mean()]
@@ -116,4 +103,4 @@ def _tell(simulation: Simulation, grid: OccupancyGrid, outputs: list[str | None]
         for name, share in zip(("below 0.5", "never seen", "above 0.5"), shares, strict=True)
     )
     click.echo(f"  cells       {text}", err=True)
-    click.echo(f"  written     {', '.join(path for path in outputs if path)}", err=True)
+    click.echo(f"  written     {', '.join(outputs)}", err=True)

@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
-from uavseg.cli._reading import reading_options
-from uavseg.cli._regions import opened
-from uavseg.cli._running import Reporter, Running, running_options
-from uavseg.cli._segmenting import segmenting_options
+from uavseg.cli._options import read_options, reading_options, segment_params, segmenting_options
+from uavseg.cli._run import Reporter, RunOptions, running_options
 
 if TYPE_CHECKING:
-    from uavseg.execution.executors import Map
-    from uavseg.jobs.extract import ExtractParams
     from uavseg.jobs.suggest import Suggestion, Suggestions
-    from uavseg.segmentation.blocks.block_file import SavedBlocks
 
 _MOST_NAMED = 8  # rasters of a command that is printed
+_PASSED_ON = {"band", "rgb", "nodata", "stretch", "skip_bad_tiles", "method", "threshold", "intensity_step"}
 
 
 def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | None:
@@ -49,71 +45,35 @@ def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | Non
 @click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
 @segmenting_options
 @running_options
-def command(
-    rasters: tuple[str, ...],
-    output: str | None,
-    classes: int | None,
-    as_json: bool,
-    running: Running,
-    **options: Any,
-) -> None:
+def command(**options: Any) -> None:
     """Propose ranges of v for RASTER... (many are one mosaic), each with its share of the area, the number of
     regions that it gives before their boundaries are refined, and the command to type next.
 
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
     thresholds). RASTER may also be a block map from `uavseg divide`, which answers by itself.
     """
-    reporter = running.reporter
-    params = _params(running.tile, options)
+    from uavseg.jobs.open_source import Raster, open_source
+    from uavseg.jobs.suggest import SuggestRequest, suggest
+
+    run = RunOptions.of(options)
+    output, rasters = options["output"], options["rasters"]
+    request = SuggestRequest(options["classes"], segment_params(options, "none"))
+    read = read_options(options)
     if output is not None:
         from uavseg.plot.page import check_picture
 
-        check_picture(output, running.overwrite)
-    saved, dataset = opened(rasters, options, "none", reporter)
-    run = running.workers()
-    if dataset is not None:
-        reporter.begin(dataset, running.tile)
-    found = _found(saved, dataset, classes, params, running.resuming(run), reporter)
+        check_picture(output, run.overwrite)
+    source = open_source(rasters, read)
+    found = suggest(source, request, run.work())
     if output is not None:
         from uavseg.plot.suggestions import draw_suggestions
 
-        draw_suggestions(found, output, dataset, running.overwrite)
-    reporter.finish()
-    for warning in found.warnings:
-        reporter.warn(warning)
+        dataset = source.dataset if isinstance(source, Raster) else None
+        draw_suggestions(found, output, dataset, run.overwrite)
+    run.reporter.finish(found.warnings)
     commands = [_command(chosen, rasters, found, options) for chosen in found.ranges]
-    click.echo(_as_json(found, commands) if as_json else _table(found, commands))
-    _tell(found, output, len(rasters), reporter)
-
-
-def _params(tile: int | None, options: dict[str, Any]) -> ExtractParams:
-    from uavseg.jobs.extract import ExtractParams
-    from uavseg.raster.intensity.stretch import parse_stretch
-    from uavseg.segmentation.params import SegmentParams
-
-    return ExtractParams(
-        SegmentParams(options["method"], options["threshold"], options["intensity_step"], "none"),
-        parse_stretch(options["stretch"]),
-        tile=tile,
-    )
-
-
-def _found(
-    saved: SavedBlocks | None,
-    dataset: Any,
-    classes: int | None,
-    params: ExtractParams,
-    run: Map,
-    reporter: Reporter,
-) -> Suggestions:
-    from uavseg.jobs.suggest import suggest, suggest_from_blocks
-    from uavseg.raster.bad_blocks import BadBlock, listing
-
-    if saved is not None:
-        return suggest_from_blocks(saved, classes, params)
-    bad: set[BadBlock] = set()
-    found = suggest(dataset, classes, params, listing(run, bad), reporter.progress)
-    return replace(found, warnings=(*found.warnings, *map(str, sorted(bad))))
+    click.echo(_as_json(found, commands) if options["as_json"] else _table(found, commands))
+    _report(found, output, len(rasters), run.reporter)
 
 
 def _command(
@@ -132,7 +92,7 @@ def _suffix(found: Suggestions) -> str:
     from uavseg.regions.formats import export
 
     try:
-        export.check_region_crs("regions.geojson", found.about.geobox.wkt)
+        export.check_region_crs("regions.geojson", found.source.geobox.wkt)
     except OutputError:
         return ".gpkg"
     return ".geojson"
@@ -144,7 +104,7 @@ def _chosen(options: dict[str, Any]) -> list[str]:
     words: list[str] = []
     for parameter in context.command.params:
         name = str(parameter.name)
-        if name not in options or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+        if name not in _PASSED_ON or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
             continue
         value = options[name]
         text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
@@ -155,8 +115,8 @@ def _chosen(options: dict[str, Any]) -> list[str]:
 def _as_json(found: Suggestions, commands: list[str]) -> str:
     ranges = [asdict(chosen) | {"command": line} for chosen, line in zip(found.ranges, commands, strict=True)]
     facts = {
-        "source": found.about.name,
-        "stretch": found.about.stretch.name,
+        "source": found.source.name,
+        "stretch": found.source.stretch.name,
         "explained": found.explained,
         "ranges": ranges,
         "warnings": found.warnings,
@@ -176,12 +136,12 @@ def _table(found: Suggestions, commands: list[str]) -> str:
     return "\n".join(lines)
 
 
-def _tell(found: Suggestions, output: str | None, rasters: int, reporter: Reporter) -> None:
+def _report(found: Suggestions, output: str | None, rasters: int, reporter: Reporter) -> None:
     """What else is to be said, on stderr."""
     if rasters > _MOST_NAMED and found.ranges:
         reporter.say(f"in the commands, ... stands for the other {rasters - 1} rasters")
     if output is not None:
         reporter.say(f"wrote {output}")
     reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
-    reporter.detail(f"stretch {found.about.stretch.name}, {found.about.band_names}")
+    reporter.detail(f"stretch {found.source.stretch.name}, {found.source.band_names}")
     reporter.detail(f"{reporter.seconds:.2f} seconds")

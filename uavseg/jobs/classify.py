@@ -1,7 +1,6 @@
-"""The main job on a map: free, unknown and occupied cells, and what is occupied as separate objects."""
+"""Classification of a map of probabilities: free, unknown and occupied cells, and occupied objects."""
 
-import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,14 +8,13 @@ from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import MapError, ParameterError
-from uavseg.execution.executors import Map, Progress, serial
-from uavseg.jobs.extract import ExtractParams
-from uavseg.jobs.result import About, Extraction, measured
-from uavseg.occupancy.ros.ros_map import is_ros_map, write_ros_map
-from uavseg.raster.formats.geotiff import write_labels
+from uavseg.jobs.open_source import Blocks, ProbabilityMap
+from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tile_pass import TilePass
-from uavseg.regions.edit.small import drop_small_regions
+from uavseg.regions.drawing import Drawing
+from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_states
@@ -36,11 +34,47 @@ from uavseg.units import OCCUPIED
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-LIMITS = StateLimits()
-PARAMS = ExtractParams(SegmentParams("paper"))
-"""How maps are classified unless something else is said: with the paper's limits and its method."""
 
-DESCRIPTION = "state: 1 free, 2 unknown, 3 occupied"
+@dataclass(frozen=True, slots=True)
+class ClassifyRequest:
+    """Which states, and what becomes of occupied objects.
+
+    Parameters
+    ----------
+    limits : StateLimits
+    segment : SegmentParams
+        The paper's method by default; its `refine` is "scan" or "none".
+    objects : bool
+        Whether occupied segments are outlined as objects.
+    drawing : Drawing
+        How their outlines are drawn.
+    min_area : Area, optional
+        Objects of less are dropped; states stay as they are.
+
+    Raises
+    ------
+    ParameterError
+        If the refinement is another.
+    """
+
+    limits: StateLimits = StateLimits()
+    segment: SegmentParams = SegmentParams("paper")
+    objects: bool = True
+    drawing: Drawing = Drawing()
+    min_area: Area | None = None
+
+    def __post_init__(self) -> None:
+        _ = self.refine
+
+    @property
+    def refine(self) -> StateRefinement:
+        """How states are refined."""
+        refine = self.segment.refine
+        if refine == "smooth" or refine == "tv":
+            raise ParameterError(
+                f"states are refined by scans or not at all: refine is scan or none, not {refine}"
+            )
+        return refine
 
 
 @dataclass(frozen=True)
@@ -54,14 +88,15 @@ class Classification:
     cells : dict of int to int
         How many cells have each state.
     occupied_in_free : int
-        Cells that are called free and whose own v lies above the occupied limit: thin walls, perhaps. Who
-        plans a path over what is free must look at v as well.
+        Cells that are called free and whose own v lies above the occupied limit: thin walls, perhaps. Paths
+        over free cells have to check v as well.
     occupied_by_value : int
         All cells whose own v lies above the occupied limit.
     objects : Extraction or None
         What is occupied, if it was asked for: connected cells, 1..n with the largest first.
-    about : About
+    source : SourceInfo
         The map.
+    warnings : tuple of str
     """
 
     image: StateImage
@@ -69,7 +104,8 @@ class Classification:
     occupied_in_free: int
     occupied_by_value: int
     objects: Extraction | None
-    about: About
+    source: SourceInfo
+    warnings: tuple[str, ...]
 
     @property
     def states(self) -> NDArray[np.uint8]:
@@ -91,115 +127,71 @@ class Classification:
     @property
     def geobox(self) -> GeoBox:
         """Where the cells lie."""
-        return self.about.geobox
+        return self.source.geobox
 
 
 def classify(
-    source: GreySource,
-    limits: StateLimits = LIMITS,
-    params: ExtractParams = PARAMS,
-    objects: bool = True,
-    map: Map = serial,
-    progress: Progress | None = None,
+    source: ProbabilityMap | Blocks, request: ClassifyRequest = ClassifyRequest(), work: Work = SERIAL
 ) -> Classification:
     """Free, unknown and occupied cells of a map of probabilities, refined to the cell.
 
     What is held for each cell, beyond the block map, is half a byte, and that lies in a temporary file where
-    the map is large; see `segmentation.classification`.
+    the map is large; see `segmentation.states.classify_strips`.
 
     Parameters
     ----------
-    source : GreySource
-        A map as `maps.open_map` opens it.
-    limits : StateLimits
-    params : ExtractParams
-        `segment.refine` is "scan" or "none"; `min_area` and `simplify_m` are of the objects, `stretch` and
-        `fill_holes` are not looked at.
-    objects : bool
-        Whether occupied segments are wanted as objects.
-    map : Map
-        Who reads the tiles.
-    progress : callable, optional
+    source : ProbabilityMap
+    request : ClassifyRequest
+    work : Work
 
     Raises
     ------
     MapError
         If no cell of the map is valid, or it holds something else than probabilities.
     ParameterError
-        If the refinement is another.
+        If the source is a block map.
     """
-    how = params.segment
-    refine = _refinement(how)
-    strips = state_strips(source.shape, source.dataset.file_block, params.tile)
-    windows = [tile for strip in strips for tile in strip]
-    first, second, *third = TilePass(windows, map, progress).stages(2 + objects)
-    blocks = measure_block_map_for(source, limits, how, first)
-    cells = cell_states(blocks, limits, how.division)
+    work = work.begun()
+    if isinstance(source, Blocks):
+        raise ParameterError(
+            f"{source.path} is a block map; states are refined with the map, so give the map itself"
+        )
+    tile_pass = work.over(source)
+    grey = source.grey(tile_pass.silent)
+    strips = state_strips(grey.shape, grey.dataset.file_block, work.tile)
+    tile_pass = replace(tile_pass, windows=[tile for strip in strips for tile in strip])
+    dividing, deciding, *outlining = tile_pass.stages(2 + request.objects)
+    segment = request.segment
+    blocks = measure_block_map_for(grey, request.limits, segment, dividing)
+    cells = cell_states(blocks, request.limits, segment.division)
     del blocks
     give_back()
     if not cells.any():
-        raise MapError(f"{source.dataset.source} has no valid cell: all of it is nodata or NaN")
-    found = classify_states(source, cells, limits, refine, strips, map, second.progress)
-    leaves = cells if refine == "none" else None
-    made = _objects(source, found, leaves, limits, params, third[0]) if objects else None
+        raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
+    found = classify_states(
+        grey, cells, request.limits, request.refine, strips, deciding.map, deciding.progress
+    )
+    leaves = cells if request.refine == "none" else None
+    objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None
     hazard = found.occupied_in_free, found.occupied_by_value
-    return Classification(found.image, found.pixels, *hazard, made, About.source(source))
-
-
-def write_states(
-    path: str | os.PathLike[str], found: Classification, overwrite: bool = False, mode: str = "trinary"
-) -> None:
-    """Write the states of a map: a uint8 GeoTIFF with nodata 0, or for a .yaml a ROS map.
-
-    A ROS map has no nodata, so such cells become unknown. It is held whole while it is written, a byte a
-    cell; a GeoTIFF is written row by row.
-
-    Parameters
-    ----------
-    path : path
-        .tif, or .yaml.
-    found : Classification
-    overwrite : bool
-        Whether files that are there may be replaced.
-    mode : {"trinary", "scale", "raw"}
-        Of the ROS map.
-
-    Raises
-    ------
-    MapError
-        If ROS has no way to say where the cells lie.
-    OutputExistsError, OutputError
-        If a file may not or cannot be written.
-    """
-    if is_ros_map(path):
-        write_ros_map(path, found.image.read(), found.geobox, overwrite, mode)
-    else:
-        strips = found.image.strips()
-        write_labels(path, strips, found.geobox, overwrite, dtype=np.uint8, description=DESCRIPTION)
-
-
-def _refinement(how: SegmentParams) -> StateRefinement:
-    if how.refine == "smooth" or how.refine == "tv":
-        raise ParameterError(
-            f"states are refined by scans or not at all: refine is scan or none, not {how.refine}"
-        )
-    return how.refine
+    info = SourceInfo.of(grey)
+    return work.finished(Classification(found.image, found.pixels, *hazard, objects, info, info.warnings))
 
 
 def _objects(
-    source: GreySource,
+    grey: GreySource,
     found: ClassifiedStates,
     leaves: NDArray[np.uint8] | None,
-    limits: StateLimits,
-    params: ExtractParams,
+    request: ClassifyRequest,
     tile_pass: TilePass,
 ) -> Extraction:
-    outlined = outline_state(source, found.image, OCCUPIED, tile_pass, leaves)
-    if params.min_area is not None:
-        outlined = drop_small_regions(outlined, source.dataset.geobox, params.min_area)
-    bounds = _bounds(outlined.rings, source.dataset.geobox)
-    about = About.source(source)
-    return measured(outlined, about, limits.occupied_above, 1.0, params.drawing, bounds)
+    outlined = outline_state(grey, found.image, OCCUPIED, tile_pass, leaves)
+    geobox = grey.dataset.geobox
+    if request.min_area is not None:
+        outlined = drop_small_regions(outlined, geobox, request.min_area)
+    interval = request.limits.occupied_above, 1.0
+    bounds = _bounds(outlined.rings, geobox)
+    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, bounds)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:

@@ -1,54 +1,77 @@
-"""Levels: a raster divided into intervals of equal width, each segment with its level."""
+"""Division of a raster into levels of equal width, and of each level into segments of adjacent blocks."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._memory import give_back
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import Map, Progress, serial
-from uavseg.jobs.extract import ExtractParams
-from uavseg.jobs.result import About, Extraction, measured
-from uavseg.raster.dataset import Dataset
-from uavseg.raster.intensity.stretch import fit
-from uavseg.raster.tile_pass import TilePass
+from uavseg.jobs.open_source import Blocks, ProbabilityMap, Raster, Source
+from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.eliminate import eliminate
-from uavseg.regions.edit.small import drop_small_regions
+from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_block_map
 from uavseg.regions.tiles.kind_tiles import outline_segments
-from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.leaves import cell_levels
 from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map_for
-from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 
-PARAMS = ExtractParams(SegmentParams(refine="none"), small="merge")
-"""How levels are found unless something else is said."""
+Small = Literal["drop", "merge"]
+Kinds = NDArray[np.uint8] | NDArray[np.uint32]
 
 
-def extract_levels(
-    dataset: Dataset,
-    levels: Levels,
-    params: ExtractParams = PARAMS,
-    map: Map = serial,
-    progress: Progress | None = None,
-) -> Extraction:
-    """The segments of all levels: adjacent leaves whose means lie in the same interval.
+@dataclass(frozen=True, slots=True)
+class LevelsRequest:
+    """Which levels, and what becomes of small segments.
 
     Parameters
     ----------
-    dataset : Dataset
     levels : Levels
         Of v, after the stretch.
-    params : ExtractParams
-        Levels are not refined, and their holes are other segments: `segment.refine` is "none" and
-        `fill_holes` is not given. Segments of less than `min_area` become part of their neighbours, or are
-        dropped, as `small` says.
-    map : Map
-        Who runs the work.
-    progress : callable, optional
+    segment : SegmentParams
+        Levels end at block edges: its `refine` is "none".
+    drawing : Drawing
+        How outlines are drawn.
+    min_area : Area, optional
+    small : {"merge", "drop"}
+        Segments of less than `min_area` become part of a neighbour, see `eliminate`, or are dropped.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is not allowed.
+    """
+
+    levels: Levels
+    segment: SegmentParams = SegmentParams(refine="none")
+    drawing: Drawing = Drawing()
+    min_area: Area | None = None
+    small: Small = "merge"
+
+    def __post_init__(self) -> None:
+        if self.segment.refine != "none":
+            raise ParameterError(f"levels end at block edges: refine is none, not {self.segment.refine}")
+        if self.small not in get_args(Small):
+            raise ParameterError(f"small segments are merged or dropped: merge or drop, not {self.small!r}")
+
+
+def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extraction:
+    """The segments of all levels: adjacent leaves whose means lie in the same interval.
+
+    A block map answers without its raster: segments are whole cells, and `std` is not known.
+
+    Parameters
+    ----------
+    source : Raster, Blocks or ProbabilityMap
+    request : LevelsRequest
+    work : Work
 
     Returns
     -------
@@ -58,58 +81,50 @@ def extract_levels(
     Raises
     ------
     UavsegError
-        If the raster cannot be read or a parameter does not fit it.
+        If the source cannot be read or a parameter does not fit it.
     """
-    _check(params)
-    first, second, third = TilePass.over(dataset, params.tile, map, progress).stages(3)
-    source = GreySource(dataset, fit(dataset, params.stretch, first))
-    how = params.segment
-    blocks = measure_block_map_for(source, levels, how, second)
-    kinds = cell_levels(blocks, levels, how.division)
+    work = work.begun()
+    outlined, kinds, info = (
+        _of_blocks(source, request) if isinstance(source, Blocks) else _of_pixels(source, request, work)
+    )
+    found = _measured(outlined, kinds, info, request)
+    if len(found.regions):
+        return work.finished(found)
+    return work.finished(
+        found, "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"
+    )
+
+
+def _of_pixels(
+    source: Raster | ProbabilityMap, request: LevelsRequest, work: Work
+) -> tuple[RegionOutlines, Kinds, SourceInfo]:
+    """Outlines of segments, the level of each cell (from 1), and the source."""
+    stretching, dividing, outlining = work.over(source).stages(3)
+    grey = source.grey(stretching)
+    segment = request.segment
+    blocks = measure_block_map_for(grey, request.levels, segment, dividing)
+    kinds = cell_levels(blocks, request.levels, segment.division)
     del blocks
     give_back()
-    outlined = outline_segments(source, kinds, third)
+    outlined = outline_segments(grey, kinds, outlining)
     give_back()
-    return _extraction(outlined, About.source(source), levels, kinds, params)
+    return outlined, kinds, SourceInfo.of(grey)
 
 
-def levels_from_blocks(saved: SavedBlocks, levels: Levels, params: ExtractParams = PARAMS) -> Extraction:
-    """Levels answered from a block map alone: segments are whole cells, and `std` is not known.
-
-    Parameters
-    ----------
-    saved : SavedBlocks
-    levels, params
-        As of `extract_levels`.
-    """
-    _check(params)
-    how = params.segment
-    kinds = cell_levels(saved.blocks, levels, how.division)
-    outlined = outline_block_map(saved.blocks, kinds)
-    return _extraction(outlined, About.saved(saved), levels, kinds, params)
+def _of_blocks(source: Blocks, request: LevelsRequest) -> tuple[RegionOutlines, Kinds, SourceInfo]:
+    """The same from a block map alone."""
+    blocks, segment = source.saved.blocks, request.segment
+    kinds = cell_levels(blocks, request.levels, segment.division)
+    return outline_block_map(blocks, kinds), kinds, SourceInfo.of(source)
 
 
-def _check(params: ExtractParams) -> None:
-    if params.segment.refine != "none":
-        raise ParameterError(f"levels end at block edges: refine is none, not {params.segment.refine}")
-    if params.fill_holes is not None:
-        raise ParameterError("holes in a level are segments of other levels; leave fill_holes out")
-
-
-def _extraction(
-    outlined: RegionOutlines,
-    about: About,
-    levels: Levels,
-    kinds: NDArray[np.uint8] | NDArray[np.uint32],
-    params: ExtractParams,
-) -> Extraction:
-    """Segments with their levels, which are the kinds of their cells."""
-    if params.min_area is not None and params.small == "drop":
-        outlined = drop_small_regions(outlined, about.geobox, params.min_area)
+def _measured(outlined: RegionOutlines, kinds: Kinds, info: SourceInfo, request: LevelsRequest) -> Extraction:
+    """Segments with their levels and attributes, the small ones merged or dropped."""
+    if request.min_area is not None and request.small == "drop":
+        outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     row, col = outlined.sums.firsts.T // CELL
     level = kinds[row, col].astype(np.int64) - 1
-    if params.min_area is not None and params.small == "merge":
-        outlined, level = eliminate(outlined, level, about.geobox, params.min_area)
-    bounds = np.array(levels.bounds)
-    columns = {"level": level}
-    return measured(outlined, about, bounds[level], bounds[level + 1], params.drawing, columns)
+    if request.min_area is not None and request.small == "merge":
+        outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
+    bounds = np.array(request.levels.bounds)
+    return measured(outlined, info, (bounds[level], bounds[level + 1]), request.drawing, {"level": level})

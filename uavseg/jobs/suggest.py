@@ -1,4 +1,4 @@
-"""Ranges worth asking for: what the means of a raster's leaves fall into, and what each range would give."""
+"""Suggestion of ranges: classes of the means of a raster's leaves, and what each range would give."""
 
 from dataclasses import dataclass, field
 
@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
-from uavseg.execution.executors import Map, Progress, serial
-from uavseg.jobs.extract import ExtractParams, divide
-from uavseg.jobs.result import About
-from uavseg.raster.dataset import Dataset
+from uavseg.jobs.divide import block_map_of
+from uavseg.jobs.open_source import Blocks, Source, raster_of
+from uavseg.jobs.result import SourceInfo
+from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.tiles.block_map_regions import count_segments
-from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
 from uavseg.segmentation.blocks.leaves import cell_intervals
@@ -22,10 +21,30 @@ from uavseg.segmentation.range_candidates import (
     edge_beside_means,
     propose_ranges,
 )
-from uavseg.segmentation.source import GreySource
 
-PARAMS = ExtractParams(SegmentParams(refine="none"))
-"""How leaves are found unless something else is said."""
+
+@dataclass(frozen=True, slots=True)
+class SuggestRequest:
+    """How many ranges, and of which leaves.
+
+    Parameters
+    ----------
+    classes : int, optional
+        Number of ranges, 2 to 8; by default as many as the histogram of means has.
+    segment : SegmentParams
+
+    Raises
+    ------
+    ParameterError
+        If the number is another.
+    """
+
+    classes: int | None = None
+    segment: SegmentParams = SegmentParams(refine="none")
+
+    def __post_init__(self) -> None:
+        if self.classes is not None and not 2 <= self.classes <= MAX_CLASSES:
+            raise ParameterError(f"ranges are 2 to {MAX_CLASSES} in number, not {self.classes}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +81,7 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Suggestions:
-    """Ranges of v that together are 0..1, and what one wants to see of them.
+    """Ranges of v that together are 0..1, and what they come from.
 
     Parameters
     ----------
@@ -75,7 +94,7 @@ class Suggestions:
     intervals : (8 B, 8 C) uint8 array
         The range of each cell of 8 x 8 pixels, counted from 1; 0 where its leaf has no valid pixel.
     blocks : BlockMap
-    about : About
+    source : SourceInfo
     warnings : tuple of str
     """
 
@@ -84,74 +103,48 @@ class Suggestions:
     histogram: NDArray[np.int64] = field(repr=False)
     intervals: NDArray[np.uint8] = field(repr=False)
     blocks: BlockMap = field(repr=False)
-    about: About
+    source: SourceInfo
     warnings: tuple[str, ...]
 
 
-def suggest(
-    dataset: Dataset,
-    classes: int | None = None,
-    params: ExtractParams = PARAMS,
-    map: Map = serial,
-    progress: Progress | None = None,
-) -> Suggestions:
-    """Ranges of v of a raster, answered from its block map: the raster is passed as `divide` passes it.
+def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Work = SERIAL) -> Suggestions:
+    """Ranges of v of a raster, answered from its block map.
 
     Parameters
     ----------
-    dataset : Dataset
-    classes : int, optional
-        Number of ranges, 2 to 8; what the histogram of means has by itself, if left out.
-    params : ExtractParams
-        Of which `segment`, `stretch` and `tile` are used.
-    map : Map
-        Who runs the work.
-    progress : callable, optional
+    source : Raster or Blocks
+        A raster is divided first.
+    request : SuggestRequest
+    work : Work
 
     Raises
     ------
     UavsegError
-        If the raster cannot be read, has no valid pixel, or a parameter is wrong.
+        If the raster cannot be read or has no valid pixel.
     """
-    _check(classes)
-    blocks, stretch = divide(dataset, params.stretch, params.tile, map, progress)
-    return _suggestions(blocks, About.source(GreySource(dataset, stretch)), classes, params.segment)
+    work = work.begun()
+    if isinstance(source, Blocks):
+        saved, info = source.saved, SourceInfo.of(source)
+    else:
+        saved, info = block_map_of(raster_of(source), work)
+    return work.finished(_suggestions(saved.blocks, info, request))
 
 
-def suggest_from_blocks(
-    saved: SavedBlocks, classes: int | None = None, params: ExtractParams = PARAMS
-) -> Suggestions:
-    """Ranges of v answered from a block map alone.
-
-    Parameters
-    ----------
-    saved : SavedBlocks
-    classes, params
-        As of `suggest`.
-    """
-    _check(classes)
-    return _suggestions(saved.blocks, About.saved(saved), classes, params.segment)
-
-
-def _check(classes: int | None) -> None:
-    if classes is not None and not 2 <= classes <= MAX_CLASSES:
-        raise ParameterError(f"ranges are 2 to {MAX_CLASSES} in number, not {classes}")
-
-
-def _suggestions(blocks: BlockMap, about: About, classes: int | None, how: SegmentParams) -> Suggestions:
+def _suggestions(blocks: BlockMap, source: SourceInfo, request: SuggestRequest) -> Suggestions:
+    how = request.segment
     histogram = histogram_of_means(blocks, how.division)
     if not histogram.any():
         raise RasterError(
-            f"no pixel of {about.name} is valid, so there is no range to choose; look at its nodata "
+            f"no pixel of {source.name} is valid, so there is no range to choose; look at its nodata "
             "value with uavseg info"
         )
-    cuts = propose_ranges(histogram, classes)
+    cuts = propose_ranges(histogram, request.classes)
     taken = means_among(blocks, cuts.edges, how.division)
     edges = tuple(edge_beside_means(edge) if edge in taken else edge for edge in cuts.edges)
     intervals = cell_intervals(blocks, edges, how.division)
     ranges = _ranges(blocks, edges, intervals) if edges else ()
-    warnings = (*about.warnings, *_doubts(cuts, classes, histogram))
-    return Suggestions(ranges, cuts.classes.explained, histogram, intervals, blocks, about, warnings)
+    warnings = (*source.warnings, *_doubts(cuts, request.classes, histogram))
+    return Suggestions(ranges, cuts.classes.explained, histogram, intervals, blocks, source, warnings)
 
 
 def _ranges(

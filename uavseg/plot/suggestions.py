@@ -51,7 +51,7 @@ def draw_suggestions(
 
 
 def _figure(found: Suggestions, dataset: Dataset | None) -> Any:
-    frame = Frame(found.about.geobox)
+    frame = Frame(found.source.geobox)
     view, height = _view(frame, LEAST_PLOT_IN + _legend_in(found))
     page = height + HEAD_IN + FOOT_IN
     figure = new_figure(WIDTH_IN, page, WIDTH_PX / WIDTH_IN)
@@ -69,7 +69,7 @@ def _figure(found: Suggestions, dataset: Dataset | None) -> Any:
     )
     _draw_histogram(plot, found)
     _write_legend(figure, left / WIDTH_IN, found)
-    x, about = MARGIN_IN / WIDTH_IN, found.about
+    x, about = MARGIN_IN / WIDTH_IN, found.source
     figure.text(x, 1 - 0.12 / page, about.name, size=12, weight="bold", color=INK, va="top")
     told = about_raster(about.geobox, about.band_names, about.stretch.name)
     figure.text(x, 0.12 / page, told, size=7.5, color=QUIET, va="bottom")
@@ -88,7 +88,7 @@ def _view(frame: Frame, least: float) -> tuple[tuple[float, float, float, float]
 def _draw_map(ax: Any, unit: float, frame: Frame, found: Suggestions, dataset: Dataset | None) -> None:
     counts = found.blocks.counts
     if dataset is not None:
-        draw_raster(ax, dataset, frame, found.about.stretch)
+        draw_raster(ax, dataset, frame, found.source.stretch)
     else:
         greys = (found.blocks.sums // np.maximum(counts, 1) >> 8).astype(np.uint8)
         draw_cells(ax, greys, counts > 0, frame, MOST_PIXELS)

@@ -117,7 +117,7 @@ class Summary:
 
 def summarize(
     dataset: Dataset,
-    stretch: StretchSpec | str = "auto",
+    stretch: Stretch | StretchSpec | str = "auto",
     map: Map = serial,
     progress: Progress | None = None,
 ) -> Summary:
@@ -129,7 +129,7 @@ def summarize(
     Parameters
     ----------
     dataset : Dataset
-    stretch : StretchSpec or str
+    stretch : Stretch, StretchSpec or str
     map : Map
         Who runs the work.
     progress : callable, optional
@@ -167,7 +167,7 @@ def summarize(
 
 def _count(
     dataset: Dataset,
-    stretch: StretchSpec | str,
+    stretch: Stretch | StretchSpec | str,
     map: Map,
     progress: Progress | None,
 ) -> tuple[Stretch, NDArray[np.int64]]:

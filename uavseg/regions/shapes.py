@@ -1,7 +1,7 @@
 """Lazy polygons: shapely geometries built from rings on demand, in batches."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -9,8 +9,10 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.regions.outline.rings import Rings
 from uavseg.regions.ragged import RaggedPolygons
+
+if TYPE_CHECKING:
+    from uavseg.regions.outline.rings import Rings
 
 Integers = NDArray[np.int64]
 Objects = NDArray[np.object_]
@@ -32,7 +34,7 @@ class LazyPolygons:
         From pixel corners (col, row) to map coordinates.
     """
 
-    def __init__(self, rings: Rings, transform: Affine) -> None:
+    def __init__(self, rings: "Rings", transform: Affine) -> None:
         self._rings = rings
         self._transform = transform
         self._count = int(rings.labels[-1]) if len(rings.labels) else 0

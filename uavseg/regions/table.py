@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas, ring_perimeters
-from uavseg.regions.outline.rings import Rings
 from uavseg.regions.shapes import LazyPolygons, PolygonArray, batch_slices
-from uavseg.segmentation.labels.component_sums import Sums
 from uavseg.units import GREY_MAX
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
+
+    from uavseg.regions.outline.rings import Rings
+    from uavseg.segmentation.labels.component_sums import Sums
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -75,8 +76,8 @@ class Regions:
 
 
 def make_regions(
-    rings: Rings,
-    sums: Sums,
+    rings: "Rings",
+    sums: "Sums",
     geobox: GeoBox,
     interval: tuple[ArrayLike, ArrayLike],
     source: str,
@@ -128,7 +129,7 @@ def _per_region(labels: Integers, values: NDArray[Any], n: int) -> NDArray[Any]:
     return np.bincount(labels, weights=values, minlength=n + 1)[1:]
 
 
-def _mean_and_std(sums: Sums) -> tuple[Floats, Floats]:
+def _mean_and_std(sums: "Sums") -> tuple[Floats, Floats]:
     mean = sums.greys / sums.counts
     variance = np.maximum(sums.squares / sums.counts - mean * mean, 0)
     return mean / GREY_MAX, np.sqrt(variance) / GREY_MAX

@@ -72,6 +72,7 @@ def test_reordering_back_and_forth_changes_nothing(labels: Labels, random: objec
 def test_rings_tables_and_files_of_regions_load_no_tracer(module: str) -> None:
     program = f"import sys, uavseg.regions.{module}; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    loaded = {name.removeprefix("uavseg.regions.outline.") for name in run.stdout.split()}
-    assert "rings" in loaded
-    assert not loaded & {"trace", "chains", "linking", "stitch", "rasterise"}
+    loaded = set(run.stdout.split())
+    assert f"uavseg.regions.{module}" in loaded
+    tracer = ("trace", "chains", "linking", "stitch", "rasterise")
+    assert not loaded & {f"uavseg.regions.outline.{name}" for name in tracer}

@@ -12,9 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import PathError
-from uavseg.execution.executors import Map, Progress, serial
-from uavseg.jobs.extract import ExtractParams, extract
-from uavseg.raster.dataset import Dataset
+from uavseg.execution.executors import Map, serial
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_steps
 from uavseg.raster.tiling import Window
@@ -89,31 +87,6 @@ class FreeCells:
     rings: Rings
     interval: IntensityRange
     warnings: tuple[str, ...] = ()
-
-    @classmethod
-    def of(
-        cls,
-        dataset: Dataset,
-        interval: IntensityRange,
-        params: ExtractParams,
-        map: Map = serial,
-        progress: Progress | None = None,
-    ) -> "FreeCells":
-        """The free cells of a map: its regions are extracted as in the main job.
-
-        Parameters
-        ----------
-        dataset : Dataset
-        interval : IntensityRange
-            The range of v that is passable.
-        params : ExtractParams
-            How; its stretch is what `occupancy.maps` finds, for probabilities.
-        map : Map
-            Who runs the work.
-        progress : callable, optional
-        """
-        found = extract(dataset, interval, params, map, progress)
-        return cls(GreySource(dataset, found.stretch), found.rings, interval, found.warnings)
 
     @property
     def geobox(self) -> GeoBox:

@@ -30,7 +30,7 @@ def eliminate(
 
     Parameters
     ----------
-    outlined : Outlined
+    outlined : RegionOutlines
         Segments; no two of one kind share an edge.
     kinds : (n,) int64 array
         The kind of each, such as its level; a merged segment takes that of the neighbour it became part of.
@@ -39,7 +39,7 @@ def eliminate(
 
     Returns
     -------
-    outlined : Outlined
+    outlined : RegionOutlines
         Labels are 1..m, the segment that encloses most pixels first; ties in raster order.
     kinds : (m,) int64 array
 

@@ -55,7 +55,22 @@ def read_regions(source: str | os.PathLike[str] | bytes, layer: str | None = Non
         If the file cannot be read, has no polygons or other geometries too, no CRS, or local coordinates.
     """
     name = "standard input" if isinstance(source, bytes) else str(source)
-    frame = _to_wgs84(_read_frame(source, name, layer), name)
+    return _complete_frame(_read_frame(source, name, layer), name)
+
+
+def regions_of_frame(frame: "GeoDataFrame") -> Regions:
+    """Regions of a GeoDataFrame, in WGS 84, completed like those of a file.
+
+    Raises
+    ------
+    RegionError
+        If the frame has no polygons or other geometries too, no CRS, or local coordinates.
+    """
+    return _complete_frame(frame, "the frame")
+
+
+def _complete_frame(frame: "GeoDataFrame", name: str) -> Regions:
+    frame = _to_wgs84(frame, name)
     columns = {
         str(column): np.asarray(frame[column]) for column in frame.columns if column != frame.geometry.name
     }

@@ -142,7 +142,7 @@ def mean_scores(
 
     Parameters
     ----------
-    outlined : Outlined
+    outlined : RegionOutlines
     best : (8 B, 8 C) uint16 array
         Scores of cells.
     windows, map

@@ -83,5 +83,5 @@ def _sum_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> Sums
     np.add.at(counts, flat, blocks.counts[:rows, :cols].reshape(-1))
     names, first = np.unique(flat, return_index=True)
     firsts = np.zeros((count + 1, 2), np.int64)
-    firsts[names] = np.stack(np.divmod(first, cols), axis=1) * CELL
+    firsts[names] = CELL * np.stack(np.divmod(first, cols), axis=1)
     return Sums(counts[1:], greys[1:], np.full(count, np.nan), firsts[1:])

@@ -1,29 +1,28 @@
-"""Options of every command that works through tiles: how they are cut, who works, what is told."""
+"""How a command is run: tiles, workers and checkpoint, and what it reports on stderr."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import wraps
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._progress import Amount, bar
-
 if TYPE_CHECKING:
     from uavseg.execution.executors import Map
-    from uavseg.raster.dataset import Dataset
+    from uavseg.jobs.work import Work
+    from uavseg.raster.tiling import Window
 
 Command = Callable[..., Any]
 
 _REDRAW_S = 0.1
+_WIDTH = 24
 
 
 @dataclass(frozen=True, slots=True)
-class Running:
+class RunOptions:
     """How a command is run: what `running_options` say.
 
     Parameters
@@ -48,8 +47,16 @@ class Running:
     overwrite: bool
     reporter: Reporter
 
-    def workers(self) -> Map:
-        """Who runs the work: threads of this process, or a cluster, which is let go when the command ends.
+    @classmethod
+    def of(cls, options: dict[str, Any]) -> RunOptions:
+        """From the options of a command, which begins with this."""
+        reporter = Reporter(options["quiet"], options["verbose"], options["progress"])
+        names = ("tile", "threads", "scheduler", "resume", "overwrite")
+        return cls(**{name: options[name] for name in names}, reporter=reporter)
+
+    def work(self) -> Work:
+        """How the job is run: by threads of this process, or by a cluster, which is released when the command
+        ends.
 
         Raises
         ------
@@ -58,8 +65,24 @@ class Running:
         ClusterError
             If the scheduler does not answer or its workers do not fit.
         """
+        from uavseg.execution import executors
+        from uavseg.jobs.work import Work
+
+        cluster = self._cluster()
+        local = executors.threads(self.threads)
+        return Work(
+            self.tile,
+            cluster or local,
+            local,
+            self.reporter.progress,
+            self.resume,
+            self.reporter.resumed,
+            self.reporter.begin,
+        )
+
+    def _cluster(self) -> Map | None:
         if self.scheduler is None:
-            return self.local_workers()
+            return None
         if self.threads is not None:
             raise click.UsageError(
                 "--threads are this machine's, --scheduler has its own; give one of the two"
@@ -70,42 +93,12 @@ class Running:
         click.get_current_context().call_on_close(cluster.close)
         return cluster
 
-    def local_workers(self) -> Map:
-        """Threads of this process, whoever else works."""
-        from uavseg.execution import executors
-
-        return executors.threads(self.threads)
-
-    def resuming(self, run: Map) -> Map:
-        """A map that keeps finished tiles in the folder, if one was given."""
-        if self.resume is None:
-            return run
-        from uavseg.execution.checkpoint import kept
-
-        return kept(run, self.resume, self.reporter.resumed)
-
 
 def running_options(command: Command) -> Command:
     """Give a command --tile, --threads, --scheduler, --resume, --overwrite, -q, -v and --progress.
 
-    They arrive as one `Running`, called `running`.
+    See `RunOptions`.
     """
-
-    @wraps(command)
-    def run(
-        tile: int | None,
-        threads: int | None,
-        scheduler: str | None,
-        resume: str | None,
-        overwrite: bool,
-        quiet: bool,
-        verbose: bool,
-        progress: str,
-        **others: Any,
-    ) -> Any:
-        reporter = Reporter(quiet, verbose, progress)
-        return command(running=Running(tile, threads, scheduler, resume, overwrite, reporter), **others)
-
     for option in reversed(
         (
             click.option(
@@ -141,12 +134,12 @@ def running_options(command: Command) -> Command:
             ),
         )
     ):
-        run = option(run)
-    return run
+        command = option(command)
+    return command
 
 
 class Reporter:
-    """What a command says on stderr while it works and when it is done."""
+    """Progress, warnings and the final table of a command, on stderr."""
 
     def __init__(self, quiet: bool, verbose: bool, progress: str) -> None:
         self.quiet = quiet
@@ -163,13 +156,11 @@ class Reporter:
         """Since the command began."""
         return time.perf_counter() - self._start
 
-    def begin(self, dataset: Dataset, tile: int | None) -> None:
-        """The work on a raster begins, cut into tiles."""
+    def begin(self, windows: Sequence[Window]) -> None:
+        """The work on the tiles of a source begins."""
         if self._bar:
-            from uavseg.raster.dataset import windows_of
-
-            rows, cols = dataset.geobox.shape
-            self._amount = Amount(len(windows_of(dataset, tile)), rows * cols)
+            pixels = sum(window.rows * window.cols for window in windows)
+            self._amount = Amount(len(windows), pixels)
             self._begun = time.perf_counter()
 
     def progress(self, done: int, total: int) -> None:
@@ -189,15 +180,17 @@ class Reporter:
             self._drawn = now
             click.echo(f"\r{bar(share, now - self._begun, self._amount)}\x1b[K", err=True, nl=False)
 
-    def finish(self) -> None:
-        """The work is done: the bar goes, plain progress ends at 100."""
+    def finish(self, warnings: Sequence[str] = ()) -> None:
+        """The work is done: the bar goes, plain progress ends at 100, and warnings are printed."""
         if self._plain:
             self.progress(1, 1)
         elif self._bar and self._percent >= 0:
             click.echo("\r\x1b[K", err=True, nl=False)
+        for warning in warnings:
+            self.warn(warning)
 
     def resumed(self, stage: str, done: int, total: int) -> None:
-        """Some tiles of a stage were done by a run before this one."""
+        """Some tiles of a stage were found in the checkpoint."""
         self.say(f"resumed: {done:,} of {total:,} tiles were done ({stage})")
 
     def warn(self, text: str) -> None:
@@ -206,11 +199,81 @@ class Reporter:
             click.echo(f"uavseg: warning: {text}", err=True)
 
     def say(self, text: str) -> None:
-        """Something for everyone who did not ask for quiet."""
+        """A line, unless the command is quiet."""
         if not self.quiet:
             click.echo(text, err=True)
 
+    def table(self, rows: dict[str, str]) -> None:
+        """The short table at the end."""
+        for name, value in rows.items():
+            self.say(f"  {name:<12}{value}")
+
     def detail(self, text: str) -> None:
-        """Something for those who asked for more."""
+        """A line where the command is verbose."""
         if self.verbose and not self.quiet:
             click.echo(f"uavseg: {text}", err=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """How much there is to do.
+
+    Parameters
+    ----------
+    tiles : int
+    pixels : int
+    """
+
+    tiles: int
+    pixels: int
+
+
+def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
+    """One line: how much is done, tiles, pixels per second and the time left.
+
+    A tile is passed several times, and counts by the share of all passes that is done.
+
+    Parameters
+    ----------
+    share : float
+        How much of the work is done, 0 to 1.
+    seconds : float
+        That the work took so far.
+    amount : Amount, optional
+
+    Examples
+    --------
+    >>> bar(0.25, 60, Amount(80, 240_000_000))
+    '[######..................]  25 %  20/80 tiles  1.0 Mpx/s  3:00 left'
+    >>> bar(0, 0.1)
+    '[........................]   0 %'
+    """
+    filled = int(share * _WIDTH)
+    parts = [f"[{'#' * filled}{'.' * (_WIDTH - filled)}] {int(100 * share):3d} %"]
+    if amount is not None:
+        parts.append(f"{int(share * amount.tiles):,}/{amount.tiles:,} tiles")
+    if share > 0 and seconds > 0:
+        if amount is not None:
+            parts.append(f"{_si(share * amount.pixels / seconds)}px/s")
+        parts.append(f"{clock(seconds * (1 - share) / share)} left")
+    return "  ".join(parts)
+
+
+def clock(seconds: float) -> str:
+    """A time as one reads it.
+
+    Examples
+    --------
+    >>> clock(59.6), clock(3 * 3600 + 62)
+    ('1:00', '3:01:02')
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def _si(number: float) -> str:
+    for size, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if number >= size:
+            return f"{number / size:.1f} {prefix}"
+    return f"{number:.0f} "

@@ -1,0 +1,109 @@
+"""Planning of missions over regions."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+from uavseg.api._values import warn
+from uavseg.errors import ParameterError
+from uavseg.flight.mission import Mission
+from uavseg.jobs.plan import Home, PlanRequest, flight_params, open_regions
+from uavseg.jobs.plan import plan as run_plan
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+
+def plan(
+    regions: str | os.PathLike[str] | bytes | GeoDataFrame,
+    *,
+    altitude: float,
+    home: Sequence[float] | str,
+    pattern: str | None = None,
+    spacing: float | None = None,
+    angle: float | Literal["auto"] = "auto",
+    speed: float = 5.0,
+    firmware: str = "ardupilot",
+    tolerance: float | None = None,
+    ids: Sequence[int] | None = None,
+    largest: int | None = None,
+    where: str | None = None,
+    layer: str | None = None,
+) -> Mission:
+    """A mission over regions: take off, fly to or over them in a short order, return.
+
+    Parameters
+    ----------
+    regions : path, bytes or GeoDataFrame
+        A file of polygons, the content of one such as GeoJSON, or what `extract` gives.
+    altitude : float
+        Height of the whole flight above home, in metres.
+    home : (lat, lon), (lat, lon, altitude_m) or "auto"
+        Where the vehicle starts, in degrees; the altitude is above the sea. With "auto", inside the first
+        chosen region.
+    pattern : {"visit", "perimeter", "survey"}, optional
+        A point in each region, its outline, or lines over it; by default "visit", or "survey" with a spacing.
+    spacing : float, optional
+        Metres between the lines of a survey.
+    angle : float or "auto"
+        Azimuth of the lines, clockwise from north; with "auto" the one that needs the fewest lines.
+    speed : float
+        Metres per second.
+    firmware : {"ardupilot", "px4"}
+    tolerance : float, optional
+        Metres by which outlines may be moved to save corners; by default 1, or a pixel where that is larger.
+    ids : sequence of int, optional
+        Only the regions with these ids.
+    largest : int, optional
+        Only so many, the largest.
+    where : str, optional
+        Only those that fulfil a condition, such as "mean > 0.7 and area_m2 > 500".
+    layer : str, optional
+        The layer of a file that has several.
+
+    Returns
+    -------
+    mission : Mission
+        `uavseg.flight.files.write(mission, "fly.plan")` writes it. Its `warnings` are warnings too.
+
+    Raises
+    ------
+    RegionError
+        If the regions cannot be read, or none is chosen.
+    MissionError
+        If they are not near home, or the mission would not be safe.
+    UavsegError
+        If a parameter is wrong.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> from uavseg.flight.files import write
+    >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
+    >>> mission = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
+    >>> write(mission, "fly.plan")  # doctest: +SKIP
+    """
+    flight = flight_params(
+        altitude,
+        pattern=pattern,
+        spacing=spacing,
+        angle=None if angle == "auto" else float(angle),
+        speed=speed,
+        firmware=firmware,
+        tolerance=tolerance,
+    )
+    request = PlanRequest(flight, _home(home), ids, largest, where)
+    planned = run_plan(open_regions(regions, layer), request)
+    warn(planned.warnings)
+    return planned.mission
+
+
+def _home(given: Sequence[float] | str) -> Home:
+    if isinstance(given, str):
+        if given == "auto":
+            return "auto"
+    elif len(given) in (2, 3):
+        return tuple(map(float, given))
+    raise ParameterError(f'home is (lat, lon), (lat, lon, altitude_m) or "auto", not {given!r}')

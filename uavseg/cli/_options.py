@@ -1,0 +1,157 @@
+"""Options that commands share, and the values that their texts become."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from uavseg.errors import ParameterError
+
+if TYPE_CHECKING:
+    from uavseg.jobs.open_source import ReadOptions
+    from uavseg.regions.drawing import Drawing
+    from uavseg.regions.edit.small import Area
+    from uavseg.segmentation.intervals import IntensityRange
+    from uavseg.segmentation.params import SegmentParams
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+map_stretch_option = click.option(
+    "--stretch",
+    metavar="STRETCH",
+    help="For a map that holds no probabilities: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH.  "
+    "[default: dtype for integers, none for floats]",
+)
+
+
+def reading_options(command: Command) -> Command:
+    """Give a command RASTER... and the options of `read_options`."""
+    return _with_options(
+        command,
+        click.argument("rasters", metavar="RASTER...", nargs=-1, required=True),
+        click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1."),
+        click.option("--rgb", metavar="R,G,B", callback=_three, help="Use the luminance of these bands."),
+        click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing."),
+        click.option(
+            "--stretch",
+            default="auto",
+            show_default=True,
+            metavar="STRETCH",
+            help="How intensity becomes v: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH.",
+        ),
+        click.option(
+            "--skip-bad-tiles",
+            is_flag=True,
+            help="Count blocks of a file that cannot be read as nodata, and list them at the end.",
+        ),
+    )
+
+
+def segmenting_options(command: Command, method: str = "adaptive") -> Command:
+    """Give a command --method, with this default, --threshold and --intensity-step; see `segment_params`."""
+    return _with_options(
+        command,
+        click.option(
+            "--method",
+            type=click.Choice(["adaptive", "paper"]),
+            default=method,
+            show_default=True,
+            help="Divide blocks by texture and intensity, or by texture alone as the paper does.",
+        ),
+        click.option(
+            "--threshold",
+            type=float,
+            default=1.2,
+            show_default=True,
+            metavar="X",
+            help="Divide where G_max / G_min is larger.",
+        ),
+        click.option(
+            "--intensity-step",
+            type=float,
+            default=0.05,
+            show_default=True,
+            metavar="TAU",
+            help="Adaptive: divide where the means of the children differ by more.",
+        ),
+    )
+
+
+def drawing_options(command: Command) -> Command:
+    """Give a command --smooth-outline and --simplify, in the order in which they work; see `drawing`."""
+    return _with_options(
+        command,
+        click.option(
+            "--smooth-outline",
+            type=float,
+            metavar="METRES",
+            help="Draw outlines without stairs, within this many metres of the pixel edges, and never "
+            "further than half a pixel; shared borders stay shared, attributes those of the pixels.",
+        ),
+        click.option(
+            "--simplify",
+            type=float,
+            metavar="METRES",
+            help="Simplify outlines, after they are smoothed; shared borders stay shared.",
+        ),
+    )
+
+
+def read_options(options: dict[str, Any]) -> ReadOptions:
+    """How the source is read."""
+    from uavseg.jobs.open_source import ReadOptions
+
+    names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles")
+    return ReadOptions(**{name: options[name] for name in names if name in options})
+
+
+def segment_params(options: dict[str, Any], refine: str | None) -> SegmentParams:
+    """How the source is segmented."""
+    from uavseg.jobs.words import segment_params
+
+    return segment_params(options["method"], options["threshold"], options["intensity_step"], refine)
+
+
+def drawing(options: dict[str, Any]) -> Drawing:
+    """How outlines are drawn."""
+    from uavseg.regions.drawing import Drawing
+
+    return Drawing(options.get("smooth_outline"), options["simplify"])
+
+
+def area(text: str | None) -> Area | None:
+    """The area that an option names, if it was given."""
+    from uavseg.jobs.words import area
+
+    return area(text)
+
+
+def parsed_range(text: str) -> IntensityRange:
+    """LO,HI of --range as a range of v."""
+    from uavseg.segmentation.intervals import IntensityRange
+
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError:
+        raise ParameterError(f"--range is two numbers between commas, such as 0.55,1, not {text!r}") from None
+    return IntensityRange(low, high)
+
+
+def _with_options(command: Command, *options: Callable[[Command], Command]) -> Command:
+    """A command with options, the first of them on top of its help."""
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def _three(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[int, int, int] | None:
+    """Three band numbers of a text."""
+    if value is None:
+        return None
+    try:
+        red, green, blue = (int(part) for part in value.split(","))
+    except ValueError as error:
+        raise click.BadParameter(f"{value!r} is not three band numbers, such as 4,3,2", ctx, param) from error
+    return red, green, blue

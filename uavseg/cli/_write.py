@@ -1,0 +1,77 @@
+"""Writing of results: regions and their labels to the files that a command names."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from uavseg.jobs.result import Extraction
+    from uavseg.jobs.work import Work
+
+
+def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
+    """Nothing that is there is touched, and nothing is computed that could not be written."""
+    if output is not None and output != "-":
+        from uavseg.regions.formats.export import check_region_path
+
+        check_region_path(output, overwrite)
+    if labels is not None:
+        from uavseg.regions.formats.label_raster import check_labels
+
+        check_labels(labels, overwrite)
+
+
+def check_distinct(*paths: str | None) -> None:
+    """Each output has a name of its own.
+
+    Raises
+    ------
+    OutputError
+        If two have the same.
+    """
+    from uavseg.errors import OutputError
+
+    named = [Path(path).resolve() for path in paths if path and path != "-"]
+    if len(set(named)) < len(named):
+        raise OutputError("two outputs have the same name; give each its own")
+
+
+def write_regions(found: Extraction, target: str, overwrite: bool) -> None:
+    """Write regions to a file, or to stdout where it is called -."""
+    from uavseg.regions.formats import export
+
+    export.write_regions(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
+
+
+def write_labels(found: Extraction, path: str, work: Work, overwrite: bool) -> None:
+    """Write the labels of regions; the executor writes them where they are many tiles."""
+    from uavseg.regions.formats import label_raster
+
+    run = work.executor if label_raster.is_vrt(path) else work.local
+    label_raster.write_label_raster(path, found.rings, found.geobox, run, overwrite)
+
+
+def shown(target: str) -> str:
+    """A target by its name for people."""
+    return "stdout" if target == "-" else target
+
+
+def summary_rows(found: Extraction) -> dict[str, str]:
+    """Total area, largest region, stretch and band, for the table at the end."""
+    unit = "m2" if found.regions.wkt is not None else "square units"
+    return {
+        "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {unit}",
+        "largest": largest(found, unit),
+        "stretch": found.stretch.name,
+        "band": found.band_names,
+    }
+
+
+def largest(found: Extraction, unit: str) -> str:
+    """The region with most pixels, for people."""
+    columns = found.regions.columns
+    if not len(found.regions):
+        return "-"
+    return f"{columns['area_m2'][0]:,.1f} {unit} ({columns['pixels'][0]:,} pixels)"

@@ -1,0 +1,69 @@
+"""Division of a raster into a block map, from which any range is answered later."""
+
+from dataclasses import dataclass
+
+from uavseg.jobs.open_source import Raster, Source, raster_of
+from uavseg.jobs.result import SourceInfo
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.segmentation.blocks.block_file import SavedBlocks
+from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.pipeline import measure_block_map
+
+
+@dataclass(frozen=True, slots=True)
+class DivideRequest:
+    """Which leaves a block map's file shows.
+
+    Parameters
+    ----------
+    segment : SegmentParams
+        The block map itself does not depend on it.
+    """
+
+    segment: SegmentParams = SegmentParams()
+
+
+@dataclass(frozen=True)
+class Division:
+    """A block map, ready to be saved.
+
+    Parameters
+    ----------
+    saved : SavedBlocks
+    segment : SegmentParams
+    warnings : tuple of str
+    """
+
+    saved: SavedBlocks
+    segment: SegmentParams
+    warnings: tuple[str, ...]
+
+
+def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work = SERIAL) -> Division:
+    """The whole block map of a raster.
+
+    Parameters
+    ----------
+    source : Raster
+    request : DivideRequest
+    work : Work
+
+    Raises
+    ------
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    work = work.begun()
+    raster = raster_of(source, "a block map is divided already; name the raster itself")
+    saved, info = block_map_of(raster, work)
+    return work.finished(Division(saved, request.segment, info.warnings))
+
+
+def block_map_of(raster: Raster, work: Work) -> tuple[SavedBlocks, SourceInfo]:
+    """The block map of a raster, and what there is to say of the raster."""
+    stretching, dividing = work.over(raster).stages(2)
+    grey = raster.grey(stretching)
+    blocks = measure_block_map(grey, dividing)
+    dataset = raster.dataset
+    saved = SavedBlocks(blocks, dataset.geobox, grey.stretch, dataset.band_names, raster.origin)
+    return saved, SourceInfo.of(grey)

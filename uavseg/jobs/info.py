@@ -1,0 +1,23 @@
+"""Summary of a raster: what it is, what intensity it holds, and a command to try next."""
+
+from uavseg.jobs.open_source import Raster
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.summary import Summary, summarize
+
+
+def info(source: Raster, work: Work = SERIAL) -> Summary:
+    """What a raster is, with the blocks of it that could not be read.
+
+    Parameters
+    ----------
+    source : Raster
+    work : Work
+
+    Raises
+    ------
+    UavsegError
+        If the raster cannot be read.
+    """
+    work = work.begun()
+    with work.reading_here():
+        return work.finished(summarize(source.dataset, source.stretch, work.map, work.progress))

@@ -1,0 +1,57 @@
+"""Segmentation by the original LBP/C, for comparison."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.jobs.open_source import Source, raster_of
+from uavseg.jobs.result import SourceInfo
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.tiling import Window
+from uavseg.segmentation.baseline.lbpc import LbpcParams, check_lbpc_size, segment_lbpc
+
+DEFAULTS = LbpcParams()
+
+
+@dataclass(frozen=True)
+class OriginalSegments:
+    """Labels of segments.
+
+    Parameters
+    ----------
+    labels : (rows, cols) uint32 array
+    source : SourceInfo
+    warnings : tuple of str
+    """
+
+    labels: NDArray[np.uint32]
+    source: SourceInfo
+    warnings: tuple[str, ...]
+
+
+def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL) -> OriginalSegments:
+    """Segments of a raster by texture alone, as Ojala and Pietikäinen found them in 1999.
+
+    Parameters
+    ----------
+    source : Raster
+        At most 4096 x 4096 pixels.
+    request : LbpcParams
+    work : Work
+
+    Raises
+    ------
+    RasterError
+        If the raster is larger.
+    """
+    work = work.begun()
+    raster = raster_of(source, "a block map is divided already; name the raster itself")
+    rows, cols = raster.geobox.shape
+    check_lbpc_size((rows, cols))
+    with work.reading_here():
+        grey = raster.grey(work.over(raster).silent)
+        image = grey.read(Window(0, 0, rows, cols), 0)
+    labels = segment_lbpc(image.grey[:rows, :cols], image.valid[:rows, :cols] > 0, request)
+    info = SourceInfo.of(grey)
+    return work.finished(OriginalSegments(labels, info, info.warnings))

@@ -1,0 +1,151 @@
+"""Planning of a mission over regions: which of them, from where, and how to fly."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from uavseg.errors import MissionError
+from uavseg.flight.mission import Mission
+from uavseg.flight.params import PlanParams
+from uavseg.flight.planner import plan as plan_flight
+from uavseg.regions.select.choose import select_regions
+from uavseg.regions.table import Regions
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+Home = tuple[float, ...] | Literal["auto"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRequest:
+    """How to fly, from where, and over which of the regions.
+
+    Parameters
+    ----------
+    flight : PlanParams
+    home : (lat, lon), (lat, lon, altitude_m) or "auto"
+        Where the vehicle starts; with "auto", inside the first chosen region.
+    ids : sequence of int, optional
+        Only the regions with these ids.
+    largest : int, optional
+        Only so many, the largest.
+    where : str, optional
+        Only those that fulfil a condition, see `uavseg.regions.select.where`.
+    """
+
+    flight: PlanParams
+    home: Home
+    ids: Sequence[int] | None = None
+    largest: int | None = None
+    where: str | None = None
+
+    @property
+    def chooses(self) -> bool:
+        """Whether some regions are left out."""
+        return (self.ids, self.largest, self.where) != (None, None, None)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A mission, and over how many regions it leads."""
+
+    mission: Mission
+    regions: int
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the person who flies it should know."""
+        return self.mission.warnings
+
+
+def plan(regions: Regions, request: PlanRequest) -> Planned:
+    """A mission over regions: take off, fly their pattern in a short order, return.
+
+    Parameters
+    ----------
+    regions : Regions
+        In degrees (lon, lat; WGS 84), see `open_regions` and `in_degrees`.
+    request : PlanRequest
+
+    Raises
+    ------
+    RegionError
+        If none of the regions is chosen.
+    MissionError
+        If there are no regions, if they are not near home, or if the mission would not be safe.
+    """
+    if request.chooses:
+        regions = select_regions(regions, request.ids, request.largest, request.where)
+    points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
+    home = _first(points) if request.home == "auto" else request.home
+    return Planned(plan_flight(list(regions.polygons), points, request.flight, home), len(regions))
+
+
+def flight_params(
+    altitude: float,
+    *,
+    pattern: str | None = None,
+    spacing: float | None = None,
+    angle: float | None = None,
+    speed: float = 5.0,
+    firmware: str = "ardupilot",
+    tolerance: float | None = None,
+) -> PlanParams:
+    """How to fly; regions are visited, or surveyed where a spacing is given, if no pattern is named."""
+    return PlanParams(
+        altitude_m=altitude,
+        pattern=pattern or ("visit" if spacing is None else "survey"),
+        spacing_m=spacing,
+        angle_deg=angle,
+        speed_m_s=speed,
+        firmware=firmware,
+        tolerance_m=tolerance,
+    )
+
+
+def open_regions(
+    source: "str | os.PathLike[str] | bytes | GeoDataFrame | Regions", layer: str | None = None
+) -> Regions:
+    """Regions in degrees from a file, from the content of one, from a frame or from another job.
+
+    Parameters
+    ----------
+    source : path, bytes, GeoDataFrame or Regions
+    layer : str, optional
+        Which layer of a file.
+
+    Raises
+    ------
+    RegionError
+        If the file cannot be read, has no polygons or not only polygons, or no coordinate system.
+    """
+    if isinstance(source, Regions):
+        return in_degrees(source)
+    from uavseg.regions.formats import read
+
+    if isinstance(source, str | os.PathLike | bytes):
+        return read.read_regions(source, layer)
+    return read.regions_of_frame(source)
+
+
+def in_degrees(regions: Regions) -> Regions:
+    """Regions of a raster in WGS 84, with the coordinates that GeoJSON gets.
+
+    Raises
+    ------
+    OutputError
+        If they have no place on the Earth.
+    """
+    from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
+
+    polygons: Any = wgs84_geometries(regions)
+    return replace(regions, polygons=polygons, wkt="EPSG:4326")
+
+
+def _first(points: Sequence[tuple[float, float]]) -> tuple[float, ...]:
+    """Home in the first region."""
+    if not points:
+        raise MissionError("there is no region to fly to; choose at least one")
+    return points[0][1], points[0][0]
