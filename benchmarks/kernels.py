@@ -85,11 +85,11 @@ def _cases() -> Iterator[_Case]:
     yield _Case("`Stretch.apply`, 8 to 16 bit", lambda: stretch.apply(tile), (tile, grey))
 
     sums, counts = cell_sums(grey, valid, 1)
-    yield _Case("`blockmap.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
+    yield _Case("`block_map.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
 
     cuts = contrast_bin_edges(contrast_histogram(grey))
-    yield _Case("`texture.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
-    yield _Case("`texture.symbols`", lambda: lbp_symbols(grey, None, cuts), (grey, inner))
+    yield _Case("`lbp.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
+    yield _Case("`lbp.lbp_symbols`", lambda: lbp_symbols(grey, None, cuts), (grey, inner))
 
     starts = np.arange(0, SIDE, BLOCK)
     corners = np.stack(np.meshgrid(starts, starts, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -100,7 +100,7 @@ def _cases() -> Iterator[_Case]:
     whole = np.ones_like(inside)
     matching = (inner >= LOW * 65535).astype(np.uint8)
     yield _Case(
-        "`refinement.scan`",
+        "`range_scans.refine_by_scans`",
         lambda mask: refine_by_scans(mask, whole, matching),
         (inside, whole, matching),
         (inside,),
@@ -108,7 +108,7 @@ def _cases() -> Iterator[_Case]:
     every = np.ones_like(bright, dtype=np.uint8)
     greys = IntensityRange(LOW, 1).greys
     yield _Case(
-        "`denoising.denoised`, all cells",
+        "`tv.refine_by_tv`, all cells",
         lambda mask: refine_by_tv(mask, every, whole, inner, matching, greys),
         (inside, whole, inner, matching),
         (inside,),
@@ -116,15 +116,17 @@ def _cases() -> Iterator[_Case]:
 
     refined = refine_by_scans(inside.copy(), whole, matching)
     labels, count = label_components(refined)
-    yield _Case("`components.components`", lambda: label_components(refined), (refined, labels))
-    yield _Case("`sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
+    yield _Case("`components.label_components`", lambda: label_components(refined), (refined, labels))
+    yield _Case(
+        "`component_sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner)
+    )
 
     sizes = np.bincount(labels.ravel())
     labels[sizes[labels] < MIN_PIXELS] = 0
     framed = np.pad((labels > 0).astype(np.uint8), 1)
     regions = f"{len(np.unique(labels)) - 1} regions"
     yield _Case(
-        "`tracing.trace_tile`",
+        "`chains.trace_tile`",
         lambda: trace_tile(framed, labels, 1, (0, 0), SIDE),
         (framed, labels),
         remark=f"{regions}, chains of corners",

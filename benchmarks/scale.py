@@ -178,7 +178,7 @@ def _segment(raster: str, count: str) -> tuple[float]:
 
     from uavseg.execution.executors import threads
     from uavseg.raster.dataset import Dataset
-    from uavseg.raster.intensity.stretch import fit
+    from uavseg.raster.intensity.stretch import fit_stretch
     from uavseg.raster.tile_pass import TilePass
     from uavseg.regions.tiles.range_tiles import outline_regions
     from uavseg.segmentation.intervals import IntensityRange
@@ -193,7 +193,7 @@ def _segment(raster: str, count: str) -> tuple[float]:
         threads(int(count)),
     )
     tile_pass = TilePass.over(dataset, map=work)
-    source = GreySource(dataset, fit(dataset, "auto", tile_pass))
+    source = GreySource(dataset, fit_stretch(dataset, "auto", tile_pass))
     start = time.perf_counter()
     blocks = measure_block_map_for(source, interval, how, tile_pass)
     inside = cells_to_refine(blocks, interval, how)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from benchmarks.classscenes import FAMILIES, HELD_OUT, Labels, Scene
-from uavseg.raster.intensity.otsu import Classes, multi_otsu, number_of_classes
+from uavseg.raster.intensity.otsu import Classes, multi_otsu, select_classes
 from uavseg.segmentation.blocks.leaf_means import histogram_of_means
 from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.in_memory import block_map_of_array
@@ -53,7 +53,7 @@ class Score:
 def by_otsu(histogram: Histogram, classes: int | None) -> list[float]:
     """Cuts, in bins, as `uavseg suggest` finds them."""
     found = multi_otsu(histogram, classes or MOST)
-    chosen = number_of_classes(histogram, found) if classes is None else found[-1]
+    chosen = select_classes(histogram, found) if classes is None else found[-1]
     return _middles(chosen)
 
 

@@ -1,6 +1,6 @@
-"""Refinement by total variation a second time, slow: whole planes, written from its description alone.
+"""Reference implementation of refinement by total variation: slow, on whole planes, from its description.
 
-Masks and cells are arrays of one number for each pixel, or for each cell of 8 x 8 pixels.
+Masks have one element per pixel; cells have one per 8 x 8 pixels.
 """
 
 import math
@@ -15,45 +15,47 @@ Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
 Ints = NDArray[np.int64]
 SQUARE = np.ones((3, 3), bool)
-SWEEPS, WEIGHT, MOST, SPECK = 5, 0.34, 16000, 12
+SWEEPS, WEIGHT_PER_NOISE, MAX_WEIGHT, MIN_PIECE = 5, 0.34, 16000, 12
 
 
 def refine(cells: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
-    """Pixels in [lo, hi]; `cells` is 1 where a cell's leaf is, for all cells of whole blocks of 64."""
+    """Pixels in [lo, hi]; `cells`, of whole blocks of 64, are 1 where the leaf of a cell is in range."""
     shape = grey.shape
     pads = [(0, 8 * n - length) for n, length in zip(cells.shape, shape, strict=True)]
     valid, grey = np.pad(valid, pads), np.pad(grey, pads)
     inside = per_pixel(cells) & valid
-    found = denoised(inside, unsettled(cells, valid, grey, lo, hi), valid, grey, lo, hi)
+    found = denoise(inside, mixed_cells(cells, valid, grey, lo, hi), valid, grey, lo, hi)
     return found[: shape[0], : shape[1]]
 
 
-def unsettled(cells: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
-    """Cells whose nine means, twice as far apart, reach over an end of the range, or that are not as their
-    leaf or their neighbours.
+def mixed_cells(cells: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
+    """Cells whose nine means, extended on both sides by twice their range, contain a bound, or that are on
+    another side than their leaf or a neighbour.
     """
     counts = per_square(valid.astype(np.int64), 8)
     means = per_square(grey.astype(np.int64) * valid, 8) / (65535.0 * np.maximum(counts, 1))
-    least = ndimage.minimum_filter(np.where(counts > 0, means, np.inf), 3, mode="constant", cval=np.inf)
-    most = ndimage.maximum_filter(np.where(counts > 0, means, -np.inf), 3, mode="constant", cval=-np.inf)
+    minimum = ndimage.minimum_filter(np.where(counts > 0, means, np.inf), 3, mode="constant", cval=np.inf)
+    maximum = ndimage.maximum_filter(np.where(counts > 0, means, -np.inf), 3, mode="constant", cval=-np.inf)
     outside = ndimage.maximum_filter((cells == 0) & (counts > 0), 3, mode="constant")
     within = ndimage.maximum_filter((cells == 1) & (counts > 0), 3, mode="constant")
     found = (((lo <= means) & (means <= hi)) != (cells > 0)) | (outside & within)
     with np.errstate(invalid="ignore"):
         for end in (lo, hi):
             if 0 < end < 1:
-                found |= (least - 2 * (most - least) <= end) & (end <= most + 2 * (most - least))
+                found |= (minimum - 2 * (maximum - minimum) <= end) & (
+                    end <= maximum + 2 * (maximum - minimum)
+                )
     return (found & (counts > 0)).astype(np.uint8)
 
 
-def denoised(inside: Image, open_cells: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
-    """Pixels of open cells and of those around are decided again, where both sides are near."""
-    near = ndimage.maximum_filter(open_cells, 3, mode="constant")
-    fits = ((lo <= grey / 65535) & (grey / 65535 <= hi)).astype(np.uint8) & valid
-    mask = np.where(per_pixel(near), fits, inside)
-    mixed = per_square(fits, 8) * per_square(valid & (1 - fits), 8) * near > 0
-    weights = weights_of(near & ndimage.maximum_filter(mixed, 3, mode="constant"), valid, grey)
-    u, _ = evened(grey, weights)
+def denoise(inside: Image, mixed: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
+    """Reclassify the pixels of mixed cells and their neighbours, where both sides are near."""
+    near = ndimage.maximum_filter(mixed, 3, mode="constant")
+    in_range = ((lo <= grey / 65535) & (grey / 65535 <= hi)).astype(np.uint8) & valid
+    mask = np.where(per_pixel(near), in_range, inside)
+    two_sided = per_square(in_range, 8) * per_square(valid & (1 - in_range), 8) * near > 0
+    weights = weights_of(near & ndimage.maximum_filter(two_sided, 3, mode="constant"), valid, grey)
+    u, _ = minimise_tv(grey, weights)
     v = np.arange(65536) / 65535
     greys = np.flatnonzero((lo <= v) & (v <= hi))  # in the range
     within = (greys[0] <= 2 * u) & (2 * u <= greys[-1])
@@ -71,14 +73,14 @@ def weights_of(active: Image, valid: Image, grey: Grey) -> Ints:
     padded = np.pad(noise, 1, constant_values=np.nan)
     around = np.sort(sliding_window_view(padded, (3, 3)).reshape(*noise.shape, 9), axis=-1)
     known = np.isfinite(around).sum(axis=-1)  # NaN come last
-    middle = np.take_along_axis(around, np.minimum(known // 2, 8)[..., None], axis=-1)[..., 0]
-    noise = np.where(known > 0, middle, 0.0) * (math.sqrt(math.pi / 2) / 6)
-    weights = np.minimum(np.rint(WEIGHT / 2 * noise), MOST).astype(np.int64)
+    median = np.take_along_axis(around, np.minimum(known // 2, 8)[..., None], axis=-1)[..., 0]
+    noise = np.where(known > 0, median, 0.0) * (math.sqrt(math.pi / 2) / 6)
+    weights = np.minimum(np.rint(WEIGHT_PER_NOISE / 2 * noise), MAX_WEIGHT).astype(np.int64)
     return per_pixel(weights.repeat(2, 0).repeat(2, 1) * active) * valid
 
 
 def noise_of(side: int, rows: list[int], valid: Image, grey: Ints) -> NDArray[np.float64]:
-    """The mean |response| to Immerkaer's operator in each square, of those that look at nothing beyond it."""
+    """Mean |response| to Immerkaer's operator in each square, from responses within the square."""
     operator = np.outer([1, -2, 1], [1, -2, 1])
     response = np.abs(ndimage.convolve(grey, operator, mode="constant"))
     whole = ndimage.minimum_filter(valid, 3, mode="constant").astype(np.int64)
@@ -88,23 +90,23 @@ def noise_of(side: int, rows: list[int], valid: Image, grey: Ints) -> NDArray[np
         return np.asarray(per_square(response * whole, side) / per_square(whole, side))
 
 
-def evened(grey: Grey, weights: Ints, sweeps: int = SWEEPS) -> tuple[Ints, list[Ints]]:
-    """u in half grey, and what flows between the pairs."""
+def minimise_tv(grey: Grey, weights: Ints, sweeps: int = SWEEPS) -> tuple[Ints, list[Ints]]:
+    """u in units of half a grey, and the flows between the pixels of each pair."""
     u = grey.astype(np.int64) // 2
     groups = pairs(u.shape)
     flows = [np.zeros_like(u[a]) for a, _, _ in groups]
     for _ in range(sweeps):
         for k, (a, b, share) in enumerate(groups):
             limit = np.minimum(weights[a], weights[b]) * share // 64
-            flowing = np.clip(flows[k] + (u[b] - u[a]) // 2, -limit, limit)
-            more, flows[k] = flowing - flows[k], flowing
-            u[a] += more
-            u[b] -= more
+            bounded = np.clip(flows[k] + (u[b] - u[a]) // 2, -limit, limit)
+            change, flows[k] = bounded - flows[k], bounded
+            u[a] += change
+            u[b] -= change
     return u, flows
 
 
 def pairs(shape: tuple[int, ...]) -> list[tuple[Any, Any, int]]:
-    """Ends of all pairs of neighbours and the share of their weight in 64ths, in their order."""
+    """Ends of all pairs of neighbours and the factor of their weight in 64ths, in order of relaxation."""
     rows, cols = shape
     groups = [(np.s_[:, k : cols - 1 : 2], np.s_[:, k + 1 :: 2], 64) for k in (0, 1)]
     for k in (0, 1):
@@ -116,8 +118,8 @@ def pairs(shape: tuple[int, ...]) -> list[tuple[Any, Any, int]]:
 
 
 def specks(mask: Image, valid: Image) -> NDArray[np.bool_]:
-    """Pieces of less than 12 pixels, 4-connected inside and 8-connected outside, by the other side; without
-    their 3 x 3 pixels that are together.
+    """Components of fewer than 12 pixels that touch the other side, 4-connected inside and 8-connected
+    outside, without their squares of 3 x 3 pixels.
     """
     found = np.zeros(mask.shape, bool)
     for side, joins in ((1, None), (0, SQUARE)):
@@ -126,14 +128,14 @@ def specks(mask: Image, valid: Image) -> NDArray[np.bool_]:
         sizes = np.bincount(pieces.reshape(-1))
         beside = np.unique(pieces[ndimage.binary_dilation(others, SQUARE)])
         small = np.zeros(len(sizes), bool)
-        small[beside] = sizes[beside] < SPECK
+        small[beside] = sizes[beside] < MIN_PIECE
         small[0] = False
         found |= small[pieces] & ~ndimage.binary_opening(pieces > 0, SQUARE)
     return found
 
 
 def per_pixel(cells: NDArray[Any]) -> NDArray[Any]:
-    """The value of its cell for each pixel."""
+    """The value of the cell of each pixel."""
     return cells.repeat(8, 0).repeat(8, 1)
 
 

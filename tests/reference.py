@@ -1,7 +1,7 @@
-"""A second, slow implementation of the algorithm, written from its description and not from the package.
+"""Reference implementation of the algorithm: slow, independent of the package, written from its description.
 
-Whole arrays and plain loops; nothing is tiled, compiled or shared with the package. Where the description
-can be read in two ways, a comment that starts with "Reading:" says how it is read here.
+Whole arrays and plain loops; nothing is tiled, compiled or shared with the package. Where the description is
+ambiguous, a comment that starts with "Reading:" gives the interpretation.
 """
 
 import math
@@ -58,7 +58,7 @@ def intensity(values: ArrayLike) -> Floats:
 
 def grey(values: ArrayLike, valid: Bool, low: float, high: float) -> Grey:
     """Grey levels 0..65535 of values stretched from low..high; 0 where invalid."""
-    # Reading: the page gives no v for low = high (a constant raster); it is not asked of this function.
+    # Reading: the description gives no v for low = high (a constant raster), so that is not supported.
     assert low < high
     v = (np.where(valid, intensity(values), low) - low) / (high - low)
     v = np.minimum(np.maximum(v, 0.0), 1.0)
@@ -70,7 +70,7 @@ def grey(values: ArrayLike, valid: Bool, low: float, high: float) -> Grey:
 
 
 def texture(grey: Grey, valid: Bool) -> tuple[Ints, Ints, Bool]:
-    """LBP code, contrast and whether it is counted, of every pixel; the first two are 0 where it is not."""
+    """LBP code, contrast and whether it is counted, for every pixel; the first two are 0 where it is not."""
     rows, cols = grey.shape
     codes, contrast = np.zeros((2, rows, cols), np.int64)
     counted = np.zeros((rows, cols), bool)
@@ -98,8 +98,8 @@ def texture(grey: Grey, valid: Bool) -> tuple[Ints, Ints, Bool]:
     return codes, contrast, counted
 
 
-def contrast_cuts(contrast: Ints, counted: Bool) -> Ints:
-    """The seven cuts between the eight bins of contrast."""
+def contrast_bin_edges(contrast: Ints, counted: Bool) -> Ints:
+    """The seven edges between the eight bins of contrast."""
     ordered = np.sort(contrast[counted])
     N = len(ordered)
     if N == 0:
@@ -108,9 +108,9 @@ def contrast_cuts(contrast: Ints, counted: Bool) -> Ints:
     return np.array([ordered[rank - 1] for rank in ranks], np.int64)
 
 
-def bins(contrast: Ints, cuts: Ints) -> Ints:
-    """The number of cuts strictly below each contrast."""
-    return sum(((cut < contrast).astype(np.int64) for cut in cuts), np.zeros(contrast.shape, np.int64))
+def bins(contrast: Ints, edges: Ints) -> Ints:
+    """The number of edges strictly below each contrast."""
+    return sum(((edge < contrast).astype(np.int64) for edge in edges), np.zeros(contrast.shape, np.int64))
 
 
 # 2. Hierarchical division
@@ -133,17 +133,17 @@ def g_statistic(one: Ints, other: Ints) -> float:
 
 
 class Picture:
-    """The greys of a raster with what its division needs, on a grid that goes on to whole blocks."""
+    """Grey, symbols and masks of a raster, padded to whole blocks."""
 
     def __init__(self, grey: Grey, valid: Bool) -> None:
         codes, contrast, counted = texture(grey, valid)
         rows, cols = grey.shape
-        beyond = (0, -rows % BLOCK), (0, -cols % BLOCK)
-        texels = 8 * codes + bins(contrast, contrast_cuts(contrast, counted))
-        self.texels = np.pad(texels, beyond)
-        self.counted = np.pad(counted, beyond)
-        self.grey = np.pad(np.where(valid, grey, 0).astype(np.int64), beyond)
-        self.valid = np.pad(valid, beyond)
+        padding = (0, -rows % BLOCK), (0, -cols % BLOCK)
+        symbols = 8 * codes + bins(contrast, contrast_bin_edges(contrast, counted))
+        self.symbols = np.pad(symbols, padding)
+        self.counted = np.pad(counted, padding)
+        self.grey = np.pad(np.where(valid, grey, 0).astype(np.int64), padding)
+        self.valid = np.pad(valid, padding)
 
     def corners(self, side: int) -> Iterator[tuple[int, int]]:
         rows, cols = self.valid.shape
@@ -155,7 +155,7 @@ class Picture:
 
     def histogram(self, row: int, col: int, side: int) -> Ints:
         here = slice(row, row + side), slice(col, col + side)
-        return np.bincount(self.texels[here][self.counted[here]], minlength=2048)
+        return np.bincount(self.symbols[here][self.counted[here]], minlength=2048)
 
     def ratio(self, row: int, col: int, side: int) -> float:
         """R of a block; 0 where it is uniform or fewer than two of its children are counted."""
@@ -168,8 +168,8 @@ class Picture:
 
     def step(self, row: int, col: int, side: int) -> float:
         """The largest difference between the means of a block's children."""
-        # Reading: the children of this test are those with valid pixels; fewer than two with *counted* pixels
-        # end the texture test, not this one. Means and their difference are in double precision.
+        # Reading: this test uses the children with valid pixels; fewer than two with *counted* pixels end the
+        # texture test, not this one. Means and their difference are in double precision.
         leaves = [self.leaf(*child) for child in children(row, col, side)]
         means = [leaf.op for leaf in leaves if leaf.count > 0]
         return max(means) - min(means) if means else 0.0
@@ -182,7 +182,7 @@ def children(row: int, col: int, side: int) -> list[tuple[int, int, int]]:
 
 
 def divide(grey: Grey, valid: Bool, X: float = 1.2, tau: float | None = None) -> list[Leaf]:
-    """Leaves of the hierarchical division; the method of the paper where tau is None."""
+    """Leaves of the hierarchical division; without an intensity test (the paper's method) if tau is None."""
     picture = Picture(grey, valid)
     leaves = []
     waiting = [(row, col, BLOCK) for row, col in picture.corners(BLOCK)]
@@ -196,7 +196,7 @@ def divide(grey: Grey, valid: Bool, X: float = 1.2, tau: float | None = None) ->
 
 
 def is_divided(picture: Picture, block: tuple[int, int, int], X: float, tau: float | None) -> bool:
-    """Whether the texture of a block, or its intensity where tau is given, differs between its children."""
+    """Whether the texture of a block, or with tau its intensity, differs between its children."""
     return picture.ratio(*block) > X or (tau is not None and picture.step(*block) > tau)
 
 
@@ -211,7 +211,7 @@ def ratios(grey: Grey, valid: Bool) -> dict[tuple[int, int, int], float]:
 
 
 def paint(leaves: list[Leaf], shape: tuple[int, int], kind: Callable[[float], int]) -> Ints:
-    """The kind of every 8x8 cell of the grid, from the OP of its leaf; 0 where that has no valid pixels."""
+    """The kind of every 8 x 8 cell, from the OP of its leaf; 0 where the leaf has no valid pixels."""
     rows, cols = (-(-size // BLOCK) * BLOCK // CELL for size in shape)
     cells = np.zeros((rows, cols), np.int64)
     for leaf in leaves:
@@ -221,7 +221,7 @@ def paint(leaves: list[Leaf], shape: tuple[int, int], kind: Callable[[float], in
 
 
 def pixels(cells: Ints, valid: Bool) -> Ints:
-    """What the cells say, at the valid pixels of a raster; 0 elsewhere."""
+    """Cells upsampled to the valid pixels of a raster; 0 elsewhere."""
     rows, cols = valid.shape
     whole = np.repeat(np.repeat(cells, CELL, axis=0), CELL, axis=1)[:rows, :cols]
     return np.where(valid, whole, 0)
@@ -283,10 +283,9 @@ def extract(
 ) -> Labels:
     """Labels of the regions whose intensity is in [lo, hi].
 
-    Reading: without refinement it is leaves that connect, as in "leaves that share an edge form one region",
-    so a leaf is never torn by the invalid pixels in it; "components of pixels" are what refined regions are.
-    `connect="pixels"` is the other reading: components of pixels in both. They differ only where pixels are
-    invalid.
+    Reading: without refinement, leaves connect ("leaves that share an edge form one region"), so invalid
+    pixels never split a leaf; only refined regions are components of pixels. `connect="pixels"` is the other
+    interpretation: components of pixels in both cases. They differ only where pixels are invalid.
     """
     g = grey(values, valid, low, high)
     leaves = divide(g, valid, X, tau)
@@ -301,7 +300,7 @@ def extract(
 
 
 def scans(shape: tuple[int, int]) -> Iterator[Iterator[list[tuple[int, int]]]]:
-    """The four scans in order, each as lines of pixels (row, col) in the order they are visited."""
+    """The four scans in order, each as lines of pixels (row, col) in visiting order."""
     rows, cols = shape
     yield ([(row, col) for col in reversed(range(cols))] for row in range(rows))  # right to left
     yield ([(row, col) for col in range(cols)] for row in range(rows))  # left to right
@@ -310,9 +309,9 @@ def scans(shape: tuple[int, int]) -> Iterator[Iterator[list[tuple[int, int]]]]:
 
 
 def refine_scan(mask: Bool, grey: Grey, valid: Bool, lo: float, hi: float) -> Bool:
-    """Regions after four scans that shrink and four that grow, pixel by pixel as the page says it."""
-    # Reading: "outside" is valid and in no region; a run is of changes that follow one another in one line of
-    # one scan, and the ninth pixel stays as it is, so that it is no cause of more changes either.
+    """Regions after four scans that shrink and four that grow, pixel by pixel as described."""
+    # Reading: "outside" means valid and in no region. A run is a sequence of adjacent changes in one line of
+    # one scan; the ninth pixel does not change, so it does not cause further changes either.
     inside, is_valid = mask.tolist(), valid.tolist()
     in_interval = ((lo <= grey / 65535) & (grey / 65535 <= hi)).tolist()
 
@@ -338,12 +337,12 @@ def refine_scan(mask: Bool, grey: Grey, valid: Bool, lo: float, hi: float) -> Bo
     return np.array(inside, bool).reshape(mask.shape)
 
 
-# Views whose rows, from first to last, are what each of the four scans visits one after another.
+# Views of an image whose rows, from first to last, are visited in turn by each of the four scans.
 TURNS: list[Callable[[Bool], Bool]] = [lambda a: a[:, ::-1].T, lambda a: a.T, lambda a: a[::-1], lambda a: a]
 
 
 def refine_scan_by_lines(mask: Bool, grey: Grey, valid: Bool, lo: float, hi: float) -> Bool:
-    """The same as `refine_scan`, another way: all lines of a scan advance together."""
+    """An equivalent of `refine_scan`: all lines of a scan advance together."""
     v = grey / 65535
     fits = valid & (v >= lo) & (v <= hi)
     misfits = valid & ~fits
@@ -371,7 +370,7 @@ def state_of(v: float) -> int:
 
 def refine_states(states: Ints, grey: Grey) -> Ints:
     """States of pixels (0 where invalid) after compaction, and then the scans of free against occupied."""
-    # Reading: the stop after 8 pixels is said of ranges only, so a run of compaction has no end.
+    # Reading: the stop after 8 pixels applies to ranges only, so a run of compaction is unbounded.
     state = states.tolist()
     states_of_greys = {g: state_of(g / 65535) for g in np.unique(grey).tolist()}
     own = [[states_of_greys[g] for g in line] for line in grey.tolist()]
@@ -392,7 +391,7 @@ def compact(line: list[tuple[int, int]], state: list[list[int]], own: list[list[
 
 
 def settle(line: list[tuple[int, int]], state: list[list[int]], own: list[list[int]]) -> None:
-    """Free and occupied pixels that meet: the first of three that is not half decides."""
+    """Adjacent free and occupied pixels: the first of three that is not half decides."""
     k = 1
     while k < len(line):
         A = state[line[k - 1][0]][line[k - 1][1]]
@@ -430,7 +429,7 @@ def states(
 
 
 def states_of_leaves(leaves: list[Leaf], grey: Grey, valid: Bool, refine: bool) -> tuple[Ints, Ints]:
-    """State of every pixel (0 where invalid), and the occupied segments in raster order; 0 is none."""
+    """State of every pixel (0 where invalid), and the occupied segments in raster order; 0 for none."""
     cells = paint(leaves, grey.shape, state_of)
     state = pixels(cells, valid)
     if not refine:
@@ -446,8 +445,8 @@ def level_edges(P: float) -> list[float]:
 
 
 def level_of(v: float, edges: list[float]) -> int:
-    """The level, from 0, whose interval (low, high] holds v; the first one also holds 0."""
-    # Reading: where rounding leaves the last edge a hair below 1, what lies above it is in the last level.
+    """The level, from 0, whose interval (low, high] contains v; level 0 also contains 0."""
+    # Reading: where rounding leaves the last edge slightly below 1, values above it are in the last level.
     last = len(edges) - 2
     return next((k for k in range(last) if v <= edges[k + 1]), last)
 
@@ -468,17 +467,17 @@ def levels(
 
 def levels_of_leaves(leaves: list[Leaf], valid: Bool, P: float) -> tuple[Ints, Labels]:
     """Level of every pixel (-1 where invalid), and labels of segments."""
-    # Reading: levels are not refined, and it is leaves that connect.
+    # Reading: levels are not refined, and leaves connect.
     edges = level_edges(P)
     cells = paint(leaves, valid.shape, lambda op: level_of(op, edges) + 1)
     return pixels(cells, valid) - 1, by_size(pixels(connected(cells), valid))
 
 
-# Rasters to compare on
+# Random rasters
 
 
 def random_raster(seed: int) -> tuple[NDArray[np.generic], Bool, float, float]:
-    """A raster that depends on the seed alone: values (rows, cols), valid, and low and high of a stretch."""
+    """A raster that depends only on the seed: values (rows, cols), valid, and low and high of a stretch."""
     rng = np.random.default_rng(seed)
     rows, cols = (int(rng.integers(1, 10 if rng.random() < 0.1 else 201)) for _ in range(2))
     field = FIELDS[seed % len(FIELDS)](rng, rows, cols)
@@ -543,7 +542,7 @@ def patches(rng: np.random.Generator, rows: int, cols: int) -> Floats:
 
 
 def blobs(rng: np.random.Generator, rows: int, cols: int) -> Floats:
-    """Smooth hills: noise on a coarse grid, joined by straight lines."""
+    """Smooth hills: noise on a coarse grid, interpolated linearly."""
     coarse = rng.random((rows // 16 + 2, cols // 16 + 2))
     row, col = (np.arange(size) / 16 for size in (rows, cols))
     r, c = row.astype(int), col.astype(int)
@@ -557,7 +556,7 @@ FIELDS = (blobs, patches, noise, stripes, checkers, gradient, constant)
 
 
 def random_valid(rng: np.random.Generator, rows: int, cols: int) -> Bool:
-    """All, or all but a frame, a patch, speckle, a half below a diagonal, or nearly everything."""
+    """A mask: all pixels, or all but a frame, a patch, speckle, half of them, or nearly everything."""
     valid = np.ones((rows, cols), bool)
     how = rng.integers(9)
     if how == 1:
@@ -576,7 +575,7 @@ def random_valid(rng: np.random.Generator, rows: int, cols: int) -> Bool:
 
 
 def quantised(rng: np.random.Generator, field: Floats) -> NDArray[np.generic]:
-    """A field in 0..1 as one of the types rasters have."""
+    """A field in 0..1 converted to one of the dtypes of rasters."""
     kind = rng.integers(6)
     if kind <= 1:
         return np.round(field * 255).astype(np.uint8)
@@ -588,7 +587,7 @@ def quantised(rng: np.random.Generator, field: Floats) -> NDArray[np.generic]:
 
 
 def random_stretch(rng: np.random.Generator, values: NDArray[np.generic], valid: Bool) -> tuple[float, float]:
-    """The range of the type, or one that clips a little; low < high."""
+    """The range of the dtype, or one that clips a little; low < high."""
     some = values[valid].astype(np.float64)
     if values.dtype.kind == "u" and rng.random() < 0.7:
         return 0.0, 256.0**values.itemsize - 1

@@ -1,4 +1,4 @@
-"""Every pixel of the labels, against the slow implementation that was written from the description alone."""
+"""Labels agree with the reference implementation at every pixel."""
 
 import warnings
 from collections.abc import Iterator
@@ -39,7 +39,7 @@ RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
 
 
 class Case(NamedTuple):
-    """A raster, what is asked of it, and the answer."""
+    """A raster, the request, and the expected labels."""
 
     values: NDArray[Any]
     valid: NDArray[np.bool_]
@@ -62,7 +62,7 @@ def cases(reference: ModuleType, seed: int) -> Iterator[Case]:
 
 @dataclass(frozen=True)
 class InMemory:
-    """Stands in for a dataset: an array, read by window."""
+    """A dataset in memory: an array, read by window."""
 
     values: NDArray[Any]
     valid: NDArray[np.bool_]
@@ -80,7 +80,7 @@ class InMemory:
 
 
 def segmented(case: Case, side: int, run: Map) -> RegionOutlines:
-    """The project's own answer, tile by tile."""
+    """The regions by the package, tile by tile."""
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)
     blocks = measure_block_map_for(source, case.interval, case.params, TilePass(windows, run))
@@ -88,11 +88,11 @@ def segmented(case: Case, side: int, run: Map) -> RegionOutlines:
     return outline_regions(source, inside, case.interval, case.params.refine, TilePass(windows, run))
 
 
-def painted(rings: Any, shape: tuple[int, int]) -> NDArray[np.uint32]:
+def labels_of(rings: Any, shape: tuple[int, int]) -> NDArray[np.uint32]:
     return rasterise(rings, Window(0, 0, *shape))
 
 
-def told(seed: int, case: Case, side: int) -> str:
+def describe(seed: int, case: Case, side: int) -> str:
     return f"seed {seed}, tiles of {side}, {case.params}"
 
 
@@ -103,16 +103,16 @@ def test_labels_are_those_of_the_reference(reference: ModuleType, first: int) ->
         for case in cases(reference, seed):
             for side, run in RUNNERS:
                 found = segmented(case, side, run)
-                if not np.array_equal(painted(found.rings, case.valid.shape), case.labels):
-                    different.append(told(seed, case, side))
+                if not np.array_equal(labels_of(found.rings, case.valid.shape), case.labels):
+                    different.append(describe(seed, case, side))
                 pixels = np.bincount(case.labels.ravel(), minlength=1)[1:]
                 if not np.array_equal(found.sums.counts, pixels):
-                    different.append("sums of " + told(seed, case, side))
+                    different.append("sums of " + describe(seed, case, side))
     assert not different
 
 
 def write(path: Path, values: NDArray[Any], valid: NDArray[np.bool_], seed: int) -> None:
-    """A GeoTIFF that tells invalid pixels by NaN, by a nodata value, or where none is free by a mask."""
+    """A GeoTIFF that marks invalid pixels by NaN, by a nodata value, or if no value is free by a mask."""
     pixels, nodata = values.copy(), None
     if values.dtype.kind == "f":
         nodata = (None, -9999.0)[seed % 2]
@@ -151,11 +151,11 @@ def test_regions_of_a_file_are_those_of_the_reference(
             found = extract(
                 Raster(dataset, given), ExtractRequest(case.interval, case.params), Work(side, run)
             )
-            if not np.array_equal(painted(found.rings, valid.shape), case.labels):
-                different.append(told(seed, case, side))
-            mine = np.bincount(case.labels.ravel(), minlength=1)[1:]
-            if not np.array_equal(found.regions.columns["pixels"], mine):
-                different.append("pixels of " + told(seed, case, side))
+            if not np.array_equal(labels_of(found.rings, valid.shape), case.labels):
+                different.append(describe(seed, case, side))
+            pixels = np.bincount(case.labels.ravel(), minlength=1)[1:]
+            if not np.array_equal(found.regions.columns["pixels"], pixels):
+                different.append("pixels of " + describe(seed, case, side))
     assert not different
 
 

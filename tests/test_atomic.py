@@ -1,4 +1,4 @@
-"""A file appears whole or not at all."""
+"""Atomic output files: complete or not at all, also after a crash."""
 
 import os
 from pathlib import Path
@@ -6,17 +6,17 @@ from typing import Any
 
 import pytest
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError, OutputExistsError
 
 
 def contents(folder: Path) -> dict[str, str]:
-    """Everything under a folder, hidden or not."""
+    """All files under a folder, hidden ones too, with their text."""
     return {str(path.relative_to(folder)): path.read_text() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_what_is_written_is_there_at_the_end_and_nothing_else(tmp_path: Path) -> None:
-    with whole_file(tmp_path / "a.tif") as path:
+def test_the_file_appears_at_the_end_and_nothing_else(tmp_path: Path) -> None:
+    with atomic_file(tmp_path / "a.tif") as path:
         path.write_text("new")
         assert path.name == "a.tif"
         assert not (tmp_path / "a.tif").exists()
@@ -25,33 +25,33 @@ def test_what_is_written_is_there_at_the_end_and_nothing_else(tmp_path: Path) ->
 
 
 def names_in(folder: Path) -> list[str]:
-    """What lies in a folder, hidden or not."""
+    """Names of all entries of a folder, hidden ones too."""
     return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, MemoryError])
 def test_an_error_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> None:
-    with pytest.raises(error), whole_file(tmp_path / "a.tif") as path:
+    with pytest.raises(error), atomic_file(tmp_path / "a.tif") as path:
         path.write_text("half")
         raise error
     assert names_in(tmp_path) == []
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-def test_an_error_leaves_the_file_that_was_there(tmp_path: Path, error: type[BaseException]) -> None:
+def test_an_error_leaves_the_existing_file(tmp_path: Path, error: type[BaseException]) -> None:
     (tmp_path / "a.tif").write_text("old")
-    with pytest.raises(error), whole_file(tmp_path / "a.tif", overwrite=True) as path:
+    with pytest.raises(error), atomic_file(tmp_path / "a.tif", overwrite=True) as path:
         path.write_text("half")
         raise error
     assert contents(tmp_path) == {"a.tif": "old"}
 
 
-def test_a_file_that_is_there_is_left_alone_unless_allowed(tmp_path: Path) -> None:
+def test_an_existing_file_is_replaced_only_if_allowed(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_text("old")
-    with pytest.raises(OutputExistsError, match="--overwrite"), whole_file(tmp_path / "a.tif"):
+    with pytest.raises(OutputExistsError, match="--overwrite"), atomic_file(tmp_path / "a.tif"):
         pytest.fail("it was opened")
     assert contents(tmp_path) == {"a.tif": "old"}
-    with whole_file(tmp_path / "a.tif", overwrite=True) as path:
+    with atomic_file(tmp_path / "a.tif", overwrite=True) as path:
         path.write_text("new")
         assert (tmp_path / "a.tif").read_text() == "old"
     assert contents(tmp_path) == {"a.tif": "new"}
@@ -60,75 +60,75 @@ def test_a_file_that_is_there_is_left_alone_unless_allowed(tmp_path: Path) -> No
 def test_several_parts_move_together(tmp_path: Path) -> None:
     (tmp_path / "a.dbf").write_text("old")
     (tmp_path / "b.shp").write_text("another's")
-    with whole_file(tmp_path / "a.shp") as path:
+    with atomic_file(tmp_path / "a.shp") as path:
         for suffix in (".shp", ".shx", ".dbf"):
             path.with_suffix(suffix).write_text(suffix)
     assert contents(tmp_path) == {"a.shp": ".shp", "a.shx": ".shx", "a.dbf": ".dbf", "b.shp": "another's"}
 
 
 def test_several_parts_vanish_together(tmp_path: Path) -> None:
-    with pytest.raises(ValueError), whole_file(tmp_path / "a.shp") as path:
+    with pytest.raises(ValueError), atomic_file(tmp_path / "a.shp") as path:
         for suffix in (".shp", ".shx", ".dbf"):
             path.with_suffix(suffix).write_text(suffix)
         raise ValueError
     assert names_in(tmp_path) == []
 
 
-def test_a_file_that_nobody_wrote_does_not_appear(tmp_path: Path) -> None:
-    with whole_file(tmp_path / "a.tif"):
+def test_a_file_that_was_not_written_does_not_appear(tmp_path: Path) -> None:
+    with atomic_file(tmp_path / "a.tif"):
         pass
     assert names_in(tmp_path) == []
 
 
-def test_two_writers_of_one_file_do_not_meet(tmp_path: Path) -> None:
-    with whole_file(tmp_path / "a.tif") as first, whole_file(tmp_path / "a.tif") as second:
+def test_two_writers_of_one_file_do_not_interfere(tmp_path: Path) -> None:
+    with atomic_file(tmp_path / "a.tif") as first, atomic_file(tmp_path / "a.tif") as second:
         first.write_text("first")
         second.write_text("second")
-    assert contents(tmp_path) == {"a.tif": "first"}  # whoever ends last
+    assert contents(tmp_path) == {"a.tif": "first"}  # the one that ends last
 
 
-@pytest.mark.parametrize("act", [check_target, lambda path: whole_file(path).__enter__()])
-def test_a_folder_that_is_missing_is_told(tmp_path: Path, act: object) -> None:
-    with pytest.raises(OutputError, match=r"the folder .*nowhere does not exist; make it first"):
+@pytest.mark.parametrize("act", [check_target, lambda path: atomic_file(path).__enter__()])
+def test_a_missing_folder_is_refused(tmp_path: Path, act: object) -> None:
+    with pytest.raises(OutputError, match=r"the folder .*nowhere does not exist; create it first"):
         act(tmp_path / "nowhere" / "a.tif")  # type: ignore[operator]
     assert names_in(tmp_path) == []
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-def test_a_folder_is_no_target(tmp_path: Path, overwrite: bool) -> None:
+def test_a_folder_is_not_a_valid_target(tmp_path: Path, overwrite: bool) -> None:
     (tmp_path / "out").mkdir()
     with pytest.raises(OutputError, match="is a folder; name a file in it"):
         check_target(tmp_path / "out", overwrite)
-    with pytest.raises(OutputError, match="is a folder"), whole_file(tmp_path / "out", overwrite):
+    with pytest.raises(OutputError, match="is a folder"), atomic_file(tmp_path / "out", overwrite):
         pytest.fail("it was opened")
     assert names_in(tmp_path) == ["out"]
 
 
-def test_a_target_may_be_named_by_text_and_relative(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_target_may_be_a_string_and_relative(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert check_target("a.tif") == Path("a.tif")
-    with whole_file("a.tif") as path:
+    with atomic_file("a.tif") as path:
         path.write_text("here")
     assert contents(tmp_path) == {"a.tif": "here"}
 
 
-def test_a_folder_that_cannot_be_written_to_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_read_only_folder_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: object) -> str:
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("uavseg.atomic.tempfile.mkdtemp", refuse)
     with (
         pytest.raises(OutputError, match="cannot be written to: Permission denied"),
-        whole_file(tmp_path / "a.tif"),
+        atomic_file(tmp_path / "a.tif"),
     ):
         pytest.fail("it was opened")
 
 
-# What a power cut leaves
+# Power cuts
 
 
 class Calls:
-    """The files and folders that are synced, and the renamings, in their order."""
+    """Records syncs and renames in their order."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.seen: list[tuple[str, str]] = []
@@ -157,16 +157,14 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     return Calls(monkeypatch)
 
 
-def test_a_file_is_on_the_disk_before_it_has_its_name_and_then_the_name_is(
-    tmp_path: Path, calls: Calls
-) -> None:
-    with whole_file(tmp_path / "a.tif") as path:
+def test_a_file_is_synced_before_it_is_renamed_and_its_folder_after(tmp_path: Path, calls: Calls) -> None:
+    with atomic_file(tmp_path / "a.tif") as path:
         path.write_text("new")
     assert calls.seen == [("sync", "a.tif"), ("rename", "a.tif"), ("sync", tmp_path.name)]
 
 
-def test_all_parts_are_on_the_disk_before_the_first_has_its_name(tmp_path: Path, calls: Calls) -> None:
-    with whole_file(tmp_path / "a.vrt") as path:
+def test_all_parts_are_synced_before_the_first_is_renamed(tmp_path: Path, calls: Calls) -> None:
+    with atomic_file(tmp_path / "a.vrt") as path:
         (path.parent / "a.tiles" / "deep").mkdir(parents=True)
         for part in ("a.vrt", "a.tiles/1.tif", "a.tiles/deep/2.tif"):
             (path.parent / part).write_text(part)
@@ -177,20 +175,20 @@ def test_all_parts_are_on_the_disk_before_the_first_has_its_name(tmp_path: Path,
     assert calls.seen[5:] == [("rename", "a.tiles"), ("rename", "a.vrt"), ("sync", tmp_path.name)]
 
 
-def test_what_fails_is_not_synced(tmp_path: Path, calls: Calls) -> None:
-    with pytest.raises(ValueError), whole_file(tmp_path / "a.tif") as path:
+def test_nothing_is_synced_after_an_error(tmp_path: Path, calls: Calls) -> None:
+    with pytest.raises(ValueError), atomic_file(tmp_path / "a.tif") as path:
         path.write_text("half")
         raise ValueError
     assert calls.seen == []
 
 
-def test_a_file_that_can_be_made_again_need_not_be_synced(tmp_path: Path, calls: Calls) -> None:
-    with whole_file(tmp_path / "a.npz", sync=False) as path:
+def test_syncing_can_be_left_out(tmp_path: Path, calls: Calls) -> None:
+    with atomic_file(tmp_path / "a.npz", sync=False) as path:
         path.write_text("new")
     assert calls.seen == [("rename", "a.npz")]
 
 
-def test_where_folders_cannot_be_synced_files_are(
+def test_files_are_synced_where_folders_cannot_be(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calls: Calls
 ) -> None:
     """As on Windows, where a folder cannot be opened."""
@@ -202,14 +200,14 @@ def test_where_folders_cannot_be_synced_files_are(
         return opened(path, *how, **more)
 
     monkeypatch.setattr(os, "open", refuse)
-    with whole_file(tmp_path / "a.tif") as path:
+    with atomic_file(tmp_path / "a.tif") as path:
         path.write_text("new")
         (path.parent / "a.tiles").mkdir()
     assert calls.seen == [("sync", "a.tif"), ("rename", "a.tif"), ("rename", "a.tiles")]
     assert contents(tmp_path) == {"a.tif": "new"}
 
 
-def test_a_disk_that_is_full_when_a_file_is_synced_is_told(
+def test_a_disk_that_is_full_when_a_file_is_synced_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(descriptor: int) -> None:
@@ -219,7 +217,7 @@ def test_a_disk_that_is_full_when_a_file_is_synced_is_told(
     monkeypatch.setattr(os, "fsync", fail)
     with (
         pytest.raises(OutputError, match=r"a\.tif cannot be written: No space left on device"),
-        whole_file(tmp_path / "a.tif", overwrite=True) as path,
+        atomic_file(tmp_path / "a.tif", overwrite=True) as path,
     ):
         path.write_text("new")
     assert contents(tmp_path) == {"a.tif": "old"}

@@ -146,6 +146,7 @@ ON_RASTERS = {  # these may import raster, and all phases
 
 ONLY_IN = {
     "rasterio": {"raster", "flight.terrain"},
+    "pyproj": {"raster.geodesy.globe", "flight.plane", "regions.formats.read"},  # a local plane, an exception
     "numba": {"_jit"},
     "llvmlite": {"_jit"},
     "geopandas": {"regions"},

@@ -390,14 +390,16 @@ def test_a_temporary_folder_that_others_may_have_made_is_not_used(
 def test_a_folder_of_somebody_else_is_not_used(
     homeless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, place: str
 ) -> None:
+    taken = tmp_path / "cache" / "kernels" if place == "home" else homeless / "uavseg-4321"
+    taken.mkdir(mode=0o700, parents=True)
+    if os.geteuid() == 0:
+        os.chown(taken, 1234, -1)  # what root has made is trusted
     if place == "home":
         monkeypatch.setenv("UAVSEG_CACHE", str(tmp_path / "cache"))
-    others = _jit._cache_folder()
-    assert others is not None and others.is_relative_to(homeless) == (place == "temporary")
     monkeypatch.setattr(os, "geteuid", lambda: 4321)
-    monkeypatch.setattr(_jit, "_trusted", lambda status: status.st_uid == 4321)  # root is trusted otherwise
-    folder = _jit._cache_folder()
-    assert folder != others
+    used = _jit._cache_folder()
+    assert used is not None and used != taken and used.is_relative_to(homeless)
+    assert list(taken.iterdir()) == []
 
 
 def test_without_any_folder_a_kernel_is_compiled_in_each_process(

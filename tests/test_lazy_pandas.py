@@ -32,8 +32,7 @@ def loaded():
 """
 WRITERS_AT_WORK = """
 import numpy, pyarrow, pyogrio.raw
-columns = [pyarrow.array(numpy.array([b"a"], object)), pyarrow.array(numpy.zeros(1))]
-pyarrow.record_batch(columns, names=["a", "b"])
+pyarrow.record_batch([pyarrow.array(numpy.zeros(1))], names=["a"])
 assert pyogrio._compat.HAS_GEOPANDAS and pyogrio._compat.PANDAS_GE_20
 """
 FRAMES = """
@@ -45,6 +44,9 @@ for again in (geopandas.read_parquet(path + ".parquet"), geopandas.read_file(pat
     assert again.equals(frame)
 import pyarrow
 assert pyarrow.array(pandas.Series([1, None, float("nan")])).null_count == 2
+for missing in (None, pandas.NA, pandas.NaT):
+    assert pyarrow.array(pandas.Series([1, missing], dtype=object)).null_count == 1
+    assert pyarrow.array([1, missing], from_pandas=True).null_count == 1
 assert "FileLoader" in type(pandas.__loader__).__name__ and pandas.__spec__.loader is pandas.__loader__
 """
 

@@ -1,4 +1,4 @@
-"""States, levels and objects of maps, against the implementation written from the description alone."""
+"""States, levels and objects of maps agree with the reference implementation."""
 
 from pathlib import Path
 from types import ModuleType
@@ -9,7 +9,6 @@ import pytest
 from affine import Affine
 from numpy.typing import NDArray
 
-import uavseg.segmentation.states.classify_strips as classification
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.jobs.classify import ClassifyRequest, classify
 from uavseg.jobs.levels import LevelsRequest, levels
@@ -24,6 +23,7 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.segmentation.intervals import Levels
 from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.states import classify_strips
 
 MAPS = 220
 CHUNK = 20
@@ -33,7 +33,7 @@ REAL = ["depot", "tb3_sandbox", "turtlebot3_map", "willow-full"]
 
 
 def random_map(seed: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-    """A map as a robot has it: patches, walls and specks around one half, and nodata."""
+    """An occupancy map: patches, walls and specks of values around one half, and nodata."""
     rng = np.random.default_rng(seed)
     sizes = [(3, 64), (64, 98), (98, 201)]
     rows, cols = (int(rng.integers(*sizes[rng.choice(3, p=[0.4, 0.57, 0.03])])) for _ in range(2))
@@ -84,7 +84,7 @@ def dataset_of(folder: Path, seed: int, values: NDArray[Any], valid: NDArray[np.
 
 
 class Case(NamedTuple):
-    """A map, how it is divided, and the slow implementation's leaves."""
+    """A map, its division parameters, and the leaves of the reference."""
 
     source: ProbabilityMap
     grey: NDArray[np.uint16]
@@ -102,7 +102,7 @@ def case_of(
     return Case(source, grey, valid, X, tau, reference.divide(grey, valid, X, tau))
 
 
-def painted(found: Extraction) -> NDArray[np.uint32]:
+def labels_of(found: Extraction) -> NDArray[np.uint32]:
     return rasterise(found.rings, Window(0, 0, *found.geobox.shape))
 
 
@@ -112,14 +112,14 @@ def params_of(case: Case, refine: str) -> SegmentParams:
 
 
 def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> list[tuple[object, ...]]:
-    """What differs of states and objects, refined or not."""
+    """Differences of states and objects, refined or not."""
     different = []
     by_value = case.grey / 65535 > reference.UNKNOWN_TO
     for refine in ("scan", "none"):
         states, segments = reference.states_of_leaves(case.leaves, case.grey, case.valid, refine == "scan")
         found = classify(case.source, ClassifyRequest(segment=params_of(case, refine)), Work(*runner))
         same = np.array_equal(found.states, states)
-        same &= np.array_equal(painted(found.objects), reference.by_size(segments))
+        same &= np.array_equal(labels_of(found.objects), reference.by_size(segments))
         same &= found.cells == {k: int((states == k).sum()) for k in range(4)}
         same &= found.occupied_in_free == ((states == 1) & by_value).sum()
         same &= found.occupied_by_value == (case.valid & by_value).sum()
@@ -131,17 +131,17 @@ def wrong_states(reference: ModuleType, case: Case, runner: tuple[int, Map]) -> 
 def wrong_levels(
     reference: ModuleType, case: Case, width: float, runner: tuple[int, Map]
 ) -> list[tuple[object, ...]]:
-    """What differs of levels, their segments and the bounds that are told."""
+    """Differences of levels, their segments and bounds."""
     level, labels = reference.levels_of_leaves(case.leaves, case.valid, width)
     edges = reference.level_edges(width)
     found = levels(case.source, LevelsRequest(Levels(width), params_of(case, "none")), Work(*runner))
     columns = found.regions.columns
-    image = painted(found)
+    image = labels_of(found)
     same = np.array_equal(image, labels)
     same &= np.array_equal(np.concatenate([[-1], columns["level"]])[image], level)
     same &= columns["range_low"].tolist() == [edges[k] for k in columns["level"]]
     high = [min(edges[k + 1], 1.0) for k in columns["level"]]
-    same &= np.allclose(columns["range_high"], high, rtol=0, atol=1e-9)  # the last edge may be a hair less
+    same &= np.allclose(columns["range_high"], high, rtol=0, atol=1e-9)  # the last edge may be slightly less
     return [] if same else [("levels", width, runner[0], case.X, case.tau)]
 
 
@@ -154,7 +154,7 @@ def test_maps_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, 
         case = case_of(reference, dataset_of(tmp_path, seed, values, valid), values, valid, X, tau)
         wrong = wrong_states(reference, case, RUNNERS[seed % 2])
         wrong += wrong_levels(reference, case, width, RUNNERS[seed // 2 % 2])
-        different += [(seed, *told) for told in wrong]
+        different += [(seed, *case) for case in wrong]
     assert not different
 
 
@@ -174,7 +174,7 @@ def test_the_maps_are_of_every_kind(reference: ModuleType) -> None:
 
 
 def real_map(folder: Path, name: str, tmp_path: Path) -> Path:
-    """The YAML of a real map; where there is none, or it names another picture, one is written for it."""
+    """The YAML file of a real map; written here if it is missing or names another image."""
     picture, described = folder / f"{name}.pgm", folder / f"{name}.yaml"
     if not picture.is_file():
         pytest.skip(f"{picture.name} is not among the shared data")
@@ -199,14 +199,14 @@ def test_real_maps_are_those_of_the_reference(
     assert not wrong_levels(reference, adaptive, 0.1, (192, serial))
 
 
-def test_very_wide_maps_are_cut_into_low_strips(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(classification, "_MAX_STRIP_PIXELS", 64 * 256)
+def test_very_wide_maps_are_split_into_low_strips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(classify_strips, "_MAX_STRIP_PIXELS", 64 * 256)
     values, _ = random_map(7)
     values = np.tile(values, (-(-200 // len(values)), 4))
     dataset = Dataset.of_values(values, GeoBox(values.shape, Affine.identity(), None), "map")
-    strips = classification.state_strips(values.shape, (512, 512))
+    strips = classify_strips.state_strips(values.shape, (512, 512))
     assert {window.rows for strip in strips[:-1] for window in strip} == {64}
     source = ProbabilityMap(dataset, stretch_of(dataset))
-    low = classify(source)
+    found = classify(source)
     monkeypatch.undo()
-    assert np.array_equal(low.states, classify(source).states)
+    assert np.array_equal(found.states, classify(source).states)

@@ -1,4 +1,4 @@
-"""The reference itself, on pictures small enough to be worked out by hand."""
+"""The reference implementation agrees with pictures small enough to compute by hand."""
 
 import math
 from fractions import Fraction
@@ -41,12 +41,12 @@ def test_eight_bits_become_multiples_of_257(reference: ModuleType) -> None:
     assert np.array_equal(reference.grey(values, everywhere(values), 0, 255), 257 * values.astype(int))
 
 
-def test_an_invalid_pixel_is_black_whatever_it_holds(reference: ModuleType) -> None:
+def test_an_invalid_pixel_is_black_whatever_its_value(reference: ModuleType) -> None:
     values = np.array([[np.nan, np.inf, 1.0]])
     assert reference.grey(values, np.array([[False, False, True]]), 0, 1).tolist() == [[0, 0, 65535]]
 
 
-def test_luminance_weighs_green_most(reference: ModuleType) -> None:
+def test_luminance_weights_green_most(reference: ModuleType) -> None:
     pure = np.eye(3).reshape(3, 1, 3)
     assert reference.intensity(pure).tolist() == [[0.2126, 0.7152, 0.0722]]
 
@@ -54,7 +54,7 @@ def test_luminance_weighs_green_most(reference: ModuleType) -> None:
 # Texture
 
 
-def test_the_code_and_contrast_of_a_neighbourhood_worked_out_by_hand(reference: ModuleType) -> None:
+def test_the_code_and_contrast_of_a_neighbourhood_computed_by_hand(reference: ModuleType) -> None:
     image = np.array([[9, 1, 9], [5, 5, 4], [2, 2, 7]], np.uint16)  # >= 5: 9, 9, 5, 7
     codes, contrast, counted = reference.texture(image, everywhere(image))
     assert codes[1, 1].item().bit_count() == 4
@@ -93,42 +93,42 @@ def test_a_pixel_beside_nodata_or_the_edge_is_not_counted(reference: ModuleType)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (2, 9), (9, 2)])
-def test_nothing_is_counted_without_room_for_a_neighbourhood(
+def test_no_pixel_is_counted_in_an_image_smaller_than_a_neighbourhood(
     reference: ModuleType, shape: tuple[int, int]
 ) -> None:
     assert not reference.texture(np.zeros(shape, np.uint16), np.ones(shape, bool))[2].any()
 
 
-# Cuts
+# Bin edges
 
 
-def cuts_of(reference: ModuleType, contrasts: list[int]) -> list[int]:
+def bin_edges_of(reference: ModuleType, contrasts: list[int]) -> list[int]:
     contrast = np.array([[*contrasts, 999]])
     counted = np.array([[True] * len(contrasts) + [False]])
-    return reference.contrast_cuts(contrast, counted).tolist()
+    return reference.contrast_bin_edges(contrast, counted).tolist()
 
 
-def test_cuts_of_histograms_worked_out_by_hand(reference: ModuleType) -> None:
-    assert cuts_of(reference, [8, 7, 6, 5, 4, 3, 2, 1]) == [1, 2, 3, 4, 5, 6, 7]
-    assert cuts_of(reference, list(range(1, 11))) == [2, 3, 4, 5, 7, 8, 9]  # ranks ceil(10 k / 8)
-    assert cuts_of(reference, [4]) == [4] * 7
-    assert cuts_of(reference, [0] * 6 + [3, 9]) == [0, 0, 0, 0, 0, 0, 3]
-    assert cuts_of(reference, []) == [0] * 7
+def test_bin_edges_of_histograms_computed_by_hand(reference: ModuleType) -> None:
+    assert bin_edges_of(reference, [8, 7, 6, 5, 4, 3, 2, 1]) == [1, 2, 3, 4, 5, 6, 7]
+    assert bin_edges_of(reference, list(range(1, 11))) == [2, 3, 4, 5, 7, 8, 9]  # ranks ceil(10 k / 8)
+    assert bin_edges_of(reference, [4]) == [4] * 7
+    assert bin_edges_of(reference, [0] * 6 + [3, 9]) == [0, 0, 0, 0, 0, 0, 3]
+    assert bin_edges_of(reference, []) == [0] * 7
 
 
 @given(contrasts=st.lists(st.integers(0, 12), min_size=1, max_size=40))
 @settings(deadline=None, max_examples=50)
-def test_a_cut_is_the_smallest_value_with_enough_pixels_at_or_below_it(
+def test_a_bin_edge_is_the_smallest_value_with_enough_pixels_at_or_below_it(
     reference: ModuleType, contrasts: list[int]
 ) -> None:
-    for k, cut in enumerate(cuts_of(reference, contrasts), 1):
+    for k, cut in enumerate(bin_edges_of(reference, contrasts), 1):
         wanted = math.ceil(Fraction(k * len(contrasts), 8))
         assert cut == next(t for t in range(13) if sum(c <= t for c in contrasts) >= wanted)
 
 
-def test_a_contrast_on_a_cut_is_below_it_and_coinciding_cuts_leave_bins_empty(reference: ModuleType) -> None:
-    cuts = np.array([0, 0, 0, 0, 2, 5, 5])
-    assert reference.bins(np.array([[0, 1, 2, 3, 5, 6]]), cuts).tolist() == [[0, 4, 4, 5, 5, 7]]
+def test_a_contrast_on_an_edge_is_below_it_and_equal_edges_leave_bins_empty(reference: ModuleType) -> None:
+    edges = np.array([0, 0, 0, 0, 2, 5, 5])
+    assert reference.bins(np.array([[0, 1, 2, 3, 5, 6]]), edges).tolist() == [[0, 4, 4, 5, 5, 7]]
 
 
 # G
@@ -145,11 +145,11 @@ def test_G_is_the_log_likelihood_ratio_of_two_histograms(
     assert reference.g_statistic(one, other) == pytest.approx(expected, abs=1e-8)
 
 
-def test_G_of_histograms_with_nothing_in_common(reference: ModuleType) -> None:
+def test_G_of_disjoint_histograms(reference: ModuleType) -> None:
     assert reference.g_statistic(np.array([8, 0]), np.array([0, 8])) == pytest.approx(2 * 16 * math.log(2))
 
 
-def test_G_of_proportional_histograms_is_exactly_nothing(reference: ModuleType) -> None:
+def test_G_of_proportional_histograms_is_exactly_0(reference: ModuleType) -> None:
     histogram = np.array([3, 7, 11, 0, 200])
     assert {reference.g_statistic(histogram, k * histogram) for k in range(1, 50)} == {0.0}
 
@@ -170,7 +170,7 @@ def test_a_plain_block_is_one_leaf_with_its_sum_and_number(reference: ModuleType
 def test_two_halves_are_divided_along_their_border(reference: ModuleType, bright: int) -> None:
     image = np.zeros((64, 64), np.uint16)
     image[:, 32:] = bright
-    # Only the first bright column has texture (nothing is below a dark pixel): it alone tells blocks apart.
+    # Only the first bright column has texture (no neighbour is below a dark pixel) and separates blocks.
     left = [(row, 0, 32) for row in (0, 32)]
     right = [(row, 48, 16) for row in (0, 16, 32, 48)]
     border = [(row, col, 8) for row in range(0, 64, 8) for col in (32, 40)]
@@ -187,13 +187,13 @@ def test_a_half_of_noise_is_divided_from_a_plain_half(reference: ModuleType) -> 
     assert leaves_of(reference, image, X=math.inf) == [(0, 0, 64)]
 
 
-def test_R_is_infinite_where_some_children_are_alike_to_the_count(reference: ModuleType) -> None:
+def test_R_is_infinite_where_some_children_have_equal_histograms(reference: ModuleType) -> None:
     image = np.zeros((64, 64), np.uint16)
     image[40:60, 40:60] = noise(2, (20, 20))
     assert reference.ratios(image, everywhere(image))[0, 0, 64] == math.inf
 
 
-def test_R_of_two_children_is_one_and_of_one_is_nothing(reference: ModuleType) -> None:
+def test_R_of_two_children_is_1_and_of_one_child_0(reference: ModuleType) -> None:
     image = noise(3, (64, 20))
     blocks = reference.ratios(image, everywhere(image))
     assert blocks[0, 0, 64] == 1  # the quarters on the left
@@ -201,14 +201,14 @@ def test_R_of_two_children_is_one_and_of_one_is_nothing(reference: ModuleType) -
     assert reference.ratios(image[:20], everywhere(image[:20]))[0, 0, 64] == 0
 
 
-def test_ratios_are_of_every_block_of_the_grid(reference: ModuleType) -> None:
+def test_every_block_of_the_grid_has_a_ratio(reference: ModuleType) -> None:
     image = noise(4, (65, 10))
     blocks = reference.ratios(image, everywhere(image))
     assert len(blocks) == 2 * (1 + 4 + 16)
     assert blocks[64, 0, 64] == 0
 
 
-def test_the_intensity_test_divides_what_the_texture_does_not(reference: ModuleType) -> None:
+def test_the_intensity_test_divides_where_texture_does_not(reference: ModuleType) -> None:
     # Noise, brighter by 0.1 on the right; no pixel beside the step is counted.
     image = noise(9, (64, 64), 10000, 14000)
     image[:, 32:] += 6554
@@ -221,14 +221,14 @@ def test_the_intensity_test_divides_what_the_texture_does_not(reference: ModuleT
     assert [leaf[:3] for leaf in reference.divide(image, valid, tau=0.11)] == [(0, 0, 64)]
 
 
-def test_the_intensity_test_needs_valid_pixels_and_not_counted_ones(reference: ModuleType) -> None:
+def test_the_intensity_test_uses_valid_pixels_counted_or_not(reference: ModuleType) -> None:
     image = np.array([[0] * 32 + [60000] * 32], np.uint16)
     assert reference.divide(image, everywhere(image)) == [(0, 0, 64, 32 * 60000, 64)]
     divided = reference.divide(image, everywhere(image), tau=0.05)
     assert divided == [(0, 0, 32, 0, 32), (0, 32, 32, 32 * 60000, 32), (32, 0, 32, 0, 0), (32, 32, 32, 0, 0)]
 
 
-def test_leaves_cover_the_grid_once_and_hold_every_valid_pixel(reference: ModuleType) -> None:
+def test_leaves_cover_the_grid_once_and_every_valid_pixel(reference: ModuleType) -> None:
     for seed in range(12):
         values, valid, low, high = reference.random_raster(seed)
         g = reference.grey(values, valid, low, high)
@@ -241,7 +241,7 @@ def test_leaves_cover_the_grid_once_and_hold_every_valid_pixel(reference: Module
         assert sum(leaf.sum for leaf in leaves) == g[valid].sum(dtype=np.int64)
 
 
-def test_what_invalid_pixels_hold_changes_nothing(reference: ModuleType) -> None:
+def test_values_of_invalid_pixels_change_nothing(reference: ModuleType) -> None:
     g, other = noise(5, (70, 70)), noise(6, (70, 70))
     valid = noise(7, (70, 70)) > 4000
     g[:, 35:] //= 3
@@ -326,17 +326,19 @@ def test_a_run_stops_after_eight_pixels(reference: ModuleType) -> None:
     assert refined(reference, "oiiiiiiiiiiiI") == ["oiiiIIIIIIIII"]
 
 
-def test_a_run_begins_anew_behind_a_pixel_that_was_so_already(reference: ModuleType) -> None:
+def test_a_run_restarts_after_a_pixel_that_does_not_change(reference: ModuleType) -> None:
     assert refined(reference, "oOOOoOOOOOOOOOO") == ["oooooooooooooOO"]
     assert refined(reference, "IiiiIiiiiiiiiii") == ["IIIIIIIIIIIIIii"]
 
 
-def test_pixels_in_range_end_a_shrinking_run_and_others_a_growing_one(reference: ModuleType) -> None:
+def test_a_pixel_in_range_ends_a_shrinking_run_and_one_out_of_range_a_growing_run(
+    reference: ModuleType,
+) -> None:
     assert refined(reference, "oOOIOO") == ["oooIOO"]
     assert refined(reference, "IiioiI") == ["IIIoII"]
 
 
-def test_nodata_is_no_outside_and_joins_nothing(reference: ModuleType) -> None:
+def test_nodata_is_not_outside_and_joins_no_region(reference: ModuleType) -> None:
     assert refined(reference, ".OOO.I.i.OOO") == [".OOO.I.i.OOO"]
 
 
@@ -349,11 +351,11 @@ def test_horizontal_scans_come_before_vertical_ones(reference: ModuleType) -> No
 
 
 def test_all_four_scans_shrink_before_any_grows(reference: ModuleType) -> None:
-    assert refined(reference, "oOi") == ["ooi"]  # had growing come first, i would have joined
+    assert refined(reference, "oOi") == ["ooi"]  # if growing came first, i would join
     assert refined(reference, "o O i") == ["o", "o", "i"]
 
 
-def test_both_ways_of_the_scans_agree_on_noise(reference: ModuleType) -> None:
+def test_both_implementations_of_the_scans_agree_on_noise(reference: ModuleType) -> None:
     for seed in range(40):
         shape = tuple(noise(seed, (2,), 1, 40).tolist())
         mask, g, valid = noise(seed, shape) > 30000, noise(seed + 1, shape), noise(seed + 2, shape) > 3000
@@ -373,37 +375,37 @@ STATES = {".": 0, "f": 1, "u": 2, "o": 3}
 OWN = {"0": 0, "5": 128 * 257, "9": 65535}
 
 
-def settled(reference: ModuleType, states: str, own: str) -> list[str]:
+def resolved(reference: ModuleType, states: str, own: str) -> list[str]:
     state = np.vectorize(STATES.get)(picture(states))
     g = np.vectorize(OWN.get)(picture(own)).astype(np.uint16)
     letters = np.array(list(STATES))
     return ["".join(letters[line]) for line in reference.refine_states(state, g)]
 
 
-def test_states_are_cut_at_498_and_502_thousandths(reference: ModuleType) -> None:
+def test_states_change_at_498_and_502_thousandths(reference: ModuleType) -> None:
     assert [reference.state_of(k / 255) for k in (0, 126, 127, 128, 129, 255)] == [1, 1, 2, 2, 3, 3]
     assert [reference.state_of(v) for v in (0.498, 0.502)] == [1, 2]
 
 
-def test_half_pixels_beside_the_unknown_become_unknown_without_end(reference: ModuleType) -> None:
-    assert settled(reference, "uffffffffffffof", "55555555555555" + "0") == ["u" * 14 + "f"]
-    assert settled(reference, "uf.f", "5555") == ["uu.f"]
+def test_a_run_of_half_pixels_beside_unknown_becomes_unknown_without_bound(reference: ModuleType) -> None:
+    assert resolved(reference, "uffffffffffffof", "55555555555555" + "0") == ["u" * 14 + "f"]
+    assert resolved(reference, "uf.f", "5555") == ["uu.f"]
 
 
-def test_free_against_occupied_looks_at_three_pixels(reference: ModuleType) -> None:
-    assert settled(reference, "foooo", "05509") == ["ffffo"]
-    assert settled(reference, "foooo", "05550") == ["foooo"]  # the decision is out of sight, at the fourth
-    assert settled(reference, "foooo", "05909") == ["foooo"]  # the first that is not half decides
-    assert settled(reference, "foofo", "05500") == ["fooff"]  # the third is not occupied
-    assert settled(reference, "fooooo", "005005") == ["fffffo"]  # on and on, after each decision
+def test_free_against_occupied_reads_three_pixels(reference: ModuleType) -> None:
+    assert resolved(reference, "foooo", "05509") == ["ffffo"]
+    assert resolved(reference, "foooo", "05550") == ["foooo"]  # the deciding pixel is the fourth, too far
+    assert resolved(reference, "foooo", "05909") == ["foooo"]  # the first that is not half decides
+    assert resolved(reference, "foofo", "05500") == ["fooff"]  # the third is not occupied
+    assert resolved(reference, "fooooo", "005005") == ["fffffo"]  # repeated after each decision
 
 
 def test_right_to_left_comes_first_and_bottom_to_top_before_top_to_bottom(reference: ModuleType) -> None:
-    assert settled(reference, "fo", "90") == ["oo"]
-    assert settled(reference, "f o", "9 0") == ["o", "o"]
+    assert resolved(reference, "fo", "90") == ["oo"]
+    assert resolved(reference, "f o", "9 0") == ["o", "o"]
 
 
-def test_free_is_one_segment_and_each_occupied_part_its_own(reference: ModuleType) -> None:
+def test_free_is_one_segment_and_each_occupied_component_is_one(reference: ModuleType) -> None:
     values = np.zeros((64, 192))
     values[:, 64:128] = 1
     state, labels = reference.states(values, everywhere(values), X=math.inf)
@@ -413,7 +415,7 @@ def test_free_is_one_segment_and_each_occupied_part_its_own(reference: ModuleTyp
     assert opposite[0, ::64].tolist() == [1, 2, 3]
 
 
-def test_a_value_on_an_edge_is_of_the_lower_level(reference: ModuleType) -> None:
+def test_a_value_on_an_edge_belongs_to_the_lower_level(reference: ModuleType) -> None:
     assert reference.level_edges(0.3) == [0, 0.3, 0.6, 0.9, 1.2]
     assert len(reference.level_edges(0.1)) == 11
     edges = reference.level_edges(0.2)
@@ -430,7 +432,7 @@ def test_leaves_of_one_level_are_one_segment(reference: ModuleType) -> None:
 # Random rasters
 
 
-def test_random_rasters_are_the_same_each_time_and_of_many_kinds(reference: ModuleType) -> None:
+def test_random_rasters_are_reproducible_and_of_many_kinds(reference: ModuleType) -> None:
     rasters = [reference.random_raster(seed) for seed in range(60)]
     for seed, (values, valid, low, high) in enumerate(rasters[:10]):
         again = reference.random_raster(seed)

@@ -96,15 +96,21 @@ class _Lazy(ModuleType):
 
 
 class _ArrowLoader(_Loader):
-    """Of `pyarrow`, which looks for pandas once, here, and does not find it."""
+    """Of `pyarrow`, whose Python part looks for pandas once, here, and does not find it.
+
+    Its C++ part looks once as well, when it is first given Python objects, and cannot be shown pandas later:
+    it is left to find pandas. Writers that load no pandas hand over numbers and buffers.
+    """
 
     def _load(self, module: ModuleType) -> None:
         super()._load(module)
         if "pandas" in sys.modules:
             return
+        import numpy
+
         self._finder.hiding = threading.get_ident()
         try:
-            module.array([])
+            module.array(numpy.zeros(0))
         finally:
             self._finder.hiding = None
 

@@ -1,23 +1,23 @@
-"""Freed memory, given back to the system."""
+"""Heap trimming: return freed memory to the operating system between phases."""
 
 import sys
 from collections.abc import Callable
 from functools import cache
 
 
-def give_back() -> None:
-    """Return what the C library keeps of freed memory for later, where it can be asked to (glibc).
+def trim_heap() -> None:
+    """Return freed heap memory to the operating system, where the C library can (glibc).
 
-    Called between phases: the arrays of one are of other sizes than those of the next, and what the first
-    has freed would stay with the process.
+    Called between phases: the arrays of one phase differ in size from those of the next, so the memory freed
+    by the first would otherwise stay with the process.
     """
-    trim = _trim()
-    if trim is not None:
-        trim(0)
+    malloc_trim = _malloc_trim()
+    if malloc_trim is not None:
+        malloc_trim(0)
 
 
 @cache
-def _trim() -> Callable[[int], int] | None:
+def _malloc_trim() -> Callable[[int], int] | None:
     if sys.platform != "linux":
         return None
     import ctypes

@@ -18,18 +18,18 @@ from uavseg.errors import OutputError, OutputExistsError, UavsegError
 
 
 def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
-    """The path, if a file may be written there; call it before the work that makes the file.
+    """Check that a file may be written, before the work whose result it holds; returns its path.
 
     Raises
     ------
     OutputExistsError
-        If something is there already and `overwrite` is false.
+        If it exists and `overwrite` is false.
     OutputError
-        If the folder does not exist or the path is a folder.
+        If its folder does not exist, or the path is a folder.
     """
     target = Path(path)
     if not target.parent.is_dir():
-        raise OutputError(f"the folder {target.parent} does not exist; make it first")
+        raise OutputError(f"the folder {target.parent} does not exist; create it first")
     if target.is_dir():
         raise OutputError(f"{target} is a folder; name a file in it")
     if target.exists() and not overwrite:
@@ -38,22 +38,22 @@ def check_target(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
 
 
 @contextmanager
-def whole_file(path: str | os.PathLike[str], overwrite: bool = False, sync: bool = True) -> Iterator[Path]:
-    """A temporary path beside `path`; what is written there is renamed to `path` if nothing was raised.
+def atomic_file(path: str | os.PathLike[str], overwrite: bool = False, sync: bool = True) -> Iterator[Path]:
+    """Context manager that yields a temporary path, renamed to `path` at the end if nothing was raised.
 
-    The temporary path keeps the name's suffix, and lies in a folder of its own, so that drivers which
-    write several files (a shapefile's parts) or a folder may do so: all of them move together. A folder
-    takes the place of one that is there, which must be the caller's own.
+    The temporary path keeps the file name, and lies in a temporary folder beside `path`. Drivers may write
+    several files (the parts of a shapefile) or a subfolder there: all of them are moved. A subfolder
+    replaces an existing one, which must belong to the same output.
 
     Parameters
     ----------
     path : path
         Of the target.
     overwrite : bool
-        Whether what is there may be replaced.
+        Whether to replace an existing file.
     sync : bool
-        Whether the file survives a power cut once it is there. Without it, the file may be empty or torn
-        afterwards: for files that are checked when they are read and can be made again.
+        Whether to sync the file to disk, so that it survives a power cut. Without that, it may be empty or
+        torn afterwards: for files that are checked when they are read and can be computed again.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def whole_file(path: str | os.PathLike[str], overwrite: bool = False, sync: bool
 
 
 def _put(part: Path, place: Path) -> None:
-    """Move a file or a folder to its place; what a folder replaces goes with the temporary ones."""
+    """Move a file or a folder to its place; a replaced folder is removed with the temporary one."""
     if not (part.is_dir() and place.is_dir()):
         part.replace(place)
         return
@@ -96,7 +96,7 @@ def _put(part: Path, place: Path) -> None:
 
 
 def _sync_all_in(folder: Path) -> None:
-    """Have every file and folder that lies in a folder on the disk, what is inside first."""
+    """Sync every file and folder inside a folder to disk, the innermost first."""
     for path, folders, files in os.walk(folder, topdown=False):
         for name in files:
             _sync_file(Path(path, name))
@@ -105,7 +105,7 @@ def _sync_all_in(folder: Path) -> None:
 
 
 def _sync_file(file: Path) -> None:
-    descriptor = os.open(file, os.O_RDWR)  # Windows syncs what may be written
+    descriptor = os.open(file, os.O_RDWR)  # Windows only syncs what is open for writing
     try:
         os.fsync(descriptor)
     finally:
@@ -113,7 +113,7 @@ def _sync_file(file: Path) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Have the names in a folder on the disk, where the system can do so: Windows and some shares cannot."""
+    """Sync the names in a folder to disk; Windows and some network shares cannot, and are left alone."""
     with suppress(OSError):
         descriptor = os.open(folder, os.O_RDONLY)
         try:

@@ -1,64 +1,64 @@
-"""What can go wrong, one class for each kind of wrong.
+"""Exception hierarchy: one class for each kind of error that the user can correct.
 
-Every message says what was wrong, what was expected and what to do; the command line prints it as it is.
+Each message says what is wrong, what was expected and what to do; the command line prints it as it is.
 """
 
 
 class UavsegError(Exception):
-    """Something the user can mend; the message says how."""
+    """Base class: an error that the user can correct."""
 
 
 class ParameterError(UavsegError, ValueError):
-    """A parameter lies outside what it may be."""
+    """A parameter is out of its domain."""
 
 
 class IntensityRangeError(ParameterError):
-    """A range of intensity is upside down or leaves [0, 1]."""
+    """An intensity range is reversed, or leaves [0, 1]."""
 
 
 class RasterError(UavsegError, ValueError):
-    """A raster is of a kind that cannot be answered rightly."""
+    """A raster is of an unsupported kind."""
 
 
 class RasterReadError(UavsegError, OSError):
-    """A raster cannot be opened or its pixels cannot be read."""
+    """A raster cannot be opened, or its pixels cannot be read."""
 
 
 class MosaicError(RasterError):
-    """Rasters that were given together do not fit together."""
+    """Rasters do not fit together as one mosaic."""
 
 
 class MapError(RasterError):
-    """A map of probabilities, or what says how to read it, is not what it should be."""
+    """An occupancy map, or the metadata for reading it, is invalid."""
 
 
 class SceneError(UavsegError, ValueError):
-    """A scene to be simulated cannot be: its shapes, its sensor or where the sensor stands."""
+    """A scene cannot be simulated: its shapes, its sensor or a pose of the sensor is invalid."""
 
 
 class RegionError(UavsegError, ValueError):
-    """Regions are missing, empty or not what was asked for."""
+    """Regions are missing, empty or invalid."""
 
 
 class SampleError(UavsegError, ValueError):
-    """A sample of texture is not where the raster is, is too small, or is none."""
+    """A texture sample lies outside the raster, or is too small, too large or empty."""
 
 
 class PathError(UavsegError, ValueError):
-    """No path leads where it is wanted."""
+    """No path exists between the two places, or a path cannot be read."""
 
 
 class ClusterError(UavsegError, OSError):
-    """A scheduler or its workers cannot be reached, are lost, or differ from this installation."""
+    """A scheduler or its workers cannot be reached, are lost, or have other versions than the client."""
 
 
 class MissionError(UavsegError, ValueError):
-    """A mission would not be safe, or a reader would refuse it."""
+    """A mission would be unsafe, or its reader would refuse it."""
 
 
 class OutputError(UavsegError, OSError):
-    """An output cannot be written where it was asked for."""
+    """An output file cannot be written."""
 
 
 class OutputExistsError(OutputError):
-    """An output is there already, and nobody allowed to replace it."""
+    """An output file exists already, and may not be replaced."""

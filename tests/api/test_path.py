@@ -17,14 +17,14 @@ from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.intervals import IntensityRange
 
 CELL = 0.25
 RANGE = (0, 0.45)
 ENDS = {"start": (2.1, 2.1), "goal": (29.9, 2.1)}
-BOX = upright((128, 128), CELL, (0.0, 0.0))
+BOX = local_geobox((128, 128), CELL, (0.0, 0.0))
 
 
 def beliefs() -> np.ndarray:

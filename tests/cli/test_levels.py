@@ -14,7 +14,7 @@ from geopandas.testing import assert_geodataframe_equal
 import uavseg
 from uavseg.cli import main
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"
@@ -237,7 +237,7 @@ def ros_map() -> str:
     states = np.ones((100, 90), int)
     states[20:60, 30:80] = 3
     states[70:, :] = 2
-    write_ros_map("map.yaml", states, upright(states.shape, 0.05, (0, 0)))
+    write_ros_map("map.yaml", states, local_geobox(states.shape, 0.05, (0, 0)))
     return "map.yaml"
 
 

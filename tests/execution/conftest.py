@@ -16,7 +16,7 @@ QUIET = ["--no-dashboard", "--host", "127.0.0.1"]
 
 
 class Processes:
-    """A scheduler's address, and workers that can be started and killed."""
+    """A scheduler, and workers that can be started and killed."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -26,14 +26,14 @@ class Processes:
         self.address = self._address()
 
     def add(self, count: int, address: str | None = None, path: str = str(ROOT)) -> None:
-        """Start workers; they are there some time later."""
+        """Start workers, without waiting for them."""
         for _ in range(count):
             where = ["--nthreads", "1", "--no-nanny", "--memory-limit", "0", "--local-directory", self.folder]
             self.workers.append(self._start("worker", address or self.address, *where, path=path))
             self._all.append(self.workers[-1])
 
     def stop(self) -> None:
-        """End what was started."""
+        """Kill all processes."""
         for process in reversed(self._all):
             process.kill()
             process.wait()
@@ -56,7 +56,7 @@ class Processes:
 
 @pytest.fixture(scope="session")
 def processes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
-    """Four workers that all have begun to listen."""
+    """A scheduler with four workers that are connected to it."""
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
     started = Processes(tmp_path_factory.mktemp("cluster"))
     try:

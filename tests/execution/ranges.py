@@ -1,4 +1,4 @@
-"""Serves parts of the files of a folder on loopback; prints its port, then the length of each part."""
+"""HTTP server of a folder on loopback for range requests; prints its port, then the length of each part."""
 
 import re
 import sys
@@ -10,7 +10,7 @@ from typing import Any
 
 
 class Ranges(SimpleHTTPRequestHandler):
-    """Gives parts of files."""
+    """Answers range requests."""
 
     def do_GET(self) -> None:
         path = Path(self.translate_path(self.path))
@@ -28,7 +28,7 @@ class Ranges(SimpleHTTPRequestHandler):
         print(len(part))
 
     def log_message(self, *_: Any) -> None:
-        """Say nothing."""
+        """No log."""
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A map that keeps its results: what is done is not done again, whatever happened to the run before."""
+"""Checkpoints: finished work is not repeated, whatever stopped the run before."""
 
 import os
 import threading
@@ -13,7 +13,7 @@ import pytest
 
 import uavseg.execution.checkpoint
 from uavseg.errors import OutputError
-from uavseg.execution.checkpoint import kept, stage_name
+from uavseg.execution.checkpoint import stage_name, with_checkpoint
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.raster.tiling import Window
 
@@ -45,11 +45,11 @@ def slow_tile(window: Window) -> int:
 
 
 def stopping_at(row: int, error: BaseException) -> Callable[[int, int], None]:
-    def tell(done: int, total: int) -> None:
+    def report(done: int, total: int) -> None:
         if done == row:
             raise error
 
-    return tell
+    return report
 
 
 def text(results: Any) -> str:
@@ -60,66 +60,68 @@ SQUARES = text(serial(partial(square_tile, 7), ITEMS))
 
 
 @maps
-def test_results_are_those_of_the_map_itself_and_made_once(run: Map, tmp_path: Path) -> None:
-    told: list[Any] = []
+def test_results_are_those_of_the_executor_and_computed_once(run: Map, tmp_path: Path) -> None:
+    reported: list[Any] = []
     for calls in (list(range(20)), []):
         CALLS.clear()
-        found = kept(run, tmp_path / "R", lambda *what: told.append(what))(partial(square_tile, 7), ITEMS)
+        found = with_checkpoint(run, tmp_path / "R", lambda *what: reported.append(what))(
+            partial(square_tile, 7), ITEMS
+        )
         assert text(found) == SQUARES
         assert sorted(CALLS) == calls
-    assert told == [("square", 20, 20)]
+    assert reported == [("square", 20, 20)]
     assert len(list((tmp_path / "R").rglob("*.npz"))) == 20
 
 
 @maps
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ZeroDivisionError()])
-def test_a_run_that_stopped_goes_on_where_it_stopped(run: Map, tmp_path: Path, error: BaseException) -> None:
-    told: list[Any] = []
-    again = kept(run, tmp_path, lambda *what: told.append(what))
+def test_a_stopped_run_resumes_where_it_stopped(run: Map, tmp_path: Path, error: BaseException) -> None:
+    reported: list[Any] = []
+    again = with_checkpoint(run, tmp_path, lambda *what: reported.append(what))
     with pytest.raises(type(error)):
         list(again(partial(square_tile, 7), ITEMS, stopping_at(8, error)))
     CALLS.clear()
     assert text(again(partial(square_tile, 7), ITEMS)) == SQUARES
     assert sorted(CALLS) == list(range(8, 20))
-    assert told == [("square", 8, 20)]
+    assert reported == [("square", 8, 20)]
 
 
-def test_nobody_works_on_once_a_run_has_stopped(tmp_path: Path) -> None:
-    with pytest.raises(ZeroDivisionError):  # whose frames are still held below
-        list(kept(threads(3), tmp_path)(slow_tile, ITEMS, stopping_at(2, ZeroDivisionError())))
+def test_no_work_continues_after_a_run_has_stopped(tmp_path: Path) -> None:
+    with pytest.raises(ZeroDivisionError):  # its frames are still referenced below
+        list(with_checkpoint(threads(3), tmp_path)(slow_tile, ITEMS, stopping_at(2, ZeroDivisionError())))
     assert not AT_WORK
 
 
 @maps
-def test_items_may_be_done_in_any_pattern_and_change(run: Map, tmp_path: Path) -> None:
-    list(kept(run, tmp_path)(partial(square_tile, 7), ITEMS[3:17:2]))
+def test_any_subset_of_the_items_may_be_done_already(run: Map, tmp_path: Path) -> None:
+    list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS[3:17:2]))
     CALLS.clear()
-    assert text(kept(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert text(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
     assert sorted(CALLS) == sorted(set(range(20)) - set(range(3, 17, 2)))
 
 
 def test_other_arguments_are_another_stage(tmp_path: Path) -> None:
     for offset in (1, 2):
         CALLS.clear()
-        assert text(kept(serial, tmp_path)(partial(square_tile, offset), ITEMS)) == text(
+        assert text(with_checkpoint(serial, tmp_path)(partial(square_tile, offset), ITEMS)) == text(
             serial(partial(square_tile, offset), ITEMS)
         )
         assert len(CALLS) == 40
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@pytest.mark.parametrize("what", ["__version__", "_code"])
-def test_another_version_makes_everything_again(
+@pytest.mark.parametrize("what", ["__version__", "_code_hash"])
+def test_another_version_of_the_program_computes_everything_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
-    list(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS))
+    list(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS))
     CALLS.clear()
     monkeypatch.setattr(uavseg.execution.checkpoint, what, "9" if what == "__version__" else lambda: "9")
-    list(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS))
+    list(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS))
     assert len(CALLS) == 20
 
 
-def test_a_version_is_known_by_every_file_of_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_hash_of_the_program_covers_every_module(monkeypatch: pytest.MonkeyPatch) -> None:
     package = Path(uavseg.__file__).resolve().parent
     read: list[Path] = []
 
@@ -128,46 +130,44 @@ def test_a_version_is_known_by_every_file_of_the_program(monkeypatch: pytest.Mon
         return b""
 
     monkeypatch.setattr(Path, "read_bytes", seen)
-    uavseg.execution.checkpoint._code.__wrapped__()
+    uavseg.execution.checkpoint._code_hash.__wrapped__()
     assert sorted(read) == sorted(package.rglob("*.py")) and package / "raster" / "tiling.py" in read
 
 
 @maps
 @pytest.mark.parametrize("damage", [b"", b"foreign", None], ids=["empty", "foreign", "swapped"])
-def test_a_damaged_file_is_made_again(run: Map, tmp_path: Path, damage: bytes | None) -> None:
-    list(kept(run, tmp_path)(partial(square_tile, 7), ITEMS))
+def test_a_damaged_file_is_computed_again(run: Map, tmp_path: Path, damage: bytes | None) -> None:
+    list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS))
     files = sorted(tmp_path.rglob("*.npz"))
     whole = [path.read_bytes() for path in files]
     files[5].write_bytes(whole[6] if damage is None else damage)
     CALLS.clear()
-    assert text(kept(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert text(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
     assert len(CALLS) == 1
     assert [path.read_bytes() for path in files] == whole
 
 
 @pytest.mark.parametrize("torn", [lambda whole: whole[: len(whole) // 2], lambda whole: bytes(len(whole))])
-def test_a_file_that_a_power_cut_has_torn_is_made_again(
-    tmp_path: Path, torn: Callable[[bytes], bytes]
-) -> None:
-    """It has its name, but only half of its content, or its length and nothing in it."""
-    list(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS))
+def test_a_file_torn_by_a_power_cut_is_computed_again(tmp_path: Path, torn: Callable[[bytes], bytes]) -> None:
+    """It has its name, but only half of its content, or its length and only zeros."""
+    list(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS))
     files = sorted(tmp_path.rglob("*.npz"))
     whole = [path.read_bytes() for path in files]
     for path, content in zip(files, whole, strict=True):
         path.write_bytes(torn(content))
     CALLS.clear()
-    assert text(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert text(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
     assert sorted(CALLS) == list(range(20))
     assert [path.read_bytes() for path in files] == whole
 
 
-def test_no_tile_waits_for_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_tile_is_synced_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda descriptor: pytest.fail("a tile was synced"))
-    assert text(kept(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert text(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
 
 
-def test_what_a_killed_run_left_half_written_does_no_harm(tmp_path: Path) -> None:
-    again = kept(serial, tmp_path)
+def test_half_written_files_of_a_killed_run_are_ignored(tmp_path: Path) -> None:
+    again = with_checkpoint(serial, tmp_path)
     list(again(partial(square_tile, 7), ITEMS[:3]))
     [stage] = tmp_path.iterdir()
     left = stage / ".0123.npz.abcd"
@@ -179,23 +179,23 @@ def test_what_a_killed_run_left_half_written_does_no_harm(tmp_path: Path) -> Non
 
 
 @maps
-def test_progress_counts_what_was_done_before_too(run: Map, tmp_path: Path) -> None:
-    list(kept(run, tmp_path)(partial(square_tile, 7), ITEMS[:9]))
-    told: list[Any] = []
-    list(kept(run, tmp_path)(partial(square_tile, 7), ITEMS, lambda *done: told.append(done)))
-    assert told == [(k, 20) for k in range(1, 21)]
-    assert list(kept(run, tmp_path)(partial(square_tile, 7), [])) == []
+def test_progress_counts_the_items_that_are_done_already(run: Map, tmp_path: Path) -> None:
+    list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS[:9]))
+    reported: list[Any] = []
+    list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), ITEMS, lambda *done: reported.append(done)))
+    assert reported == [(k, 20) for k in range(1, 21)]
+    assert list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), [])) == []
 
 
-def test_a_folder_that_cannot_be_is_told_of(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_created_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="file to resume from cannot be made: it is a file"):
-        kept(serial, tmp_path / "file")
-    with pytest.raises(OutputError, match="deep to resume from cannot be made: No such file"):
-        kept(serial, tmp_path / "nowhere" / "deep")
+    with pytest.raises(OutputError, match="file to resume from cannot be created: it is a file"):
+        with_checkpoint(serial, tmp_path / "file")
+    with pytest.raises(OutputError, match="deep to resume from cannot be created: No such file"):
+        with_checkpoint(serial, tmp_path / "nowhere" / "deep")
 
 
-def test_stages_are_named_for_people() -> None:
+def test_stages_have_readable_names() -> None:
     assert stage_name(partial(square_tile, 7)) == "square"
     assert stage_name(partial(partial(square_tile), 7)) == "square"
     assert stage_name(_Callable()) == "callable"

@@ -1,4 +1,4 @@
-"""On a cluster: the same bytes, whatever happens to workers, and one sentence where it cannot go on."""
+"""Cluster executor: the same bytes whatever happens to workers, and one line for each kind of failure."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ from uavseg.jobs.open_source import Raster
 from uavseg.jobs.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 from uavseg.segmentation.intervals import IntensityRange
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -75,12 +75,12 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture
 def work(processes: Any) -> Iterator[cluster.Cluster]:
-    """A map over the workers."""
+    """An executor on the workers."""
     with cluster.dask(processes.address) as made:
         yield made  # type: ignore[misc]
 
 
-# The same as one machine
+# The same as on one machine
 
 
 @pytest.mark.parametrize("kind", ["uint16", "float32"])
@@ -104,7 +104,7 @@ def test_extract_and_divide_give_the_same_bytes(processes: Any, tmp_path: Path, 
 def test_levels_and_states_are_the_same_bytes(processes: Any, tmp_path: Path) -> None:
     raster = write(tmp_path / "tile.tif", scene())
     states = np.searchsorted([20000, 30000], scene((300, 280))) + 1
-    write_ros_map(tmp_path / "ros.yaml", states, upright(states.shape, 0.05, (0, 0)))
+    write_ros_map(tmp_path / "ros.yaml", states, local_geobox(states.shape, 0.05, (0, 0)))
     found = []
     for name, how in (("here", ("--threads", 2)), ("there", ("--scheduler", processes.address))):
         (tmp_path / name).mkdir()
@@ -139,14 +139,14 @@ def test_a_mosaic_of_relative_paths_is_read_by_workers_elsewhere(processes: Any,
 
 def test_no_pixels_travel(work: cluster.Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sizes = {"items": 0, "results": 0}
-    pack, unpack = cluster.packed, cluster.unpacked
+    pack, unpack = cluster.pack_value, cluster.unpack_value
 
     def counted(name: str, content: bytes) -> bytes:
         sizes[name] += len(content)
         return content
 
-    monkeypatch.setattr(cluster, "packed", lambda value: counted("items", pack(value)))
-    monkeypatch.setattr(cluster, "unpacked", lambda content: unpack(counted("results", content)))
+    monkeypatch.setattr(cluster, "pack_value", lambda value: counted("items", pack(value)))
+    monkeypatch.setattr(cluster, "unpack_value", lambda content: unpack(counted("results", content)))
     image = np.kron(scene((256, 256)) // 9000, np.ones((8, 8), np.uint16)) * 9000
     raster = write(tmp_path / "tile.tif", image.astype(np.uint16))
     extract(Raster(Dataset.open(raster)), BRIGHT, Work(1024, work))
@@ -154,14 +154,14 @@ def test_no_pixels_travel(work: cluster.Cluster, tmp_path: Path, monkeypatch: py
     assert 0 < sizes["results"] < 0.2 * image.size  # of 2 bytes each
 
 
-# The map
+# The executor
 
 
 def test_results_come_in_the_order_of_the_items(work: cluster.Cluster) -> None:
-    told: list[tuple[int, int]] = []
-    found = list(work(abs, range(-40, 0), lambda *share: told.append(share)))
+    reported: list[tuple[int, int]] = []
+    found = list(work(abs, range(-40, 0), lambda *share: reported.append(share)))
     assert found == list(range(40, 0, -1))
-    assert told == [(k, 40) for k in range(1, 41)]
+    assert reported == [(k, 40) for k in range(1, 41)]
     assert list(work(abs, [])) == []
 
 
@@ -182,7 +182,7 @@ def test_a_consumer_that_stops_stops_the_work(work: cluster.Cluster) -> None:
     assert list(work(abs, [-1])) == [1]
 
 
-def test_errors_come_back_as_themselves_and_name_the_worker(work: cluster.Cluster) -> None:
+def test_errors_keep_their_type_and_name_the_worker(work: cluster.Cluster) -> None:
     from uavseg.execution.executors import threads
 
     with pytest.raises(ParameterError, match=r"at least 1, not -3 \(on the worker tcp://127.*, host \S+\)$"):
@@ -213,7 +213,9 @@ def test_a_worker_killed_in_the_middle_changes_nothing(
     assert found.regions.frame().to_wkb().equals(wanted.regions.frame().to_wkb())
 
 
-def test_what_kills_every_worker_is_told(tmp_path: Path, processes: Any, work: cluster.Cluster) -> None:
+def test_an_item_that_kills_every_worker_is_an_error(
+    tmp_path: Path, processes: Any, work: cluster.Cluster
+) -> None:
     """Each worker that gets this item dies; after four the scheduler gives up."""
     processes.add(4)
     with pytest.raises(ClusterError, match=r"workers died one after the other .* tcp://127"):
@@ -222,9 +224,7 @@ def test_what_kills_every_worker_is_told(tmp_path: Path, processes: Any, work: c
     assert list(work(abs, [-1])) == [1]
 
 
-def test_a_raster_that_a_worker_does_not_have_is_named_with_the_worker(
-    processes: Any, tmp_path: Path
-) -> None:
+def test_a_raster_missing_on_a_worker_is_named_with_the_worker(processes: Any, tmp_path: Path) -> None:
     raster = write(tmp_path / "tile.tif", scene())
     dataset = Dataset.open(raster)
     raster.unlink()  # as on another machine
@@ -238,7 +238,7 @@ def test_a_raster_that_a_worker_does_not_have_is_named_with_the_worker(
 # What is refused
 
 
-def test_without_a_scheduler_one_line_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_without_a_scheduler_there_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cluster, "CONNECT_S", 0.5)
     with chdir(tmp_path):
         for address in ("tcp://127.0.0.1:9", "carrier-pigeon://here"):
@@ -253,7 +253,7 @@ def test_without_distributed_one_line_says_what_to_install(
     monkeypatch.setitem(sys.modules, "distributed", None)
     with chdir(tmp_path):
         line = refused("divide", QUARRY, "-o", "a.tif", "--scheduler", "tcp://127.0.0.1:9")
-    assert line == 'a scheduler wants dask.distributed; install it with: pip install "uavseg[cluster]"'
+    assert line == '--scheduler needs dask.distributed; install it with: pip install "uavseg[cluster]"'
 
 
 def test_threads_and_a_scheduler_exclude_each_other(tmp_path: Path) -> None:
@@ -281,7 +281,7 @@ LIBRARIES = {
 def test_any_version_that_may_change_bytes_is_compared(
     processes: Any, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """Here a package is another, and so the workers are."""
+    """One package has another version here, so all workers differ."""
     if name in PACKAGES:
         true = cluster.version
         monkeypatch.setattr(cluster, "version", lambda asked: "7.0.0" if asked == name else true(asked))
@@ -307,14 +307,12 @@ OTHERS_ARE_TOLD = (
 
 @pytest.fixture
 def unlike(other: Any) -> str:
-    """A search path with which Python has another numba and another GDAL."""
+    """A search path with another numba and another GDAL."""
     (other.folder / "sitecustomize.py").write_text(OTHER_VERSIONS)
     return f"{other.folder}{os.pathsep}{ROOT}"
 
 
-def test_a_worker_with_other_libraries_is_refused_and_all_that_differ_are_told(
-    other: Any, unlike: str
-) -> None:
+def test_a_worker_with_other_libraries_is_refused_and_all_are_named(other: Any, unlike: str) -> None:
     other.add(1)
     other.add(1, path=unlike)
     present(other, 2)
@@ -351,7 +349,7 @@ def test_workers_without_uavseg_are_refused(other: Any) -> None:
         cluster.dask(other.address)
 
 
-def test_a_scheduler_without_workers_is_told(other: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_without_workers_is_an_error(other: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cluster, "NO_WORKERS_S", 0.1)
     with (
         cluster.dask(other.address) as work,
@@ -360,7 +358,7 @@ def test_a_scheduler_without_workers_is_told(other: Any, monkeypatch: pytest.Mon
         list(work(abs, [-1]))
 
 
-def test_a_scheduler_that_is_lost_is_told(other: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_lost_scheduler_is_an_error(other: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     import dask
 
     other.add(1)
@@ -369,7 +367,7 @@ def test_a_scheduler_that_is_lost_is_told(other: Any, monkeypatch: pytest.Monkey
         results = work(time.sleep, [0, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
         next(results)
         other.stop()
-        with pytest.raises(ClusterError, match=r"scheduler at tcp://\S+ was lost on the way"):
+        with pytest.raises(ClusterError, match=r"scheduler at tcp://\S+ was lost during the run"):
             list(results)
 
 

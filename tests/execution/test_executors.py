@@ -1,4 +1,4 @@
-"""Whoever runs the work: the same results in the same order, errors at once, and little waiting in memory."""
+"""Executors: the same results in the same order, errors at once, and few pending results in memory."""
 
 import threading
 import time
@@ -14,11 +14,11 @@ from uavseg.execution.executors import Map, serial, threads, usable_cores
 
 MAPS = [serial, threads(2), threads(5)]
 maps = pytest.mark.parametrize("run", MAPS, ids=["serial", "2 threads", "5 threads"])
-PATIENCE_S = 20  # how long a test waits for what must happen
+PATIENCE_S = 20  # how long a test waits for an event
 
 
 class Items(Sequence[int]):
-    """0, 1, 2, ...: tells which were asked for."""
+    """0, 1, 2, ...: records which were indexed."""
 
     def __init__(self, count: int) -> None:
         self.count = count
@@ -60,55 +60,55 @@ def test_threads_run_at_the_same_time() -> None:
 
 @maps
 def test_no_items_give_no_results(run: Map) -> None:
-    told: list[Any] = []
-    assert list(run(abs, [], lambda *done: told.append(done))) == [] == told
+    reported: list[Any] = []
+    assert list(run(abs, [], lambda *done: reported.append(done))) == [] == reported
 
 
 @maps
-def test_an_error_comes_through_where_its_result_would_be(run: Map) -> None:
-    got: list[float] = []
+def test_an_error_is_raised_where_its_result_would_be(run: Map) -> None:
+    results_before: list[float] = []
     with pytest.raises(ZeroDivisionError):
         for result in run(lambda item: 12 / item, [1, 2, 3, 0, 4]):
-            got.append(result)
-    assert got == [12, 6, 4]
+            results_before.append(result)
+    assert results_before == [12, 6, 4]
 
 
 @maps
-def test_after_an_error_no_more_is_begun(run: Map) -> None:
-    begun: list[int] = []
+def test_after_an_error_no_more_items_are_started(run: Map) -> None:
+    started: list[int] = []
 
     def work(item: int) -> int:
-        begun.append(item)
+        started.append(item)
         if item == 2:
             raise ValueError("two")
         return item
 
     with pytest.raises(ValueError, match="two"):
         list(run(work, range(1000)))
-    assert max(begun) < 2 + 2 * 5 + 1
-    settled = len(begun)
+    assert max(started) < 2 + 2 * 5 + 1
+    settled = len(started)
     time.sleep(0.02)
-    assert len(begun) == settled
+    assert len(started) == settled
 
 
 @maps
 def test_a_consumer_that_stops_stops_the_work(run: Map) -> None:
-    begun: list[int] = []
-    results = run(lambda item: begun.append(item) or item, range(1000))
+    started: list[int] = []
+    results = run(lambda item: started.append(item) or item, range(1000))
     assert [next(results), next(results)] == [0, 1]
     results.close()  # type: ignore[attr-defined]
-    assert len(begun) <= 2 + 2 * 5
-    settled = len(begun)
+    assert len(started) <= 2 + 2 * 5
+    settled = len(started)
     time.sleep(0.02)
-    assert len(begun) == settled
+    assert len(started) == settled
 
 
-def test_what_waits_is_never_begun_once_the_consumer_stops() -> None:
-    begun: list[int] = []
+def test_pending_items_are_never_started_once_the_consumer_stops() -> None:
+    started: list[int] = []
     busy, release = threading.Barrier(3), threading.Event()
 
     def work(item: int) -> int:
-        begun.append(item)
+        started.append(item)
         if item in (1, 2):
             busy.wait(PATIENCE_S)
             release.wait(PATIENCE_S)
@@ -116,39 +116,39 @@ def test_what_waits_is_never_begun_once_the_consumer_stops() -> None:
 
     results = threads(2)(work, range(10))
     assert next(results) == 0
-    busy.wait(PATIENCE_S)  # both threads are at work, and item 3 waits
+    busy.wait(PATIENCE_S)  # both threads are busy, and item 3 is pending
     threading.Timer(0.5, release.set).start()
     results.close()  # type: ignore[attr-defined]
-    assert sorted(begun) == [0, 1, 2]
+    assert sorted(started) == [0, 1, 2]
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 7])
-def test_only_a_few_results_wait(count: int) -> None:
-    lock, waiting, most, items = threading.Lock(), 0, 0, Items(300)
+def test_only_a_few_results_are_pending(count: int) -> None:
+    lock, pending, maximum, items = threading.Lock(), 0, 0, Items(300)
 
     def work(item: int) -> int:
-        nonlocal waiting, most
+        nonlocal pending, maximum
         with lock:
-            waiting += 1
-            most = max(most, waiting)
+            pending += 1
+            maximum = max(maximum, pending)
         return item
 
     for k, _ in enumerate(threads(count)(work, items)):
-        assert len(items.asked) <= k + 1 + 2 * count  # items too are made when they are needed
+        assert len(items.asked) <= k + 1 + 2 * count  # items are made lazily too
         with lock:
-            waiting -= 1
-    assert most <= 2 * count
+            pending -= 1
+    assert maximum <= 2 * count
 
 
 @maps
 def test_progress_counts_every_item(run: Map) -> None:
-    told: list[tuple[int, int]] = []
-    list(run(abs, range(23), lambda done, total: told.append((done, total))))
-    assert told == [(k, 23) for k in range(1, 24)]
+    reported: list[tuple[int, int]] = []
+    list(run(abs, range(23), lambda done, total: reported.append((done, total))))
+    assert reported == [(k, 23) for k in range(1, 24)]
 
 
 @maps
-def test_progress_is_told_by_the_caller_s_own_thread(run: Map) -> None:
+def test_progress_is_reported_in_the_calling_thread(run: Map) -> None:
     names = set()
     list(run(abs, range(9), lambda done, total: names.add(threading.get_ident())))
     assert names == {threading.get_ident()}
@@ -160,17 +160,17 @@ def test_fewer_threads_than_one_are_refused(count: int) -> None:
         threads(count)
 
 
-def test_one_thread_is_the_caller_s_own() -> None:
+def test_one_thread_is_the_calling_thread() -> None:
     assert threads(1) is serial
     assert set(threads(1)(lambda item: threading.get_ident(), range(3))) == {threading.get_ident()}
 
 
-def test_without_a_number_there_are_as_many_as_cores() -> None:
+def test_by_default_there_are_as_many_threads_as_cores() -> None:
     assert usable_cores() >= 1
     assert list(threads()(abs, [-1, -2])) == [1, 2]
 
 
-def test_no_thread_is_left_behind() -> None:
+def test_no_thread_is_left_running() -> None:
     before = threading.active_count()
     list(threads(4)(abs, range(50)))
     failing: Callable[[int], float] = lambda item: 1 / item  # noqa: E731

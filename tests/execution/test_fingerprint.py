@@ -1,4 +1,4 @@
-"""A hash tells values apart that differ in anything, and none that do not; in every process the same."""
+"""Content hash: different for different values, equal for equal ones, and the same in every process."""
 
 import os
 import subprocess
@@ -48,19 +48,19 @@ APART: list[Any] = [
 ]
 
 
-def test_what_differs_in_anything_has_another_hash() -> None:
+def test_values_that_differ_in_anything_have_different_hashes() -> None:
     hashes = [fingerprint(value) for value in APART]
     assert len(set(hashes)) == len(APART)
     assert fingerprint(1, 2) != fingerprint(1) and fingerprint("a", "b") != fingerprint("ab")
 
 
 @given(st.lists(st.one_of(st.integers(), st.floats(allow_nan=False), st.text(), st.none()), max_size=4))
-def test_the_same_has_the_same(values: list[Any]) -> None:
+def test_equal_values_have_equal_hashes(values: list[Any]) -> None:
     assert fingerprint(values) == fingerprint(list(values))
     assert fingerprint(tuple(values)) != fingerprint(values)
 
 
-def test_how_an_array_lies_in_memory_does_not_matter() -> None:
+def test_the_memory_layout_of_an_array_does_not_matter() -> None:
     array = np.arange(12).reshape(3, 4)
     assert fingerprint(array) == fingerprint(np.asfortranarray(array)) == fingerprint(array[::1].copy())
     assert fingerprint(array.T) == fingerprint(np.ascontiguousarray(array.T)) != fingerprint(array)
@@ -79,7 +79,7 @@ class Named:
         return self.name
 
 
-def test_objects_are_told_by_what_they_hold() -> None:
+def test_objects_are_hashed_by_their_content() -> None:
     assert fingerprint(Thing(a=1, b=2)) == fingerprint(Thing(b=2, a=1)) != fingerprint(Thing(a=1, b=3))
     assert fingerprint(Named("a", 1)) == fingerprint(Named("a", 2)) != fingerprint(Named("b", 1))
 
@@ -93,7 +93,7 @@ def local() -> Callable[[], None]:
 @pytest.mark.parametrize(
     "value", [lambda: 0, local(), object(), np.array([object()]), partial(lambda: 0)], ids=range(5)
 )
-def test_what_cannot_be_told_is_refused(value: Any) -> None:
+def test_values_without_content_are_refused(value: Any) -> None:
     with pytest.raises(TypeError):
         fingerprint(value)
 

@@ -1,4 +1,4 @@
-"""A cloud-optimised GeoTIFF read over HTTP, here and by workers: the same bytes as from the disk."""
+"""A cloud-optimised GeoTIFF read over HTTP, locally and by workers: the same bytes as from the disk."""
 
 import subprocess
 import sys
@@ -31,22 +31,22 @@ def cog(tmp_path: Path) -> Path:
 
 
 class Server:
-    """A process that serves a folder; not a thread, since GDAL may hold the interpreter while it waits."""
+    """A process that serves a folder; not a thread, since GDAL may hold the GIL while it waits."""
 
     def __init__(self, process: "subprocess.Popen[str]") -> None:
         assert process.stdout is not None
         self.url = f"http://127.0.0.1:{process.stdout.readline().strip()}"
         self._process = process
 
-    def given(self) -> list[int]:
-        """The lengths of what was given; it serves no more."""
+    def served(self) -> list[int]:
+        """Lengths of the parts that were served; stops the server."""
         self._process.terminate()
         return [int(line) for line in self._process.communicate()[0].split()]
 
 
 @pytest.fixture
 def server(cog: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Server]:
-    """Where the folder of the raster is served."""
+    """A server of the folder of the raster."""
     monkeypatch.setenv("NO_PROXY", "127.0.0.1")
     monkeypatch.setenv("no_proxy", "127.0.0.1")
     program = Path(__file__).with_name("ranges.py")
@@ -63,21 +63,23 @@ def extracted(raster: object, output: Path, *options: object) -> bytes:
     return output.read_bytes()
 
 
-def test_a_file_on_a_server_is_the_file(server: Server, cog: Path, tmp_path: Path) -> None:
-    wanted = extracted(cog, tmp_path / "disk.fgb")
-    assert len(wanted) > 1000
-    assert extracted(f"/vsicurl/{server.url}/tile.tif", tmp_path / "vsicurl.fgb", "--threads", 2) == wanted
-    assert extracted(f"{server.url}/./tile.tif", tmp_path / "http.fgb") == wanted
-    given = server.given()
-    assert len(given) > 2 and max(given) < cog.stat().st_size
+def test_a_file_on_a_server_gives_the_same_bytes(server: Server, cog: Path, tmp_path: Path) -> None:
+    expected = extracted(cog, tmp_path / "disk.fgb")
+    assert len(expected) > 1000
+    assert extracted(f"/vsicurl/{server.url}/tile.tif", tmp_path / "vsicurl.fgb", "--threads", 2) == expected
+    assert extracted(f"{server.url}/./tile.tif", tmp_path / "http.fgb") == expected
+    served = server.served()
+    assert len(served) > 2 and max(served) < cog.stat().st_size
 
 
-def test_workers_read_it_themselves(processes: Any, server: Server, cog: Path, tmp_path: Path) -> None:
+def test_workers_read_from_the_server_themselves(
+    processes: Any, server: Server, cog: Path, tmp_path: Path
+) -> None:
     how = ("--tile", 256, "--scheduler", processes.address)
     assert extracted(f"{server.url}/tile.tif", tmp_path / "http.fgb", *how) == extracted(
         cog, tmp_path / "disk.fgb"
     )
-    assert sum(server.given()) > cog.stat().st_size
+    assert sum(server.served()) > cog.stat().st_size
 
 
 def test_a_block_map_finds_its_raster_on_the_server(server: Server, cog: Path, tmp_path: Path) -> None:
@@ -87,7 +89,7 @@ def test_a_block_map_finds_its_raster_on_the_server(server: Server, cog: Path, t
     assert extracted(tmp_path / "blocks.tif", tmp_path / "b.fgb") == extracted(cog, tmp_path / "disk.fgb")
 
 
-def test_a_file_that_no_server_has_is_one_line(server: Server) -> None:
+def test_a_file_missing_on_the_server_is_one_line(server: Server) -> None:
     arguments = ["extract", f"{server.url}/gone.tif", *RANGE, "-o", "-"]
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 1 and len(result.stderr.splitlines()) == 1

@@ -1,4 +1,4 @@
-"""Results there and back; what is damaged or foreign is refused, and runs nothing."""
+"""Serialised results: the round trip is exact; damaged or foreign bytes are refused, and run nothing."""
 
 import io
 import json
@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from uavseg.execution.result_file import DamagedResultError, dump, load
+from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import Chains
 from uavseg.segmentation.labels.component_sums import Sums
@@ -47,12 +47,12 @@ def assert_same(one: Any, other: Any) -> None:
 
 @settings(deadline=None, max_examples=60)
 @given(results)
-def test_results_come_back_as_they_were(result: Any) -> None:
-    assert_same(result, load(dump(result, "key"), "key"))
+def test_decoding_returns_what_was_encoded(result: Any) -> None:
+    assert_same(result, decode_result(encode_result(result, "key"), "key"))
 
 
-def test_a_number_of_numpy_stays_one() -> None:
-    assert_same(np.float32(0.1), load(dump(np.float32(0.1), "key"), "key"))
+def test_a_numpy_scalar_stays_one() -> None:
+    assert_same(np.float32(0.1), decode_result(encode_result(np.float32(0.1), "key"), "key"))
 
 
 def a_result() -> Any:
@@ -61,8 +61,8 @@ def a_result() -> Any:
 
 
 def test_the_same_result_gives_the_same_bytes_and_numpy_reads_them(tmp_path: Path) -> None:
-    data = dump(a_result(), "key")
-    assert data == dump(a_result(), "key")
+    data = encode_result(a_result(), "key")
+    assert data == encode_result(a_result(), "key")
     (tmp_path / "a.npz").write_bytes(data)
     with np.load(tmp_path / "a.npz", allow_pickle=False) as file:
         assert file["0"].tolist() == [0, 1, 2]
@@ -70,27 +70,31 @@ def test_the_same_result_gives_the_same_bytes_and_numpy_reads_them(tmp_path: Pat
 
 @settings(deadline=None)
 @given(st.data())
-def test_damage_is_noticed(data: Any) -> None:
-    whole = dump(a_result(), "key")
+def test_damage_is_detected(data: Any) -> None:
+    whole = encode_result(a_result(), "key")
     if data.draw(st.booleans()):
-        cut = whole[: data.draw(st.integers(0, len(whole) - 1))]
+        damaged = whole[: data.draw(st.integers(0, len(whole) - 1))]
     else:
-        place = data.draw(st.integers(0, len(whole) - 1))
-        cut = whole[:place] + bytes([whole[place] ^ data.draw(st.integers(1, 255))]) + whole[place + 1 :]
+        position = data.draw(st.integers(0, len(whole) - 1))
+        damaged = (
+            whole[:position]
+            + bytes([whole[position] ^ data.draw(st.integers(1, 255))])
+            + whole[position + 1 :]
+        )
     try:
-        found = load(cut, "key")
+        found = decode_result(damaged, "key")
     except DamagedResultError:
         return
-    assert_same(a_result(), found)  # a byte that says nothing about the result, such as a date
+    assert_same(a_result(), found)  # a byte without influence on the result, such as a date
 
 
-def test_a_result_of_something_else_is_refused() -> None:
+def test_a_result_of_another_key_is_refused() -> None:
     with pytest.raises(DamagedResultError, match="of other, not of key"):
-        load(dump(1, "other"), "key")
+        decode_result(encode_result(1, "other"), "key")
 
 
 class Trap:
-    """Pickled, it would run a function as soon as it is read."""
+    """Unpickling it would run a function."""
 
     def __reduce__(self) -> Any:
         return pytest.fail, ("code of the file ran",)
@@ -131,9 +135,9 @@ def pickled() -> bytes:
     ],
     ids=map(str, count()),  # the archives hold the time: they would have another name in each worker
 )
-def test_what_is_foreign_is_refused_and_runs_nothing(data: bytes) -> None:
+def test_foreign_bytes_are_refused_and_run_nothing(data: bytes) -> None:
     with pytest.raises(DamagedResultError):
-        load(data, "key")
+        decode_result(data, "key")
 
 
 @dataclass
@@ -142,8 +146,8 @@ class Foreign:
 
 
 @pytest.mark.parametrize("value", [{1}, {"a": 1}, b"a", object(), np.array([object()]), 1j])
-def test_what_cannot_be_kept_is_refused_at_once(value: Any) -> None:
+def test_values_that_cannot_be_saved_are_refused_at_once(value: Any) -> None:
     with pytest.raises((TypeError, ValueError)):
-        dump((1, value), "key")
+        encode_result((1, value), "key")
     with pytest.raises((TypeError, ValueError)):
-        dump(Foreign(value), "key")
+        encode_result(Foreign(value), "key")

@@ -15,7 +15,7 @@ from uavseg.occupancy.simulation.paper_scenes import lens
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.formats.png import write_png
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tiles
 from uavseg.segmentation.pipeline import GreySource, fill_ratios, measure_cells
@@ -27,7 +27,7 @@ Write = Callable[..., Path]
 def write(tmp_path: Path) -> Write:
     def writing(values: np.ndarray, nodata: float | None = None) -> Path:
         path = tmp_path / "map.tif"
-        write_geotiff(path, [values], upright(values.shape, 0.05, (0, 0)), overwrite=True, nodata=nodata)
+        write_geotiff(path, [values], local_geobox(values.shape, 0.05, (0, 0)), overwrite=True, nodata=nodata)
         return path
 
     return writing
@@ -79,7 +79,7 @@ def test_one_wrong_number_is_found_among_many_invalid(write: Write, bad: float) 
 
 def test_a_ros_map_is_read_by_window(tmp_path: Path) -> None:
     states = np.random.default_rng(0).integers(1, 4, (70, 90))
-    write_ros_map(tmp_path / "map.yaml", states, upright((70, 90), 0.05, (-1, -2)))
+    write_ros_map(tmp_path / "map.yaml", states, local_geobox((70, 90), 0.05, (-1, -2)))
     dataset, stretch = open_map(tmp_path / "map.yaml")
     assert dataset.geobox.transform[:6] == Affine(0.05, 0, -1, 0, -0.05, 1.5)[:6]
     tile = GreySource(dataset, stretch).read(Window(64, 64, 6, 26), 1)
@@ -90,7 +90,7 @@ def test_a_ros_map_is_read_by_window(tmp_path: Path) -> None:
 
 def test_a_ros_map_divides_like_the_same_raster(tmp_path: Path, write: Write) -> None:
     states = np.repeat(np.repeat(np.random.default_rng(1).integers(1, 4, (12, 13)), 11, 0), 9, 1)
-    write_ros_map(tmp_path / "map.yaml", states, upright(states.shape, 0.05, (0, 0)))
+    write_ros_map(tmp_path / "map.yaml", states, local_geobox(states.shape, 0.05, (0, 0)))
     probabilities = np.array([0, 0, 0.5, 1], np.float32)[states]
     maps = [open_map(path) for path in (tmp_path / "map.yaml", write(probabilities))]
     blocks = []
@@ -124,7 +124,7 @@ def test_a_picture_without_yaml_is_a_raster(tmp_path: Path) -> None:
 
 def test_values_in_memory_are_not_copied() -> None:
     values = np.zeros((4, 5), np.float32)
-    dataset = Dataset.of_values(values, upright((4, 5), 1.0, (0, 0)), "mine")
+    dataset = Dataset.of_values(values, local_geobox((4, 5), 1.0, (0, 0)), "mine")
     values[2, 3] = 0.75
     assert dataset.read(Window(2, 3, 1, 1))[0] == 0.75 and dataset.source == "mine"
 

@@ -1,4 +1,4 @@
-"""Rasters drawn for the tests of this room."""
+"""Rasters drawn for the tests of this folder."""
 
 import warnings
 from collections.abc import Callable

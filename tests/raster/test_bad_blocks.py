@@ -1,4 +1,4 @@
-"""Files that are damaged in places: an error that names the block, or pixels that count for nothing."""
+"""Damaged files: an error that names the bad block, or invalid pixels."""
 
 import pickle
 from collections.abc import Callable, Iterable
@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import serial, threads
-from uavseg.raster.bad_blocks import BadBlock, listening, listing
+from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.tiling import Window, tiles
 
 ROWS, COLS = 300, 350
 PIXELS = np.random.default_rng(0).integers(1, 255, (ROWS, COLS), np.uint8)
 TILED = {"tiled": True, "blockxsize": 64, "blockysize": 64, "compress": "deflate"}
-BAD = [(0, 1), (2, 3), (4, 5)]  # the last one is cut by the edges of the raster
+BAD = [(0, 1), (2, 3), (4, 5)]  # the last one is clipped by the edges of the raster
 
 
 def spoil(path: Path, blocks: Iterable[tuple[int, int]], band: int = 1) -> Path:
@@ -56,12 +56,14 @@ def bad_blocks(path: Path, blocks: Iterable[tuple[int, int]]) -> list[BadBlock]:
 
 
 def seen(dataset: Dataset, side: Any, run: Any = serial) -> tuple[np.ndarray, np.ndarray, list[BadBlock]]:
-    """All pixels, read tile by tile with a margin, what is valid, and what is told to be bad."""
+    """All pixels, read tile by tile with a halo; which are valid; and the bad blocks that were recorded."""
     rows, cols = dataset.geobox.shape
     values, valid = np.zeros((rows, cols), dataset.dtype), np.zeros((rows, cols), bool)
     found: set[BadBlock] = set()
     windows = tiles((rows, cols), side)
-    for window, (pixels, known) in zip(windows, listing(run, found)(dataset.read, windows), strict=True):
+    for window, (pixels, known) in zip(
+        windows, with_bad_blocks(run, found)(dataset.read, windows), strict=True
+    ):
         values[window.slices] = pixels[0]
         valid[window.slices] = True if known is None else known
     return values, valid, sorted(found)
@@ -72,7 +74,7 @@ SIDES = pytest.mark.parametrize("side", [64, (64, 384), (128, 192), 4096], ids=s
 
 @SIDES
 @pytest.mark.parametrize("run", [serial, threads(3)], ids=["serial", "3 threads"])
-def test_exactly_the_bad_blocks_count_for_nothing(write_raster: Callable, side: Any, run: Any) -> None:
+def test_exactly_the_bad_blocks_are_invalid(write_raster: Callable, side: Any, run: Any) -> None:
     path = spoil(write_raster(PIXELS, **TILED), BAD)
     values, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side, run)
     assert np.array_equal(valid, without(BAD))
@@ -82,7 +84,7 @@ def test_exactly_the_bad_blocks_count_for_nothing(write_raster: Callable, side: 
 
 @settings(deadline=None, max_examples=40)
 @given(st.data())
-def test_any_window_shows_the_same_pixels(write_raster: Callable, data: Any) -> None:
+def test_any_window_reads_the_same_pixels(write_raster: Callable, data: Any) -> None:
     path = spoil(write_raster(PIXELS, **TILED), BAD)
     row, col = data.draw(st.integers(0, ROWS - 1)), data.draw(st.integers(0, COLS - 1))
     window = Window(row, col, data.draw(st.integers(1, ROWS - row)), data.draw(st.integers(1, COLS - col)))
@@ -104,13 +106,13 @@ def test_without_skipping_the_error_names_file_and_block(write_raster: Callable,
     assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
 
 
-def test_where_nothing_is_bad_nothing_changes(write_raster: Callable) -> None:
+def test_without_bad_blocks_nothing_changes(write_raster: Callable) -> None:
     path = write_raster(PIXELS, nodata=7, **TILED)
     plain, skipping = (seen(Dataset.open(path, skip_bad_tiles=skip), 128) for skip in (False, True))
     assert all(map(np.array_equal, plain, skipping)) and skipping[2] == []
 
 
-def test_a_block_is_bad_if_one_of_the_bands_that_are_used_is(write_raster: Callable) -> None:
+def test_a_block_is_bad_if_it_is_bad_in_one_of_the_used_bands(write_raster: Callable) -> None:
     planes = np.stack([PIXELS, PIXELS[::-1], PIXELS[:, ::-1]])
     path = write_raster(planes, interleave="band", colors="red green blue", **TILED)
     spoil(spoil(path, [(0, 1)], band=1), [(2, 3)], band=3)
@@ -124,7 +126,7 @@ def test_a_block_is_bad_if_one_of_the_bands_that_are_used_is(write_raster: Calla
 
 
 @SIDES
-def test_strips_and_their_ends(write_raster: Callable, side: Any) -> None:
+def test_strips_including_the_last(write_raster: Callable, side: Any) -> None:
     path = write_raster(PIXELS, compress="deflate", blockysize=40)
     path.write_bytes(path.read_bytes()[: -path.stat().st_size // 3])
     with rasterio.open(path) as file:
@@ -139,7 +141,7 @@ def test_strips_and_their_ends(write_raster: Callable, side: Any) -> None:
 
 @SIDES
 def test_a_mask_with_blocks_of_its_own(tmp_path: Path, write_raster: Callable, side: Any) -> None:
-    """A bad block of the mask spoils the whole block of the file that it reaches."""
+    """A bad block of the mask makes the whole block of the file that it intersects bad."""
     mask = np.where(np.arange(COLS) < 330, np.uint8(255), np.uint8(0)) * np.ones((ROWS, 1), np.uint8)
     path = write_raster(PIXELS, tmp_path / "a.tif", **TILED | {"blockxsize": 128, "blockysize": 128})
     beside = write_raster(mask, tmp_path / "mask.tif", **TILED | {"blockxsize": 32, "blockysize": 32})
@@ -163,7 +165,7 @@ def parts(folder: Path, write_raster: Callable) -> list[Path]:
 
 
 @SIDES
-def test_in_a_mosaic_another_file_stands_in_for_a_bad_block(
+def test_in_a_mosaic_another_file_replaces_a_bad_block(
     tmp_path: Path, write_raster: Callable, side: Any
 ) -> None:
     left, right = parts(tmp_path, write_raster)
@@ -173,10 +175,10 @@ def test_in_a_mosaic_another_file_stands_in_for_a_bad_block(
     assert found == [
         *(BadBlock(str(left), 64, 64, 64, 64), BadBlock(str(left), 128, 192, 64, 64)),
         *(BadBlock(str(right), 128, 64, 64, 64), BadBlock(str(right), 256, 192, 44, 30)),
-    ]  # but not the first of the right file, which nobody needs
+    ]  # but not the first of the right file, which is not needed
 
 
-def test_a_mosaic_names_the_file_that_is_bad(tmp_path: Path, write_raster: Callable) -> None:
+def test_a_mosaic_names_the_damaged_file(tmp_path: Path, write_raster: Callable) -> None:
     left, right = parts(tmp_path, write_raster)
     dataset = Dataset.open([left, right])
     with pytest.raises(
@@ -190,7 +192,7 @@ def test_a_mosaic_names_the_file_that_is_bad(tmp_path: Path, write_raster: Calla
 
 
 @SIDES
-def test_a_vrt_is_asked_by_its_own_blocks(tmp_path: Path, write_raster: Callable, side: Any) -> None:
+def test_a_vrt_is_read_by_its_own_blocks(tmp_path: Path, write_raster: Callable, side: Any) -> None:
     path = spoil(write_raster(PIXELS, tmp_path / "a.tif", **TILED), [(2, 3)])
     source = f"<SourceFilename relativeToVRT='1'>{path.name}</SourceFilename><SourceBand>1</SourceBand>"
     band = f"<VRTRasterBand dataType='Byte' band='1'><SimpleSource>{source}</SimpleSource></VRTRasterBand>"
@@ -203,10 +205,10 @@ def test_a_vrt_is_asked_by_its_own_blocks(tmp_path: Path, write_raster: Callable
     assert np.array_equal(valid, expected) and np.array_equal(values[valid], PIXELS[valid])
 
 
-def test_a_reduced_picture_leaves_them_out_too(write_raster: Callable) -> None:
+def test_bad_blocks_are_invalid_in_a_downsampled_read_too(write_raster: Callable) -> None:
     path = spoil(write_raster(PIXELS, **TILED), BAD)
     found: set[BadBlock] = set()
-    with listening(found):
+    with recording_bad_blocks(found):
         values, valid, _ = Dataset.open(path, skip_bad_tiles=True).read_coarse(70)
     whole, _, _ = Dataset.open(write_raster(PIXELS, **TILED)).read_coarse(70)
     rows, cols = (
@@ -217,7 +219,7 @@ def test_a_reduced_picture_leaves_them_out_too(write_raster: Callable) -> None:
     assert sorted(found) == bad_blocks(path, BAD)
 
 
-def test_a_file_that_is_gone_is_an_error_and_no_bad_block(write_raster: Callable) -> None:
+def test_a_missing_file_is_an_error_and_not_a_bad_block(write_raster: Callable) -> None:
     path = write_raster(PIXELS, **TILED)
     dataset = Dataset.open(path, skip_bad_tiles=True)
     path.unlink()
@@ -225,11 +227,11 @@ def test_a_file_that_is_gone_is_an_error_and_no_bad_block(write_raster: Callable
         dataset.read(Window(0, 0, 64, 64))
 
 
-def test_what_is_bad_travels_with_the_results_from_another_process(write_raster: Callable) -> None:
+def test_bad_blocks_are_returned_with_results_from_another_process(write_raster: Callable) -> None:
     path = spoil(write_raster(PIXELS, **TILED), BAD)
 
     def elsewhere(function: Any, items: Any, progress: Any = None) -> Any:
-        """As a cluster does it: what goes out and what comes back is pickled."""
+        """As on a cluster: functions, items and results are pickled."""
         for item in items:
             yield pickle.loads(pickle.dumps(pickle.loads(pickle.dumps(function))(item)))
 

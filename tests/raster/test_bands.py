@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from uavseg.errors import ParameterError, RasterError
-from uavseg.raster.bands import BandLayout, choose
+from uavseg.raster.bands import BandLayout, choose_bands
 
 
 def layout(roles: str, dtype: str = "uint8") -> BandLayout:
@@ -27,15 +27,15 @@ def layout(roles: str, dtype: str = "uint8") -> BandLayout:
         ("alpha", (1,)),
     ],
 )
-def test_colours_become_luminance_and_alpha_never_does(roles, bands):
-    assert choose(layout(roles)).bands == bands
+def test_colours_become_luminance_and_alpha_is_left_out(roles, bands):
+    assert choose_bands(layout(roles)).bands == bands
 
 
-def test_the_user_has_the_last_word():
-    assert choose(layout("red green blue"), band=2).bands == (2,)
-    assert choose(layout("red green blue nir"), rgb=(4, 1, 2)).bands == (4, 1, 2)
-    assert choose(layout("palette"), palette=True).expanded
-    assert not choose(layout("palette"), band=1, palette=True).expanded
+def test_the_choice_of_the_user_is_kept():
+    assert choose_bands(layout("red green blue"), band=2).bands == (2,)
+    assert choose_bands(layout("red green blue nir"), rgb=(4, 1, 2)).bands == (4, 1, 2)
+    assert choose_bands(layout("palette"), palette=True).expanded
+    assert not choose_bands(layout("palette"), band=1, palette=True).expanded
 
 
 @pytest.mark.parametrize(
@@ -48,21 +48,21 @@ def test_the_user_has_the_last_word():
         ({"band": 1, "rgb": (1, 2, 3)}, "not both"),
     ],
 )
-def test_bands_that_are_not_there_are_refused(named, words):
+def test_missing_bands_are_refused(named, words):
     with pytest.raises(ParameterError, match=words):
-        choose(layout("red green blue"), **named)
+        choose_bands(layout("red green blue"), **named)
 
 
-def test_what_cannot_be_intensity_is_refused():
+def test_bands_that_cannot_be_intensity_are_refused():
     with pytest.raises(RasterError, match="complex"):
-        choose(layout("gray", "complex64"))
+        choose_bands(layout("gray", "complex64"))
     with pytest.raises(RasterError, match="CMYK"):
-        choose(layout("cyan magenta yellow black"))
+        choose_bands(layout("cyan magenta yellow black"))
     with pytest.raises(RasterError, match="different types"):
-        choose(BandLayout(("uint8", "uint8", "float32"), ("red", "green", "blue"), (8, 8, 32)))
+        choose_bands(BandLayout(("uint8", "uint8", "float32"), ("red", "green", "blue"), (8, 8, 32)))
 
 
-def test_the_choice_has_a_name_for_people():
-    assert choose(layout("gray")).name == "band 1"
-    assert choose(layout("blue green red")).name == "luminance of bands 3,2,1"
-    assert choose(layout("palette"), palette=True).name == "luminance of the palette of band 1"
+def test_the_choice_has_a_readable_name():
+    assert choose_bands(layout("gray")).name == "band 1"
+    assert choose_bands(layout("blue green red")).name == "luminance of bands 3,2,1"
+    assert choose_bands(layout("palette"), palette=True).name == "luminance of the palette of band 1"

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from uavseg.errors import ParameterError, RasterError, RasterReadError, UavsegError
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.png import write_png
-from uavseg.raster.opening import MAX_OPEN, in_full
+from uavseg.raster.opening import MAX_OPEN, absolute_path
 from uavseg.raster.tiling import Window, tiles
 
 RAMP = np.arange(150 * 170, dtype=np.uint16).reshape(150, 170)
@@ -53,7 +53,7 @@ def test_a_window_is_a_part_of_the_whole(holed, window):
     assert valid is None if expected.all() else np.array_equal(valid, expected)
 
 
-def test_values_are_what_was_written(holed):
+def test_values_are_those_written(holed):
     values, valid = holed.read(whole(holed))
     assert np.array_equal(values, COLORS)
     assert np.array_equal(valid, RAMP % 7 != 0)
@@ -63,7 +63,7 @@ def test_values_are_what_was_written(holed):
     assert holed.warnings == ()
 
 
-def test_a_dataset_travels_to_other_threads_and_processes(holed):
+def test_a_dataset_works_in_other_threads_and_processes(holed):
     copy = pickle.loads(pickle.dumps(holed))
     assert copy.geobox == holed.geobox
     pieces = tiles(RAMP.shape, 64)
@@ -72,7 +72,7 @@ def test_a_dataset_travels_to_other_threads_and_processes(holed):
             assert np.array_equal(values, COLORS[:, *window.slices])
 
 
-def test_an_opened_dataset_weighs_little(holed):
+def test_a_pickled_dataset_is_small(holed):
     assert len(pickle.dumps(holed)) < 4000
 
 
@@ -92,7 +92,7 @@ def test_sixteen_bit_alpha_of_small_value_is_opaque(write_raster):
     assert np.array_equal(dataset.read(whole(dataset))[1], RAMP % 3 != 0)
 
 
-def test_mask_bands_count(write_raster):
+def test_mask_bands_are_used(write_raster):
     mask = np.where(RAMP % 5 == 0, 0, 255).astype(np.uint8)
     dataset = Dataset.open(write_raster(COLORS, mask=mask))
     assert np.array_equal(dataset.read(whole(dataset))[1], RAMP % 5 != 0)
@@ -130,7 +130,7 @@ def test_a_palette_is_read_as_its_colours(write_raster):
 
 
 @pytest.mark.parametrize(("dtype", "bits"), [("uint8", 1), ("uint8", 8), ("uint16", 12), ("uint16", 16)])
-def test_white_is_bright_however_it_is_stored(write_raster, dtype, bits):
+def test_white_is_bright_even_if_stored_as_0(write_raster, dtype, bits):
     stored = np.array([[0, 1]], dtype)
     path = write_raster(stored, photometric="MINISWHITE", nbits=bits)
     dataset = Dataset.open(path)
@@ -138,12 +138,12 @@ def test_white_is_bright_however_it_is_stored(write_raster, dtype, bits):
     assert dataset.read(whole(dataset))[0].tolist() == [[[2**bits - 1, 2**bits - 2]]]
 
 
-def test_bits_of_a_sensor_are_known(write_raster):
+def test_the_bit_depth_is_read(write_raster):
     dataset = Dataset.open(write_raster(RAMP % 2048, nbits=11))
     assert dataset.bits == 11
 
 
-def test_files_without_a_place_are_told_of_once_and_quietly(write_raster):
+def test_files_without_georeferencing_give_one_warning(write_raster):
     files = write_raster(RAMP, transform=None, crs=None), write_raster(RAMP, crs=None)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -157,13 +157,13 @@ def test_files_without_a_place_are_told_of_once_and_quietly(write_raster):
 
 
 @pytest.mark.parametrize("transform", [Affine(2, 0.5, 9, 0.5, -2, 9), Affine(2, 0, 9, 0, 2, 9)])
-def test_turned_and_south_up_rasters_stay_as_they_are(write_raster, transform):
+def test_rotated_and_south_up_rasters_stay_as_they_are(write_raster, transform):
     dataset = Dataset.open(write_raster(RAMP, transform=transform))
     assert dataset.geobox.transform == transform
     assert np.array_equal(dataset.read(whole(dataset))[0][0], RAMP)
 
 
-def test_control_points_without_a_transform_ask_for_gdalwarp(write_raster):
+def test_control_points_without_a_transform_are_refused_with_a_gdalwarp_command(write_raster):
     from rasterio.control import GroundControlPoint
     from rasterio.rpc import RPC
 
@@ -182,7 +182,7 @@ def test_complex_numbers_are_refused(write_raster):
         Dataset.open(write_raster(RAMP.astype(np.complex64)))
 
 
-def test_what_is_no_raster_is_named(tmp_path):
+def test_a_path_that_is_not_a_raster_is_named(tmp_path):
     text = tmp_path / "notes.txt"
     text.write_text("not a raster")
     with pytest.raises(RasterReadError, match=r"no file .*gone\.tif"):
@@ -195,7 +195,7 @@ def test_what_is_no_raster_is_named(tmp_path):
         Dataset.open([])
 
 
-def test_a_cut_file_says_where_it_ends(write_raster):
+def test_a_truncated_file_is_an_error_that_names_the_rows(write_raster):
     path = write_raster(np.random.default_rng(0).integers(0, 255, (300, 300), np.uint8), compress="deflate")
     path.write_bytes(path.read_bytes()[:20000])
     dataset = Dataset.open(path)
@@ -204,7 +204,7 @@ def test_a_cut_file_says_where_it_ends(write_raster):
         dataset.read(Window(280, 0, 10, 300))
 
 
-def test_blocks_that_were_never_stored_are_known_to_be_empty(write_raster):
+def test_missing_blocks_of_a_sparse_file_are_known_to_be_empty(write_raster):
     pixels = np.zeros((256, 256), np.int32)
     pixels[64:128] = 5
     how = {"tiled": True, "blockxsize": 64, "blockysize": 64, "nodata": 0, "sparse_ok": True}
@@ -220,7 +220,7 @@ def test_blocks_that_were_never_stored_are_known_to_be_empty(write_raster):
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(1, 200))
-def test_a_reduced_picture_covers_the_same_ground(holed, side):
+def test_a_downsampled_read_has_the_same_extent(holed, side):
     values, _, box = holed.read_coarse(side)
     assert values.shape[1:] == box.shape
     assert max(box.shape) <= side
@@ -230,7 +230,7 @@ def test_a_reduced_picture_covers_the_same_ground(holed, side):
         assert np.allclose(box.xy_from_pixel(*ends), holed.geobox.xy_from_pixel(*full), rtol=1e-12)
 
 
-def test_a_reduced_picture_looks_like_the_raster(write_raster):
+def test_a_downsampled_read_is_like_the_raster(write_raster):
     image = np.add.outer(np.arange(256), np.arange(256)) / 2
     image[:64, :64] = 0
     dataset = Dataset.open(write_raster(image.astype(np.uint8), nodata=0))
@@ -239,7 +239,7 @@ def test_a_reduced_picture_looks_like_the_raster(write_raster):
     assert np.array_equal(valid[1:, 1:], (image[2::4, 2::4] != 0)[1:, 1:])
 
 
-def test_facts_are_plain(holed):
+def test_metadata_are_plain_values(holed):
     facts = holed.describe()
     assert facts["driver"] == "GTiff"
     assert (facts["rows"], facts["cols"], facts["bands"]) == (150, 170, 4)
@@ -247,7 +247,7 @@ def test_facts_are_plain(holed):
     assert facts["used"] == "luminance of bands 1,2,3"
 
 
-def test_the_cache_of_the_process_is_as_large_as_before(holed, monkeypatch):
+def test_the_block_cache_of_the_process_keeps_its_size(holed, monkeypatch):
     from rasterio.env import get_gdal_config
 
     monkeypatch.delenv("GDAL_CACHEMAX", raising=False)
@@ -309,7 +309,7 @@ REAL = [
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_real_rasters_are_valid_where_gdal_says_so(shared_data, name):
+def test_real_rasters_are_valid_where_gdal_masks_them_so(shared_data, name):
     import rasterio
 
     with warnings.catch_warnings():
@@ -365,15 +365,15 @@ def test_a_pickled_dataset_is_read_from_another_folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("path", ["https://a.org/b.tif", "/vsis3/bucket/b.tif", "s3://b/c.tif", "gone.tif"])
-def test_what_is_no_file_here_keeps_its_name(path):
-    assert in_full(path) == path
+def test_remote_paths_stay_as_they_are(path):
+    assert absolute_path(path) == path
 
 
-def test_archives_are_named_in_full(tmp_path, monkeypatch):
+def test_paths_of_archives_become_absolute(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert in_full("/vsizip/a.zip/b.tif") == f"/vsizip/{tmp_path}/a.zip/b.tif"
-    assert in_full("/vsizip//a.zip/b.tif") == "/vsizip//a.zip/b.tif"
-    assert in_full("/vsizip/vsicurl/http://a.org/a.zip/b.tif").startswith("/vsizip/vsicurl/")
+    assert absolute_path("/vsizip/a.zip/b.tif") == f"/vsizip/{tmp_path}/a.zip/b.tif"
+    assert absolute_path("/vsizip//a.zip/b.tif") == "/vsizip//a.zip/b.tif"
+    assert absolute_path("/vsizip/vsicurl/http://a.org/a.zip/b.tif").startswith("/vsizip/vsicurl/")
 
 
 def test_a_truncated_png_is_refused_rather_than_read_as_black(tmp_path):

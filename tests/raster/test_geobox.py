@@ -21,13 +21,13 @@ BOXES = st.builds(
 
 
 @given(BOXES, st.integers(0, 99), st.integers(0, 99))
-def test_pixels_lie_where_rasterio_puts_them(box, row, col):
+def test_pixel_positions_are_those_of_rasterio(box, row, col):
     expected = xy(box.transform, row, col, offset="ul")
     assert np.allclose(box.xy_from_pixel(row, col), expected, rtol=1e-14)
 
 
 @given(BOXES, st.integers(0, 50), st.integers(0, 50), st.integers(0, 20), st.integers(0, 20))
-def test_a_window_keeps_its_pixels_where_they_are(box, row, col, inner_row, inner_col):
+def test_pixels_of_a_window_keep_their_positions(box, row, col, inner_row, inner_col):
     part = box.window(Window(row, col, 30, 40))
     assert part.shape == (30, 40)
     there = box.xy_from_pixel(row + inner_row, col + inner_col)
@@ -57,7 +57,7 @@ def test_longitude_comes_first_whatever_the_crs_says():
     assert [float(v[0]) for v in box.lonlat_from_xy([12.5], [-33.0])] == [12.5, -33.0]
 
 
-def test_europa_keeps_its_own_longitudes(shared_data):
+def test_europa_has_longitudes_of_its_own(shared_data):
     from uavseg.raster.dataset import Dataset
 
     box = Dataset.open(shared_data / "odd" / "riotiler_cog_nonearth.tif").geobox
@@ -73,11 +73,11 @@ def test_without_a_crs_there_is_no_longitude():
 
 def test_a_site_grid_has_no_longitude():
     crs = CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]')
-    with pytest.raises(RasterError, match="no way to longitude"):
+    with pytest.raises(RasterError, match="no transformation to longitude"):
         GeoBox((1, 1), TRANSFORMS[0], crs).lonlat_from_xy([0.0], [0.0])
 
 
-def test_wkt_comes_back_as_the_same_crs():
+def test_wkt_round_trips_to_the_same_crs():
     box = GeoBox((1, 1), TRANSFORMS[0], CRS.from_epsg(32618))
     assert CRS.from_wkt(box.wkt) == box.crs
     assert GeoBox((1, 1), TRANSFORMS[0], None).wkt is None

@@ -42,7 +42,7 @@ def pieces(draw):
 @settings(max_examples=40, deadline=None)
 @given(pieces(), st.sampled_from(GRIDS), st.randoms(use_true_random=False))
 @pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
-def test_files_cut_from_an_image_make_the_image(write_raster, windows, grid, random):
+def test_parts_of_an_image_make_the_image(write_raster, windows, grid, random):
     covered = np.zeros(SHAPE, bool)
     files = []
     for window in windows:
@@ -87,7 +87,7 @@ def test_each_file_has_its_own_nodata(write_raster):
     assert Dataset.open([left, right]).read(Window(0, 0, 1, 4))[1].tolist() == [[False, True, True, False]]
 
 
-def test_a_mosaic_can_be_seen_reduced(write_raster):
+def test_a_mosaic_can_be_downsampled(write_raster):
     files = [
         cut_plain(write_raster, np.full((64, 64), 10 * row + col, np.uint8), row, col)
         for row in range(3)
@@ -127,13 +127,13 @@ def test_a_file_that_does_not_fit_is_named(write_raster, how, words):
     assert str(bad) in str(caught.value)
 
 
-def test_rounding_of_coordinates_is_forgiven(write_raster):
+def test_rounded_coordinates_are_accepted(write_raster):
     left = write_raster(np.ones((8, 8), np.uint8))
     right = write_raster(np.ones((8, 8), np.uint8), transform=Affine(0.5, 0, 300004.0003, 0, -0.5, 4000000))
     assert Dataset.open([left, right]).geobox.shape == (8, 16)
 
 
-def test_one_crs_in_two_spellings_is_one(write_raster):
+def test_two_spellings_of_one_crs_are_equal(write_raster):
     spelled = CRS.from_wkt(CRS.from_epsg(32618).to_wkt().replace("WGS 84 / UTM zone 18N", "UTM 18 north"))
     files = [write_raster(np.ones((8, 8), np.uint8), crs=crs) for crs in (spelled, "EPSG:32618")]
     assert Dataset.open(files).geobox.shape == (8, 8)

@@ -1,4 +1,4 @@
-"""A summary tells what numpy tells of the pixels, and says so where it did not look at all of them."""
+"""Summary: statistics agree with numpy, and are marked where not every pixel was counted."""
 
 import json
 from pathlib import Path
@@ -33,11 +33,11 @@ def opened(path: Path, pixels: np.ndarray, **more: Any) -> Dataset:
 
 
 def v_of(intensity: np.ndarray, low: float, high: float) -> np.ndarray:
-    """v by the page: grey levels of 16 bits, as shares of white."""
+    """v from its definition: 16-bit grey levels divided by that of white."""
     return np.floor(65535 * np.clip((intensity - low) / (high - low), 0, 1) + 0.5) / 65535
 
 
-def test_numbers_of_8_bit_are_those_of_numpy(tmp_path: Path) -> None:
+def test_statistics_of_8_bits_are_those_of_numpy(tmp_path: Path) -> None:
     pixels = DICE.integers(0, 256, (150, 200), dtype=np.uint8)
     found = summarize(opened(tmp_path / "a.tif", pixels, nodata=0))
     v = v_of(pixels[pixels > 0].astype(float), 0, 255)
@@ -48,7 +48,7 @@ def test_numbers_of_8_bit_are_those_of_numpy(tmp_path: Path) -> None:
     assert found.exact and found.stretch.startswith("dtype")
 
 
-def test_numbers_of_floats_with_nan_are_those_of_numpy(tmp_path: Path) -> None:
+def test_statistics_of_floats_with_nan_are_those_of_numpy(tmp_path: Path) -> None:
     pixels = DICE.normal(300, 20, (90, 130)).astype(np.float32)
     pixels[:30, :40] = np.nan
     found = summarize(opened(tmp_path / "a.tif", pixels), "250,350")
@@ -58,7 +58,7 @@ def test_numbers_of_floats_with_nan_are_those_of_numpy(tmp_path: Path) -> None:
     assert sum(found.histogram) == v.size
 
 
-def test_the_place_is_where_the_raster_lies(tmp_path: Path) -> None:
+def test_bounds_and_centre_are_those_of_the_raster(tmp_path: Path) -> None:
     found = summarize(opened(tmp_path / "a.tif", np.ones((100, 50), np.uint8)))
     assert (found.rows, found.cols, found.epsg, found.driver) == (100, 50, 32618, "GTiff")
     assert found.bounds == (380_000, 4_896_800, 380_100, 4_897_000)
@@ -68,7 +68,7 @@ def test_the_place_is_where_the_raster_lies(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-def test_a_raster_without_a_place_says_so(tmp_path: Path) -> None:
+def test_a_raster_without_georeferencing_has_no_crs_and_no_centre(tmp_path: Path) -> None:
     dataset = opened(tmp_path / "a.tif", np.ones((10, 10), np.uint8), crs=None, transform=Affine.identity())
     text = summary_text(summarize(dataset))
     assert "coordinates are pixels" in text and "centre" not in text
@@ -81,7 +81,7 @@ def test_workers_change_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert summarize(dataset, map=threads(2)) == whole
 
 
-def test_a_large_raster_is_looked_at_from_afar_and_it_is_said(
+def test_a_large_raster_is_downsampled_and_marked_as_inexact(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(summary, "EXACT_PIXELS", 1000)
@@ -96,11 +96,11 @@ def test_a_large_raster_is_looked_at_from_afar_and_it_is_said(
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(0, 1000), min_size=20, max_size=20).filter(any))
-def test_the_cut_splits_with_the_largest_variance_between(counts: list[int]) -> None:
+def test_the_threshold_has_the_largest_between_class_variance(counts: list[int]) -> None:
     greys = np.zeros(1 << 16, np.int64)
     middles = (np.arange(20) + 0.5) / 20
     greys[np.round(middles * 65535).astype(int)] = counts
-    cut = summary._cut(greys)
+    cut = summary._otsu_threshold(greys)
     values = np.repeat(middles, counts)
 
     def between(edge: float) -> float:
@@ -113,7 +113,7 @@ def test_the_cut_splits_with_the_largest_variance_between(counts: list[int]) -> 
     assert between(cut) == pytest.approx(max(between(edge) for edge in edges), rel=1e-6)
 
 
-def test_two_heaps_suggest_the_rarer_one(tmp_path: Path) -> None:
+def test_of_two_modes_the_rarer_is_suggested(tmp_path: Path) -> None:
     pixels = np.full((100, 100), 40, np.uint8)
     pixels[:30] = 200
     bright = summarize(opened(tmp_path / "a b.tif", pixels))
@@ -128,7 +128,7 @@ def test_a_bar_is_as_long_as_its_share(share: float, width: int) -> None:
     assert abs(eighths - 8 * share * width) <= 0.5
 
 
-def test_an_empty_raster_has_a_summary_too(tmp_path: Path) -> None:
+def test_a_raster_without_valid_pixels_has_a_summary(tmp_path: Path) -> None:
     found = summarize(opened(tmp_path / "a.tif", np.zeros((20, 20), np.uint16), nodata=0))
     assert found.valid == 0 and found.nodata_share == 1
     assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["mean"] is None

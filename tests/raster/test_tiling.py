@@ -28,19 +28,19 @@ def test_tiles_cover_a_raster_once(shape: tuple[int, int], rows: int, cols: int)
     assert [(w.row, w.col) for w in found] == sorted((w.row, w.col) for w in found)
 
 
-def test_one_side_stands_for_both() -> None:
+def test_one_side_is_used_for_both() -> None:
     assert tiles((300, 200), 128) == tiles((300, 200), (128, 128))
 
 
 @pytest.mark.parametrize("side", [0, -64, 32, 100, (64, 65), (0, 64)])
-def test_a_side_that_is_no_multiple_of_64_is_refused(side: int | tuple[int, int]) -> None:
+def test_a_side_that_is_not_a_multiple_of_64_is_refused(side: int | tuple[int, int]) -> None:
     with pytest.raises(ParameterError, match="a positive multiple of 64 pixels, not"):
         tiles((100, 100), side)
 
 
 @settings(deadline=None)
 @given(windows, shapes)
-def test_a_clipped_window_is_the_pixels_that_both_have(window: Window, shape: tuple[int, int]) -> None:
+def test_a_clipped_window_is_the_intersection(window: Window, shape: tuple[int, int]) -> None:
     clipped = window.clipped(shape)
     assert clipped.rows >= 0 and clipped.cols >= 0
     rows = set(range(window.row, window.row + window.rows)) & set(range(shape[0]))
@@ -56,7 +56,7 @@ def test_a_grown_window_shrinks_back(window: Window, margin: int) -> None:
     assert grown.grown(-margin) == window
 
 
-def test_slices_cut_a_window_out() -> None:
+def test_slices_index_a_window() -> None:
     image = np.arange(20).reshape(4, 5)
     assert image[Window(1, 2, 2, 3).slices].tolist() == [[7, 8, 9], [12, 13, 14]]
 
@@ -74,7 +74,7 @@ def test_a_tile_that_suits_a_file_is_of_whole_blocks(
     assert rows * cols <= max(pixels, BLOCK * max(cols, BLOCK))
 
 
-def test_a_file_in_strips_is_read_by_whole_rows_and_a_tiled_one_by_squares() -> None:
+def test_strips_are_read_by_whole_rows_and_tiles_by_squares() -> None:
     assert tile_side((9000, 5000), (1, 5000)) == (768, 5056)
     assert tile_side((9000, 5000), (512, 512)) == (2048, 2048)
     assert tile_side((9000, 100), (1, 100)) == (2048, 2048)  # narrow: the strips are short anyway

@@ -1,4 +1,4 @@
-"""The phases on arrays are those of the pipeline."""
+"""Segmentation of an array in memory agrees with the reference implementation."""
 
 import numpy as np
 import pytest

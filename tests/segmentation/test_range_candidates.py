@@ -1,4 +1,4 @@
-"""Cuts that one would type leave no range empty and lie on no mean."""
+"""Candidate ranges have edges of few digits, none is empty, and no edge is a mean."""
 
 from fractions import Fraction
 
@@ -26,17 +26,21 @@ def histograms(draw: st.DrawFn) -> np.ndarray:
 
 @settings(deadline=None, max_examples=200)
 @given(histograms(), st.sampled_from([None, 2, 3, 5, 8]))
-def test_every_range_holds_something(histogram: np.ndarray, wanted: int | None) -> None:
-    cuts = propose_ranges(histogram, wanted)
-    bounds = (0.0, *cuts.edges, 1.0)
-    assert cuts.classes.count == len(cuts.edges) + 1 <= (wanted or 6)
+def test_no_range_is_empty(histogram: np.ndarray, count: int | None) -> None:
+    candidates = propose_ranges(histogram, count)
+    bounds = (0.0, *candidates.edges, 1.0)
+    assert candidates.classes.count == len(candidates.edges) + 1 <= (count or 6)
     assert list(bounds) == sorted(set(bounds))
     v = np.flatnonzero(histogram) / (GREYS - 1)
-    assert len(set(np.searchsorted(cuts.edges, v).tolist())) == len(cuts.edges) + 1 if cuts.edges else True
-    assert all(round(edge, 6) == edge for edge in cuts.edges)
+    assert (
+        len(set(np.searchsorted(candidates.edges, v).tolist())) == len(candidates.edges) + 1
+        if candidates.edges
+        else True
+    )
+    assert all(round(edge, 6) == edge for edge in candidates.edges)
 
 
-def test_a_wide_gap_is_cut_by_a_number_of_two_digits() -> None:
+def test_a_wide_gap_is_split_by_a_number_of_two_digits() -> None:
     histogram = np.zeros(GREYS, np.int64)
     histogram[[16448, 51400]] = 9, 3
     assert propose_ranges(histogram).edges == (0.52,)
@@ -45,7 +49,7 @@ def test_a_wide_gap_is_cut_by_a_number_of_two_digits() -> None:
     assert round(edge, 3) == edge and edge == pytest.approx((16448 + 51400) / 2 / 65535, abs=0.01)
 
 
-def test_cuts_lie_within_half_a_bin_of_the_best_ones() -> None:
+def test_edges_lie_within_half_a_bin_of_the_optimum() -> None:
     v = np.random.default_rng(3).normal([0.3, 0.62], 0.05, (40000, 2)).ravel()
     histogram = np.bincount(np.round(np.clip(v, 0, 1) * 65535).astype(int), minlength=GREYS)
     [edge] = propose_ranges(histogram, 2).edges
@@ -59,7 +63,7 @@ def test_one_mean_is_one_class() -> None:
 
 
 @given(st.integers(1, 999_999), st.integers(1, 4096), st.integers(-1, 1))
-def test_a_number_beside_an_edge_is_no_mean(millionths: int, pixels: int, off: int) -> None:
+def test_a_number_beside_an_edge_cannot_be_a_mean(millionths: int, pixels: int, off: int) -> None:
     edge = millionths / 10**6
     beside = edge_beside_means(edge)
     assert edge < beside < edge + 2e-5

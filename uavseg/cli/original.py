@@ -55,7 +55,7 @@ def command(**options: Any) -> None:
     from uavseg.atomic import check_target
     from uavseg.jobs.open_source import open_source
     from uavseg.jobs.original import original
-    from uavseg.raster.formats.geotiff import write_labels
+    from uavseg.raster.formats.geotiff import write_label_geotiff
     from uavseg.raster.tiling import Window
     from uavseg.segmentation.baseline.lbpc import LbpcParams
 
@@ -68,7 +68,7 @@ def command(**options: Any) -> None:
     check_target(output, run.overwrite)
     found = original(open_source(options["rasters"], read), request, run.work())
     geobox = found.source.geobox
-    write_labels(output, [(Window(0, 0, *geobox.shape), found.labels)], geobox, run.overwrite)
+    write_label_geotiff(output, [(Window(0, 0, *geobox.shape), found.labels)], geobox, run.overwrite)
     run.reporter.finish(found.warnings)
     run.reporter.table(
         {

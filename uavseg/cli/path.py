@@ -159,7 +159,7 @@ def _flown(way: Way, flight: PlanParams, home: str | None) -> Mission:
 
 
 def _write(way: Way, mission: Mission | None, output: str, overwrite: bool) -> None:
-    from uavseg.atomic import whole_file
+    from uavseg.atomic import atomic_file
     from uavseg.flight import files
     from uavseg.occupancy.paths.path_geojson import geojson
 
@@ -168,7 +168,7 @@ def _write(way: Way, mission: Mission | None, output: str, overwrite: bool) -> N
     elif output == "-":
         sys.stdout.write(geojson(way))
     else:
-        with whole_file(output, overwrite) as temporary:
+        with atomic_file(output, overwrite) as temporary:
             temporary.write_text(geojson(way), encoding="utf-8", newline="\n")
 
 

@@ -1,10 +1,9 @@
-"""A run that was stopped goes on where it stopped: a map that keeps each result in a folder.
+"""Checkpoints: an executor that saves each result in a folder, so that a stopped run can resume.
 
-In the folder, each stage of the work (one function with its arguments: the rasters, how they are read, the
-stretch) has a folder of its own, and each tile a file in it. Both are named by a hash of everything that the
-result depends on, so whatever changes (a raster, an option, the size of the tiles, the program itself) leads
-to other files, and nothing stale is ever taken up. What another run needs too is shared: a second range finds
-the rasters measured.
+Each stage of the work (one function with its arguments: the rasters, how they are read, the stretch) has a
+subfolder, and each tile a file in it. Both are named by a hash of everything that the result depends on: if
+anything changes (a raster, an option, the tile size, the program itself), other files are used, and no stale
+result is read. Runs share the stages that they have in common: a second range finds the rasters measured.
 """
 
 import hashlib
@@ -16,62 +15,61 @@ from pathlib import Path
 from typing import Any
 
 from uavseg._version import __version__
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.execution.fingerprint import fingerprint
 from uavseg.execution.lazy_sequence import lazy_selection
-from uavseg.execution.result_file import DamagedResultError, dump, load
+from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
 
-Tell = Callable[[str, int, int], object]
-"""Told the name of a stage, how many of its tiles were done before, and of how many."""
+OnResume = Callable[[str, int, int], object]
+"""Called with the name of a stage, how many of its tiles are done already, and how many it has."""
 
 
-def kept(map: Map, folder: str | os.PathLike[str], tell: Tell | None = None) -> Map:
-    """A map that keeps every finished result in a folder, and takes from there what is finished.
+def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResume | None = None) -> Map:
+    """An executor that saves every result in a folder, and reads those that are there already.
 
-    Results are read, and written as they come back, by whoever asks for them; only what is missing is given
-    to the other map. A file appears whole or not at all; one that was damaged since is made again. The
-    folder stays as it is in the end: it may be used again, and may be removed.
+    The calling thread reads and writes the files; only missing results are computed by the other executor.
+    A file is written whole or not at all; a damaged one is computed again. The folder remains at the end: it
+    may be used again, or removed.
 
     Parameters
     ----------
     map : Map
-        Who runs the work.
+        The executor that computes what is missing.
     folder : path
-        Made if it is not there; the folder that it lies in is.
-    tell : callable, optional
-        Called once for each stage of which some tiles were done before.
+        Created if it does not exist; its parent folder must exist.
+    on_resume : callable, optional
+        Called once for each stage of which some tiles are done already.
 
     Raises
     ------
     OutputError
-        If the folder cannot be made, or a result cannot be written there.
+        If the folder cannot be created, or a result cannot be written to it.
     """
-    place = Path(folder)
-    _make(place)
+    root = Path(folder)
+    _make_folder(root)
 
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]:
         name = stage_name(function)
-        stage = place / f"{name}-{fingerprint(__version__, _code(), function)}"
-        _make(stage)
+        stage = root / f"{name}-{fingerprint(__version__, _code_hash(), function)}"
+        _make_folder(stage)
         keys = [fingerprint(item) for item in items]
-        there = {path.name for path in stage.iterdir()}
-        missing = [k for k, key in enumerate(keys) if _file_name(key) not in there]
-        if tell is not None and len(missing) < len(keys):
-            tell(name, len(keys) - len(missing), len(keys))
-        waiting = set(missing)
-        with closing(
-            map(function, lazy_selection(items, missing))
-        ) as fresh:  # nobody works on once this has ended
+        existing = {path.name for path in stage.iterdir()}
+        missing = [k for k, key in enumerate(keys) if _file_name(key) not in existing]
+        if on_resume is not None and len(missing) < len(keys):
+            on_resume(name, len(keys) - len(missing), len(keys))
+        is_missing = set(missing)
+        # Closing the results stops the workers, also where this generator is closed early.
+        with closing(map(function, lazy_selection(items, missing))) as computed:
             for k, key in enumerate(keys):
-                if k in waiting:
-                    result = next(fresh)
+                if k in is_missing:
+                    result = next(computed)
                     _save(stage, key, result)
                 else:
-                    result = _taken(stage, key, partial(map, function, lazy_selection(items, [k])))
+                    result = _read_or_compute(stage, key, partial(map, function, lazy_selection(items, [k])))
                 yield result
                 if progress is not None:
                     progress(k + 1, len(keys))
@@ -80,7 +78,7 @@ def kept(map: Map, folder: str | os.PathLike[str], tell: Tell | None = None) -> 
 
 
 def stage_name(function: Any) -> str:
-    """What a function does, for people: `_measure_tile` of whatever arguments is "measure"."""
+    """Name of a stage for messages: "measure" for `_measure_tile` with any arguments."""
     while not hasattr(function, "__name__"):
         inner = getattr(function, "func", None) or getattr(function, "function", None)
         if inner is None:
@@ -90,8 +88,8 @@ def stage_name(function: Any) -> str:
 
 
 @lru_cache
-def _code() -> str:
-    """A hash of the program's own text: between two releases, the version alone does not tell them apart."""
+def _code_hash() -> str:
+    """Hash of the package's source: two states of it between two releases have the same version."""
     hasher = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         hasher.update(path.read_bytes())
@@ -102,25 +100,25 @@ def _file_name(key: str) -> str:
     return f"{key}.npz"
 
 
-def _make(folder: Path) -> None:
+def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         reason = "it is a file" if folder.exists() else error.strerror
-        raise OutputError(f"the folder {folder} to resume from cannot be made: {reason}") from error
+        raise OutputError(f"the folder {folder} to resume from cannot be created: {reason}") from error
 
 
 def _save(stage: Path, key: str, result: Any) -> None:
-    """Write a result; not synced, since one that a power cut tears is found damaged and made again."""
-    with whole_file(stage / _file_name(key), overwrite=True, sync=False) as path:
-        path.write_bytes(dump(result, key))
+    """Write a result; not synced, since a file torn by a power cut is detected and computed again."""
+    with atomic_file(stage / _file_name(key), overwrite=True, sync=False) as path:
+        path.write_bytes(encode_result(result, key))
 
 
-def _taken(stage: Path, key: str, again: Callable[[], Iterator[Any]]) -> Any:
-    """A result from its file; where that is damaged, made again."""
+def _read_or_compute(stage: Path, key: str, compute: Callable[[], Iterator[Any]]) -> Any:
+    """A result from its file; computed again where that is damaged."""
     try:
-        return load((stage / _file_name(key)).read_bytes(), key)
+        return decode_result((stage / _file_name(key)).read_bytes(), key)
     except (OSError, DamagedResultError):
-        [result] = again()
+        [result] = compute()
         _save(stage, key, result)
         return result

@@ -1,7 +1,7 @@
-"""The work done by others: a map over the workers of a dask.distributed scheduler.
+"""Cluster executor: runs items on the workers of a dask.distributed scheduler.
 
-What travels is pickled and compressed: the function once for each map, then an item there and its result
-back. Whatever a worker that dies had done or was doing is done again by another.
+Functions, items and results are sent pickled and compressed, each function once. The items of a worker that
+dies are computed again by another.
 """
 
 import logging
@@ -23,10 +23,10 @@ from typing import Any
 from uavseg.errors import ClusterError, UavsegError
 from uavseg.execution.executors import Item, Map, Progress, Result, in_order
 
-CONNECT_S = 10.0  # how long a scheduler is waited for
-NO_WORKERS_S = 60.0  # how long there may be no worker at all: a cluster that grows by itself begins so
-IN_FLIGHT = 3  # items for each thread of the workers: one at work, the others on their way
-_LOOK_S = 2.0  # how often the workers are counted
+CONNECT_S = 10.0  # timeout of the connection to the scheduler
+NO_WORKERS_S = 60.0  # how long there may be no worker: an adaptive cluster starts without any
+IN_FLIGHT = 3  # items for each thread of the workers: one at work, the others being sent
+_POLL_S = 2.0  # interval at which the workers are counted
 
 RESULT_PACKAGES = ("numpy", "numba", "llvmlite", "rasterio", "shapely", "pyproj")
 """Packages of which any other release may compute other bytes."""
@@ -41,7 +41,7 @@ RESULT_LIBRARIES = {
 
 
 def dask(address: str) -> "Cluster":
-    """A map over the workers of a scheduler, to be closed at the end.
+    """Executor on the workers of a scheduler; a context manager, to be closed at the end.
 
     Parameters
     ----------
@@ -51,20 +51,20 @@ def dask(address: str) -> "Cluster":
     Raises
     ------
     ClusterError
-        If dask.distributed is not installed, nobody answers there, or workers have other versions.
+        If dask.distributed is not installed, no scheduler answers, or a worker has other versions.
     """
     try:
         from distributed import Client
     except ImportError as error:
         raise ClusterError(
-            'a scheduler wants dask.distributed; install it with: pip install "uavseg[cluster]"'
+            '--scheduler needs dask.distributed; install it with: pip install "uavseg[cluster]"'
         ) from error
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is raised as an error
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of other versions of packages, which are looked at below
+        warnings.simplefilter("ignore")  # about versions of packages, which are checked below
         try:
             client = Client(address, timeout=CONNECT_S, set_as_default=False, name="uavseg")
-        except Exception as error:  # of many kinds, by what is wrong with the address
+        except Exception as error:  # its type depends on what is wrong with the address
             reason = " ".join(str(error).split()).rstrip(".")
             raise ClusterError(
                 f"no scheduler answers at {address} ({reason}); start one with: dask scheduler"
@@ -79,29 +79,29 @@ def dask(address: str) -> "Cluster":
 
 
 class Cluster:
-    """A map over the workers of a scheduler; see `dask`."""
+    """Executor on the workers of a scheduler; see `dask`."""
 
     def __init__(self, client: Any, address: str) -> None:
         self._client = client
         self._address = address
         self._threads = 0
-        self._looked = -_LOOK_S
-        self._seen = time.monotonic()  # when there last was a worker
+        self._last_count = -_POLL_S
+        self._last_worker = time.monotonic()  # when there was a worker last
 
     def __call__(
         self, function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]:
-        """Apply a function to each item; see `parallel.Map`."""
+        """Apply a function to each item; see `executors.Map`."""
         if len(items) == 0:
             return
-        self._seen = time.monotonic()
-        with self._telling():
-            work = self._sent(_Work(function, versions()))
+        self._last_worker = time.monotonic()
+        with self._cluster_errors():
+            work = self._send(_Work(function, versions()))
 
-            def begin(item: Item) -> Any:
-                return self._client.submit(operator.call, work, packed(item), pure=False)
+            def submit(item: Item) -> Any:
+                return self._client.submit(operator.call, work, pack_value(item), pure=False)
 
-            yield from in_order(begin, self._result, self._room, items, progress)
+            yield from in_order(submit, self._result, self._capacity, items, progress)
 
     def __enter__(self) -> Map:
         return self
@@ -110,19 +110,19 @@ class Cluster:
         self.close()
 
     def close(self) -> None:
-        """Let go of the scheduler; what was begun is given up."""
+        """Disconnect from the scheduler; unfinished items are cancelled."""
         self._client.close()
 
     def check_versions(self) -> None:
-        """See that the workers that are there run what runs here.
+        """Check that all connected workers have the versions of this process.
 
         Raises
         ------
         ClusterError
-            If one does not.
+            If one has not.
         """
         ours = versions()
-        with self._telling():
+        with self._cluster_errors():
             found = self._client.run(versions, on_error="return")
         for worker, theirs in found.items():
             if isinstance(theirs, Exception):
@@ -132,44 +132,47 @@ class Cluster:
             if theirs != ours:
                 raise ClusterError(f"the worker {worker} has {_differences(theirs, ours)}")
 
-    def _sent(self, work: "_Work") -> Any:
-        """A function where the workers get it from each other; made again from its bytes if it is lost.
+    def _send(self, work: "_Work") -> Any:
+        """Future of a function on the workers, which pass it on to each other.
 
-        Only words of Python's own are named on the way, so that a worker that lacks uavseg says so.
+        The tasks that make it name only functions of the standard library, so that a worker without uavseg
+        fails when it unpickles the function, with an error that says so.
         """
         import cloudpickle
 
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Sending large graph")
-            text = self._client.submit(zlib.decompress, zlib.compress(cloudpickle.dumps(work), 1), pure=False)
-        return self._client.submit(pickle.loads, text, pure=False)
+            pickled = self._client.submit(
+                zlib.decompress, zlib.compress(cloudpickle.dumps(work), 1), pure=False
+            )
+        return self._client.submit(pickle.loads, pickled, pure=False)
 
     def _result(self, future: Any) -> Any:
         while True:
             try:
-                future.exception(timeout=_LOOK_S)  # waits, and fetches no result
+                future.exception(timeout=_POLL_S)  # waits without fetching the result
             except TimeoutError:
-                self._room()
-                if time.monotonic() - self._seen > NO_WORKERS_S:
+                self._capacity()
+                if time.monotonic() - self._last_worker > NO_WORKERS_S:
                     raise ClusterError(
                         f"the scheduler at {self._address} has no workers; "
                         f"start some with: dask worker {self._address}"
                     ) from None
             else:
-                return unpacked(future.result())
+                return unpack_value(future.result())
 
-    def _room(self) -> int:
-        """How many items may be under way; workers come and go."""
+    def _capacity(self) -> int:
+        """How many items may be in flight; the number of workers may change."""
         now = time.monotonic()
-        if now - self._looked >= _LOOK_S:
-            self._looked, self._threads = now, sum(self._client.nthreads().values())
+        if now - self._last_count >= _POLL_S:
+            self._last_count, self._threads = now, sum(self._client.nthreads().values())
         if self._threads:
-            self._seen = now
+            self._last_worker = now
         return IN_FLIGHT * max(self._threads, 1)
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
-        """What goes wrong between here and the workers, in one sentence."""
+    def _cluster_errors(self) -> Iterator[None]:
+        """Failures of the cluster as ClusterError."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker
@@ -187,22 +190,22 @@ class Cluster:
             raise self._lost() from error
         except OSError as error:
             if self._client.status == "running":
-                raise  # the work's own
+                raise  # raised by the function itself
             raise self._lost() from error
 
     def _lost(self) -> ClusterError:
-        return ClusterError(f"the scheduler at {self._address} was lost on the way; nothing was written")
+        return ClusterError(f"the scheduler at {self._address} was lost during the run; nothing was written")
 
 
 @dataclass(frozen=True)
 class _Work:
-    """A function of packed items that says on which worker something was wrong.
+    """A function of packed items, whose errors name the worker.
 
     Parameters
     ----------
     function : callable
     versions : dict
-        Those of the client. A worker may join at any time, so each compares its own.
+        Those of the client. A worker may join at any time, so each compares its own with them.
     """
 
     function: Callable[[Any], Any]
@@ -212,27 +215,27 @@ class _Work:
         try:
             if _own_versions() != self.versions:
                 raise ClusterError(f"a worker has {_differences(_own_versions(), self.versions)}")
-            return packed(self.function(unpacked(item)))
+            return pack_value(self.function(unpack_value(item)))
         except UavsegError as error:
             from distributed import get_worker
 
-            place = f"on the worker {get_worker().address}, host {socket.gethostname()}"
-            wrong = type(error)(f"{error} ({place})")
-        raise wrong  # out here it has no cause: those of GDAL cannot be pickled
+            where = f"on the worker {get_worker().address}, host {socket.gethostname()}"
+            located = type(error)(f"{error} ({where})")
+        raise located  # outside of the handler it has no cause: errors of GDAL cannot be pickled
 
 
-def packed(value: object) -> bytes:
-    """A value as it travels."""
+def pack_value(value: object) -> bytes:
+    """A value pickled and compressed."""
     return zlib.compress(pickle.dumps(value, pickle.HIGHEST_PROTOCOL), 1)
 
 
-def unpacked(content: bytes) -> Any:
-    """The value that was packed."""
+def unpack_value(content: bytes) -> Any:
+    """The value that `pack_value` packed."""
     return pickle.loads(zlib.decompress(content))
 
 
 def versions() -> dict[str, str]:
-    """What must be the same on both sides; of Python and distributed the first and second number."""
+    """Versions that must agree between client and workers; of Python and distributed major and minor only."""
     minor = {"distributed": version("distributed"), "Python": python_version()}
     found = {name: ".".join(text.split(".")[:2]) for name, text in minor.items()}
     found |= {name: version(name) for name in RESULT_PACKAGES}
@@ -241,11 +244,11 @@ def versions() -> dict[str, str]:
     return {"uavseg": import_module("uavseg").__version__} | found
 
 
-_own_versions = cache(versions)  # of a worker, which compares them for each tile
+_own_versions = cache(versions)  # a worker compares them for each item
 
 
 def _differences(theirs: dict[str, str], ours: dict[str, str]) -> str:
-    """Every version that differs, and what to do."""
+    """Every version that differs, and what to do about it."""
     found = [
         f"{name} {theirs.get(name)} where this side has {here}"
         for name, here in ours.items()

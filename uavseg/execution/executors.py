@@ -1,7 +1,7 @@
-"""Who runs the work: nothing else in the project knows.
+"""Executors: the only module that knows about threads.
 
-A map takes a function and a sequence of items and gives the results in the order of the items, whoever
-computed them. Functions and items must survive pickling, so that the same call may run on a cluster.
+An executor (`Map`) takes a function and a sequence of items, and yields the results in the order of the
+items. Functions and items must be picklable, so that the same call can run on a cluster.
 """
 
 import os
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Progress = Callable[[int, int], None]
-"""Told how many items are done, and of how many."""
+"""Called with the number of items done, and the number of items."""
 
 
 class Map(Protocol):
-    """Applies a function to each item; results come in the order of the items.
+    """An executor: applies a function to each item, and yields the results in the order of the items.
 
-    Nobody works on once what it gives is closed.
+    Closing the generator stops the work.
     """
 
     def __call__(
@@ -38,7 +38,7 @@ class Map(Protocol):
 def serial(
     function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
 ) -> Generator[Result, None, None]:
-    """One item after the other, here and now.
+    """Executor that runs one item after the other in the calling thread.
 
     Examples
     --------
@@ -52,9 +52,9 @@ def serial(
 
 
 def threads(count: int | None = None) -> Map:
-    """A map over `count` threads; all cores that the process may use if none is given.
+    """Executor that runs `count` threads, by default one for each core that the process may use.
 
-    Only a few results wait at any time, so memory does not grow with the number of items.
+    At most 2 x `count` items are started and not yet consumed, so memory does not grow with their number.
 
     Raises
     ------
@@ -70,69 +70,72 @@ def threads(count: int | None = None) -> Map:
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]:
-        from concurrent.futures import ThreadPoolExecutor  # 13 ms that one thread does not need
+        from concurrent.futures import ThreadPoolExecutor  # takes 13 ms, which one thread saves
 
         with ThreadPoolExecutor(count) as pool:
 
-            def begin(item: Item) -> "Future[Result]":
+            def submit(item: Item) -> "Future[Result]":
                 return pool.submit(function, item)
 
-            yield from in_order(begin, lambda future: future.result(), lambda: 2 * count, items, progress)
+            yield from in_order(submit, lambda future: future.result(), lambda: 2 * count, items, progress)
 
     return run
 
 
 def in_order(
-    begin: Callable[[Item], Any],
+    submit: Callable[[Item], Any],
     result: Callable[[Any], Result],
-    room: Callable[[], int],
+    capacity: Callable[[], int],
     items: Sequence[Item],
     progress: Progress | None,
 ) -> Generator[Result, None, None]:
-    """Results in the order of the items; what waits is cancelled when nobody wants more.
+    """Results of futures in the order of the items; pending ones are cancelled when the generator is closed.
 
     Parameters
     ----------
-    begin : callable
-        Begins an item, gives its future.
+    submit : callable
+        Starts an item and returns its future.
     result : callable
-        Waits for a future's result.
-    room : callable
-        How many may be begun and not yet taken.
+        Waits for a future and returns its result.
+    capacity : callable
+        How many items may be started and not yet consumed.
     items : sequence
     progress : callable or None
     """
-    waiting: deque[Any] = deque()
+    pending: deque[Any] = deque()
     done = 0
     try:
         for item in items:
-            waiting.append(begin(item))
-            while len(waiting) >= room():
-                yield result(waiting.popleft())
+            pending.append(submit(item))
+            while len(pending) >= capacity():
+                yield result(pending.popleft())
                 done += 1
                 if progress is not None:
                     progress(done, len(items))
-        while waiting:
-            yield result(waiting.popleft())
+        while pending:
+            yield result(pending.popleft())
             done += 1
             if progress is not None:
                 progress(done, len(items))
     finally:
-        for future in waiting:
+        for future in pending:
             future.cancel()
 
 
 def usable_cores() -> int:
-    """How many cores this process may use."""
+    """Number of cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-def stages(progress: Progress, count: int) -> list[Progress]:
-    """One progress for each of several stages, which together make the given one."""
+def split_progress(progress: Progress, count: int) -> list[Progress]:
+    """One progress callback for each of several stages; together they drive the given one.
 
-    def stage(k: int, done: int, total: int) -> None:
+    Each stage counts for the same share of the whole.
+    """
+
+    def report(k: int, done: int, total: int) -> None:
         progress(k * total + done, count * total)
 
-    return [partial(stage, k) for k in range(count)]
+    return [partial(report, k) for k in range(count)]

@@ -1,4 +1,4 @@
-"""What tells values apart: a hash that is the same in every process, on every day."""
+"""Stable content hash of values, identical across processes."""
 
 import hashlib
 from collections.abc import Callable
@@ -15,16 +15,16 @@ _PLAIN = (bool, int, float, str, bytes, Fraction, np.dtype, np.generic)
 
 
 def fingerprint(*values: Any) -> str:
-    """A hash of values, of their types and of all that they hold: 32 hexadecimal digits.
+    """Hash of values, of their types and of all their content, as 32 hexadecimal digits.
 
-    An object that has a method `fingerprint` is told by what that gives. Others are told by what they hold:
-    dataclasses, arrays, sequences, numbers, texts, functions of a module (by their name) with their
-    arguments, and plain objects.
+    An object with a method `fingerprint` is hashed by what the method returns. Dataclasses, arrays,
+    sequences, numbers, strings and plain objects are hashed by their content, functions of a module by their
+    name, and partial functions by their arguments too.
 
     Raises
     ------
     TypeError
-        If something in it cannot be told from others of its kind, such as a function without a name.
+        If a value has no content to hash, such as a lambda or an array of objects.
 
     Examples
     --------
@@ -55,18 +55,18 @@ def _feed(feed: Feed, value: Any) -> None:
     elif isinstance(value, FunctionType):
         _mark(feed, _name(value))
     else:
-        for part in _held(value):
+        for part in _content(value):
             _feed(feed, part)
 
 
 def _mark(feed: Feed, text: str) -> None:
-    """A text with its length in front, so that neighbours cannot run into each other."""
+    """Feed a text with its length in front, so that no two sequences of texts give the same bytes."""
     feed(f"{len(text)}:{text}".encode())
 
 
 def _feed_array(feed: Feed, array: np.ndarray[Any, Any]) -> None:
     if array.dtype.hasobject:
-        raise TypeError("an array of objects has no bytes of its own to tell it by")
+        raise TypeError("an array of objects has no bytes of its own to hash")
     _mark(feed, f"{array.dtype.str}{array.shape}")
     feed(array.tobytes())
 
@@ -74,13 +74,13 @@ def _feed_array(feed: Feed, array: np.ndarray[Any, Any]) -> None:
 def _name(function: FunctionType) -> str:
     if "<" in function.__qualname__:
         raise TypeError(
-            f"{function.__qualname__} is not a function of a module, so its name does not tell it"
+            f"{function.__qualname__} is not a function of a module, so its name does not identify it"
         )
     return f"{function.__module__}.{function.__qualname__}"
 
 
-def _held(value: Any) -> list[Any]:
-    """What an object holds, in an order that is always the same."""
+def _content(value: Any) -> list[Any]:
+    """What an object holds, in a fixed order."""
     if hasattr(value, "fingerprint"):
         return [value.fingerprint()]
     if isinstance(value, partial):
@@ -88,5 +88,5 @@ def _held(value: Any) -> list[Any]:
     if is_dataclass(value):
         return [getattr(value, field.name) for field in fields(value)]
     if not hasattr(value, "__dict__"):
-        raise TypeError(f"nothing tells one {type(value).__qualname__} from another")
+        raise TypeError(f"a {type(value).__qualname__} has no content to hash")
     return sorted(vars(value).items())

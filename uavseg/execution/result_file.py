@@ -1,8 +1,7 @@
-"""Results as bytes and back: arrays, numbers, texts, tuples, and dataclasses of the project made of them.
+"""Serialisation of results: arrays, numbers, strings, tuples, lists and dataclasses of the project.
 
-The bytes are those of an .npz file: one .npy for each array, and `tree.json`, which says how they belong
-together. Reading runs no code that lies in the file: nothing is pickled, and a dataclass is made only if it
-is one of the project's own.
+The format is that of an .npz file: one .npy for each array, and `tree.json` for the structure around them.
+Decoding runs no code from the file: nothing is pickled, and only dataclasses of the project are created.
 """
 
 import io
@@ -18,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TREE = "tree.json"
-_EFFORT = 1  # of deflate: histograms of 65536 bins shrink to little with the least
-_WHAT_DAMAGE_RAISES = (
+_COMPRESSION_LEVEL = 1  # of deflate: enough to shrink histograms of 65536 bins
+_DAMAGE_ERRORS = (  # what decoding of damaged bytes raises
     zipfile.BadZipFile,
     zlib.error,
     struct.error,
@@ -37,26 +36,26 @@ _WHAT_DAMAGE_RAISES = (
 
 
 class DamagedResultError(ValueError):
-    """Bytes are not those of the result that they should be."""
+    """The bytes are damaged, or those of another result."""
 
 
-def dump(value: Any, key: str) -> bytes:
-    """A result as bytes; the same result gives the same bytes.
+def encode_result(value: Any, key: str) -> bytes:
+    """Serialise a result; equal results give equal bytes.
 
     Parameters
     ----------
     value : None, bool, int, float, str, array, tuple, list or dataclass of these
-        A dataclass is one of the project's.
+        Dataclasses must be of the project.
     key : str
-        What the result is of.
+        Identifies the item that the result belongs to.
 
     Raises
     ------
     TypeError
-        If there is something else in it.
+        If it holds a value of another type.
     """
     arrays: list[NDArray[Any]] = []
-    tree = {"key": key, "value": _tree(value, arrays)}
+    tree = {"key": key, "value": _to_tree(value, arrays)}
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
         _add(archive, _TREE, json.dumps(tree).encode())
@@ -67,65 +66,65 @@ def dump(value: Any, key: str) -> bytes:
     return stream.getvalue()
 
 
-def load(data: bytes, key: str) -> Any:
-    """The result that `dump` made bytes of.
+def decode_result(data: bytes, key: str) -> Any:
+    """The result that `encode_result` serialised.
 
     Raises
     ------
     DamagedResultError
-        If the bytes are damaged, of another key, or not from `dump` at all.
+        If the bytes are damaged, of another key, or not from `encode_result` at all.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             tree = json.loads(archive.read(_TREE))
             if tree["key"] != key:
                 raise DamagedResultError(f"a result of {tree['key']}, not of {key}")
-            return _value(tree["value"], archive)
-    except _WHAT_DAMAGE_RAISES as error:
-        raise DamagedResultError(f"not a whole result ({error})") from error
+            return _from_tree(tree["value"], archive)
+    except _DAMAGE_ERRORS as error:
+        raise DamagedResultError(f"not a complete result ({error})") from error
 
 
 def _add(archive: zipfile.ZipFile, name: str, data: bytes) -> None:
-    archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED, _EFFORT)
+    archive.writestr(zipfile.ZipInfo(name), data, zipfile.ZIP_DEFLATED, _COMPRESSION_LEVEL)
 
 
-def _tree(value: Any, arrays: list[NDArray[Any]]) -> Any:
-    """A value with its arrays taken out: plain values stay, everything else is {kind: what it holds}."""
+def _to_tree(value: Any, arrays: list[NDArray[Any]]) -> Any:
+    """A value as JSON with its arrays taken out: plain values stay, others become {kind: content}."""
     if value is None or type(value) in (bool, int, float, str):
         return value
     if isinstance(value, np.ndarray | np.generic):
         arrays.append(np.asarray(value))
         return {"array" if isinstance(value, np.ndarray) else "scalar": len(arrays) - 1}
     if type(value) in (tuple, list):
-        return {type(value).__name__: [_tree(part, arrays) for part in value]}
+        return {type(value).__name__: [_to_tree(part, arrays) for part in value]}
     if is_dataclass(value) and not isinstance(value, type):
         kind = type(value)
-        held = {field.name: _tree(getattr(value, field.name), arrays) for field in fields(value)}
+        held = {field.name: _to_tree(getattr(value, field.name), arrays) for field in fields(value)}
         return {"record": [kind.__module__, kind.__qualname__, held]}
-    raise TypeError(f"a result that holds a {type(value).__qualname__} cannot be kept")
+    raise TypeError(f"a result that holds a {type(value).__qualname__} cannot be saved")
 
 
-def _value(tree: Any, archive: zipfile.ZipFile) -> Any:
+def _from_tree(tree: Any, archive: zipfile.ZipFile) -> Any:
     if not isinstance(tree, dict):
         return tree
     [(kind, held)] = tree.items()
     if kind in ("array", "scalar"):
-        npy = io.BytesIO(archive.read(f"{int(held)}.npy"))  # read whole, which checks its sum
+        npy = io.BytesIO(archive.read(f"{int(held)}.npy"))  # read whole, which checks its checksum
         array = np.lib.format.read_array(npy, allow_pickle=False)
         return array if kind == "array" else array[()]
     if kind in ("tuple", "list"):
-        parts = [_value(part, archive) for part in held]
+        parts = [_from_tree(part, archive) for part in held]
         return tuple(parts) if kind == "tuple" else parts
     if kind != "record":
-        raise ValueError(f"a {kind} is nothing that is kept")
+        raise ValueError(f"unknown kind of value: {kind}")
     module, name, parts_by_name = held
-    values = {field: _value(part, archive) for field, part in parts_by_name.items()}
+    values = {field: _from_tree(part, archive) for field, part in parts_by_name.items()}
     return _record(module, name)(**values)
 
 
 def _record(module: str, name: str) -> Any:
-    """A dataclass of the project; its module is loaded already, since the function that makes it is there."""
+    """A dataclass of the project; its module is loaded already, with the function whose result it is."""
     kind = getattr(sys.modules[module], name) if module.startswith("uavseg.") else None
     if not (isinstance(kind, type) and is_dataclass(kind)):
-        raise ValueError(f"{module}.{name} is no dataclass of the project")
+        raise ValueError(f"{module}.{name} is not a dataclass of the project")
     return kind

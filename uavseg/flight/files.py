@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import MissionError
 from uavseg.flight.items import AMSL, FIRMWARES, HEADINGS, RELATIVE, TERRAIN, WAYPOINT, Home, Item
 from uavseg.flight.mission import Mission
@@ -42,7 +42,7 @@ def write(mission: Mission, path: Path_, overwrite: bool = False) -> None:
         If the file is there already, or cannot be written.
     """
     text = _WRITERS[check_format(path)](mission)
-    with whole_file(path, overwrite) as temporary:
+    with atomic_file(path, overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 

@@ -2,10 +2,9 @@
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
 
 from uavseg.errors import MissionError
+from uavseg.raster.geodesy.globe import geod_wgs84
 
 # MAV_CMD
 WAYPOINT, LOITER_TURNS, LOITER_TIME, RETURN, LAND, TAKEOFF = 16, 18, 19, 20, 21, 22
@@ -154,12 +153,4 @@ def check_near(home: Home, lat: float, lon: float) -> None:
 
 def distance_m(lat: float, lon: float, other_lat: float, other_lon: float) -> float:
     """Geodesic distance over ground between two places, in metres."""
-    return float(geod().inv(lon, lat, other_lon, other_lat)[2])
-
-
-@lru_cache(maxsize=1)
-def geod() -> Any:
-    """The ellipsoid on which distances are measured."""
-    from pyproj import Geod
-
-    return Geod(ellps="WGS84")
+    return float(geod_wgs84().inv(lon, lat, other_lon, other_lat)[2])

@@ -24,8 +24,8 @@ from uavseg.flight.items import (
     Item,
     check_firmware,
     check_near,
-    geod,
 )
+from uavseg.raster.geodesy.globe import geod_wgs84
 
 __all__ = ["LANDINGS", "RETURN", "TAKEOFF", "VTOL_TAKEOFF", "Home", "Item", "Mission"]
 
@@ -155,7 +155,8 @@ def _check_distances(mission: Mission) -> None:
     )
     if first is not None:
         check_near(home, first.lat, first.lon)
-    farthest = float(geod().inv(np.full_like(lon, home.lon), np.full_like(lat, home.lat), lon, lat)[2].max())
+    home_lon, home_lat = np.full_like(lon, home.lon), np.full_like(lat, home.lat)
+    farthest = float(geod_wgs84().inv(home_lon, home_lat, lon, lat)[2].max())
     if farthest > FARTHEST_M:
         raise MissionError(
             f"an item lies {farthest / 1000:.0f} km from home; at most {FARTHEST_M / 1000:.0f} km are flown"
@@ -169,5 +170,5 @@ def _check_distances(mission: Mission) -> None:
 
 
 def _lengths(lat: Floats, lon: Floats) -> Floats:
-    lengths: Floats = geod().inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2]
+    lengths: Floats = geod_wgs84().inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2]
     return np.asarray(lengths, dtype=np.float64)

@@ -9,6 +9,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.raster.geodesy.globe import wrap_lon
+
 Floats = NDArray[np.float64]
 
 LONGEST_EDGE_DEG = 0.005  # an edge that is straight in degrees bends by less than a centimetre over it
@@ -46,9 +48,9 @@ def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:
 
     Longitudes are counted from `lon`, so that boxes on both sides of the antimeridian are neighbours.
     """
-    east = (bounds[:, [0, 2]] - lon + 180) % 360 - 180
+    east = wrap_lon(bounds[:, [0, 2]] - lon)
     middle = lon + (east.min() + east.max()) / 2
-    return Plane((bounds[:, 1].min() + bounds[:, 3].max()) / 2, float((middle + 180) % 360 - 180))
+    return Plane((bounds[:, 1].min() + bounds[:, 3].max()) / 2, float(wrap_lon(middle)))
 
 
 @lru_cache(maxsize=8)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import MapError, ParameterError
 from uavseg.jobs.open_source import Blocks, ProbabilityMap
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -165,7 +165,7 @@ def classify(
     blocks = measure_block_map_for(grey, request.limits, segment, dividing)
     cells = cell_states(blocks, request.limits, segment.division)
     del blocks
-    give_back()
+    trim_heap()
     if not cells.any():
         raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
     found = classify_states(

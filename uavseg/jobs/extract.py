@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
 from uavseg.jobs.open_source import Blocks, ProbabilityMap, Raster, Source, raster_of
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -99,7 +99,7 @@ def regions_of_pixels(source: Raster | ProbabilityMap, request: ExtractRequest, 
     blocks = measure_block_map_for(grey, request.interval, request.segment, dividing)
     cells = cells_to_refine(blocks, request.interval, request.segment)  # segments of leaves in range
     del blocks
-    give_back()
+    trim_heap()
     outlined = _outlined(grey, cells, request, outlining)  # refinement to the pixel, outlines, small holes
     return _measured(outlined, SourceInfo.of(grey), request)  # small regions, attributes, drawing
 
@@ -135,7 +135,7 @@ def _outlined(
 ) -> RegionOutlines:
     """Outlines of the regions, with small holes filled."""
     outlined = outline_regions(grey, cells, request.interval, request.segment.refine, tile_pass, expected)
-    give_back()
+    trim_heap()
     return filled(grey, outlined, request.fill_holes, tile_pass)
 
 

@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
 from uavseg.jobs.open_source import Blocks, ProbabilityMap, Raster, Source
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -105,9 +105,9 @@ def _of_pixels(
     blocks = measure_block_map_for(grey, request.levels, segment, dividing)
     kinds = cell_levels(blocks, request.levels, segment.division)
     del blocks
-    give_back()
+    trim_heap()
     outlined = outline_segments(grey, kinds, outlining)
-    give_back()
+    trim_heap()
     return outlined, kinds, SourceInfo.of(grey)
 
 

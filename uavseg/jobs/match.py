@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg._memory import give_back
+from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
 from uavseg.jobs.extract import filled
 from uavseg.jobs.open_source import Source, raster_of
@@ -153,9 +153,9 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     scores = confirmed(grey, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0
     del known
-    give_back()
+    trim_heap()
     outlined = _outlined(grey, scores, valid, criterion, request, passes[4])
-    give_back()
+    trim_heap()
     found = _measured(grey, outlined, scores, sample, request, passes[4])
     hint = "nothing is like the sample; a smaller similarity or a larger intensity finds more"
     hints = () if len(found.regions) else (hint,)

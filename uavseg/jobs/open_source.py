@@ -14,7 +14,7 @@ from uavseg.errors import ParameterError, RasterReadError
 from uavseg.raster.array_source import is_array
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit, parse_stretch
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map, read_block_map
 from uavseg.segmentation.source import GreySource
@@ -125,7 +125,7 @@ class Raster:
 
     def grey(self, tile_pass: TilePass) -> GreySource:
         """The raster through its stretch, which is fitted in a pass where it follows from the pixels."""
-        return GreySource(self.dataset, fit(self.dataset, self.stretch, tile_pass))
+        return GreySource(self.dataset, fit_stretch(self.dataset, self.stretch, tile_pass))
 
 
 @dataclass(frozen=True)
@@ -221,7 +221,7 @@ class ProbabilityMap:
 
     def grey(self, tile_pass: TilePass) -> GreySource:
         """The map through its stretch, as of `Raster`."""
-        return GreySource(self.dataset, fit(self.dataset, self.stretch, tile_pass))
+        return GreySource(self.dataset, fit_stretch(self.dataset, self.stretch, tile_pass))
 
 
 Source = Raster | Blocks | ProbabilityMap

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from uavseg.execution.executors import Map, Progress, serial
-from uavseg.raster.bad_blocks import BadBlock, listening, listing
+from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window
 
@@ -77,15 +77,15 @@ class Work:
         """The executor with its checkpoint, which collects unreadable blocks."""
         run = self.executor
         if self.checkpoint is not None:
-            from uavseg.execution.checkpoint import kept
+            from uavseg.execution.checkpoint import with_checkpoint
 
-            run = kept(run, self.checkpoint, self.resumed)
-        return listing(run, self.bad_blocks)
+            run = with_checkpoint(run, self.checkpoint, self.resumed)
+        return with_bad_blocks(run, self.bad_blocks)
 
     @contextmanager
     def reading_here(self) -> Iterator[None]:
         """A block in which this thread reads; it collects unreadable blocks too."""
-        with listening(self.bad_blocks):
+        with recording_bad_blocks(self.bad_blocks):
             yield
 
     def finished(self, result: Result, *hints: str) -> Result:

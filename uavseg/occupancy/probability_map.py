@@ -10,7 +10,7 @@ from uavseg.errors import MapError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
 from uavseg.raster.dataset import Dataset, Valid, Values
 from uavseg.raster.intensity.grey import Grey
-from uavseg.raster.intensity.stretch import Stretch, fit
+from uavseg.raster.intensity.stretch import Stretch, fit_stretch
 from uavseg.raster.tile_pass import TilePass
 
 
@@ -78,4 +78,4 @@ def stretch_of(dataset: Dataset) -> Stretch:
     """How a map's numbers become grey, whatever they are: by their type alone."""
     if np.dtype(dataset.dtype).kind == "f":
         return ProbabilityStretch(0.0, 1.0, "none -> 0..1")
-    return fit(dataset, "dtype", TilePass([]))
+    return fit_stretch(dataset, "dtype", TilePass([]))

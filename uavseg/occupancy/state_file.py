@@ -5,7 +5,7 @@ import os
 import numpy as np
 
 from uavseg.occupancy.ros.ros_map import is_ros_map, write_ros_map
-from uavseg.raster.formats.geotiff import write_labels
+from uavseg.raster.formats.geotiff import LabelBand, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.segmentation.states.state_image import StateImage
 
@@ -45,4 +45,5 @@ def write_states(
     if is_ros_map(path):
         write_ros_map(path, image.read(), geobox, overwrite, mode)
     else:
-        write_labels(path, image.strips(), geobox, overwrite, dtype=np.uint8, description=DESCRIPTION)
+        band = LabelBand(np.uint8, DESCRIPTION)
+        write_label_geotiff(path, image.strips(), geobox, overwrite, band=band)

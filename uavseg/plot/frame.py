@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from affine import Affine
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import WGS84, Transform, geod_of, is_geographic, transform_between
 
 Floats = NDArray[np.float64]
 
@@ -38,10 +38,10 @@ class Frame:
         return Affine.scale(*self._stretch(y)) * Affine.translation(-x, -y)
 
     def _stretch(self, y: float) -> tuple[float, float]:
-        crs, transform = self.geobox.crs, self.geobox.transform
-        if crs is None:
+        wkt, transform = self.geobox.wkt, self.geobox.transform
+        if wkt is None:
             return 1.0, -1.0 if transform.e > 0 else 1.0  # rows that count downwards: pixels, not a map
-        return max(math.cos(math.radians(y)), 0.1) if crs.is_geographic else 1.0, 1.0
+        return max(math.cos(math.radians(y)), 0.1) if is_geographic(wkt) else 1.0, 1.0
 
     @property
     def pixels(self) -> Affine:
@@ -73,24 +73,21 @@ class Frame:
                 "a mission has a place on the globe and this raster has none; "
                 "give the raster a CRS (gdal_edit.py -a_srs), or leave the mission out"
             )
-        x, y = self._from_globe.transform(np.asarray(lon, np.float64), np.asarray(lat, np.float64))
+        x, y = self._from_lonlat(np.asarray(lon, np.float64), np.asarray(lat, np.float64))
         return self.sheet_from_xy(np.column_stack([x, y]))
 
     @cached_property
-    def _from_globe(self) -> Any:
-        import pyproj
-
-        return pyproj.Transformer.from_crs("EPSG:4326", self.geobox.wkt, always_xy=True)
+    def _from_lonlat(self) -> Transform:
+        return transform_between(WGS84, self.geobox.wkt)
 
     @cached_property
     def metres(self) -> float | None:
         """Ground metres of one unit across the middle of the sheet; None where there is no CRS."""
-        if self.geobox.crs is None:
+        wkt = self.geobox.wkt
+        if wkt is None:
             return None
-        import pyproj
-
         lon, lat = self._around
-        _, _, metres = pyproj.CRS.from_wkt(self.geobox.wkt).get_geod().inv(lon[0], lat[0], lon[1], lat[1])
+        _, _, metres = geod_of(wkt).inv(lon[0], lat[0], lon[1], lat[1])
         return float(metres) / self._step if math.isfinite(metres) and metres > 0 else None
 
     @cached_property

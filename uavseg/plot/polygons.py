@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
+from uavseg.raster.geodesy.globe import transform_between
 from uavseg.regions.formats.read import read_regions
 from uavseg.regions.table import Regions
 
@@ -51,11 +52,9 @@ class Shapes:
 
     def on_sheet(self, frame: Frame) -> Polygons:
         """The polygons on a sheet; as they are where they or the raster have no CRS."""
-        import pyproj
-
         polygons, wkt = self.polygons, frame.geobox.wkt
         if self.crs is not None and wkt is not None:
-            project = pyproj.Transformer.from_crs(self.crs, wkt, always_xy=True).transform
+            project = transform_between(self.crs, wkt)
             polygons = shapely.transform(polygons, lambda x, y: project(x, y), interleaved=False)
         return np.asarray(shapely.transform(polygons, frame.sheet_from_xy), dtype=object)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import ParameterError
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
@@ -89,7 +89,7 @@ def preview(
     frame = Frame(dataset.geobox)
     layers = layers_over(frame, 2 * width_px, levels, states, leaves, regions, path, mission)
     figure = _figure(dataset, frame, grey, layers, width_px / WIDTH_IN)
-    with whole_file(target, overwrite) as temporary:
+    with atomic_file(target, overwrite) as temporary:
         save_figure(figure, temporary)
     return target
 

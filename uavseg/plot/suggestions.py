@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.jobs.suggest import Suggestion, Suggestions
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.range_layer import RangeLayer, colors_of, draw_cells
@@ -45,7 +45,7 @@ def draw_suggestions(
     """
     target = check_picture(out, overwrite)
     figure = _figure(found, dataset)
-    with whole_file(target, overwrite) as temporary:
+    with atomic_file(target, overwrite) as temporary:
         save_figure(figure, temporary)
     return target
 

@@ -1,4 +1,4 @@
-"""Arrays as rasters: numbers in memory, or a DataArray with `.rio`, read by slices so that it stays lazy."""
+"""Arrays as raster sources: arrays in memory, or a DataArray with `.rio`, read by slices to keep it lazy."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -11,7 +11,7 @@ from rasterio.crs import CRS
 from uavseg.errors import ParameterError, RasterError
 from uavseg.raster.bands import BandChoice, BandLayout
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tiling import Window
+from uavseg.raster.tiling import Window, sample_positions
 from uavseg.raster.validity import valid_pixels
 
 Values = NDArray[Any]
@@ -20,7 +20,7 @@ Valid = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArraySource:
-    """A raster that lies wherever its array gets it from; the attributes are those of `RasterFile`."""
+    """A raster source backed by an array; the attributes are those of `RasterFile`."""
 
     array: Any
     path: str
@@ -42,34 +42,35 @@ class ArraySource:
         return self.path
 
     def fingerprint(self) -> object:
-        """Nothing tells whether an array in memory is what it was in another run.
+        """Refused: an array in memory cannot be recognised in another run.
 
         Raises
         ------
         ParameterError
+            Always.
         """
         raise ParameterError(
-            f"{self.name} is an array, and nothing tells whether it changed since; to resume, give the file "
-            "it comes from"
+            f"{self.name} is an array, which cannot be checked for changes; to resume, give the file that it "
+            "comes from"
         )
 
     def read(
         self, _handles: object, choice: BandChoice, window: Window, shape: tuple[int, int] | None = None
     ) -> tuple[Values, Valid | None]:
         """Pixels of the chosen bands, and which of them are valid (None: all); see `RasterFile.read`."""
-        rows = _steps(window.row, window.rows, shape[0] if shape else window.rows)
-        cols = _steps(window.col, window.cols, shape[1] if shape else window.cols)
-        planes = [self._plane(band, rows, cols) for band in choice.bands]
+        rows = _index(window.row, window.rows, shape[0] if shape else window.rows)
+        cols = _index(window.col, window.cols, shape[1] if shape else window.cols)
+        planes = [self._read_plane(band, rows, cols) for band in choice.bands]
         values = np.stack(planes).astype(choice.dtype, copy=False)
         return values, valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], None, None)
 
     def is_empty(self, _handles: object, _choice: BandChoice, _window: Window) -> bool:
-        """Never known beforehand."""
+        """False: it is not known without reading."""
         return False
 
-    def _plane(self, band: int, rows: Any, cols: Any) -> Values:
-        place = (rows, cols) if self.array.ndim == 2 else (band - 1, rows, cols)
-        return np.asarray(self.array[place])
+    def _read_plane(self, band: int, rows: Any, cols: Any) -> Values:
+        index = (rows, cols) if self.array.ndim == 2 else (band - 1, rows, cols)
+        return np.asarray(self.array[index])
 
 
 def is_array(source: object) -> bool:
@@ -78,7 +79,7 @@ def is_array(source: object) -> bool:
 
 
 def from_array(array: Any) -> ArraySource:
-    """A source of (rows, cols) or (bands, rows, cols).
+    """A source of a DataArray of (rows, cols) or (bands, rows, cols).
 
     Raises
     ------
@@ -87,7 +88,7 @@ def from_array(array: Any) -> ArraySource:
     """
     if array.ndim not in (2, 3) or 0 in array.shape:
         raise RasterError(
-            f"a DataArray wants the dimensions (rows, cols) or (bands, rows, cols), not {array.dims} "
+            f"a DataArray must have dimensions (rows, cols) or (bands, rows, cols), not {array.dims} "
             f"of shape {array.shape}"
         )
     dtype = np.dtype(np.uint8) if array.dtype == bool else np.dtype(array.dtype)
@@ -111,7 +112,7 @@ def from_array(array: Any) -> ArraySource:
 
 
 def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
-    """A source of the (rows, cols) numbers of an array, which is neither copied nor changed."""
+    """A source of a (rows, cols) array, which is neither copied nor changed."""
     assert values.shape == geobox.shape, f"values of shape {values.shape} for a grid of {geobox.shape}"
     return ArraySource(
         array=values,
@@ -129,15 +130,13 @@ def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
 
 
 def _chunk(array: Any) -> tuple[int, int]:
-    """Rows and columns of the first chunk; of a square of 512 where the array is in memory."""
+    """Rows and columns of the first chunk; 512 x 512 where the array is in memory."""
     chunks = getattr(array, "chunks", None)
     if not chunks:
         return 512, 512
     return int(chunks[-2][0]), int(chunks[-1][0])
 
 
-def _steps(start: int, length: int, wanted: int) -> Any:
-    """Where to read: all of a range, or the nearest of `wanted` evenly spaced places."""
-    if wanted == length:
-        return slice(start, start + length)
-    return start + ((np.arange(wanted) + 0.5) * (length / wanted)).astype(np.int64)
+def _index(start: int, length: int, count: int) -> Any:
+    """Index of a range of rows or columns: a slice, or evenly spaced positions where it is downsampled."""
+    return slice(start, start + length) if count == length else sample_positions(start, length, count)

@@ -1,7 +1,7 @@
-"""Files that are damaged in places: which of their blocks cannot be read, and the pixels of all others.
+"""Bad blocks: blocks of damaged files that cannot be read, and the pixels of all other blocks.
 
-What can or cannot be decoded is a block of the file. So a window that fails is read again block by block, and
-what comes out depends on the file alone, not on how windows are cut.
+A file is decoded in blocks. A window that fails is read again block by block, so the result depends on the
+file alone, not on the windows.
 """
 
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.raster.bands import BandChoice
-from uavseg.raster.opening import Handles, telling
+from uavseg.raster.opening import OpenFiles, gdal_read_errors
 from uavseg.raster.raster_file import RasterFile
-from uavseg.raster.tiling import Window
+from uavseg.raster.tiling import Window, sample_positions
 
 Values = NDArray[Any]
 Valid = NDArray[np.bool_]
 Indices = NDArray[np.int64]
-Place = tuple[slice, slice]
+Slices = tuple[slice, slice]
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class BadBlock:
-    """A block of a file that cannot be read: where it begins, and how large it is, in pixels of the file."""
+    """A block of a file that cannot be read: first row and column, and size, in pixels of the file."""
 
     path: str
     row: int
@@ -43,41 +43,41 @@ class BadBlock:
         )
 
 
-Missing = tuple[BadBlock, Place]
-"""A block that cannot be read, and where it lies in the array that is read."""
+MissingPart = tuple[BadBlock, Slices]
+"""A block that cannot be read, and its index in the array that is read."""
 
-_listener: ContextVar[set[BadBlock] | None] = ContextVar("listener", default=None)
+_recorder: ContextVar[set[BadBlock] | None] = ContextVar("recorder", default=None)
 
 
-def note(block: BadBlock) -> None:
-    """Tell whoever listens around this call that pixels are missing for this block."""
-    found = _listener.get()
+def record_bad_block(block: BadBlock) -> None:
+    """Report to the enclosing `recording_bad_blocks`, if any, that pixels of this block are missing."""
+    found = _recorder.get()
     if found is not None:
         found.add(block)
 
 
 @contextmanager
-def listening(found: set[BadBlock]) -> Iterator[None]:
-    """Collect the bad blocks that are come across here, in this thread."""
-    token = _listener.set(found)
+def recording_bad_blocks(found: set[BadBlock]) -> Iterator[None]:
+    """Collect the bad blocks that are found in this context, in this thread."""
+    token = _recorder.set(found)
     try:
         yield
     finally:
-        _listener.reset(token)
+        _recorder.reset(token)
 
 
-def listing(map: Map, found: set[BadBlock]) -> Map:
-    """A map that also collects the bad blocks which its function comes across.
+def with_bad_blocks(map: Map, found: set[BadBlock]) -> Map:
+    """An executor that also collects the bad blocks which its function finds.
 
-    They travel with each result, so it does not matter in which thread or process they were come across, or
-    on which day, see `resuming`.
+    They are returned with each result, so they are collected from any thread or process, and from results
+    that an earlier run saved, see `execution.checkpoint`.
 
     Parameters
     ----------
     map : Map
-        Who runs the work.
+        The executor that runs the function.
     found : set of BadBlock
-        Grows as results come in.
+        Updated as results arrive.
     """
 
     def run(
@@ -93,19 +93,19 @@ def listing(map: Map, found: set[BadBlock]) -> Map:
 
 @dataclass(frozen=True)
 class _Listening:
-    """A function that gives the bad blocks which it came across beside its result."""
+    """A function that returns its result with the bad blocks that it found."""
 
     function: Callable[[Any], Any]
 
     def __call__(self, item: Any) -> tuple[Any, tuple[BadBlock, ...]]:
         found: set[BadBlock] = set()
-        with listening(found):
+        with recording_bad_blocks(found):
             result = self.function(item)
         return result, tuple(sorted(found))
 
 
-def read_or_blame(
-    file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
+def read_naming_bad_block(
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None]:
     """`RasterFile.read`; where it fails, the error names the first block that cannot be read.
 
@@ -121,17 +121,17 @@ def read_or_blame(
         raise
 
 
-def read_around(
-    file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
-) -> tuple[Values, Valid | None, list[Missing]]:
-    """`RasterFile.read`, with the pixels of blocks that cannot be read invalid.
+def read_skipping_bad_blocks(
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
+) -> tuple[Values, Valid | None, list[MissingPart]]:
+    """`RasterFile.read`, with the pixels of bad blocks invalid.
 
     Returns
     -------
     values, valid
         As of `RasterFile.read`.
     bad : list of (BadBlock, (slice, slice))
-        The blocks that cannot be read, in raster order, and where they lie in the arrays.
+        The blocks that cannot be read, in raster order, and their index in the arrays.
     """
     try:
         if shape != (window.rows, window.cols) or file.fails_by_block:
@@ -142,29 +142,30 @@ def read_around(
 
 
 def _read_whole_blocks(
-    file: RasterFile, handles: Handles, choice: BandChoice, window: Window
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window
 ) -> tuple[Values, Valid | None]:
-    """A window, if all of each block that it touches can be read."""
-    tall, wide = file.block
-    row, col = window.row // tall * tall, window.col // wide * wide
-    rows = -(-(window.row + window.rows) // tall) * tall - row
-    cols = -(-(window.col + window.cols) // wide) * wide - col
+    """A window, read together with the rest of all blocks that it intersects."""
+    block_rows, block_cols = file.block
+    row, col = window.row // block_rows * block_rows, window.col // block_cols * block_cols
+    rows = -(-(window.row + window.rows) // block_rows) * block_rows - row
+    cols = -(-(window.col + window.cols) // block_cols) * block_cols - col
     values, valid = file.read(handles, choice, Window(row, col, rows, cols).clipped(file.shape))
     own = Window(window.row - row, window.col - col, window.rows, window.cols).slices
     return values[:, *own], None if valid is None else valid[own]
 
 
 def _read_block_by_block(
-    file: RasterFile, handles: Handles, choice: BandChoice, window: Window, shape: tuple[int, int]
-) -> tuple[Values, Valid, list[Missing]]:
-    rows, cols = _nearest(window.row, window.rows, shape[0]), _nearest(window.col, window.cols, shape[1])
-    with telling(file.path, window):
-        handles.open(file.path, file.located)  # a file that is gone is no bad block
+    file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
+) -> tuple[Values, Valid, list[MissingPart]]:
+    rows = sample_positions(window.row, window.rows, shape[0])
+    cols = sample_positions(window.col, window.cols, shape[1])
+    with gdal_read_errors(file.path, window):
+        handles.open(file.path, file.located)  # a missing file is an error, not a bad block
     values = np.zeros((choice.planes, *shape), choice.dtype)
     valid = np.zeros(shape, bool)
     bad = []
     for block in file.blocks_in(window):
-        here = _within(rows, block.row, block.rows), _within(cols, block.col, block.cols)
+        here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:
             continue
         try:
@@ -172,17 +173,12 @@ def _read_block_by_block(
         except RasterReadError:
             bad.append((BadBlock(file.path, block.row, block.col, block.rows, block.cols), here))
             continue
-        wanted = np.ix_(rows[here[0]] - block.row, cols[here[1]] - block.col)
-        values[:, here[0], here[1]] = pixels[:, wanted[0], wanted[1]]
-        valid[here] = True if known is None else known[wanted]
+        sampled = np.ix_(rows[here[0]] - block.row, cols[here[1]] - block.col)
+        values[:, here[0], here[1]] = pixels[:, sampled[0], sampled[1]]
+        valid[here] = True if known is None else known[sampled]
     return values, valid, bad
 
 
-def _nearest(start: int, length: int, wanted: int) -> Indices:
-    """The nearest of `wanted` evenly spaced rows or columns; each of them where as many are wanted."""
-    return start + ((np.arange(wanted) + 0.5) * (length / wanted)).astype(np.int64)
-
-
-def _within(indices: Indices, start: int, length: int) -> slice:
+def _indices_within(indices: Indices, start: int, length: int) -> slice:
     first, end = np.searchsorted(indices, [start, start + length]).tolist()
     return slice(first, end)

@@ -1,4 +1,4 @@
-"""Which bands of a raster are its intensity, and what their numbers mean."""
+"""Band selection: one band as intensity, or three for luminance; data type and bit depth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from uavseg.errors import ParameterError, RasterError
 
 @dataclass(frozen=True, slots=True)
 class BandLayout:
-    """What a file says about its bands, first band first.
+    """Types, colour interpretations and bit depths of the bands of a file, first band first.
 
     Parameters
     ----------
     dtypes, roles : tuple of str
         Type of each band, and its colour interpretation ("red", "alpha", "undefined", ...).
     bits : tuple of int
-        Bits of each band that are used: 12 for a sensor of 12 bits stored in uint16.
+        Bits of each band that are used: 12 for 12-bit data stored as uint16.
     """
 
     dtypes: tuple[str, ...]
@@ -34,7 +34,7 @@ class BandLayout:
 class BandChoice:
     """The bands, counted from 1, that are read as intensity: one, or three for luminance.
 
-    `expanded` says that the one band is an index into a palette, and is read as the three bands of it.
+    If `expanded`, the one band is an index into a palette, and is read as three bands of colours.
     """
 
     bands: tuple[int, ...]
@@ -44,12 +44,12 @@ class BandChoice:
 
     @property
     def planes(self) -> int:
-        """How many values a pixel is read as: 1, or 3 for luminance."""
+        """Number of values per pixel that is read: 1, or 3 for luminance."""
         return 3 if self.expanded else len(self.bands)
 
     @property
     def name(self) -> str:
-        """For people: "band 1", "luminance of bands 1,2,3"."""
+        """Description for messages: "band 1", "luminance of bands 1,2,3"."""
         if self.expanded:
             return f"luminance of the palette of band {self.bands[0]}"
         if len(self.bands) == 1:
@@ -57,26 +57,26 @@ class BandChoice:
         return f"luminance of bands {','.join(map(str, self.bands))}"
 
 
-def choose(
+def choose_bands(
     layout: BandLayout, band: int | None = None, rgb: Sequence[int] | None = None, palette: bool = False
 ) -> BandChoice:
-    """The bands that become intensity.
+    """Choose the bands that become intensity.
 
-    One named by `band`, three named by `rgb`, or else by what the file says: luminance where it is in colour
-    (or has three bands that are not alpha), the first band otherwise. The indices of a palette are read
-    as they are only if `band` names their band.
+    `band` names one, `rgb` three. The default is luminance if the file has colours (or three bands that are
+    not alpha), and the first band otherwise. The indices of a palette are read as they are only if `band`
+    names their band.
 
     Raises
     ------
     ParameterError
-        If both `band` and `rgb` are given, or a band that is not there.
+        If both `band` and `rgb` are given, or a band does not exist.
     RasterError
         If the bands cannot be intensity: complex numbers, CMYK, three bands of different types.
 
     Examples
     --------
     >>> layout = BandLayout(("uint8",) * 4, ("blue", "green", "red", "alpha"), (8,) * 4)
-    >>> choose(layout).bands, choose(layout, band=2).bands
+    >>> choose_bands(layout).bands, choose_bands(layout, band=2).bands
     ((3, 2, 1), (2,))
     """
     if band is not None and rgb is not None:
@@ -85,15 +85,15 @@ def choose(
         return BandChoice((1,), np.dtype(np.uint8), 8, expanded=True)
     named = (band,) if band is not None else tuple(rgb) if rgb is not None else None
     if rgb is not None and len(rgb) != 3:
-        raise ParameterError(f"rgb wants three bands, for instance 1,2,3, not {len(rgb)}")
-    bands = named or _usual(layout)
+        raise ParameterError(f"rgb takes three bands, for instance 1,2,3, not {len(rgb)}")
+    bands = named or _default_bands(layout)
     for number in bands:
         if not 1 <= number <= len(layout.dtypes):
             raise ParameterError(f"there is no band {number}: {_count_text(len(layout.dtypes))}")
     return BandChoice(bands, _common_type(layout, bands), max(layout.bits[number - 1] for number in bands))
 
 
-def _usual(layout: BandLayout) -> tuple[int, ...]:
+def _default_bands(layout: BandLayout) -> tuple[int, ...]:
     roles = layout.roles
     if {"red", "green", "blue"} <= set(roles):
         return tuple(roles.index(color) + 1 for color in ("red", "green", "blue"))

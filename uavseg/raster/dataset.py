@@ -1,4 +1,4 @@
-"""Dataset: one raster, or many that together make one; read by window, anywhere, by anyone."""
+"""Dataset: one raster or a mosaic, with windowed reads that are thread-safe and picklable."""
 
 import os
 from collections.abc import Iterable, Sequence
@@ -10,27 +10,32 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.raster.array_source import from_array, from_values, is_array
-from uavseg.raster.bad_blocks import Missing, note, read_around, read_or_blame
-from uavseg.raster.bands import BandChoice, choose
+from uavseg.raster.bad_blocks import (
+    MissingPart,
+    read_naming_bad_block,
+    read_skipping_bad_blocks,
+    record_bad_block,
+)
+from uavseg.raster.bands import BandChoice, choose_bands
 from uavseg.raster.geobox import GeoBox, scaled
-from uavseg.raster.inspect_file import inspect
-from uavseg.raster.mosaic import Mosaic, Source, lay_out
-from uavseg.raster.opening import Handles
+from uavseg.raster.inspect_file import inspect_file
+from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
+from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
 from uavseg.raster.validity import usable_nodata
 
 Values = NDArray[Any]
 Valid = NDArray[np.bool_]
-Part = tuple[Source, Window, tuple[slice, slice]]
+Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Intensity of one raster or of a mosaic, by window.
+    """Windowed reads of the intensity bands of one raster or of a mosaic.
 
-    It holds paths and what the files say about themselves, never pixels; files are opened when they are first
-    read, by each thread for itself. So it may be pickled, and read by many threads at once.
+    It holds paths and metadata, never pixels; each thread opens files when it first reads them. So it can be
+    pickled, and read by many threads at once.
 
     Examples
     --------
@@ -42,7 +47,7 @@ class Dataset:
     choice: BandChoice
     warnings: tuple[str, ...]
     skip_bad_tiles: bool = False
-    _handles: Handles = field(default_factory=Handles, repr=False)
+    _handles: OpenFiles = field(default_factory=OpenFiles, repr=False)
 
     @classmethod
     def open(
@@ -53,55 +58,57 @@ class Dataset:
         nodata: float | None = None,
         skip_bad_tiles: bool = False,
     ) -> "Dataset":
-        """A dataset of what `sources` names; no pixel is read.
+        """Open rasters as a dataset; no pixel is read.
 
         Parameters
         ----------
         sources : path, sequence of paths, or DataArray
-            Many rasters are one mosaic; where they overlap, the first that has a valid pixel wins. Anything
-            that GDAL opens may be named. A DataArray wants rioxarray's `.rio`.
+            Several rasters make one mosaic; where they overlap, the first with a valid pixel wins. A path is
+            anything that GDAL opens. A DataArray needs rioxarray's `.rio`.
         band : int, optional
             The band to use, counted from 1.
         rgb : three ints, optional
             The bands of red, green and blue, to use their luminance.
         nodata : float, optional
-            Takes the place of the nodata value in the files; NaN is allowed.
+            Replaces the nodata value of the files; NaN is allowed.
         skip_bad_tiles : bool
-            Whether pixels of blocks of a file that cannot be read count as nodata, instead of being an error;
-            see `raster.skipping` for which those are.
+            Whether blocks of a file that cannot be read count as nodata instead of being an error; see
+            `raster.bad_blocks`.
 
         Raises
         ------
         RasterReadError
             If a file cannot be opened.
         RasterError
-            If a raster is of a kind that cannot be answered rightly.
+            If a raster is of an unsupported kind.
         MosaicError
-            If rasters do not fit together.
+            If the rasters do not fit together.
         ParameterError
-            If a band is not there.
+            If a band does not exist.
         """
-        files = [from_array(source) if is_array(source) else inspect(source) for source in _listed(sources)]
-        mosaic = lay_out(files)
+        files = [
+            from_array(source) if is_array(source) else inspect_file(source) for source in _listed(sources)
+        ]
+        mosaic = align_rasters(files)
         first = files[0]
-        choice = choose(first.layout, band, rgb, first.palette is not None)
-        known, told = _with_nodata(mosaic.files, choice, nodata)
+        choice = choose_bands(first.layout, band, rgb, first.palette is not None)
+        files_with_nodata, warnings = _with_nodata(mosaic.files, choice, nodata)
         if choice.expanded:
-            told = (
-                *told,
+            warnings = (
+                *warnings,
                 "the palette is expanded to luminance; name --band 1 to use its indices themselves",
             )
-        return cls(replace(mosaic, files=known), choice, told, skip_bad_tiles)
+        return cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles)
 
     @classmethod
     def of_values(cls, values: Values, geobox: GeoBox, name: str) -> "Dataset":
-        """A dataset of numbers in memory, (rows, cols); it looks at the array and does not copy it."""
+        """A dataset of a (rows, cols) array in memory, which is not copied."""
         source = from_values(values, geobox, name)
-        return cls(lay_out([source]), choose(source.layout), ())
+        return cls(align_rasters([source]), choose_bands(source.layout), ())
 
     @property
     def geobox(self) -> GeoBox:
-        """Where the pixels lie."""
+        """The grid of the pixels."""
         return self.mosaic.geobox
 
     @property
@@ -111,7 +118,7 @@ class Dataset:
 
     @property
     def bits(self) -> int:
-        """Bits of a value that are used."""
+        """Number of bits of a value that are used."""
         return self.choice.bits
 
     @property
@@ -121,7 +128,7 @@ class Dataset:
 
     @property
     def band_names(self) -> str:
-        """The bands that are used, for people."""
+        """Description of the bands that are used, for messages."""
         return self.choice.name
 
     @property
@@ -131,21 +138,21 @@ class Dataset:
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """The files, in the order given."""
+        """Paths of the files, in the order given."""
         return tuple(file.path for file in self.mosaic.files)
 
     @property
     def source(self) -> str:
-        """Name of the first raster, without folder."""
+        """File name of the first raster."""
         return self.mosaic.files[0].name
 
     def fingerprint(self) -> tuple[object, ...]:
-        """What everything read from here depends on: the files as they are now, and how they are read."""
+        """Content hash input: the files as they are now, and the options for reading them."""
         files = tuple(file.fingerprint() for file in self.mosaic.files)
         return files, self.mosaic.boxes, self.choice, self.skip_bad_tiles
 
     def is_empty(self, window: Window) -> bool:
-        """Whether it is known without decoding that no pixel of `window` is valid."""
+        """Whether no pixel of `window` is valid, as far as is known without decoding."""
         return all(
             file.is_empty(self._handles, self.choice, part) for file, part, _ in self.mosaic.parts(window)
         )
@@ -156,36 +163,36 @@ class Dataset:
         Returns
         -------
         values : (1 or 3, rows, cols) array of `dtype`
-            What invalid pixels hold is of no meaning.
+            Arbitrary where a pixel is invalid.
         valid : (rows, cols) bool array, or None if every pixel is valid
 
         Raises
         ------
         RasterReadError
-            If a file is damaged there, and `skip_bad_tiles` is false.
+            If a file is damaged inside the window, and `skip_bad_tiles` is false.
         """
         if len(self.mosaic.files) == 1:
             [file], shape = self.mosaic.files, (window.rows, window.cols)
             values, valid, bad = self._read_part(file, window, shape)
             for block, _ in bad:
-                note(block)
+                record_bad_block(block)
             return values, valid
         return self._fill((window.rows, window.cols), self.mosaic.parts(window))
 
     def read_coarse(self, max_side: int) -> tuple[Values, Valid | None, GeoBox]:
-        """A reduced picture of the whole, for the eye: nearest pixels, from overviews where there are some.
+        """Downsampled read of the whole for display: nearest pixels, from overviews where there are any.
 
         Parameters
         ----------
         max_side : int
-            Neither rows nor columns are more than this.
+            Maximum of rows and of columns.
 
         Returns
         -------
         values, valid
-            As `read` gives them.
+            As of `read`.
         geobox : GeoBox
-            Where the reduced pixels lie; together they cover what the dataset covers.
+            The grid of the reduced pixels; its extent is that of the dataset.
         """
         rows, cols = self.geobox.shape
         factor = max(rows, cols, max_side) / max_side
@@ -195,7 +202,7 @@ class Dataset:
         return values, valid, GeoBox(shape, transform, self.geobox.crs)
 
     def describe(self) -> dict[str, Any]:
-        """Facts about the files, for people: plain words and numbers by name."""
+        """Metadata of the files as plain values by name, for messages."""
         first, box = self.mosaic.files[0], self.geobox
         return {
             "files": len(self.mosaic.files),
@@ -214,7 +221,7 @@ class Dataset:
         }
 
     def _fill(self, shape: tuple[int, int], parts: Iterable[Part]) -> tuple[Values, Valid | None]:
-        """The parts put together; the first that is valid wins."""
+        """Merge parts of files; the first valid pixel wins."""
         values = np.zeros((self.choice.planes, *shape), self.dtype)
         filled = np.zeros(shape, bool)
         for file, part, (rows, cols) in parts:
@@ -223,8 +230,8 @@ class Dataset:
                 continue
             pixels, valid, bad = self._read_part(file, part, missing.shape)
             for block, place in bad:
-                if missing[place].any():  # no file before it has these pixels
-                    note(block)
+                if missing[place].any():  # no earlier file has these pixels
+                    record_bad_block(block)
             if valid is not None:
                 missing &= valid
             np.copyto(values[:, rows, cols], pixels, where=missing)
@@ -232,46 +239,46 @@ class Dataset:
         return values, None if filled.all() else filled
 
     def _read_part(
-        self, file: Source, part: Window, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None, Sequence[Missing]]:
-        """Values and validity of a part of a file, and what of it cannot be read."""
+        self, file: RasterSource, part: Window, shape: tuple[int, int]
+    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
+        """Values and validity of a part of a file, and which blocks of it cannot be read."""
         if file.is_empty(self._handles, self.choice, part):
             return np.zeros((self.choice.planes, *shape), self.dtype), np.zeros(shape, bool), ()
         if not isinstance(file, RasterFile):
             return *file.read(self._handles, self.choice, part, shape), ()
         if self.skip_bad_tiles:
-            return read_around(file, self._handles, self.choice, part, shape)
-        return *read_or_blame(file, self._handles, self.choice, part, shape), ()
+            return read_skipping_bad_blocks(file, self._handles, self.choice, part, shape)
+        return *read_naming_bad_block(file, self._handles, self.choice, part, shape), ()
 
 
 def _listed(sources: Any) -> list[Any]:
-    """The sources one by one; a lone one is a list of one."""
+    """The sources as a list."""
     if isinstance(sources, str | os.PathLike) or is_array(sources):
         return [sources]
     if not sources:
-        raise ParameterError("there is no raster to open; name at least one")
+        raise ParameterError("there is no raster to open; give at least one")
     return list(sources)
 
 
 def _with_nodata(
-    files: Sequence[Source], choice: BandChoice, nodata: float | None
-) -> tuple[tuple[Source, ...], tuple[str, ...]]:
-    """The files with the nodata values that count, and everything there is to tell."""
-    known: list[Source] = []
-    told: list[str] = []
+    files: Sequence[RasterSource], choice: BandChoice, nodata: float | None
+) -> tuple[tuple[RasterSource, ...], tuple[str, ...]]:
+    """The files with the nodata values in effect, and all warnings."""
+    found: list[RasterSource] = []
+    warnings: list[str] = []
     for file in files:
-        told += file.warnings
+        warnings += file.warnings
         values = list(file.nodatas)
         for band in choice.bands:
-            wanted = values[band - 1] if nodata is None else nodata
-            values[band - 1], warning = usable_nodata(wanted, np.dtype(file.layout.dtypes[band - 1]))
+            number = values[band - 1] if nodata is None else nodata
+            values[band - 1], warning = usable_nodata(number, np.dtype(file.layout.dtypes[band - 1]))
             if warning:
-                told.append(f"{file.name}: {warning}")
-        known.append(replace(file, nodatas=tuple(values)))
-    return tuple(known), tuple(dict.fromkeys(told))
+                warnings.append(f"{file.name}: {warning}")
+        found.append(replace(file, nodatas=tuple(values)))
+    return tuple(found), tuple(dict.fromkeys(warnings))
 
 
 def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
-    """The tiles of a dataset, in the order of reading: squares of this side, else what suits its files."""
+    """The tiles of a dataset in reading order: squares of this side, or a size that suits its files."""
     shape = dataset.geobox.shape
     return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))

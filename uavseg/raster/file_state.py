@@ -1,34 +1,33 @@
-"""Which files a raster is made of, and what tells whether they changed."""
+"""File state: path, size and modification time of every file that a raster consists of."""
 
 from pathlib import Path
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 
-State = tuple[str, int, int]
+FileState = tuple[str, int, int]
 
 
-def states(path: str) -> tuple[State, ...]:
-    """Path, size in bytes and time of change in ns of every file that a raster is made of.
+def file_states(path: str) -> tuple[FileState, ...]:
+    """Path, size in bytes and modification time in ns of every file that a raster consists of.
 
-    That is the file itself, what lies beside it (masks, overviews) and what it refers to (a VRT). Of a file
-    within an archive it is the archive; of one that is not on this machine's disks only the address is known,
-    with -1 and -1.
+    These are the file itself, its sidecar files (masks, overviews) and those that it refers to (a VRT). A
+    file in an archive is represented by the archive; a remote file by its address, with -1 and -1.
 
     Raises
     ------
     RasterReadError
-        If the raster cannot be opened any more.
+        If the raster cannot be opened.
     """
     try:
-        with gdal(), quiet_open(path) as source:
+        with gdal_env(), quiet_open(path) as source:
             names = sorted({path, *source.files})
     except GDAL_ERRORS as error:
-        raise RasterReadError(f"{path} cannot be opened as a raster ({first_cause(error)})") from error
+        raise RasterReadError(f"{path} cannot be opened as a raster ({root_cause(error)})") from error
     return tuple(_state(name) for name in names)
 
 
-def _state(name: str) -> State:
+def _state(name: str) -> FileState:
     for path in _on_disk(name):
         try:
             found = path.stat()
@@ -39,7 +38,7 @@ def _state(name: str) -> State:
 
 
 def _on_disk(name: str) -> list[Path]:
-    """Where a name may lie on a disk: as it is, or for a name within an archive, the archive."""
+    """Paths on disk that a name may stand for: itself, or for a name in an archive, the archive."""
     if not name.startswith("/vsi"):
         return [Path(name)]
     inner = Path(name.split("/", 2)[-1].replace("{", "").replace("}", ""))

@@ -1,9 +1,6 @@
-"""Where pixels lie on the map: a shape, an affine transform and a coordinate reference system."""
+"""Georeferenced grid: a shape, an affine transform and a coordinate reference system (CRS)."""
 
-import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from affine import Affine
@@ -11,16 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
 from uavseg.errors import MapError, RasterError
+from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.tiling import Window
 
 Floats = NDArray[np.float64]
 
-_EARTH_RADII_M = (6.3e6, 6.4e6)  # ellipsoids of the Earth have their semi-major axis in here
-
 
 @dataclass(frozen=True, slots=True)
 class GeoBox:
-    """A grid of pixels with a place on the map.
+    """A georeferenced grid of pixels.
 
     Parameters
     ----------
@@ -29,7 +25,7 @@ class GeoBox:
     transform : affine.Affine
         From pixel corners (col, row) to the map (x, y); the outer corner of the first pixel is (0, 0).
     crs : rasterio.crs.CRS or None
-        None where coordinates are local.
+        None if coordinates are local.
 
     Examples
     --------
@@ -67,26 +63,26 @@ class GeoBox:
     def lonlat_from_xy(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
         """Longitude and latitude in degrees of map coordinates.
 
-        WGS 84 on the Earth; on another celestial body, the geographic system that the CRS is made from.
-        A point outside what the projection can express comes back as infinity.
+        WGS 84 on the Earth; on another celestial body, the geographic CRS that the CRS is based on. Infinite
+        for points outside the domain of the projection.
 
         Raises
         ------
         RasterError
-            If there is no CRS, or one that has no place on a globe.
+            If there is no CRS, or one without longitude and latitude.
         """
         if self.crs is None:
-            raise RasterError("there is no coordinate reference system, hence no longitude and latitude")
-        lon, lat = _to_globe(self.wkt or "").transform(np.asarray(x, np.float64), np.asarray(y, np.float64))
+            raise RasterError("no coordinate reference system, so no longitude and latitude")
+        lon, lat = lonlat_transform(self.wkt)(np.asarray(x, np.float64), np.asarray(y, np.float64))
         return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
 
     def window(self, window: Window) -> "GeoBox":
-        """The part of the grid under `window`."""
+        """The part of the grid inside `window`."""
         transform = shifted(self.transform, window.row, window.col)
         return replace(self, shape=(window.rows, window.cols), transform=transform)
 
     def coarsen(self, side: int) -> "GeoBox":
-        """The grid of cells of `side` x `side` pixels; the last ones may reach past the edge."""
+        """The grid of cells of `side` x `side` pixels; the last cells may extend past the edge."""
         rows, cols = (-(-length // side) for length in self.shape)
         return replace(self, shape=(rows, cols), transform=scaled(self.transform, side, side))
 
@@ -103,34 +99,20 @@ def scaled(transform: Affine, rows: float, cols: float) -> Affine:
     return Affine(a * cols, b * rows, c, d * cols, e * rows, f)
 
 
-@lru_cache(maxsize=32)
-def _to_globe(wkt: str) -> Any:
-    import pyproj
-    from pyproj.exceptions import ProjError
-
-    try:
-        crs = pyproj.CRS.from_wkt(wkt)
-        on_earth = _EARTH_RADII_M[0] < crs.ellipsoid.semi_major_metre < _EARTH_RADII_M[1]
-        return pyproj.Transformer.from_crs(crs, "EPSG:4326" if on_earth else crs.geodetic_crs, always_xy=True)
-    except (ProjError, AttributeError) as error:
-        raise RasterError("the coordinate reference system has no way to longitude and latitude") from error
-
-
-def upright(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
-    """Square cells with y up, in local metres, the lower left corner at `origin`."""
+def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
+    """A north-up grid of square cells in local metres, with its lower left corner at `origin`."""
     transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)
     return GeoBox(shape, transform, None)
 
 
 def check_metres(geobox: GeoBox) -> None:
-    """Refuse a map whose coordinates are not metres, as far as it says so.
+    """Check that the coordinates of a map are metres; local coordinates are taken for metres.
 
     Raises
     ------
     MapError
+        If they are not.
     """
-    crs = geobox.crs
-    if crs is None or (crs.is_projected and math.isclose(crs.linear_units_factor[1], 1.0)):
-        return
-    unit = "degrees" if crs.is_geographic else crs.linear_units
-    raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")
+    if not is_in_metres(geobox.wkt):
+        unit = unit_name(geobox.wkt)
+        raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")

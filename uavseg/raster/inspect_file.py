@@ -1,4 +1,4 @@
-"""What a raster file says about itself, asked once; what cannot be answered rightly is refused here."""
+"""Raster metadata: read once when a file is opened; unsupported kinds of raster are refused here."""
 
 import os
 import shlex
@@ -14,7 +14,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.raster.bands import BandLayout
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open, why_not_opened
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, quiet_open, root_cause
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
@@ -22,40 +22,40 @@ Answer = TypeVar("Answer")
 _BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 
 
-def inspect(path: str | os.PathLike[str]) -> RasterFile:
-    """Open a raster and note what it says about itself.
+def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
+    """Read the metadata of a raster file.
 
     Raises
     ------
     RasterReadError
-        If there is no raster that can be opened.
+        If the file is not a raster that can be opened.
     RasterError
-        If it is of a kind that cannot be answered rightly.
+        If it is of an unsupported kind.
     """
     name = os.fspath(path)
     try:
-        with gdal(), quiet_open(name) as source:
-            return _facts(name, source)
+        with gdal_env(), quiet_open(name) as source:
+            return _metadata(name, source)
     except GDAL_ERRORS as error:
-        raise RasterReadError(why_not_opened(name, error)) from error
+        raise RasterReadError(open_error_text(name, error)) from error
 
 
-def _facts(path: str, source: DatasetReader) -> RasterFile:
-    told: list[str] = []
-    crs = _crs(source, told)
+def _metadata(path: str, source: DatasetReader) -> RasterFile:
+    warnings: list[str] = []
+    crs = _crs(source, warnings)
     if crs is not None:
         _check_proj()
     layout = _layout(source)
     if not layout.dtypes:
-        raise RasterError(f"{path} has no bands of its own{_subdatasets(source)}")
-    structure = _ask(lambda: source.tags(ns="IMAGE_STRUCTURE"))
+        raise RasterError(f"{path} has no bands{_subdatasets(source)}")
+    structure = _retry(lambda: source.tags(ns="IMAGE_STRUCTURE"))
     inverted = structure.get("MINISWHITE") == "YES"
     transform = _transform(path, source)
     if transform is None:
         crs = None
-        told.append("it has no place on the map (no geotransform): coordinates are pixels")
-    elif crs is None and not told:
-        told.append("it has no coordinate reference system: coordinates are local")
+        warnings.append("it has no place on the map (no geotransform): coordinates are pixels")
+    elif crs is None and not warnings:
+        warnings.append("it has no coordinate reference system: coordinates are local")
     return RasterFile(
         path=path,
         shape=source.shape,
@@ -70,43 +70,43 @@ def _facts(path: str, source: DatasetReader) -> RasterFile:
         palette=None if inverted else _palette(source, layout),
         driver=source.driver,
         overviews=tuple(source.overviews(1)),
-        warnings=tuple(f"{Path(path).name}: {text}" for text in told),
+        warnings=tuple(f"{Path(path).name}: {text}" for text in warnings),
     )
 
 
-def _ask(question: Callable[[], Answer]) -> Answer:
-    """An answer of GDAL's, asked twice: the first time may fail for an error left by an earlier call."""
+def _retry(query: Callable[[], Answer]) -> Answer:
+    """Call a query of GDAL, twice if needed: the first call may report an error left by an earlier one."""
     try:
-        return question()
+        return query()
     except GDAL_ERRORS:
-        return question()
+        return query()
 
 
-def _crs(source: DatasetReader, told: list[str]) -> CRS | None:
-    """The CRS, or None with the reason told; GDAL may report a bad one only at the next question."""
+def _crs(source: DatasetReader, warnings: list[str]) -> CRS | None:
+    """The CRS, or None with a warning; GDAL may report an invalid one only on the next call."""
     try:
         crs = source.crs
-        source.colorinterp  # noqa: B018 - makes a pending complaint about the CRS come up
+        source.colorinterp  # noqa: B018 - raises a pending error about the CRS
     except GDAL_ERRORS as error:
-        told.append(f"its coordinate reference system cannot be read ({error}): coordinates are local")
+        warnings.append(f"its coordinate reference system cannot be read ({error}): coordinates are local")
         return None
     return crs or None
 
 
 @lru_cache
 def _check_proj() -> None:
-    """Without a database of its own version, PROJ half understands what files say: better to stop."""
+    """Check PROJ's database: with one of another version, PROJ misreads coordinate reference systems."""
     try:
         CRS.from_epsg(4326)
     except GDAL_ERRORS as error:
         raise RasterError(
-            "coordinate reference systems cannot be understood: PROJ finds no database, or that of another "
-            f"installation ({first_cause(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
+            "coordinate reference systems cannot be read: PROJ finds no database, or that of another "
+            f"installation ({root_cause(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
         ) from error
 
 
 def _layout(source: DatasetReader) -> BandLayout:
-    dtypes = tuple(_ask(lambda: source.dtypes))
+    dtypes = tuple(_retry(lambda: source.dtypes))
     bits = []
     for band, name in enumerate(dtypes, start=1):
         size = np.dtype(name).itemsize * 8
@@ -119,7 +119,7 @@ def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int,
     if layout.roles[0] != "palette":
         return None
     colors = source.colormap(1)
-    if colors == _BLACK_AND_WHITE:  # how GDAL shows bits; they are fine as they are
+    if colors == _BLACK_AND_WHITE:  # GDAL's palette for bits, which are used as they are
         return None
     return tuple(colors.get(index, (0, 0, 0, 0)) for index in range(max(colors) + 1))
 
@@ -133,9 +133,9 @@ def _masks(source: DatasetReader) -> str:
 
 
 def _transform(path: str, source: DatasetReader) -> Affine | None:
-    """The geotransform; None if there is none."""
+    """The geotransform, or None."""
     transform = source.transform
-    missing = transform.is_identity or not abs(transform.determinant) > 1e-200  # some drivers leave it unset
+    missing = transform.is_identity or not abs(transform.determinant) > 1e-200  # some drivers leave it zero
     if not missing:
         return transform
     warped = f"{Path(path).stem}.warped.tif"
@@ -155,4 +155,4 @@ def _transform(path: str, source: DatasetReader) -> Affine | None:
 def _subdatasets(source: DatasetReader) -> str:
     if not source.subdatasets:
         return ""
-    return f"; name one of its parts, for instance {source.subdatasets[0]}"
+    return f"; name one of its subdatasets, for instance {source.subdatasets[0]}"

@@ -1,4 +1,4 @@
-"""Many rasters as one: they lie on one grid of pixels, and the first that is valid wins."""
+"""Mosaic: several rasters on a common pixel grid; where they overlap, the first valid pixel wins."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,38 +13,37 @@ from uavseg.raster.geobox import GeoBox, shifted
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window
 
-GRID_TOLERANCE = 1e-3  # pixels: how far corners may lie off the common grid
+GRID_TOLERANCE = 1e-3  # pixels: largest offset of a corner from the common grid
 
 Boxes = NDArray[np.int64]
-Source = RasterFile | ArraySource
+RasterSource = RasterFile | ArraySource
 
 
 @dataclass(frozen=True, eq=False)
 class Mosaic:
-    """Rasters on one grid.
+    """Rasters on a common grid.
 
     Parameters
     ----------
     files : tuple of Source
         The first wins where they overlap.
     boxes : (files, 4) int64 array
-        First row, first column, row and column past the end of each file, in pixels of `geobox`.
+        First row, first column, end row and end column of each file, in pixels of `geobox`.
     geobox : GeoBox
-        The smallest grid that holds all of them.
+        The smallest grid that contains all of them.
     """
 
-    files: tuple[Source, ...]
+    files: tuple[RasterSource, ...]
     boxes: Boxes
     geobox: GeoBox
 
-    def parts(self, window: Window) -> Iterator[tuple[Source, Window, tuple[slice, slice]]]:
-        """The files that lie under `window`, first file first.
+    def parts(self, window: Window) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
+        """The files that intersect `window`, in order.
 
         Yields
         ------
         file, part, place
-            `part` is what the file has of the window, in pixels of the file; `place` is where that belongs in
-            an array of the window.
+            `part` is the intersection in pixels of the file, `place` its index in an array of the window.
         """
         top, left, bottom, right = self.boxes.T
         end_row, end_col = window.row + window.rows, window.col + window.cols
@@ -56,10 +55,12 @@ class Mosaic:
             place = Window(row - window.row, col - window.col, rows, cols).slices
             yield self.files[index], Window(row - file_row, col - file_col, rows, cols), place
 
-    def coarse_parts(self, shape: tuple[int, int]) -> Iterator[tuple[Source, Window, tuple[slice, slice]]]:
-        """Every file whole, and where it belongs in a picture of the mosaic reduced to `shape`.
+    def coarse_parts(
+        self, shape: tuple[int, int]
+    ) -> Iterator[tuple[RasterSource, Window, tuple[slice, slice]]]:
+        """Every file whole, with its index in an array of the mosaic downsampled to `shape`.
 
-        A file that is smaller than a pixel of that picture may be left out.
+        A file smaller than a pixel of that array may be left out.
         """
         scale = np.tile(np.array(shape) / np.array(self.geobox.shape), 2)
         places = np.ceil(self.boxes * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
@@ -68,13 +69,13 @@ class Mosaic:
                 yield file, Window(0, 0, *file.shape), (slice(row, end_row), slice(col, end_col))
 
 
-def lay_out(files: Sequence[Source]) -> Mosaic:
-    """The grid that holds all files, and where on it each of them lies.
+def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
+    """The grid that contains all files, and the position of each file on it.
 
     Raises
     ------
     MosaicError
-        If one differs from the first in CRS, resolution or bands, or lies off its grid of pixels.
+        If one differs from the first in CRS, resolution or bands, or is not aligned with its pixel grid.
     """
     first = files[0]
     if len(files) == 1:
@@ -90,11 +91,11 @@ def lay_out(files: Sequence[Source]) -> Mosaic:
     return Mosaic(tuple(files), boxes, GeoBox((rows, cols), transform, first.crs))
 
 
-def _origin(files: Sequence[Source], boxes: Boxes) -> Affine:
-    """The transform of the whole grid.
+def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
+    """The transform of the common grid.
 
-    Its numbers are those of files that lie at its edges where there are such, so that neither the order of
-    the files nor rounding moves it.
+    Its coefficients are taken from the files at its edges where possible, so that neither the order of the
+    files nor rounding moves it.
     """
     t = Affine(*min(tuple(file.transform)[:6] for file in files))
     if t.b == 0 == t.d:
@@ -106,7 +107,7 @@ def _origin(files: Sequence[Source], boxes: Boxes) -> Affine:
     return shifted(files[first].transform, -row, -col)
 
 
-def _corner(file: Source, first: Source) -> tuple[int, int]:
+def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
     """Row and column, on the grid of `first`, of the first pixel of `file`."""
     _check_traits(file, first)
     rows, cols = file.shape
@@ -118,47 +119,47 @@ def _corner(file: Source, first: Source) -> tuple[int, int]:
     if max(map(abs, drifts)) > GRID_TOLERANCE:
         raise MosaicError(
             f"{file.path} has pixels of {_pixel(file.transform)}, and {first.path} of "
-            f"{_pixel(first.transform)}; rasters of one mosaic must agree"
+            f"{_pixel(first.transform)}; the rasters of a mosaic must agree"
         )
     off = max(abs(col - round(col)), abs(row - round(row)))
     if off > GRID_TOLERANCE:
         raise MosaicError(
-            f"{file.path} lies {off:.3f} pixels off the grid of pixels of {first.path}; "
+            f"{file.path} lies {off:.3f} pixels off the pixel grid of {first.path}; "
             "resample it with gdalwarp -tap"
         )
     return round(row), round(col)
 
 
 def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
-    """Row and column, on the grid, of the first corner of another transform."""
+    """Row and column on a grid of the first corner of another transform."""
     x, y = transform.c - grid.c, transform.f - grid.f
     size = grid.a * grid.e - grid.b * grid.d
     return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
 
 
-def _check_traits(file: Source, first: Source) -> None:
-    for what, ours, theirs in (
+def _check_traits(file: RasterSource, first: RasterSource) -> None:
+    for name, value, reference in (
         ("CRS", _crs_name(file), _crs_name(first)),
-        ("place on the map", file.located, first.located),
+        ("georeferencing", file.located, first.located),
         ("number of bands", len(file.layout.dtypes), len(first.layout.dtypes)),
         ("type of bands", ",".join(file.layout.dtypes), ",".join(first.layout.dtypes)),
         ("bits of bands", file.layout.bits, first.layout.bits),
         ("colours of bands", _roles(file, first), _roles(first, file)),
     ):
-        if ours != theirs and not (what == "CRS" and file.crs == first.crs):
+        if value != reference and not (name == "CRS" and file.crs == first.crs):
             raise MosaicError(
-                f"{file.path} has another {what} ({ours}) than {first.path} ({theirs}); "
-                "rasters of one mosaic must agree"
+                f"{file.path} has another {name} ({value}) than {first.path} ({reference}); "
+                "the rasters of a mosaic must agree"
             )
 
 
-def _roles(file: Source, other: Source) -> str:
-    """What the bands are, unless one of the two is an array, which cannot tell."""
-    both_tell = isinstance(file, RasterFile) and isinstance(other, RasterFile)
-    return ",".join(file.layout.roles) if both_tell else ""
+def _roles(file: RasterSource, other: RasterSource) -> str:
+    """Colour interpretation of the bands; empty if one of the two is an array, which has none."""
+    both_known = isinstance(file, RasterFile) and isinstance(other, RasterFile)
+    return ",".join(file.layout.roles) if both_known else ""
 
 
-def _crs_name(file: Source) -> str:
+def _crs_name(file: RasterSource) -> str:
     return "none" if file.crs is None else str(file.crs.to_string())
 
 

@@ -1,4 +1,4 @@
-"""Files open to be read: few at a time, each thread its own, with GDAL kept quiet and small."""
+"""GDAL access: a pool of open files per thread, a small block cache, captured messages, readable errors."""
 
 import os
 import re
@@ -19,29 +19,29 @@ from rasterio.io import DatasetReader
 from uavseg.errors import RasterReadError
 from uavseg.raster.tiling import Window
 
-MAX_OPEN = 64  # files that a thread keeps open
-CACHE_BYTES = 32 << 20  # decoded blocks that GDAL keeps; its own default is a twentieth of the memory
-STRICT = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO"}  # the shortcut reads what a truncated file lacks as 0, untold
-GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError)  # they have no parent of their own
+MAX_OPEN = 64  # open files per thread
+CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
+GDAL_OPTIONS = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO"}  # it reads missing parts of truncated files as 0
+GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError)  # they have no common base class
 
 
-class Handles:
-    """The files that are open, for each thread its own; pickled, it arrives empty."""
+class OpenFiles:
+    """Pool of open files, one for each thread; it is empty after unpickling."""
 
     def __init__(self) -> None:
         self._local = threading.local()
 
-    def __reduce__(self) -> tuple[type["Handles"], tuple[()]]:
-        return Handles, ()
+    def __reduce__(self) -> tuple[type["OpenFiles"], tuple[()]]:
+        return OpenFiles, ()
 
     def open(self, path: str, located: bool) -> DatasetReader:
-        """The open file, opened now if it is not; the one unused for longest is closed beyond 64."""
+        """The open file, opened now if it is not; beyond 64 files the least recently used is closed."""
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
             try:
                 files[path] = rasterio.open(path) if located else quiet_open(path)
             except GDAL_ERRORS as error:
-                raise RasterReadError(why_not_opened(path, error)) from error
+                raise RasterReadError(open_error_text(path, error)) from error
             if len(files) > MAX_OPEN:
                 files.popitem(last=False)[1].close()
         files.move_to_end(path)
@@ -49,81 +49,81 @@ class Handles:
 
 
 @contextmanager
-def gdal() -> Iterator[None]:
-    """GDAL with its messages caught, and with a small cache of blocks unless GDAL_CACHEMAX says otherwise."""
-    with rasterio.Env(**STRICT), _small_cache:
+def gdal_env() -> Iterator[None]:
+    """GDAL with its messages captured, and with a small block cache unless GDAL_CACHEMAX is set."""
+    with rasterio.Env(**GDAL_OPTIONS), _small_cache:
         yield
 
 
 class _SmallCache:
-    """Holds GDAL's cache of blocks small while anyone reads; the cache is one for the process."""
+    """Limits GDAL's block cache, which belongs to the process, while at least one thread reads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._readers = 0
-        self._usual: int | None = None
+        self._default: int | None = None
 
     def __enter__(self) -> None:
         with self._lock:
             self._readers += 1
             if self._readers == 1 and "GDAL_CACHEMAX" not in os.environ:
-                self._usual = get_gdal_config("GDAL_CACHEMAX")
-                set_gdal_config("GDAL_CACHEMAX", min(CACHE_BYTES, self._usual or CACHE_BYTES))
+                self._default = get_gdal_config("GDAL_CACHEMAX")
+                set_gdal_config("GDAL_CACHEMAX", min(CACHE_BYTES, self._default or CACHE_BYTES))
 
     def __exit__(self, *_: object) -> None:
         with self._lock:
             self._readers -= 1
-            if self._readers == 0 and self._usual is not None:
-                set_gdal_config("GDAL_CACHEMAX", self._usual)
-                self._usual = None
+            if self._readers == 0 and self._default is not None:
+                set_gdal_config("GDAL_CACHEMAX", self._default)
+                self._default = None
 
 
 _small_cache = _SmallCache()
-_warning_filters = threading.Lock()  # they belong to the process: one thread at a time changes them
+_warning_filters = threading.Lock()  # they belong to the process: only one thread at a time may change them
 
 
 def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any:
-    """`rasterio.open` without its warning about files that have no place on the map."""
+    """`rasterio.open` without its warning about files that are not georeferenced."""
     with _warning_filters, warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         return rasterio.open(path, mode, **how)
 
 
 @contextmanager
-def telling(path: str, window: Window) -> Iterator[None]:
-    """GDAL's messages caught, its errors told in one sentence."""
+def gdal_read_errors(path: str, window: Window) -> Iterator[None]:
+    """GDAL's messages captured; its errors on reading a window as RasterReadError."""
     try:
-        with gdal():
+        with gdal_env():
             yield
     except GDAL_ERRORS as error:
-        rows, cols = ranges(window)
+        rows, cols = rasterio_window(window)
         raise RasterReadError(
             f"{path} cannot be read in rows {rows[0]} to {rows[1]}, columns {cols[0]} to {cols[1]} "
-            f"({first_cause(error)}); the file is damaged or incomplete: mend it, or give --skip-bad-tiles "
-            "(skip_bad_tiles=True) to count what cannot be read as nodata"
+            f"({root_cause(error)}); the file is damaged or incomplete: repair it, or give --skip-bad-tiles "
+            "(skip_bad_tiles=True) to count unreadable blocks as nodata"
         ) from error
 
 
-def why_not_opened(path: str, error: BaseException) -> str:
-    """Why a raster cannot be opened, in one sentence."""
+def open_error_text(path: str, error: BaseException) -> str:
+    """Reason why a raster cannot be opened, as one line."""
     if Path(path).is_dir():
         return f"{path} is a folder; name the rasters in it"
     if not (is_remote(path) or ":" in path[2:] or Path(path).exists()):
         return f"there is no file {path}"
-    return f"{path} cannot be opened as a raster ({first_cause(error)})"
+    return f"{path} cannot be opened as a raster ({root_cause(error)})"
 
 
 def is_remote(path: str) -> bool:
-    """Whether a path is no file of this machine's own: of one of GDAL's virtual file systems, or a URL."""
+    """Whether a path is a URL, or belongs to one of GDAL's virtual file systems."""
     return "://" in path or path.startswith("/vsi")
 
 
-def in_full(path: str) -> str:
-    """A path as it means the same in another process: a relative one of a file that is here becomes absolute.
+def absolute_path(path: str) -> str:
+    """A path that means the same in another process: that of an existing local file becomes absolute.
 
     Examples
     --------
-    >>> in_full("/vsicurl/https://example.org/a.tif")
+    >>> absolute_path("/vsicurl/https://example.org/a.tif")
     '/vsicurl/https://example.org/a.tif'
     """
     archive = re.match(r"/vsi(?:zip|tar|gzip|7z|rar)/(?!/|vsi|\{)", path)
@@ -132,13 +132,13 @@ def in_full(path: str) -> str:
     return str(Path(path).absolute()) if Path(path).exists() else path
 
 
-def first_cause(error: BaseException) -> str:
-    """What GDAL said first, in one line."""
+def root_cause(error: BaseException) -> str:
+    """Message of the first error in a chain of causes, as one line."""
     while error.__cause__ is not None:
         error = error.__cause__
     return str(error).strip().rstrip(".").replace("\n", " ")
 
 
-def ranges(window: Window) -> tuple[tuple[int, int], tuple[int, int]]:
-    """The window as rasterio takes it: first and past-the-end row, and the same of columns."""
+def rasterio_window(window: Window) -> tuple[tuple[int, int], tuple[int, int]]:
+    """A window for rasterio: start and end of the rows, and of the columns."""
     return (window.row, window.row + window.rows), (window.col, window.col + window.cols)

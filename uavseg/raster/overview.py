@@ -1,4 +1,4 @@
-"""Coarse: a dataset seen from farther away, small enough to be held."""
+"""Dataset overview: a downsampled copy of a dataset, held in memory."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,8 +12,8 @@ from uavseg.raster.tiling import Window
 
 
 @dataclass(frozen=True, eq=False)
-class Coarse(Dataset):
-    """What a dataset looks like with fewer pixels; whatever asks a dataset may ask it.
+class DatasetOverview(Dataset):
+    """A downsampled dataset in memory, with the interface of `Dataset`.
 
     Parameters
     ----------
@@ -27,18 +27,18 @@ class Coarse(Dataset):
     grid: GeoBox = field(kw_only=True)
 
     @classmethod
-    def of(cls, dataset: Dataset, max_side: int) -> "Coarse":
-        """A dataset in at most `max_side` rows and columns; it is never read whole."""
+    def of(cls, dataset: Dataset, max_side: int) -> "DatasetOverview":
+        """A dataset downsampled to at most `max_side` rows and columns; it is never read whole."""
         values, valid, grid = dataset.read_coarse(max_side)
-        kept = (dataset.mosaic, dataset.choice, dataset.warnings)
-        return cls(*kept, values=values, valid=valid, grid=grid)
+        unchanged = (dataset.mosaic, dataset.choice, dataset.warnings)
+        return cls(*unchanged, values=values, valid=valid, grid=grid)
 
     @property
     def geobox(self) -> GeoBox:
-        """The grid of the fewer pixels, over the same ground."""
+        """The grid of the downsampled pixels; its extent is that of the dataset."""
         return self.grid
 
     def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
-        """Values and validity of a window of the fewer pixels."""
+        """Values and validity of a window of downsampled pixels."""
         rows, cols = window.slices
         return self.values[:, rows, cols], None if self.valid is None else self.valid[rows, cols]

@@ -1,4 +1,4 @@
-"""Which pixels of a window lie inside polygons."""
+"""Polygon rasterisation: a mask of the pixels whose centres lie inside polygons."""
 
 from typing import Any
 
@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 from uavseg.raster.tiling import Window
 
 
-def inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.bool_]:
-    """The pixels of a window whose centres lie inside polygons.
+def pixels_inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.bool_]:
+    """Mask of the pixels of a window whose centres lie inside polygons.
 
     Parameters
     ----------
     polygons : (n,) object array of shapely Polygon or MultiPolygon
-        In pixels: (col, row), the outer corner of the first pixel is (0, 0).
+        In pixels as (col, row); the outer corner of the first pixel is (0, 0).
     window : Window
 
     Returns
     -------
-    inside : (rows, cols) bool array
+    mask : (rows, cols) bool array
     """
     from rasterio.features import geometry_mask
 

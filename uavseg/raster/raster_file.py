@@ -1,4 +1,4 @@
-"""One raster file: what it says about itself, and its pixels by window."""
+"""Raster file: its metadata as a value, and windowed reads of its pixels."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
@@ -13,8 +13,8 @@ from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import BandChoice, BandLayout
-from uavseg.raster.file_state import State, states
-from uavseg.raster.opening import Handles, in_full, ranges, telling
+from uavseg.raster.file_state import FileState, file_states
+from uavseg.raster.opening import OpenFiles, absolute_path, gdal_read_errors, rasterio_window
 from uavseg.raster.tiling import Window
 from uavseg.raster.validity import valid_pixels
 
@@ -24,14 +24,14 @@ Valid = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class RasterFile:
-    """What a raster file says about itself; the pixels stay in the file.
+    """Metadata of a raster file; the pixels stay in the file.
 
     Parameters
     ----------
     path : str
     shape : (int, int)
     transform : affine.Affine
-        The identity where the file has no place on the map.
+        The identity if the file is not georeferenced.
     crs : rasterio.crs.CRS or None
     layout : BandLayout
     nodatas : tuple of float or None
@@ -39,13 +39,13 @@ class RasterFile:
     block : (int, int)
         Rows and columns of one block of the file.
     masks : str
-        "file" where all bands share a mask, "band" where each has its own, or "".
+        "file" if all bands share a mask, "band" if each has its own, or "".
     white_is_zero : bool
-        The numbers in the file grow with darkness.
+        Whether large values are dark.
     palette : tuple of (red, green, blue, alpha), or None
     driver : str
     overviews : tuple of int
-        Factors of the reduced copies inside the file.
+        Downsampling factors of the overviews in the file.
     warnings : tuple of str
     """
 
@@ -65,9 +65,13 @@ class RasterFile:
     warnings: tuple[str, ...]
 
     def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
+        # A relative path becomes absolute: another process may have another working directory.
         values = (getattr(self, part.name) for part in fields(self))
         path, *others = values
-        return RasterFile, (in_full(path), *others)  # who gets it may work in another folder
+        return RasterFile, (
+            absolute_path(path),
+            *others,
+        )
 
     @property
     def name(self) -> str:
@@ -76,96 +80,95 @@ class RasterFile:
 
     @property
     def fails_by_block(self) -> bool:
-        """Whether any part of a block can be read exactly when the whole block can.
+        """Whether a part of a block can be read if and only if the whole block can.
 
-        Not so where a driver reads parts of blocks (VRT), and where masks have blocks of their own.
+        False for drivers that read parts of blocks (VRT), and for masks with blocks of their own.
         """
         return self.driver == "GTiff" and not self.masks
 
-    def fingerprint(self) -> tuple[tuple[State, ...], tuple[float | None, ...]]:
-        """What its pixels depend on: the state of each file that it is made of, and what counts as nodata."""
-        return states(self.path), self.nodatas
+    def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
+        """Content hash input: the state of each file that it consists of, and the nodata values."""
+        return file_states(self.path), self.nodatas
 
     def blocks_in(self, window: Window) -> Iterator[Window]:
-        """The blocks of the file that a window touches, row by row, each as far as the raster goes."""
-        tall, wide = self.block
-        for i, j in self._blocks(window):
-            yield Window(i * tall, j * wide, tall, wide).clipped(self.shape)
+        """The blocks of the file that intersect a window, row by row, clipped to the raster."""
+        rows, cols = self.block
+        for i, j in self._block_indices(window):
+            yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
 
     def read(
         self,
-        handles: Handles,
+        handles: OpenFiles,
         choice: BandChoice,
         window: Window,
         shape: tuple[int, int] | None = None,
     ) -> tuple[Values, Valid | None]:
-        """Pixels of the chosen bands, and which of them are valid (None: all).
+        """Read the chosen bands, and which pixels are valid (None: all).
 
-        With `shape`, the nearest pixels of a reduced picture of that many rows and columns.
+        With `shape`, downsampled to that many rows and columns by nearest neighbour.
 
         Raises
         ------
         RasterReadError
-            If the file cannot be read there.
+            If the file cannot be read inside the window.
         """
-        with telling(self.path, window):
+        with gdal_read_errors(self.path, window):
             source = handles.open(self.path, self.located)
-            how = {"window": ranges(window), "out_shape": shape or (window.rows, window.cols)}
-            values, alpha = self._pixels(source, choice, how)
-            mask = self._mask(source, choice, how)
+            options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
+            values, alpha = self._read_bands(source, choice, options)
+            mask = self._read_mask(source, choice, options)
         valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, mask)
-        return self._meaning(values, valid, choice)
+        return self._decode(values, valid, choice)
 
-    def is_empty(self, handles: Handles, choice: BandChoice, window: Window) -> bool:
-        """Whether nothing was ever stored under `window` (a sparse file), so that every pixel is invalid.
+    def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:
+        """Whether a sparse file stores no block inside `window`, so that every pixel is invalid.
 
-        False where that cannot be told without decoding.
+        False where that is not known without decoding.
         """
         if self.driver != "GTiff":
             return False
-        with telling(self.path, window):
+        with gdal_read_errors(self.path, window):
             source = handles.open(self.path, self.located)
-            filled = [source.nodatavals[band - 1] for band in choice.bands]  # what missing blocks read as
+            filled = [source.nodatavals[band - 1] for band in choice.bands]  # the value of missing blocks
             if None in filled or filled != [self.nodatas[band - 1] for band in choice.bands]:
                 return False
-            blocks = ((band, i, j) for i, j in self._blocks(window) for band in choice.bands)
+            blocks = ((band, i, j) for i, j in self._block_indices(window) for band in choice.bands)
             return not any(_is_stored(source, *block) for block in blocks)
 
-    def _blocks(self, window: Window) -> Iterator[tuple[int, int]]:
-        tall, wide = self.block
-        for i in range(window.row // tall, -(-(window.row + window.rows) // tall)):
-            for j in range(window.col // wide, -(-(window.col + window.cols) // wide)):
+    def _block_indices(self, window: Window) -> Iterator[tuple[int, int]]:
+        rows, cols = self.block
+        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
+            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
                 yield i, j
 
-    def _pixels(
-        self, source: DatasetReader, choice: BandChoice, how: dict[str, Any]
+    def _read_bands(
+        self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]
     ) -> tuple[Values, Values | None]:
+        """Values of the chosen bands, and those of the alpha band."""
         bands, alpha = list(choice.bands), self.layout.alpha
         if alpha is None:
-            return source.read(bands, **how), None
+            return source.read(bands, **options), None
         if self.layout.dtypes[alpha - 1] == self.layout.dtypes[bands[0] - 1]:
-            pixels = source.read([*bands, alpha], **how)
+            pixels = source.read([*bands, alpha], **options)
             return pixels[:-1], pixels[-1]
-        return source.read(bands, **how), source.read(alpha, **how)
+        return source.read(bands, **options), source.read(alpha, **options)
 
-    def _mask(self, source: DatasetReader, choice: BandChoice, how: dict[str, Any]) -> Valid | None:
+    def _read_mask(self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]) -> Valid | None:
         if not self.masks:
             return None
         bands = list(choice.bands[:1] if self.masks == "file" else choice.bands)
-        mask: Valid = (source.read_masks(bands, **how) != 0).all(axis=0)
+        mask: Valid = (source.read_masks(bands, **options) != 0).all(axis=0)
         return mask
 
-    def _meaning(
-        self, values: Values, valid: Valid | None, choice: BandChoice
-    ) -> tuple[Values, Valid | None]:
-        """Numbers as brightness: palettes looked up, and white bright where the file stores it as 0."""
+    def _decode(self, values: Values, valid: Valid | None, choice: BandChoice) -> tuple[Values, Valid | None]:
+        """Stored numbers as brightness: palette colours, and inverted values where white is 0."""
         if self.palette is not None and choice.expanded:
             table = np.array(self.palette, np.uint8)
-            seen = table[np.minimum(values[0], len(table) - 1), 3] != 0
+            opaque = table[np.minimum(values[0], len(table) - 1), 3] != 0
             colors = np.ascontiguousarray(table[:, :3].T)[:, np.minimum(values[0], len(table) - 1)]
-            if seen.all():
+            if opaque.all():
                 return colors, valid
-            return colors, seen if valid is None else seen & valid
+            return colors, opaque if valid is None else opaque & valid
         if self.white_is_zero:
             values = values.dtype.type((1 << choice.bits) - 1) - values
         return values.astype(choice.dtype, copy=False), valid

@@ -1,4 +1,4 @@
-"""Summary: what a raster is, what intensity it holds, and what to try with it."""
+"""Raster summary: metadata, histogram and moments of intensity, and a command to try."""
 
 import math
 import shlex
@@ -12,23 +12,24 @@ from numpy.typing import NDArray
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.raster.intensity.otsu import multi_otsu
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.mosaic import Source
-from uavseg.raster.overview import Coarse
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.mosaic import RasterSource
+from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tile_side, tiles
 from uavseg.units import GREY_LEVELS
 
-EXACT_PIXELS = 100_000_000  # larger rasters are counted from afar
+EXACT_PIXELS = 100_000_000  # larger rasters are downsampled before counting
 COARSE_SIDE = 4096
 BINS = 20
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a person wants to know of a raster before asking it for regions.
+    """Metadata and intensity statistics of a raster.
 
     Parameters
     ----------
@@ -39,9 +40,9 @@ class Summary:
         Name of the CRS.
     epsg : int or None
     located : bool
-        Whether the raster has a place on the map at all.
+        Whether the raster is georeferenced.
     resolution : (float, float)
-        Ground metres of a pixel along a row and along a column (units of the map without a CRS).
+        Ground metres of a pixel along a row and along a column (map units if there is no CRS).
     bounds : (float, float, float, float)
         left, bottom, right, top in map coordinates.
     center : (float, float) or None
@@ -50,17 +51,17 @@ class Summary:
     used : str
         The bands that become intensity.
     exact : bool
-        Whether every pixel was counted; otherwise what follows comes from `counted` pixels.
+        Whether every pixel was counted; otherwise a sample of `counted` pixels.
     counted, valid : int
-        Pixels looked at, and how many of them are valid.
+        Number of pixels counted, and how many of them are valid.
     stretch : str
-        The stretch and what it found.
+        The stretch and its bounds.
     histogram : tuple of BINS ints
         Valid pixels by v, in equal steps from 0 to 1.
     mean, std : float
-        Of v; NaN where no pixel is valid.
+        Of v; NaN if no pixel is valid.
     cut : float
-        The v that splits the histogram best into dark and bright (Otsu's).
+        Otsu's threshold: the v that splits the histogram best into dark and bright.
     overviews : tuple of int
     warnings : tuple of str
     """
@@ -90,15 +91,15 @@ class Summary:
 
     @property
     def nodata_share(self) -> float:
-        """Share of the pixels looked at that are invalid."""
+        """Share of the counted pixels that are invalid."""
         return 1 - self.valid / self.counted
 
     @property
     def command(self) -> str:
         """A command to try next: the rarer of dark and bright.
 
-        Otsu's threshold of the pixels in steps of 0.05, found without dividing the raster. `suggest` cuts the
-        means of leaves instead, which noise hardly moves, into as many ranges as they have.
+        It uses Otsu's threshold of the pixels, in steps of 0.05. `suggest` partitions the leaf means instead,
+        which noise hardly affects, into as many ranges as they have classes.
         """
         edge = round(self.cut * BINS)
         bright = 0 < 2 * sum(self.histogram[edge:]) <= self.valid
@@ -106,7 +107,7 @@ class Summary:
         return f"uavseg extract {shlex.join(self.paths[:3])} --range {interval}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything as plain values, for JSON; None in the place of NaN."""
+        """All fields as plain values for JSON, with None instead of NaN."""
         found = asdict(self)
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
@@ -121,9 +122,9 @@ def summarize(
     map: Map = serial,
     progress: Progress | None = None,
 ) -> Summary:
-    """Look a dataset over.
+    """Summarise a dataset.
 
-    Every pixel of a raster of up to 100 megapixels is counted, tile by tile; a larger one is looked at in
+    Every pixel of a raster of up to 100 megapixels is counted, tile by tile; a larger one is downsampled to
     at most 4096 rows and columns.
 
     Parameters
@@ -131,12 +132,12 @@ def summarize(
     dataset : Dataset
     stretch : Stretch, StretchSpec or str
     map : Map
-        Who runs the work.
+        The executor.
     progress : callable, optional
     """
     box, first = dataset.geobox, dataset.mosaic.files[0]
     exact = math.prod(box.shape) <= EXACT_PIXELS
-    seen = dataset if exact else Coarse.of(dataset, COARSE_SIDE)
+    seen = dataset if exact else DatasetOverview.of(dataset, COARSE_SIDE)
     fitted, greys = _count(seen, stretch, map, progress)
     mean, std = _moments(greys)
     return Summary(
@@ -144,7 +145,7 @@ def summarize(
         driver=first.driver,
         rows=box.shape[0],
         cols=box.shape[1],
-        crs=_crs_name(box),
+        crs=crs_name(box.wkt),
         epsg=None if box.crs is None else box.crs.to_epsg(),
         located=first.located,
         resolution=ground_resolution(box),
@@ -159,7 +160,7 @@ def summarize(
         histogram=tuple(_binned(greys).tolist()),
         mean=mean,
         std=std,
-        cut=_cut(greys),
+        cut=_otsu_threshold(greys),
         overviews=first.overviews,
         warnings=(*dataset.warnings, *fitted.warnings),
     )
@@ -171,22 +172,22 @@ def _count(
     map: Map,
     progress: Progress | None,
 ) -> tuple[Stretch, NDArray[np.int64]]:
-    """The stretch, and how often each grey occurs under it."""
+    """The stretch, and the histogram of grey levels under it."""
     shape = dataset.geobox.shape
     windows = tiles(shape, tile_side(shape, dataset.file_block))
-    fitted = fit(dataset, stretch, TilePass(windows, map))
-    counts = map(partial(_greys_of_tile, dataset, fitted), windows, progress)
+    fitted = fit_stretch(dataset, stretch, TilePass(windows, map))
+    counts = map(partial(_grey_histogram, dataset, fitted), windows, progress)
     return fitted, reduce(np.add, counts, np.zeros(GREY_LEVELS, np.int64))
 
 
-def _greys_of_tile(dataset: Dataset, stretch: Stretch, window: Window) -> NDArray[np.int64]:
+def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> NDArray[np.int64]:
     values, valid = dataset.read(window)
     grey = stretch.apply(values, valid)
     return np.bincount((grey if valid is None else grey[valid]).reshape(-1), minlength=GREY_LEVELS)
 
 
 def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Counts of greys in equal steps of v; v = 1 belongs to the last."""
+    """Histogram in equal bins of v; v = 1 belongs to the last bin."""
     bins = np.minimum(np.arange(GREY_LEVELS) * BINS // (GREY_LEVELS - 1), BINS - 1)
     return np.bincount(bins, weights=greys, minlength=BINS).astype(np.int64)
 
@@ -200,21 +201,13 @@ def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
     return mean, float(np.sqrt(np.average((v - mean) ** 2, weights=greys)))
 
 
-def _cut(greys: NDArray[np.int64]) -> float:
-    """Otsu's threshold between the steps of v; the middle one where some of them are empty."""
+def _otsu_threshold(greys: NDArray[np.int64]) -> float:
+    """Otsu's threshold at a bin edge; the middle one of equally good edges between empty bins."""
     classes = multi_otsu(_binned(greys), 2)
     if len(classes) < 2:
         return 0.5
     [below], [above] = classes[1].ends, classes[1].starts
     return round((below + above + 1) // 2 / BINS, 2)
-
-
-def _crs_name(box: GeoBox) -> str | None:
-    if box.wkt is None:
-        return None
-    import pyproj
-
-    return str(pyproj.CRS.from_wkt(box.wkt).name)
 
 
 def _bounds(box: GeoBox) -> tuple[float, float, float, float]:
@@ -230,7 +223,7 @@ def _center(box: GeoBox) -> tuple[float, float] | None:
     return (float(lon), float(lat)) if np.isfinite(lon) and np.isfinite(lat) else None
 
 
-def _bands(file: Source) -> tuple[tuple[str, str, float | None], ...]:
+def _bands(file: RasterSource) -> tuple[tuple[str, str, float | None], ...]:
     return tuple(zip(file.layout.dtypes, file.layout.roles, file.nodatas, strict=True))
 
 

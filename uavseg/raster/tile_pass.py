@@ -1,10 +1,10 @@
-"""Pass over the tiles of a raster: which windows, on which executor, with which progress."""
+"""Pass over the tiles of a raster: windows, executor and progress as one value."""
 
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
-from uavseg.execution.executors import Map, Progress, serial, stages
+from uavseg.execution.executors import Map, Progress, serial, split_progress
 from uavseg.raster.dataset import Dataset, windows_of
 from uavseg.raster.tiling import Window
 
@@ -45,14 +45,14 @@ class TilePass:
     def run(
         self, function: Callable[[Any], Result], items: Sequence[Any] | None = None
     ) -> Generator[Result, None, None]:
-        """The results of a function for each window, or for each of other items, in their order."""
+        """Results of a function for each window, or for each of some other items, in their order."""
         return self.map(function, self.windows if items is None else items, self.progress)
 
     def stages(self, count: int) -> list["TilePass"]:
         """The pass `count` times, each of which reports its share of the progress."""
         if self.progress is None:
             return [self] * count
-        return [replace(self, progress=progress) for progress in stages(self.progress, count)]
+        return [replace(self, progress=progress) for progress in split_progress(self.progress, count)]
 
     @property
     def silent(self) -> "TilePass":

@@ -1,4 +1,4 @@
-"""Which window, which halo, which part to keep: integers only."""
+"""Tiling: windows, halos, and a window's blocks and cells; integer arithmetic only."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.units import BLOCK, CELL
 
-PANEL = 8192  # columns of tiles that are read together
+PANEL = 8192  # columns of a panel
 
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """A rectangle of pixels: first row and column, and how many of each."""
+    """A rectangle of pixels: first row and column, number of rows and columns."""
 
     row: int
     col: int
@@ -28,7 +28,7 @@ class Window:
         return slice(self.row, self.row + self.rows), slice(self.col, self.col + self.cols)
 
     def grown(self, margin: int) -> "Window":
-        """The window with `margin` pixels more on every side; it may leave the raster."""
+        """The window with a halo of `margin` pixels on every side; it may extend past the raster."""
         return Window(self.row - margin, self.col - margin, self.rows + 2 * margin, self.cols + 2 * margin)
 
     def clipped(self, shape: tuple[int, int]) -> "Window":
@@ -63,7 +63,7 @@ def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     tile_rows, tile_cols = side if isinstance(side, tuple) else (side, side)
     for length in (tile_rows, tile_cols):
         if length <= 0 or length % BLOCK:
-            raise ParameterError(f"a tile's side is a positive multiple of {BLOCK} pixels, not {length}")
+            raise ParameterError(f"the side of a tile is a positive multiple of {BLOCK} pixels, not {length}")
     return list(_windows(shape, tile_rows, tile_cols))
 
 
@@ -74,10 +74,10 @@ def _windows(shape: tuple[int, int], tile_rows: int, tile_cols: int) -> Iterator
 
 
 def in_panels(windows: list[Window]) -> list[Window]:
-    """The same tiles, panel after panel of 8192 columns, each row by row.
+    """The same tiles, panel by panel of 8192 columns, each panel row by row.
 
-    A tile is read with some pixels of its neighbours. In this order a neighbour's blocks are likely to be
-    decoded still, however wide the raster is.
+    A tile is read with a halo. In this order the blocks of its neighbours are likely to be in the cache of
+    decoded blocks, however wide the raster is.
 
     Examples
     --------
@@ -89,10 +89,9 @@ def in_panels(windows: list[Window]) -> list[Window]:
 
 
 def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int = 1 << 22) -> tuple[int, int]:
-    """A tile of about `pixels` pixels that suits how a file is stored.
+    """Rows and columns of a tile of about `pixels` pixels that suits the layout of a file.
 
-    Square where the file is tiled; whole rows where it is stored in strips, since a strip is decoded
-    whole whatever part of it is asked for.
+    Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole.
 
     Parameters
     ----------
@@ -101,40 +100,47 @@ def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int =
     """
     in_strips = file_block[1] >= shape[1] and shape[1] > 2 * BLOCK
     if in_strips:
-        cols = _up(shape[1])
+        cols = whole_blocks(shape[1])
         return max(pixels // cols // BLOCK, 1) * BLOCK, cols
     side = max(int(pixels**0.5) // BLOCK, 1) * BLOCK
     return side, side
 
 
-def _up(length: int) -> int:
-    return -(-length // BLOCK) * BLOCK
-
-
 def whole_blocks(length: int) -> int:
-    """A length in pixels, up to the end of its last block of 64."""
+    """A length in pixels, rounded up to whole blocks of 64."""
     return -(-length // BLOCK) * BLOCK
 
 
 def cells_around(cells: NDArray[Any], window: Window, reach: int) -> NDArray[Any]:
-    """Cells of a window grown by `reach` pixels, a multiple of 8; 0 outside the raster."""
+    """Cells of a window with a halo of `reach` pixels, a multiple of 8; 0 outside the raster."""
     margin = reach // CELL
     rows, cols = whole_blocks(window.rows) // CELL, whole_blocks(window.cols) // CELL
     around = np.zeros((rows + 2 * margin, cols + 2 * margin), cells.dtype)
     first = Window(window.row // CELL - margin, window.col // CELL - margin, *around.shape)
     part = first.clipped(cells.shape)
-    place = Window(part.row - first.row, part.col - first.col, part.rows, part.cols)
-    around[place.slices] = cells[part.slices]
+    inner = Window(part.row - first.row, part.col - first.col, part.rows, part.cols)
+    around[inner.slices] = cells[part.slices]
     return around
 
 
+def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
+    """The nearest of `count` evenly spaced rows or columns of a range; all of them if `count` is `length`.
+
+    Examples
+    --------
+    >>> sample_positions(10, 6, 3), sample_positions(10, 2, 2)
+    (array([11, 13, 15]), array([10, 11]))
+    """
+    return start + ((np.arange(count) + 0.5) * (length / count)).astype(np.int64)
+
+
 def window_blocks(window: Window) -> tuple[slice, slice]:
-    """A window's blocks in the block map."""
+    """Index of a window's blocks in the block map."""
     return _in_units(window, BLOCK)
 
 
 def window_cells(window: Window) -> tuple[slice, slice]:
-    """A window's cells in the block map, to the end of its last blocks."""
+    """Index of a window's cells in the block map, up to the end of its last blocks."""
     return _in_units(window, CELL)
 
 

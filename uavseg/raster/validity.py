@@ -1,4 +1,4 @@
-"""Which pixels count: nodata values, masks, alpha, and numbers that are none."""
+"""Valid pixels: nodata values, masks, alpha, NaN and infinity."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ Valid = NDArray[np.bool_]
 
 
 def usable_nodata(nodata: float | None, dtype: np.dtype[np.generic]) -> tuple[float | None, str | None]:
-    """The nodata value as pixels of `dtype` can hold it, and a warning where they cannot.
+    """The nodata value if pixels of `dtype` can hold it, else None and a warning.
 
     Examples
     --------
@@ -36,12 +36,12 @@ def usable_nodata(nodata: float | None, dtype: np.dtype[np.generic]) -> tuple[fl
 def valid_pixels(
     values: Values, nodatas: Sequence[float | None], alpha: Values | None, mask: Valid | None
 ) -> Valid | None:
-    """Which pixels count; None where all do.
+    """Which pixels are valid; None if all are.
 
     A pixel is invalid where `mask` is false, alpha is 0 or a band is not finite. With one band it is invalid
     where the band is nodata. With three, a nodata value that cannot be a colour (of float bands, or negative)
-    makes a pixel invalid where *any* band has it; one that can (0 or 255 of a photograph) only where *all*
-    three have it, which is also how GDAL makes a mask of a whole file.
+    makes a pixel invalid where *any* band has it; one that can be (0 or 255 of a photograph) only where *all*
+    three have it, as in GDAL's mask of a whole file.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def valid_pixels(
     if not invalid:
         return None
     total = invalid[0]
-    for more in invalid[1:]:
-        total |= more
+    for other in invalid[1:]:
+        total |= other
     return ~total if total.any() else None
 
 
@@ -69,14 +69,14 @@ def _nodata_pixels(values: Values, nodatas: Sequence[float | None]) -> list[Vali
     numbers = [None if nodata is None or math.isnan(nodata) else nodata for nodata in nodatas]
     pairs = zip(values, numbers, strict=True)
     hits = [_equal(plane, number) for plane, number in pairs if number is not None]
-    no_color = values.dtype.kind == "f" or any(number is not None and number < 0 for number in numbers)
-    if len(hits) <= 1 or no_color:
-        return hits if no_color or len(values) == 1 else []
+    not_a_color = values.dtype.kind == "f" or any(number is not None and number < 0 for number in numbers)
+    if len(hits) <= 1 or not_a_color:
+        return hits if not_a_color or len(values) == 1 else []
     return [hits[0] & hits[1] & hits[2]] if len(hits) == len(values) else []
 
 
 def _equal(plane: Values, number: float) -> Valid:
-    """Where the pixels are `number`, as far as their type can tell it."""
+    """Where pixels equal `number`, rounded and clipped to their type."""
     if plane.dtype.kind == "f":
         limit = float(np.finfo(plane.dtype.name).max)
         number = min(max(number, -limit), limit)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
 from uavseg.raster.geodesy.ground import ring_areas, ring_perimeters
 from uavseg.regions.shapes import LazyPolygons, PolygonArray, batch_slices
 from uavseg.units import GREY_MAX
@@ -146,4 +147,4 @@ def _points_inside(polygons: LazyPolygons, geobox: GeoBox) -> tuple[Floats, Floa
         return np.full(len(polygons), np.nan), np.full(len(polygons), np.nan)
     undefined = ~(np.isfinite(lon) & np.isfinite(lat))
     lon[undefined] = lat[undefined] = np.nan
-    return np.where(np.abs(lon) > 180, np.remainder(lon + 180, 360) - 180, lon), lat
+    return wrap_lon_beyond_180(lon), lat

@@ -8,7 +8,7 @@ from decimal import Decimal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.intensity.otsu import Classes, are_parted, multi_otsu, number_of_classes
+from uavseg.raster.intensity.otsu import Classes, are_separated, multi_otsu, select_classes
 from uavseg.units import GREY_MAX
 
 MAX_CLASSES = 8  # that a caller may ask for
@@ -54,13 +54,13 @@ def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -
     occupied = histogram[first : last + 1]
     bins = np.add.reduceat(occupied, np.arange(0, occupied.size, width))
     found = multi_otsu(bins, n_classes or MAX_PROPOSED)
-    classes = number_of_classes(bins, found) if n_classes is None else found[-1]
+    classes = select_classes(bins, found) if n_classes is None else found[-1]
     pairs = zip(classes.ends, classes.starts, strict=True)
     gaps = [
         (int(first) + low, int(first) + high)
         for low, high in (_gap(occupied, width, *pair) for pair in pairs)
     ]
-    return RangeCandidates(_edges(histogram, gaps, width), classes, are_parted(bins, classes))
+    return RangeCandidates(_edges(histogram, gaps, width), classes, are_separated(bins, classes))
 
 
 def _gap(occupied: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from tests.occupancy import plain_beams
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.log_odds import probabilities_of
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
 
@@ -80,7 +80,7 @@ def test_a_cell_hears_its_beams_in_their_order() -> None:
     """Free, then a return in the same cells, then free again: adding is not the same in another order."""
     for order in ([0, 1, 2], [2, 1, 0], [1, 0, 2]):
         ranges = np.array([math.inf, 20.3, 25.1])[order]
-        grid = OccupancyGrid.from_probabilities(np.full((3, 60), 0.97), upright((3, 60), 1.0, (0, 0)))
+        grid = OccupancyGrid.from_probabilities(np.full((3, 60), 0.97), local_geobox((3, 60), 1.0, (0, 0)))
         plain = grid.log_odds.copy()
         scan = Scan(Pose(0.0, 1.5), np.full(3, 0.001), ranges, 50.0, 1.0)
         grid.merge(scan)
@@ -89,7 +89,7 @@ def test_a_cell_hears_its_beams_in_their_order() -> None:
 
 
 def test_free_said_a_thousand_times_is_as_free_as_can_be() -> None:
-    grid = OccupancyGrid.from_probabilities(np.full((1, 70), 1.0), upright((1, 70), 1.0, (0, 0)))
+    grid = OccupancyGrid.from_probabilities(np.full((1, 70), 1.0), local_geobox((1, 70), 1.0, (0, 0)))
     grid.merge(Scan(Pose(0.0, 0.5), np.full(1000, 1e-4), np.full(1000, math.inf), 50.0, 1.0))
     assert (grid.log_odds[0, :50] == -6).all() and (grid.log_odds[0, 50:] == 6).all()
 

@@ -18,7 +18,7 @@ from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.scan import Pose, Scan
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 from uavseg.raster.intensity.grey import to_grey
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
@@ -231,7 +231,7 @@ def test_pixels_that_agree_are_in_a_leaf_and_in_the_interval_themselves(
 
 def test_cuts_stay_until_they_are_asked_for_again(drive: tuple[OccupancyGrid, list[Scan]]) -> None:
     grid = OccupancyGrid.from_probabilities(
-        np.random.default_rng(0).random((100, 90)), upright((100, 90), 0.1, (0, 0))
+        np.random.default_rng(0).random((100, 90)), local_geobox((100, 90), 0.1, (0, 0))
     )
     cuts = grid.segmentation.cuts.copy()
     assert cuts[1:].all()

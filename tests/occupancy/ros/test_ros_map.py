@@ -18,7 +18,7 @@ from uavseg.errors import MapError, OutputExistsError, RasterReadError
 from uavseg.occupancy.ros.pgm import pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_map import RosMap, read_ros_map, write_ros_map
 from uavseg.raster.formats.png import read_grey, to_8_bits
-from uavseg.raster.geobox import GeoBox, upright
+from uavseg.raster.geobox import GeoBox, local_geobox
 
 BYTES = hnp.arrays(np.uint8, hnp.array_shapes(min_dims=2, max_dims=2, max_side=9))
 f4 = np.float32
@@ -218,7 +218,7 @@ def test_states_written_are_states_read(
 
 
 def test_what_is_written_is_what_nav2_writes(tmp_path: Path) -> None:
-    write_ros_map(tmp_path / "a b.yaml", np.array([[1, 2, 3]]), upright((1, 3), 0.05, (-10, -10)))
+    write_ros_map(tmp_path / "a b.yaml", np.array([[1, 2, 3]]), local_geobox((1, 3), 0.05, (-10, -10)))
     assert (tmp_path / "a b.pgm").read_bytes() == b"P5\n3 1\n255\n\xfe\xcd\x00"
     assert (tmp_path / "a b.yaml").read_text().splitlines() == [
         "image: a b.pgm",
@@ -232,7 +232,7 @@ def test_what_is_written_is_what_nav2_writes(tmp_path: Path) -> None:
 
 
 def test_what_is_unknown_in_scale_is_transparent_and_in_raw_255(tmp_path: Path) -> None:
-    states, geobox = np.array([[0, 1, 2, 3]]), upright((1, 4), 0.05, (0, 0))
+    states, geobox = np.array([[0, 1, 2, 3]]), local_geobox((1, 4), 0.05, (0, 0))
     write_ros_map(tmp_path / "scale.yaml", states, geobox, mode="scale")
     with Image.open(tmp_path / "scale.png") as picture:
         assert picture.mode == "LA"
@@ -247,7 +247,7 @@ def test_what_is_unknown_in_scale_is_transparent_and_in_raw_255(tmp_path: Path) 
 def test_nothing_is_overwritten_unasked(tmp_path: Path, there: str) -> None:
     (tmp_path / there).write_text("mine")
     with pytest.raises(OutputExistsError):
-        write_ros_map(tmp_path / "out.yaml", np.ones((2, 2), int), upright((2, 2), 1, (0, 0)))
+        write_ros_map(tmp_path / "out.yaml", np.ones((2, 2), int), local_geobox((2, 2), 1, (0, 0)))
     assert [path.name for path in tmp_path.iterdir()] == [there]
 
 

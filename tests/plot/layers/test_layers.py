@@ -26,7 +26,7 @@ from uavseg.plot.preview import preview
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.intensity.stretch import fit
+from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation import in_memory
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, write_block_map
@@ -137,7 +137,7 @@ def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
 
 def saved_blocks(path: Path, values: np.ndarray, box: GeoBox = BOX) -> Path:
     blocks = in_memory.block_map_of_array((values * 65535).astype(np.uint16))
-    stretch = fit(Dataset.of_values(values, box, "map"), "none", TilePass([]))
+    stretch = fit_stretch(Dataset.of_values(values, box, "map"), "none", TilePass([]))
     write_block_map(
         path,
         SavedBlocks(blocks, box, stretch, "band 1", Origin(("map.tif",), ".")),

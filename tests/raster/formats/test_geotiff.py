@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.errors import OutputError, OutputExistsError, RasterReadError
-from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff, write_labels
+from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import tiles
 
@@ -38,8 +38,8 @@ def cut(image, side):
 def test_the_bytes_of_a_file_do_not_depend_on_tiles(tmp_path_factory, shape, side, threads):
     folder = tmp_path_factory.mktemp("labels")
     image = labels(shape)
-    write_labels(folder / "a.tif", cut(image, 256), box(shape))
-    write_labels(folder / "b.tif", cut(image, side), box(shape), threads=threads)
+    write_label_geotiff(folder / "a.tif", cut(image, 256), box(shape))
+    write_label_geotiff(folder / "b.tif", cut(image, side), box(shape), threads=threads)
     assert (folder / "a.tif").read_bytes() == (folder / "b.tif").read_bytes()
     with rasterio.open(folder / "b.tif") as file:
         assert np.array_equal(file.read(1), image)
@@ -50,7 +50,7 @@ def test_the_bytes_of_a_file_do_not_depend_on_tiles(tmp_path_factory, shape, sid
 
 def test_labels_can_carry_metadata(tmp_path):
     image = labels((10, 10))
-    write_labels(tmp_path / "a.tif", cut(image, 64), box((10, 10)), tags={"range": "0.5,1"})
+    write_label_geotiff(tmp_path / "a.tif", cut(image, 64), box((10, 10)), tags={"range": "0.5,1"})
     with rasterio.open(tmp_path / "a.tif") as file:
         assert file.tags()["range"] == "0.5,1"
 
@@ -65,7 +65,7 @@ def test_labels_can_carry_metadata(tmp_path):
         box((30, 40), GRID, None),
     ],
 )
-def test_what_was_written_comes_back(tmp_path, geobox):
+def test_reading_returns_what_was_written(tmp_path, geobox):
     bands = [np.random.default_rng(k).normal(size=(30, 40)).astype(np.float32) for k in range(3)]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -77,28 +77,28 @@ def test_what_was_written_comes_back(tmp_path, geobox):
     assert tags["stretch"] == "dtype"
 
 
-def test_nothing_is_replaced_unasked(tmp_path):
+def test_an_existing_file_is_replaced_only_if_allowed(tmp_path):
     path = tmp_path / "a.tif"
     path.write_text("precious")
     with pytest.raises(OutputExistsError):
-        write_labels(path, cut(labels((8, 8)), 64), box((8, 8)))
+        write_label_geotiff(path, cut(labels((8, 8)), 64), box((8, 8)))
     assert path.read_text() == "precious"
-    write_labels(path, cut(labels((8, 8)), 64), box((8, 8)), overwrite=True)
+    write_label_geotiff(path, cut(labels((8, 8)), 64), box((8, 8)), overwrite=True)
     assert np.array_equal(read_geotiff(path)[0][0], labels((8, 8)))
 
 
-def test_a_file_that_cannot_be_finished_never_appears(tmp_path):
+def test_an_unfinished_file_never_appears(tmp_path):
     def broken():
         yield next(cut(labels((100, 100)), 64))
         raise RuntimeError("power cut")
 
     with pytest.raises(RuntimeError):
-        write_labels(tmp_path / "a.tif", broken(), box((100, 100)))
+        write_label_geotiff(tmp_path / "a.tif", broken(), box((100, 100)))
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("side", [30, 300])  # written when the file is closed, or before
-def test_a_full_disk_is_told_of_and_leaves_nothing(tmp_path, side):
+def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path, side):
     resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
     noise = np.random.default_rng(0).integers(0, 1 << 32, (side, side), dtype=np.uint32)
     usual = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -107,12 +107,12 @@ def test_a_full_disk_is_told_of_and_leaves_nothing(tmp_path, side):
         with pytest.raises(OutputError, match=r"a\.tif cannot be written"):
             write_geotiff(tmp_path / "a.tif", [noise], box((side, side)))
         with pytest.raises(OutputError, match=r"b\.tif cannot be written"):
-            write_labels(tmp_path / "b.tif", cut(noise, 64), box((side, side)))
+            write_label_geotiff(tmp_path / "b.tif", cut(noise, 64), box((side, side)))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, usual)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_no_raster_cannot_be_read(tmp_path):
+def test_a_file_that_is_not_a_raster_is_an_error(tmp_path):
     with pytest.raises(RasterReadError):
         read_geotiff(tmp_path / "gone.tif")

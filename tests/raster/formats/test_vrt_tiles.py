@@ -15,7 +15,7 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.execution.executors import threads
 from uavseg.raster.formats import vrt_tiles
-from uavseg.raster.formats.geotiff import write_labels
+from uavseg.raster.formats.geotiff import write_label_geotiff
 from uavseg.raster.formats.vrt_tiles import label_windows, write_label_tiles
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
@@ -39,7 +39,7 @@ class Part:
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(vrt_tiles, "SIDE", 128)
+    monkeypatch.setattr(vrt_tiles, "LABEL_TILE_SIDE", 128)
 
 
 def picture(shape: tuple[int, int] = (300, 420)) -> np.ndarray:
@@ -57,11 +57,11 @@ def write(path: Path, image: np.ndarray, transform: Affine = GRID, crs: Any = 32
 @pytest.mark.parametrize("crs", [32618, 4326, 2056, "EPSG:2193", "EPSG:7405", SOUTH_UP, MARS, LOCAL, None])
 @pytest.mark.parametrize("transform", [GRID, Affine(1e-5, 2e-6, 9, 3e-6, -1e-5, 49.1), Affine.identity()])
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-def test_it_is_the_same_raster_as_one_file(tmp_path: Path, crs: Any, transform: Affine) -> None:
+def test_the_vrt_is_the_same_raster_as_one_file(tmp_path: Path, crs: Any, transform: Affine) -> None:
     image = picture()
     write(tmp_path / "a.vrt", image, transform, crs)
     box = GeoBox(image.shape, transform, None if crs is None else CRS.from_user_input(crs))
-    write_labels(tmp_path / "a.tif", [(Window(0, 0, *image.shape), image)], box)
+    write_label_geotiff(tmp_path / "a.tif", [(Window(0, 0, *image.shape), image)], box)
     (tmp_path / "moved").mkdir()
     for name in ("a.vrt", "a.tiles"):  # paths are relative: both may move together
         (tmp_path / name).replace(tmp_path / "moved" / name)
@@ -78,7 +78,7 @@ def test_it_is_the_same_raster_as_one_file(tmp_path: Path, crs: Any, transform: 
 def test_gdalinfo_reads_it_and_sums_up_the_same(tmp_path: Path) -> None:
     image = picture()
     write(tmp_path / "a.vrt", image)
-    write_labels(tmp_path / "a.tif", [(Window(0, 0, *image.shape), image)],
+    write_label_geotiff(tmp_path / "a.tif", [(Window(0, 0, *image.shape), image)],
                  GeoBox(image.shape, GRID, CRS.from_epsg(32618)))  # fmt: skip
     told = [
         subprocess.run(["gdalinfo", "-checksum", path], cwd=tmp_path, capture_output=True, text=True)
@@ -99,7 +99,7 @@ def test_tiles_without_labels_have_no_file(tmp_path: Path) -> None:
         assert not file.read(1).any() and file.nodata == 0
 
 
-def test_who_writes_changes_no_byte(tmp_path: Path) -> None:
+def test_the_executor_changes_no_byte(tmp_path: Path) -> None:
     found = []
     for name, run in (("one", threads(1)), ("many", threads(3))):
         (tmp_path / name).mkdir()
@@ -109,7 +109,7 @@ def test_who_writes_changes_no_byte(tmp_path: Path) -> None:
     assert found[0] == found[1] and len(found[0]) == 12
 
 
-def test_nothing_is_replaced_unasked(tmp_path: Path) -> None:
+def test_existing_files_are_replaced_only_if_allowed(tmp_path: Path) -> None:
     write(tmp_path / "a.vrt", picture())
     before = (tmp_path / "a.vrt").read_bytes()
     with pytest.raises(OutputExistsError, match=r"a\.vrt exists; give --overwrite"):
@@ -124,16 +124,16 @@ def test_nothing_is_replaced_unasked(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stranger", ["notes.txt", "field.tif"])
-def test_a_folder_with_anything_else_is_never_replaced(tmp_path: Path, stranger: str) -> None:
+def test_a_folder_with_other_files_is_never_replaced(tmp_path: Path, stranger: str) -> None:
     (tmp_path / "a.tiles").mkdir()
     (tmp_path / "a.tiles" / stranger).write_text("precious")
-    with pytest.raises(OutputError, match=r"a\.tiles holds something else than tiles"):
+    with pytest.raises(OutputError, match=r"a\.tiles contains something else than label tiles"):
         write(tmp_path / "a.vrt", picture(), overwrite=True)
     assert (tmp_path / "a.tiles" / stranger).read_text() == "precious"
     assert {path.name for path in tmp_path.iterdir()} == {"a.tiles"}
 
 
-def test_what_cannot_be_finished_never_appears_and_takes_nothing_away(tmp_path: Path) -> None:
+def test_an_unfinished_output_never_appears_and_removes_nothing(tmp_path: Path) -> None:
     write(tmp_path / "a.vrt", picture())
     before = (tmp_path / "a.vrt").read_bytes()
     begun = threading.Event()
@@ -150,10 +150,10 @@ def test_what_cannot_be_finished_never_appears_and_takes_nothing_away(tmp_path: 
     assert {path.name for path in tmp_path.iterdir()} == {"a.vrt", "a.tiles"}
 
 
-def test_a_tile_that_a_worker_wrote_elsewhere_is_missed(tmp_path: Path) -> None:
+def test_a_tile_that_a_worker_wrote_elsewhere_is_an_error(tmp_path: Path) -> None:
     def elsewhere(function: Any, items: Any, progress: Any = None) -> Any:
         return (item.window for item in items)
 
-    with pytest.raises(OutputError, match="workers must share the folder that labels go to"):
+    with pytest.raises(OutputError, match="workers must share the folder of the labels"):
         write(tmp_path / "a.vrt", picture(), map=elsewhere)
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""True ground measures, against geodesics and by laws."""
+"""Ground areas and lengths, against geodesics and by laws."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -86,7 +86,7 @@ def test_a_pixel_anywhere_is_as_exact_as_the_whole(crs, transform):
     assert area == pytest.approx(alone, rel=1e-9)
 
 
-def test_web_mercator_is_not_fooled_by_its_own_metres():
+def test_metres_of_web_mercator_are_not_ground_metres():
     box = box_of(*PLACES["web mercator at 60 north"])
     (area,), _ = measured(box, ANGLE)
     assert 70 * 100 / area == pytest.approx(4, rel=0.01)
@@ -126,7 +126,7 @@ def test_a_raster_larger_than_its_projection_is_measured_where_there_is_ground()
 
 
 @pytest.mark.parametrize("crs", [None, CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]')])
-def test_without_a_globe_the_plane_is_measured(crs):
+def test_without_an_ellipsoid_the_plane_is_measured(crs):
     box = GeoBox((20, 20), Affine.rotation(20) * Affine.scale(2, -3), crs)
     (area,), (perimeter,) = measured(box, ANGLE)
     assert area == pytest.approx(70 * 6)
@@ -135,7 +135,7 @@ def test_without_a_globe_the_plane_is_measured(crs):
 
 
 @pytest.mark.parametrize("place", PLACES)
-def test_a_hole_is_negative_and_as_large_as_what_fills_it(place):
+def test_a_hole_has_the_negative_area_of_the_region_that_fills_it(place):
     box = box_of(*PLACES[place])
     areas, perimeters = measured(box, ANGLE, ANGLE[::-1])
     assert areas[0] > 0
@@ -174,7 +174,7 @@ def test_parts_sum_to_the_whole(place, rows, cols):
     assert areas.sum() == pytest.approx(whole, rel=1e-11)
 
 
-def test_many_rings_are_measured_in_pieces_without_a_trace(monkeypatch):
+def test_many_rings_are_measured_in_chunks_with_the_same_result(monkeypatch):
     box = box_of(*PLACES["utm"])
     rings = [ANGLE + np.array([7 * i, 3 * i]) for i in range(50)]
     whole = measured(box, *rings)
@@ -182,7 +182,7 @@ def test_many_rings_are_measured_in_pieces_without_a_trace(monkeypatch):
     np.testing.assert_array_equal(measured(box, *rings), whole)
 
 
-def test_no_rings_are_measured():
+def test_an_empty_set_of_rings_is_measured():
     areas, perimeters = (
         f(box_of(*PLACES["utm"]), np.zeros((0, 2), np.int32), np.zeros(1, np.int64))
         for f in (ring_areas, ring_perimeters)
@@ -212,7 +212,7 @@ def test_a_line_is_as_long_as_the_geodesics_between_its_pixels(place: str) -> No
     )  # older ellipsoids differ so much
 
 
-def test_steps_at_the_centre_are_the_resolution_and_a_line_of_one_place_has_no_length() -> None:
+def test_steps_at_the_centre_are_the_resolution_and_a_point_has_no_length() -> None:
     box = GeoBox((100, 60), PLACES["utm"][1], CRS.from_epsg(32618))
     assert ground_steps(box, 50, 30) == ground_resolution(box)
     assert line_length(box, np.array([4.5]), np.array([7.5])) == 0

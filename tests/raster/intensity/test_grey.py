@@ -34,20 +34,20 @@ def test_grey_is_the_formula_to_the_last_bit(values, low, width):
 
 
 @pytest.mark.parametrize("dtype", ["uint8", "int8", "uint16", "int16"])
-def test_every_number_of_a_small_type_gets_its_grey(dtype):
+def test_every_value_of_a_small_type_has_the_grey_of_the_formula(dtype):
     limits = np.iinfo(dtype)
     values = np.arange(limits.min, limits.max + 1).astype(dtype)[None, None]
     assert np.array_equal(to_grey(values, -3.3, 200.7), formula(values, -3.3, 200.7))
 
 
-def test_all_colours_of_a_palette_get_their_grey():
+def test_all_colours_of_a_palette_have_the_grey_of_the_formula():
     rng = np.random.default_rng(1)
     for dtype in ("uint8", "uint16"):
         values = rng.integers(0, np.iinfo(dtype).max, (3, 300, 301), endpoint=True).astype(dtype)
         assert np.array_equal(to_grey(values, 0.0, 255.0), formula(values, 0.0, 255.0))
 
 
-def test_slices_are_read_as_they_lie():
+def test_non_contiguous_arrays_are_read():
     values = np.arange(240, dtype=np.uint16).reshape(1, 12, 20)[:, ::2, ::-1]
     assert np.array_equal(to_grey(values, 0.0, 200.0), formula(values, 0.0, 200.0))
 
@@ -58,7 +58,7 @@ def test_where_low_is_high_the_middle_is_grey(dtype):
     assert to_grey(values, 7.0, 7.0).tolist() == [[0, 32768, 65535]]
 
 
-def test_numbers_that_are_none_become_black_not_rubbish():
+def test_nan_becomes_black():
     values = np.array([[[np.nan, -np.inf, np.inf]]], np.float32)
     assert to_grey(values, 0.0, 1.0).tolist() == [[0, 0, 65535]]
 

@@ -1,4 +1,4 @@
-"""Otsu's thresholds are the best ones, and those of scikit-image."""
+"""Otsu's thresholds are optimal, and those of scikit-image."""
 
 from itertools import combinations
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.raster.intensity.otsu import Classes, are_parted, multi_otsu, number_of_classes
+from uavseg.raster.intensity.otsu import Classes, are_separated, multi_otsu, select_classes
 
 counts = st.lists(st.integers(0, 9), min_size=1, max_size=9).filter(any)
 
@@ -24,7 +24,7 @@ def within(histogram: list[int], begins: tuple[int, ...]) -> float:
 
 @settings(deadline=None)
 @given(counts, st.integers(1, 5))
-def test_no_other_cuts_leave_less_variance(histogram: list[int], most: int) -> None:
+def test_no_other_partition_has_less_variance_within_classes(histogram: list[int], most: int) -> None:
     found = multi_otsu(histogram, most)
     assert [classes.count for classes in found] == list(range(1, min(most, np.count_nonzero(histogram)) + 1))
     whole = within(histogram, ())
@@ -36,7 +36,7 @@ def test_no_other_cuts_leave_less_variance(histogram: list[int], most: int) -> N
 
 
 def sampled(seed: int) -> np.ndarray:
-    """Four heaps of samples in 64 bins."""
+    """Samples of four modes in 64 bins."""
     rng = np.random.default_rng(seed)
     heaps = [rng.normal(rng.uniform(0, 60), rng.uniform(1, 8), rng.integers(50, 900)) for _ in range(4)]
     return np.trim_zeros(np.histogram(np.clip(np.concatenate(heaps), 0, 63), 64, (0, 64))[0])
@@ -89,11 +89,11 @@ def test_a_further_class_never_explains_less(histogram: list[int], most: int) ->
     assert told == sorted(told) or np.diff(told).min() > -1e-12
 
 
-def test_a_histogram_of_nothing_has_no_classes() -> None:
+def test_an_empty_histogram_has_no_classes() -> None:
     assert multi_otsu([0, 0, 0], 3) == [] and multi_otsu([], 3) == []
 
 
-def humps(*places: tuple[float, float, float]) -> np.ndarray:
+def modes(*places: tuple[float, float, float]) -> np.ndarray:
     """Normal distributions: place, deviation and share of each."""
     bins = np.arange(256)
     shapes = (share / wide * np.exp(-(((bins - place) / wide) ** 2) / 2) for place, wide, share in places)
@@ -103,33 +103,33 @@ def humps(*places: tuple[float, float, float]) -> np.ndarray:
 @pytest.mark.parametrize(
     ("histogram", "count"),
     [
-        (humps((60, 12, 0.5), (180, 12, 0.5)), 2),
-        (humps((60, 12, 0.9), (180, 12, 0.1)), 2),
-        (humps((40, 10, 0.3), (120, 10, 0.4), (200, 10, 0.3)), 3),
-        (humps((30, 8, 0.2), (90, 8, 0.3), (150, 8, 0.2), (210, 8, 0.3)), 4),
+        (modes((60, 12, 0.5), (180, 12, 0.5)), 2),
+        (modes((60, 12, 0.9), (180, 12, 0.1)), 2),
+        (modes((40, 10, 0.3), (120, 10, 0.4), (200, 10, 0.3)), 3),
+        (modes((30, 8, 0.2), (90, 8, 0.3), (150, 8, 0.2), (210, 8, 0.3)), 4),
         (np.bincount([40, 80, 120, 160, 200]), 5),
     ],
 )
-def test_as_many_classes_as_there_are_humps(histogram: np.ndarray, count: int) -> None:
-    found = number_of_classes(histogram, multi_otsu(histogram, 6))
-    assert found.count == count and are_parted(histogram, found)
+def test_there_are_as_many_classes_as_modes(histogram: np.ndarray, count: int) -> None:
+    found = select_classes(histogram, multi_otsu(histogram, 6))
+    assert found.count == count and are_separated(histogram, found)
 
 
 @pytest.mark.parametrize(
-    "histogram", [np.ones(240), humps((128, 20, 1)), humps((110, 20, 0.5), (150, 20, 0.5))]
+    "histogram", [np.ones(240), modes((128, 20, 1)), modes((110, 20, 0.5), (150, 20, 0.5))]
 )
-def test_what_has_no_valley_is_two_classes_that_are_not_parted(histogram: np.ndarray) -> None:
-    found = number_of_classes(histogram, multi_otsu(histogram, 6))
-    assert found.count == 2 and not are_parted(histogram, found)
+def test_without_a_valley_two_classes_are_not_separated(histogram: np.ndarray) -> None:
+    found = select_classes(histogram, multi_otsu(histogram, 6))
+    assert found.count == 2 and not are_separated(histogram, found)
 
 
 def test_one_bin_is_one_class() -> None:
-    assert number_of_classes([0, 7, 0], multi_otsu([0, 7, 0], 6)).count == 1
+    assert select_classes([0, 7, 0], multi_otsu([0, 7, 0], 6)).count == 1
 
 
 @settings(deadline=None)
 @given(counts, st.integers(0, 300), st.integers(0, 300), st.integers(1, 1000))
-def test_classes_are_parted_whatever_is_around_them_and_however_much_there_is(
+def test_separation_does_not_depend_on_empty_bins_and_scale(
     histogram: list[int], before: int, after: int, times: int
 ) -> None:
     more = [0] * before + [times * count for count in histogram] + [0] * after
@@ -138,4 +138,4 @@ def test_classes_are_parted_whatever_is_around_them_and_however_much_there_is(
         moved = Classes(
             tuple(end + before for end in one.ends), tuple(start + before for start in one.starts), 0.0
         )
-        assert are_parted(histogram, one) == are_parted(more, moved)
+        assert are_separated(histogram, one) == are_separated(more, moved)

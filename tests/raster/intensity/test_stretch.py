@@ -11,7 +11,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.histogram import rank_of
-from uavseg.raster.intensity.stretch import Stretch, fit, parse_stretch
+from uavseg.raster.intensity.stretch import Stretch, fit_stretch, parse_stretch
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import tiles
 
@@ -19,7 +19,7 @@ PERCENTS = [0, 0.5, 2, 25, 50, 98, 99.9, 100]
 
 
 def fitted(dataset, spec, side=64, map=serial):
-    return fit(dataset, spec, TilePass(tiles(dataset.geobox.shape, side), map))
+    return fit_stretch(dataset, spec, TilePass(tiles(dataset.geobox.shape, side), map))
 
 
 def nearest_rank(numbers, percent):
@@ -70,7 +70,7 @@ def test_tiles_and_workers_change_nothing(write_raster, pixels, seed):
         assert len(answers) == 1
 
 
-def test_only_valid_pixels_are_asked(write_raster):
+def test_only_valid_pixels_are_counted(write_raster):
     pixels = np.array([[1, 2, 3, 1000]], np.uint16)
     assert fitted(Dataset.open(write_raster(pixels, nodata=1000)), "minmax").high == 3
     holes = np.array([[1, 2, 3, np.nan, np.inf]], np.float32)
@@ -102,18 +102,18 @@ def test_colours_are_stretched_by_their_luminance(write_raster, dtype):
         ("uint16", {}, "-10.5,2047", -10.5, 2047, "-10.5,2047 -> -10.5..2047"),
     ],
 )
-def test_the_words_mean_what_they_say(write_raster, dtype, how, spec, low, high, name):
+def test_each_form_gives_its_bounds(write_raster, dtype, how, spec, low, high, name):
     dataset = Dataset.open(write_raster(np.array([[0, 1], [1, 0]], dtype), **how))
     assert fitted(dataset, spec) == Stretch(low, high, name)
 
 
-def test_no_pixel_is_read_where_none_need_be(write_raster):
+def test_no_pixel_is_read_where_none_is_needed(write_raster):
     dataset = Dataset.open(write_raster(np.zeros((8, 8), np.uint8)))
 
     def nobody(*_):
         raise AssertionError("pixels were read")
 
-    assert fit(dataset, "auto", TilePass([], nobody)).high == 255
+    assert fit_stretch(dataset, "auto", TilePass([], nobody)).high == 255
 
 
 def test_floats_have_no_maximum(write_raster):
@@ -121,7 +121,7 @@ def test_floats_have_no_maximum(write_raster):
         fitted(Dataset.open(write_raster(np.zeros((8, 8), np.float32))), "dtype")
 
 
-def test_a_constant_image_is_middle_grey_and_told_of(write_raster):
+def test_a_constant_image_is_middle_grey_with_a_warning(write_raster):
     dataset = Dataset.open(write_raster(np.full((8, 8), 300, np.uint16)))
     stretch = fitted(dataset, "auto")
     assert (stretch.low, stretch.high) == (300, 300)
@@ -129,7 +129,7 @@ def test_a_constant_image_is_middle_grey_and_told_of(write_raster):
     assert (stretch.apply(np.full((1, 2, 2), 300, np.uint16)) == 32768).all()
 
 
-def test_an_image_of_nothing_is_told_of(write_raster):
+def test_an_image_without_valid_pixels_gives_a_warning(write_raster):
     stretch = fitted(Dataset.open(write_raster(np.zeros((8, 8), np.uint16), nodata=0)), "auto")
     assert "no pixel is valid" in stretch.warnings[0]
 
@@ -146,7 +146,7 @@ def test_invalid_pixels_are_black():
 @pytest.mark.parametrize(
     "text", ["auto", "dtype", "minmax", "none", "percentile:2,98", "percentile:0.5,99.5", "-1,7.25"]
 )
-def test_a_stretch_is_written_as_it_is_read(text):
+def test_parsing_and_formatting_a_stretch_round_trip(text):
     spec = parse_stretch(text)
     assert parse_stretch(str(spec)) == spec
 
@@ -170,7 +170,7 @@ def test_a_stretch_is_written_as_it_is_read(text):
         ("9,2", "below its high"),
     ],
 )
-def test_other_words_are_refused(text, words):
+def test_other_texts_are_refused(text, words):
     with pytest.raises(ParameterError, match=words):
         parse_stretch(text)
 
@@ -195,7 +195,7 @@ def test_keys_put_floats_in_order(numbers):
     assert found == np.sort(numbers).tolist()
 
 
-def test_the_work_of_a_fit_can_be_sent_elsewhere(write_raster):
+def test_the_functions_of_a_fit_can_be_pickled(write_raster):
     import pickle
 
     dataset = Dataset.open(write_raster(np.arange(100, dtype=np.uint16).reshape(10, 10)))

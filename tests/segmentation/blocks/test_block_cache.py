@@ -1,4 +1,4 @@
-"""Patches: what was kept is what would be read again, and there is never more than there is room for."""
+"""Cached blocks are the pixels of the tile, and the cache never exceeds its capacity."""
 
 import pickle
 
@@ -13,42 +13,42 @@ HERE = Window(0, 0, 128, 192)
 CORNERS = np.array([[0, 0], [64, 128], [64, 0]])
 
 
-def tile(every: bool) -> GreyTile:
+def tile(all_valid: bool) -> GreyTile:
     rng = np.random.default_rng(0)
-    valid = np.ones((130, 194), np.uint8) if every else rng.integers(0, 2, (130, 194)).astype(np.uint8)
-    return GreyTile(rng.integers(0, 65536, (130, 194)).astype(np.uint16), valid, every)
+    valid = np.ones((130, 194), np.uint8) if all_valid else rng.integers(0, 2, (130, 194)).astype(np.uint8)
+    return GreyTile(rng.integers(0, 65536, (130, 194)).astype(np.uint16), valid, all_valid)
 
 
-@pytest.mark.parametrize("every", [True, False])
-def test_blocks_are_kept_with_the_pixels_around_them(every: bool) -> None:
-    patches, full = BlockCache(), tile(every)
-    patches.put(HERE, full, CORNERS)
-    patch = patches.take(HERE)
-    assert patch is not None
+@pytest.mark.parametrize("all_valid", [True, False])
+def test_blocks_are_cached_with_the_pixels_around_them(all_valid: bool) -> None:
+    cache, full = BlockCache(), tile(all_valid)
+    cache.put(HERE, full, CORNERS)
+    cached = cache.take(HERE)
+    assert cached is not None
     for k, (row, col) in enumerate(CORNERS):
         around = slice(row, row + 66), slice(col, col + 66)
-        assert np.array_equal(patch.grey[66 * k : 66 * k + 66], full.grey[around])
-        if every:
-            assert patch.valid is None
+        assert np.array_equal(cached.grey[66 * k : 66 * k + 66], full.grey[around])
+        if all_valid:
+            assert cached.valid is None
         else:
-            assert patch.valid is not None
-            assert np.array_equal(patch.valid[66 * k : 66 * k + 66], full.valid[around])
-    assert patches.take(HERE) is None  # it was taken
+            assert cached.valid is not None
+            assert np.array_equal(cached.valid[66 * k : 66 * k + 66], full.valid[around])
+    assert cache.take(HERE) is None  # taken before
 
 
-def test_what_has_no_room_is_not_kept() -> None:
+def test_blocks_beyond_the_capacity_are_not_cached() -> None:
     size = 3 * CACHED_SIDE * CACHED_SIDE * 2
-    patches = BlockCache(2 * size - 1)
-    patches.put(HERE, tile(True), CORNERS)
-    patches.put(Window(128, 0, 128, 192), tile(True), CORNERS)
-    assert patches.take(HERE) is not None
-    assert patches.take(Window(128, 0, 128, 192)) is None
+    cache = BlockCache(2 * size - 1)
+    cache.put(HERE, tile(True), CORNERS)
+    cache.put(Window(128, 0, 128, 192), tile(True), CORNERS)
+    assert cache.take(HERE) is not None
+    assert cache.take(Window(128, 0, 128, 192)) is None
 
 
-def test_a_copy_for_another_process_is_empty_and_keeps_nothing() -> None:
-    patches = BlockCache()
-    patches.put(HERE, tile(True), CORNERS)
-    copy = pickle.loads(pickle.dumps(patches))
+def test_a_copy_for_another_process_is_empty_and_caches_nothing() -> None:
+    cache = BlockCache()
+    cache.put(HERE, tile(True), CORNERS)
+    copy = pickle.loads(pickle.dumps(cache))
     assert copy.take(HERE) is None
     copy.put(HERE, tile(True), CORNERS)
     assert copy.take(HERE) is None

@@ -1,4 +1,4 @@
-"""A block map that is saved and loaded is the same to the last bit, and anyone can look at it."""
+"""A block map written and read is the same to the bit, and its file opens as an ordinary GeoTIFF."""
 
 import json
 import warnings
@@ -73,7 +73,7 @@ def assert_same(first: SavedBlocks, second: SavedBlocks) -> None:
 
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 999), st.tuples(st.integers(1, 300), st.integers(1, 300)))
-def test_saved_and_loaded_is_the_same(
+def test_written_and_read_is_the_same(
     tmp_path_factory: pytest.TempPathFactory, seed: int, shape: tuple[int, int]
 ) -> None:
     path = tmp_path_factory.mktemp("blocks") / "a.tif"
@@ -91,7 +91,7 @@ def test_saved_and_loaded_is_the_same(
         {"stretch": Stretch(-1e300, 5e-324, "given")},
     ],
 )
-def test_what_it_was_made_from_comes_back(tmp_path: Path, change: dict[str, Any]) -> None:
+def test_the_origin_is_kept(tmp_path: Path, change: dict[str, Any]) -> None:
     with warnings.catch_warnings(action="ignore"):
         write_block_map(tmp_path / "a.tif", replace(saved_map(), **change), DivisionParams(1.2, 0.05))
         assert_same(read_block_map(tmp_path / "a.tif"), replace(saved_map(), **change))
@@ -153,7 +153,7 @@ def facts(path: Path) -> dict[str, Any]:
         *("rows=0.5", 'rows="many"', "rows=-64", "cols=null", "nodata=[]", "rasters=7"),
     ],
 )
-def test_a_damaged_tag_is_told_and_what_to_do(tmp_path: Path, tag: str) -> None:
+def test_a_damaged_tag_is_reported_with_what_to_do(tmp_path: Path, tag: str) -> None:
     path = tmp_path / "a.tif"
     write_block_map(path, saved_map(), DivisionParams(1.2, 0.05))
     text = facts(path)
@@ -168,7 +168,7 @@ def test_a_damaged_tag_is_told_and_what_to_do(tmp_path: Path, tag: str) -> None:
         read_block_map(path)
 
 
-def test_another_raster_is_no_block_map(tmp_path: Path) -> None:
+def test_another_raster_is_not_a_block_map(tmp_path: Path) -> None:
     how = {"driver": "GTiff", "height": 9, "width": 9, "count": 7, "dtype": "float64", "transform": UTM}
     with rasterio.open(tmp_path / "other.tif", "w", **how):
         pass
@@ -177,7 +177,7 @@ def test_another_raster_is_no_block_map(tmp_path: Path) -> None:
         read_block_map(tmp_path / "other.tif")
 
 
-def test_a_file_that_is_no_raster_cannot_be_read(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_raster_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("no raster")
     for path in (tmp_path / "a.txt", tmp_path / "nowhere.tif"):
         assert not is_block_map(path)
@@ -185,7 +185,7 @@ def test_a_file_that_is_no_raster_cannot_be_read(tmp_path: Path) -> None:
             read_block_map(path)
 
 
-def test_a_block_map_is_known_as_one(tmp_path: Path) -> None:
+def test_a_block_map_is_recognised(tmp_path: Path) -> None:
     write_block_map(tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     assert is_block_map(tmp_path / "a.tif") and is_block_map(str(tmp_path / "a.tif"))
 
@@ -216,12 +216,12 @@ def test_rasters_are_found_all_or_none(tmp_path: Path) -> None:
     assert Origin(("a.tif", "b.tif"), str(tmp_path)).find_rasters(tmp_path / "map.tif") is None
 
 
-def test_what_gdal_fetches_is_taken_as_it_is_named(tmp_path: Path) -> None:
+def test_remote_paths_are_kept_as_they_are(tmp_path: Path) -> None:
     name = "/vsicurl/https://example.org/a.tif"
     assert Origin((name,), str(tmp_path)).find_rasters(tmp_path / "map.tif") == [name]
 
 
-def test_a_part_that_was_cut_from_a_block_map_is_not_taken_for_the_whole(tmp_path: Path) -> None:
+def test_a_crop_of_a_block_map_is_refused(tmp_path: Path) -> None:
     write_block_map(tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
     with rasterio.open(tmp_path / "a.tif") as file:
         bands, tags, how = file.read(), file.tags(), file.profile

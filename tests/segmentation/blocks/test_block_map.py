@@ -1,4 +1,4 @@
-"""Leaves cover every cell, coarser where more is allowed; what a range decides by itself needs no texture."""
+"""Leaves cover every cell, larger ones with larger thresholds; required ratios are enough for a range."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ steps = st.sampled_from([0.0, 0.01, 0.05, 0.3, 1.0, INF])
 
 
 def random_map(seed: int, shape: tuple[int, int] = (150, 190)) -> BlockMap:
-    """Sums, counts and ratios of no image in particular: plains, steps and noise, and empty cells."""
+    """Random sums, counts and ratios: plains, steps, noise and empty cells."""
     rng = np.random.default_rng(seed)
     blocks = BlockMap.empty(shape)
     rows, cols = blocks.counts.shape
@@ -37,22 +37,22 @@ def random_map(seed: int, shape: tuple[int, int] = (150, 190)) -> BlockMap:
     return blocks
 
 
-def mean_of(blocks: BlockMap, row: int, col: int, many: int) -> float:
-    part = np.s_[row : row + many, col : col + many]
+def mean_of(blocks: BlockMap, row: int, col: int, size: int) -> float:
+    part = np.s_[row : row + size, col : col + size]
     count = int(blocks.counts[part].sum())
     return int(blocks.sums[part].sum()) / (65535 * count) if count else -1.0
 
 
 def plain_leaves(blocks: BlockMap, X: float, tau: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """The division as it is told: from a block of 64 down to cells."""
+    """The division by recursion, from a block of 64 down to cells."""
     side = np.zeros(blocks.counts.shape, np.uint8)
     mean = np.zeros(blocks.counts.shape)
 
-    def divide(block: NDArray[np.float64], top: int, left: int, down: int, right: int, many: int) -> None:
-        half, row, col = many // 2, top + down, left + right
-        if many > 1:
-            first = {8: 0, 4: 1, 2: 5}[many]
-            ratio = block[first + down // many * (8 // many) + right // many]
+    def divide(block: NDArray[np.float64], top: int, left: int, down: int, right: int, size: int) -> None:
+        half, row, col = size // 2, top + down, left + right
+        if size > 1:
+            first = {8: 0, 4: 1, 2: 5}[size]
+            ratio = block[first + down // size * (8 // size) + right // size]
             means = [mean_of(blocks, row + r, col + c, half) for r in (0, half) for c in (0, half)]
             means = [m for m in means if m >= 0]
             if ratio > X or (means and max(means) - min(means) > tau):
@@ -60,8 +60,8 @@ def plain_leaves(blocks: BlockMap, X: float, tau: float) -> tuple[NDArray[np.uin
                     for c in (0, half):
                         divide(block, top, left, down + r, right + c, half)
                 return
-        side[row : row + many, col : col + many] = 8 * many
-        mean[row : row + many, col : col + many] = mean_of(blocks, row, col, many)
+        side[row : row + size, col : col + size] = 8 * size
+        mean[row : row + size, col : col + size] = mean_of(blocks, row, col, size)
 
     for b, c in np.ndindex(blocks.blocks):
         divide(blocks.ratios[b, c], 8 * b, 8 * c, 0, 0, 8)
@@ -74,7 +74,7 @@ def number_of_leaves(side: NDArray[np.uint8]) -> float:
 
 @settings(deadline=None, max_examples=40)
 @given(seeds, thresholds, steps)
-def test_leaves_are_those_of_the_division_as_it_is_told(seed: int, X: float, tau: float) -> None:
+def test_leaves_are_those_of_a_plain_recursion(seed: int, X: float, tau: float) -> None:
     blocks = random_map(seed, (130, 70))
     side, mean = find_leaves(blocks, DivisionParams(X, tau))
     plain_side, plain_mean = plain_leaves(blocks, X, tau)
@@ -88,17 +88,17 @@ def test_leaves_cover_every_cell_once_with_the_mean_of_their_pixels(seed: int, X
     blocks = random_map(seed)
     side, mean = find_leaves(blocks, DivisionParams(X, tau))
     assert set(np.unique(side)) <= {8, 16, 32, 64}
-    for many in (1, 2, 4, 8):
-        rows, cols = np.nonzero(side == 8 * many)
-        for row, col in {(r // many * many, c // many * many) for r, c in zip(rows, cols, strict=True)}:
-            part = np.s_[row : row + many, col : col + many]
-            assert (side[part] == 8 * many).all()
-            assert (mean[part] == mean_of(blocks, row, col, many)).all()
+    for size in (1, 2, 4, 8):
+        rows, cols = np.nonzero(side == 8 * size)
+        for row, col in {(r // size * size, c // size * size) for r, c in zip(rows, cols, strict=True)}:
+            part = np.s_[row : row + size, col : col + size]
+            assert (side[part] == 8 * size).all()
+            assert (mean[part] == mean_of(blocks, row, col, size)).all()
 
 
 @given(seeds)
 @settings(deadline=None, max_examples=10)
-def test_a_division_without_tests_is_of_whole_blocks(seed: int) -> None:
+def test_a_division_without_tests_keeps_whole_blocks(seed: int) -> None:
     side, _ = find_leaves(random_map(seed), DivisionParams(INF, INF))
     assert (side == 64).all()
 
@@ -110,7 +110,7 @@ def test_a_threshold_below_every_ratio_divides_to_cells() -> None:
     assert (find_leaves(blocks, DivisionParams(1.0, INF))[0] == 64).all()  # R > X divides, R = X does not
 
 
-def test_means_that_differ_by_just_the_step_do_not_divide() -> None:
+def test_means_that_differ_by_exactly_the_step_do_not_divide() -> None:
     blocks = BlockMap.empty((64, 64))
     blocks.counts[:] = 64
     blocks.sums[:, 4:] = 64 * 65535 // 5  # 0.2 against 0
@@ -158,19 +158,19 @@ def test_a_white_cell_of_64_pixels_does_not_overflow() -> None:
     assert (sums.item(), counts.item()) == (64 * 65535, 64)
 
 
-def known_only_where(blocks: BlockMap, wanted: NDArray[np.uint32], otherwise: float) -> BlockMap:
-    bits = wanted[..., None] >> np.arange(RATIOS, dtype=np.uint32) & 1
+def known_only_where(blocks: BlockMap, required: NDArray[np.uint32], otherwise: float) -> BlockMap:
+    bits = required[..., None] >> np.arange(RATIOS, dtype=np.uint32) & 1
     ratios = np.where(bits, blocks.ratios, otherwise)
     return BlockMap(blocks.shape, blocks.sums, blocks.counts, ratios)
 
 
-def assert_texture_elsewhere_is_of_no_use(
+def assert_other_ratios_have_no_influence(
     blocks: BlockMap, interval: IntensityRange, X: float, tau: float
 ) -> None:
-    wanted = required_ratios(blocks.sums, blocks.counts, interval.edges, tau)
+    required = required_ratios(blocks.sums, blocks.counts, interval.edges, tau)
     full = valid_cells_in_range(blocks, interval, X, tau)
     for otherwise in (0.0, INF):
-        some = known_only_where(blocks, wanted, otherwise)
+        some = known_only_where(blocks, required, otherwise)
         assert np.array_equal(valid_cells_in_range(some, interval, X, tau), full)
 
 
@@ -188,23 +188,25 @@ ends = st.tuples(
 
 @settings(deadline=None, max_examples=200)
 @given(seeds, ends, thresholds, steps)
-def test_a_range_is_answered_by_the_texture_of_undecided_blocks_alone(
+def test_required_ratios_are_enough_for_a_range(
     seed: int, pair: tuple[float, float], X: float, tau: float
 ) -> None:
-    assert_texture_elsewhere_is_of_no_use(random_map(seed), IntensityRange(*pair), X, tau)
+    assert_other_ratios_have_no_influence(random_map(seed), IntensityRange(*pair), X, tau)
 
 
 @settings(deadline=None, max_examples=60)
 @given(seeds, st.sampled_from([0.1, 0.3, 0.001, 1.0]), thresholds, steps)
-def test_levels_and_states_are_answered_by_it_too(seed: int, width: float, X: float, tau: float) -> None:
+def test_required_ratios_are_enough_for_levels_and_states(
+    seed: int, width: float, X: float, tau: float
+) -> None:
     blocks, levels, limits = random_map(seed), Levels(width), StateLimits()
     there = blocks.counts > 0
-    for cut, answer in ((levels, cell_levels), (limits, cell_states)):
-        wanted = required_ratios(blocks.sums, blocks.counts, cut.edges, tau)
-        full = answer(blocks, cut, DivisionParams(X, tau))[there]
+    for intervals, answer in ((levels, cell_levels), (limits, cell_states)):
+        required = required_ratios(blocks.sums, blocks.counts, intervals.edges, tau)
+        full = answer(blocks, intervals, DivisionParams(X, tau))[there]
         for otherwise in (0.0, INF):
-            some = known_only_where(blocks, wanted, otherwise)
-            assert np.array_equal(answer(some, cut, DivisionParams(X, tau))[there], full)
+            some = known_only_where(blocks, required, otherwise)
+            assert np.array_equal(answer(some, intervals, DivisionParams(X, tau))[there], full)
 
 
 def block_map_of(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> BlockMap:
@@ -219,7 +221,7 @@ def block_map_of(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> BlockMap
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_of_images_too_the_texture_of_undecided_blocks_is_enough(seed: int) -> None:
+def test_required_ratios_are_enough_for_images(seed: int) -> None:
     rng = np.random.default_rng(seed)
     coarse = rng.random((192 // 24, 256 // 32)).repeat(24, 0).repeat(32, 1)
     image = coarse * rng.choice([0.2, 1]) + rng.normal(0, rng.choice([0.001, 0.05]), coarse.shape)
@@ -229,10 +231,10 @@ def test_of_images_too_the_texture_of_undecided_blocks_is_enough(seed: int) -> N
     for low, high in ((0.0, 0.3), (0.4, 0.6), (0.25, 1.0)):
         for X in (1.05, 1.2, 2.0):
             for tau in (0.05, 0.2, INF):
-                assert_texture_elsewhere_is_of_no_use(blocks, IntensityRange(low, high), X, tau)
+                assert_other_ratios_have_no_influence(blocks, IntensityRange(low, high), X, tau)
 
 
-def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
+def test_a_plain_block_requires_no_ratio_and_a_mixed_one_does() -> None:
     blocks = BlockMap.empty((64, 3 * 64))
     blocks.counts[:] = 64
     blocks.sums[:] = 64 * 65535 // 2
@@ -248,7 +250,7 @@ def test_a_plain_block_is_decided_and_a_mixed_one_is_not() -> None:
     ]
 
 
-def test_a_block_that_intensity_divides_all_the_way_needs_no_texture() -> None:
+def test_a_block_that_intensity_divides_to_cells_requires_no_ratio() -> None:
     blocks = BlockMap.empty((64, 64))
     blocks.counts[:] = 64
     blocks.sums[0, 0] = 64 * 65535

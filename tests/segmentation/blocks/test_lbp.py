@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uavseg.raster.tiling import tiles
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
 
-NO_CUTS = np.full(7, 65536, np.int32)
+NO_EDGES = np.full(7, 65536, np.int32)
 extreme = st.sampled_from([0, 1, 7, 8, 9, 32767, 32768, 65534, 65535])
 nine_greys = st.lists(st.one_of(extreme, st.integers(0, 65535)), min_size=9, max_size=9)
 
@@ -43,7 +43,7 @@ def exact_contrast(nine: list[int]) -> int:
 
 
 def plain_symbols(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], cuts: NDArray[np.int32]
+    grey: NDArray[np.uint16], valid: NDArray[np.uint8], bin_edges: NDArray[np.int32]
 ) -> NDArray[np.int64]:
     """Symbols by whole-array arithmetic; bits run clockwise from the upper left."""
     rows, cols = grey.shape
@@ -61,7 +61,7 @@ def plain_symbols(
         counted &= valid[there] > 0
     m = 8 - n
     contrast = np.where(n * m > 0, (high * m - low * n) // np.maximum(n * m, 1), 0)
-    level = (contrast[..., None] > cuts).sum(axis=2)
+    level = (contrast[..., None] > bin_edges).sum(axis=2)
     return np.where(counted, 8 * code + level, 65535)
 
 
@@ -116,9 +116,9 @@ def test_histograms_of_tiles_add_up_to_that_of_the_whole(
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 1000), st.lists(st.integers(0, 70000), min_size=7, max_size=7))
-def test_symbols_are_those_of_plain_arithmetic(seed: int, cuts: list[int]) -> None:
+def test_symbols_are_those_of_plain_arithmetic(seed: int, bin_edges: list[int]) -> None:
     grey, valid = noise(seed, (19, 33)), holes(seed, (19, 33))
-    some = np.array(sorted(cuts), np.int32) >> seed % 17
+    some = np.array(sorted(bin_edges), np.int32) >> seed % 17
     assert np.array_equal(lbp_symbols(grey, valid, some), plain_symbols(grey, valid, some))
     assert np.array_equal(lbp_symbols(grey, None, some), plain_symbols(grey, np.ones_like(valid), some))
 
@@ -127,7 +127,7 @@ def test_symbols_are_those_of_plain_arithmetic(seed: int, cuts: list[int]) -> No
 def test_an_invalid_pixel_uncounts_the_nine_around_it(seed: int) -> None:
     grey, valid = noise(seed, (20, 20)), np.ones((20, 20), np.uint8)
     valid[7, 11] = 0
-    uncounted = lbp_symbols(grey, valid, NO_CUTS) == 65535
+    uncounted = lbp_symbols(grey, valid, NO_EDGES) == 65535
     assert uncounted.sum() == 9 and uncounted[5:8, 9:12].all()
     assert contrast_histogram(grey, valid).sum() == 18 * 18 - 9
 
@@ -137,9 +137,9 @@ def test_an_invalid_pixel_uncounts_the_nine_around_it(seed: int) -> None:
 def test_a_brighter_image_has_the_same_texture(seed: int, more: int) -> None:
     grey = noise(seed, (30, 30)) >> 1
     brighter = (grey + np.uint16(more)).astype(np.uint16)
-    cuts = contrast_bin_edges(contrast_histogram(grey))
+    bin_edges = contrast_bin_edges(contrast_histogram(grey))
     assert np.array_equal(contrast_histogram(grey), contrast_histogram(brighter))
-    assert np.array_equal(lbp_symbols(grey, None, cuts), lbp_symbols(brighter, None, cuts))
+    assert np.array_equal(lbp_symbols(grey, None, bin_edges), lbp_symbols(brighter, None, bin_edges))
 
 
 @pytest.mark.parametrize("turn", [np.rot90, np.fliplr, np.flipud, np.transpose])
@@ -152,18 +152,18 @@ def test_a_turned_image_has_the_same_contrasts(turn: object) -> None:
 
 @settings(deadline=None, max_examples=150)
 @given(st.lists(st.one_of(st.integers(0, 6), st.sampled_from([0, 0, 65535])), max_size=60))
-def test_a_cut_is_the_smallest_contrast_with_enough_at_or_below_it(contrasts: list[int]) -> None:
-    cuts = contrast_bin_edges(np.bincount(contrasts, minlength=65536).astype(np.int64))
+def test_a_bin_edge_is_the_smallest_contrast_with_enough_pixels_at_or_below_it(contrasts: list[int]) -> None:
+    bin_edges = contrast_bin_edges(np.bincount(contrasts, minlength=65536).astype(np.int64))
     ordered = sorted(contrasts)
     for k in range(1, 8):
         enough = [t for t in {0, *ordered} if 8 * sum(c <= t for c in ordered) >= k * len(ordered)]
-        assert cuts[k - 1] == min(enough)
+        assert bin_edges[k - 1] == min(enough)
 
 
 def test_where_contrasts_seldom_tie_bins_are_of_equal_size() -> None:
     grey = np.random.default_rng(3).integers(0, 65536, (200, 200)).astype(np.uint16)
-    cuts = contrast_bin_edges(contrast_histogram(grey))
-    found = np.bincount(lbp_symbols(grey, None, cuts).ravel() % 8, minlength=8)
+    bin_edges = contrast_bin_edges(contrast_histogram(grey))
+    found = np.bincount(lbp_symbols(grey, None, bin_edges).ravel() % 8, minlength=8)
     eighth = 198 * 198 / 8
     assert abs(found[0] + found[1] - 2 * eighth) < 10  # two ninths are the least or the greatest of nine: 0
     assert (abs(found[2:] - eighth) < 10).all()
@@ -172,6 +172,6 @@ def test_where_contrasts_seldom_tie_bins_are_of_equal_size() -> None:
 def test_where_contrasts_tie_bins_stay_empty() -> None:
     grey = np.zeros((40, 40), np.uint16)
     grey[20, 20] = 800  # nine contrasts that are not 0, of 1444
-    cuts = contrast_bin_edges(contrast_histogram(grey))
-    assert cuts.tolist() == [0] * 7
-    assert set(np.unique(lbp_symbols(grey, None, cuts) % 8)) <= {0, 7}
+    bin_edges = contrast_bin_edges(contrast_histogram(grey))
+    assert bin_edges.tolist() == [0] * 7
+    assert set(np.unique(lbp_symbols(grey, None, bin_edges) % 8)) <= {0, 7}

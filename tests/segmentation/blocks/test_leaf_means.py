@@ -23,7 +23,7 @@ def scene(seed: int, shape: tuple[int, int] = (200, 150)) -> BlockMap:
 
 @settings(deadline=None, max_examples=15)
 @given(st.integers(0, 99), st.sampled_from([0.02, 0.3, np.inf]))
-def test_it_is_that_of_the_leaves(seed: int, step: float) -> None:
+def test_the_histogram_is_that_of_the_leaves(seed: int, step: float) -> None:
     blocks = scene(seed)
     found = histogram_of_means(blocks, DivisionParams(1.2, step))
     _, mean = find_leaves(blocks, DivisionParams(1.2, step))
@@ -51,7 +51,7 @@ def test_parts_merge_by_adding(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.array_equal(histogram_of_means(blocks, DivisionParams(1.2, 0.05)), whole)
 
 
-def test_values_that_are_means_are_known() -> None:
+def test_values_that_are_means_are_found() -> None:
     grey = np.full((64, 64), 26214, np.uint16)  # v = 0.4
     grey[:, 32:] = 52428
     blocks = block_map_of_array(grey)

@@ -10,7 +10,6 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from skimage import measure
 
-from uavseg.segmentation.labels.component_sums import component_sums
 from uavseg.segmentation.labels.components import (
     label_components,
     label_equal_values,
@@ -107,30 +106,6 @@ def test_a_checkerboard_has_as_many_components_as_there_can_be(shape: tuple[int,
     board = (np.indices(shape).sum(axis=0) % 2 == 0).astype(np.uint8)
     labels, count = label_components(board)
     assert count == board.sum() == labels.max()
-
-
-@settings(deadline=None, max_examples=60)
-@given(seeds, shapes, st.integers(0, 3))
-def test_sums_are_those_of_each_component_alone(seed: int, shape: tuple[int, int], margin: int) -> None:
-    labels, count = label_components(blots(seed, shape))
-    grey = (
-        np.random.default_rng(seed)
-        .integers(0, 65536, [side + 2 * margin for side in shape])
-        .astype(np.uint16)
-    )
-    core = grey[margin : margin + shape[0], margin : margin + shape[1]].astype(np.int64)
-    sums = component_sums(labels, count, grey, margin)
-    each = [labels == label for label in range(1, count + 1)]
-    assert sums.counts.tolist() == [int(one.sum()) for one in each]
-    assert sums.greys.tolist() == [int(core[one].sum()) for one in each]
-    assert sums.squares.tolist() == [int((core[one] ** 2).sum()) for one in each]
-    assert sums.firsts.tolist() == [np.argwhere(one)[0].tolist() for one in each]
-
-
-def test_squares_of_a_large_white_component_are_exact() -> None:
-    white = np.full((1500, 1500), 65535, np.uint16)
-    sums = component_sums(np.ones(white.shape, np.uint32), 1, white)
-    assert int(sums.squares[0]) == white.size * 65535**2
 
 
 @settings(deadline=None, max_examples=100)

@@ -1,4 +1,4 @@
-"""Scans as they are told, means as they are told, and what happens to a pixel is decided nearby."""
+"""Scans and local means agree with plain versions, and depend on a bounded neighbourhood."""
 
 from math import comb
 
@@ -35,7 +35,7 @@ def random_case(seed: int, shape: tuple[int, int]) -> tuple[Image, Image, NDArra
     return coarse(side, [0, 1]).astype(np.uint8) & valid, valid, grey
 
 
-def matching(grey: NDArray[np.uint16], valid: Image, interval: IntensityRange) -> Image:
+def in_range_of(grey: NDArray[np.uint16], valid: Image, interval: IntensityRange) -> Image:
     low, high = interval.greys
     return ((grey >= low) & (grey <= high)).astype(np.uint8) & valid
 
@@ -43,25 +43,25 @@ def matching(grey: NDArray[np.uint16], valid: Image, interval: IntensityRange) -
 MIDDLE = IntensityRange(0.35, 0.65)
 
 
-def one_line(inside: list[int], valid: list[int], fits: list[int], grow: bool) -> list[int]:
+def one_line(inside: list[int], valid: list[int], in_range: list[int], grow: bool) -> list[int]:
     """One scan along one line, a pixel after the other."""
     line, run = list(inside), 0
     for k in range(1, len(line)):
         if grow:
-            changes = line[k - 1] and not line[k] and valid[k] and fits[k]
+            changes = line[k - 1] and not line[k] and valid[k] and in_range[k]
         else:
-            changes = valid[k - 1] and not line[k - 1] and valid[k] and line[k] and not fits[k]
+            changes = valid[k - 1] and not line[k - 1] and valid[k] and line[k] and not in_range[k]
         run = run + 1 if changes and run < 8 else 0
         if run:
             line[k] = int(grow)
     return line
 
 
-def plain_scan(inside: Image, valid: Image, fits: Image) -> Image:
+def plain_scan(inside: Image, valid: Image, in_range: Image) -> Image:
     result = inside.copy()
     for grow in (False, True):
         for turn in (np.fliplr, lambda a: a, lambda a: a.T[:, ::-1], np.transpose):
-            view, ok, fit = turn(result), turn(valid), turn(fits)  # type: ignore[no-untyped-call]
+            view, ok, fit = turn(result), turn(valid), turn(in_range)  # type: ignore[no-untyped-call]
             for k in range(len(view)):
                 view[k] = one_line(view[k].tolist(), ok[k].tolist(), fit[k].tolist(), grow)
     return result
@@ -83,31 +83,31 @@ def plain_smooth(inside: Image, valid: Image, grey: NDArray[np.uint16], low: flo
 
 @settings(deadline=None, max_examples=60)
 @given(seeds, st.tuples(st.integers(1, 50), st.integers(1, 50)))
-def test_the_scans_are_those_that_are_told(seed: int, shape: tuple[int, int]) -> None:
+def test_the_scans_are_those_of_a_plain_version(seed: int, shape: tuple[int, int]) -> None:
     inside, valid, grey = random_case(seed, shape)
-    fits = matching(grey, valid, MIDDLE)
-    expected = plain_scan(inside, valid, fits)
-    assert np.array_equal(refine_by_scans(inside, valid, fits), expected)
+    in_range = in_range_of(grey, valid, MIDDLE)
+    expected = plain_scan(inside, valid, in_range)
+    assert np.array_equal(refine_by_scans(inside, valid, in_range), expected)
 
 
 @settings(deadline=None, max_examples=60)
 @given(seeds)
-def test_the_scans_of_salt_and_pepper_are_those_that_are_told(seed: int) -> None:
+def test_the_scans_of_salt_and_pepper_are_those_of_a_plain_version(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    valid, fits, inside = (rng.random((3, *rng.integers(1, 45, 2))) < rng.random((3, 1, 1)) ** 0.3).astype(
-        np.uint8
-    )
+    valid, in_range, inside = (
+        rng.random((3, *rng.integers(1, 45, 2))) < rng.random((3, 1, 1)) ** 0.3
+    ).astype(np.uint8)
     inside &= valid
-    fits &= valid
-    expected = plain_scan(inside, valid, fits)
-    assert np.array_equal(refine_by_scans(inside, valid, fits), expected)
+    in_range &= valid
+    expected = plain_scan(inside, valid, in_range)
+    assert np.array_equal(refine_by_scans(inside, valid, in_range), expected)
 
 
 @pytest.mark.parametrize(
-    "before, fits, after",
+    "before, in_range, after",
     [
         ("####....", "##......", "##......"),  # what does not fit leaves
-        ("####....", "######..", "######.."),  # what fits joins
+        ("####....", "######..", "######.."),  # what in_range joins
         ("####....", "####.###", "####...."),  # but not over what does not
         (12 * "#" + "....", 16 * ".", 4 * "#" + 12 * "."),  # a run ends after eight
         ("####" + 12 * ".", 16 * "#", 12 * "#" + "...."),
@@ -115,13 +115,13 @@ def test_the_scans_of_salt_and_pepper_are_those_that_are_told(seed: int) -> None
         ("........", "########", "........"),  # nobody inside asks
     ],
 )
-def test_a_line_is_refined_as_drawn(before: str, fits: str, after: str) -> None:
+def test_a_line_is_refined_as_drawn(before: str, in_range: str, after: str) -> None:
     for turn in (lambda a: a, np.fliplr, np.transpose, lambda a: a.T[::-1]):
-        inside, fit = (np.ascontiguousarray(turn(picture(text))) for text in (before, fits))  # type: ignore[no-untyped-call]
+        inside, fit = (np.ascontiguousarray(turn(picture(text))) for text in (before, in_range))  # type: ignore[no-untyped-call]
         assert np.array_equal(refine_by_scans(inside, np.ones_like(inside), fit), turn(picture(after)))  # type: ignore[no-untyped-call]
 
 
-def test_invalid_pixels_ask_nobody_to_leave() -> None:
+def test_invalid_pixels_do_not_shrink_a_region() -> None:
     inside, valid = picture("####...."), picture("####.###")
     assert np.array_equal(refine_by_scans(inside.copy(), valid, np.zeros_like(inside)), inside)
 
@@ -139,7 +139,7 @@ def test_smoothing_is_a_local_mean(seed: int, shape: tuple[int, int]) -> None:
     assert np.array_equal(refine_by_local_mean(inside, valid, grey, 0.35, 0.65), expected)
 
 
-def test_smoothing_leaves_what_it_is_given_and_pixels_far_from_a_boundary_alone() -> None:
+def test_smoothing_keeps_its_input_and_pixels_far_from_a_boundary() -> None:
     inside = np.zeros((40, 40), np.uint8)
     inside[:, 20:] = 1
     given_, valid = inside.copy(), np.ones_like(inside)
@@ -161,11 +161,11 @@ def test_the_ends_of_a_range_are_in_it_when_smoothed() -> None:
 def refine(how: str, inside: Image, valid: Image, grey: NDArray[np.uint16]) -> Image:
     inside, valid, grey = (np.ascontiguousarray(image).copy() for image in (inside, valid, grey))
     if how == "scan":
-        return refine_by_scans(inside, valid, matching(grey, valid, MIDDLE))
+        return refine_by_scans(inside, valid, in_range_of(grey, valid, MIDDLE))
     return refine_by_local_mean(inside, valid, grey, MIDDLE.low, MIDDLE.high)
 
 
-def cut_out_agrees(how: str, seed: int, margin: int) -> bool:
+def crop_agrees(how: str, seed: int, margin: int) -> bool:
     """Whether a window and a pixel around it, refined with `margin` more, are as in the whole refined."""
     case = random_case(seed, (200, 220))
     row, col = 88, 96
@@ -178,17 +178,17 @@ def cut_out_agrees(how: str, seed: int, margin: int) -> bool:
 @pytest.mark.parametrize("how", ["scan", "smooth"])
 @settings(deadline=None, max_examples=60)
 @given(seeds)
-def test_a_cut_out_with_reach_around_it_is_refined_as_the_whole(how: str, seed: int) -> None:
-    assert cut_out_agrees(how, seed, REFINE_HALO)
+def test_a_crop_with_a_halo_is_refined_as_the_whole(how: str, seed: int) -> None:
+    assert crop_agrees(how, seed, REFINE_HALO)
 
 
 @pytest.mark.parametrize("how", ["scan", "smooth"])
-def test_a_cut_out_with_less_around_it_may_not_be(how: str) -> None:
-    assert not all(cut_out_agrees(how, seed, 8) for seed in range(200))
+def test_a_crop_with_a_smaller_halo_may_differ(how: str) -> None:
+    assert not all(crop_agrees(how, seed, 8) for seed in range(200))
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_a_change_reaches_no_farther_than_it_may(axis: int) -> None:
+def test_a_change_stays_within_the_halo(axis: int) -> None:
     shape = (60, 300) if axis else (300, 60)
     for seed in range(20):
         inside, valid, grey = random_case(seed, shape)
@@ -202,15 +202,15 @@ def test_a_change_reaches_no_farther_than_it_may(axis: int) -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(seeds)
-def test_regions_that_match_already_do_not_change(seed: int) -> None:
+def test_regions_that_are_in_range_already_do_not_change(seed: int) -> None:
     _, valid, grey = random_case(seed, (50, 60))
-    fits = matching(grey, valid, MIDDLE)
-    assert np.array_equal(refine_by_scans(fits.copy(), valid, fits), fits)
+    in_range = in_range_of(grey, valid, MIDDLE)
+    assert np.array_equal(refine_by_scans(in_range.copy(), valid, in_range), in_range)
 
 
 @settings(deadline=None, max_examples=30)
 @given(seeds)
-def test_where_everything_matches_no_pixel_leaves_and_refining_again_only_grows(seed: int) -> None:
+def test_where_all_is_in_range_no_pixel_leaves_and_refining_again_only_grows(seed: int) -> None:
     inside, valid, _ = random_case(seed, (50, 60))
     refined = refine_by_scans(inside.copy(), valid, valid)
     assert (refined >= inside).all()
@@ -227,7 +227,7 @@ def test_invalid_pixels_are_never_inside(how: str, seed: int) -> None:
 
 @pytest.mark.parametrize("how", ["scan", "smooth"])
 @pytest.mark.parametrize("fill", [0, 1])
-def test_an_image_without_a_boundary_is_left_as_it_is(how: str, fill: int) -> None:
+def test_an_image_without_a_boundary_does_not_change(how: str, fill: int) -> None:
     _, valid, grey = random_case(5, (50, 60))
     inside = valid * np.uint8(fill)
     assert np.array_equal(refine(how, inside, valid, grey), inside)

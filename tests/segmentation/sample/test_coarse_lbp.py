@@ -33,9 +33,9 @@ def test_symbols_are_those_of_the_nine_means_around(seed: int, rows: int, cols: 
 def test_noise_of_single_pixels_is_halved() -> None:
     rng = np.random.default_rng(1)
     grey = (30000 + 3000 * rng.normal(size=(200, 200))).astype(np.uint16)
-    cuts = np.arange(1, 8, dtype=np.int32) * 1000
-    fine = lbp_symbols(grey[2:-2, 2:-2].copy(), None, cuts) & 7
-    coarse = coarse_symbols(grey, None, cuts) & 7
+    bin_edges = np.arange(1, 8, dtype=np.int32) * 1000
+    fine = lbp_symbols(grey[2:-2, 2:-2].copy(), None, bin_edges) & 7
+    coarse = coarse_symbols(grey, None, bin_edges) & 7
     assert contrast_histogram(grey).sum() and coarse.mean() < 0.65 * fine.mean()
 
 

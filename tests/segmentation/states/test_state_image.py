@@ -29,7 +29,7 @@ def filled(shape: tuple[int, int], step: int) -> tuple[StateImage, np.ndarray]:
     return image, codes
 
 
-def test_what_is_put_is_there(room: str) -> None:
+def test_codes_written_are_read_back(room: str) -> None:
     image, codes = filled((130, 70), 64)
     assert isinstance(image._file, io.BytesIO) == (room == "memory")
     assert np.array_equal(image.read_codes(0, 192), codes)
@@ -55,18 +55,18 @@ def test_states_are_read_by_window(room: str) -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 9), st.integers(1, 9), st.integers(0, 10**6))
-def test_packing_is_undone(rows: int, pairs: int, seed: int) -> None:
+def test_unpacking_inverts_packing(rows: int, pairs: int, seed: int) -> None:
     codes = np.random.default_rng(seed).integers(0, 16, (rows, 2 * pairs)).astype(np.uint8)
     found = np.empty_like(codes)
     unpack_codes(pack_codes(codes), found)
     assert np.array_equal(found, codes) and pack_codes(codes).nbytes * 2 == codes.nbytes
 
 
-def test_half_a_byte_a_pixel_is_held() -> None:
+def test_a_pixel_takes_4_bits() -> None:
     assert len(StateImage((640, 1280))._file.read()) == 640 * 1280 // 2
 
 
-def test_a_full_disk_is_told(room: str) -> None:
+def test_a_full_disk_is_reported(room: str) -> None:
     image, codes = filled((64, 64), 64)
 
     class Full(io.BytesIO):
@@ -80,7 +80,7 @@ def test_a_full_disk_is_told(room: str) -> None:
         image.write_codes(0, codes)
 
 
-def test_no_place_for_a_file_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_temporary_folder_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(**_: object) -> None:
         raise FileNotFoundError(2, "No usable temporary directory found")
 

@@ -1,4 +1,4 @@
-"""States to the pixel, against the slow implementation, and what the scans promise."""
+"""Scans of states agree with the reference, and strips change nothing."""
 
 from itertools import pairwise
 from types import ModuleType
@@ -39,7 +39,7 @@ def refined(states: str, own: str) -> str:
 
 
 def random_states(seed: int) -> tuple[Bytes, Bytes]:
-    """Patches, or single pixels, of states; and what the pixels themselves are, often half."""
+    """Patches or single pixels of states, and the own states of the pixels, often half."""
     rng = np.random.default_rng(seed)
     shape = tuple(rng.integers(1, 40, 2))
     grain = int(rng.choice([1, 3, 8]))
@@ -61,9 +61,9 @@ def test_states_are_those_of_the_reference(reference: ModuleType, first: int) ->
     assert not different
 
 
-def in_strips(codes: Bytes, cuts: list[int]) -> Bytes:
+def in_strips(codes: Bytes, splits: list[int]) -> Bytes:
     """The eight scans, strip by strip, each of which knows two rows more at most."""
-    edges = [0, *sorted(cuts), len(codes)]
+    edges = [0, *sorted(splits), len(codes)]
     strips = [slice(a, b) for a, b in pairwise(edges) if b > a]
     codes, cols = codes.copy(), codes.shape[1]
     compact_rows(codes)
@@ -92,11 +92,11 @@ def in_strips(codes: Bytes, cuts: list[int]) -> Bytes:
 @given(st.integers(0, 10**6), st.data())
 def test_strips_change_nothing(seed: int, data: st.DataObject) -> None:
     codes = encode_states(*random_states(seed))
-    cuts = data.draw(st.lists(st.integers(0, len(codes)), max_size=6))
-    assert np.array_equal(in_strips(codes, cuts), refine_states(codes))
+    splits = data.draw(st.lists(st.integers(0, len(codes)), max_size=6))
+    assert np.array_equal(in_strips(codes, splits), refine_states(codes))
 
 
-def test_half_pixels_beside_unknown_ones_become_unknown_however_many() -> None:
+def test_a_run_of_half_pixels_beside_an_unknown_one_becomes_unknown() -> None:
     assert refined("u" + 30 * "f", 30 * "u" + "f") == 30 * "u" + "f"
     assert refined("u" + 30 * "o", 31 * "u") == 31 * "u"
 
@@ -133,7 +133,7 @@ def test_the_scans_have_an_order_so_turning_the_map_may_change_its_states() -> N
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None)
-def test_what_is_invalid_stays_and_nothing_else_becomes_so(seed: int) -> None:
+def test_exactly_the_invalid_pixels_stay_invalid(seed: int) -> None:
     states, own = random_states(seed)
     found = refine_states(encode_states(states, own))
     assert np.array_equal(found == 0, states == 0)

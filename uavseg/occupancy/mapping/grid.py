@@ -16,7 +16,7 @@ from uavseg.occupancy.mapping.log_odds import Singles, probabilities_of
 from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS, marks_of
 from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.geobox import GeoBox, check_metres, upright
+from uavseg.raster.geobox import GeoBox, check_metres, local_geobox
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.intervals import Intervals
 from uavseg.segmentation.params import SegmentParams
@@ -96,7 +96,7 @@ class OccupancyGrid:
         origin : (float, float)
             x and y of the lower left corner in metres.
         """
-        return cls(upright(shape, cell_m, origin))
+        return cls(local_geobox(shape, cell_m, origin))
 
     @classmethod
     def from_probabilities(cls, probabilities: ArrayLike, geobox: GeoBox) -> "OccupancyGrid":

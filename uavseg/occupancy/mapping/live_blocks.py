@@ -15,7 +15,7 @@ Places = NDArray[np.int64]
 def undecided_at(
     blocks: BlockMap, edges: Sequence[float], intensity_step: float, places: Places
 ) -> NDArray[np.uint32]:
-    """Which R must be known of some blocks, see `blockmap.undecided`.
+    """Which R must be known of some blocks, see `block_map.required_ratios`.
 
     Returns
     -------

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import OutputError, RasterError
 from uavseg.occupancy.paths.find_path import Way
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import densify_line, split_at_antimeridian, wrap_lon_beyond_180
 from uavseg.regions.wgs84 import to_wgs84
 
 Floats = NDArray[np.float64]
@@ -54,7 +55,7 @@ def lonlat(way: Way, corners: Floats | None = None) -> tuple[Floats, Floats]:
     lon, lat = way.geobox.lonlat_from_xy(*way.geobox.xy_from_pixel(rows, cols))
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
         raise RasterError("the path leaves what the map's projection can express")
-    return np.where(np.abs(lon) > 180, np.remainder(lon + 180, 360) - 180, lon), lat
+    return wrap_lon_beyond_180(lon), lat
 
 
 def geojson(way: Way) -> str:
@@ -77,7 +78,7 @@ def _geometry(way: Way) -> dict[str, Any]:
     if way.geobox.crs is None:
         return _line(way.xy)
     degrees = np.stack(lonlat(way, _dense(way)), axis=1)
-    parts = [np.round(part, DECIMALS) for part in _cut(degrees)]
+    parts = [np.round(part, DECIMALS) for part in split_at_antimeridian(degrees)]
     if len(parts) == 1:
         return _line(parts[0])
     return {"type": "MultiLineString", "coordinates": [part.tolist() for part in parts]}
@@ -88,31 +89,12 @@ def _line(places: Floats) -> dict[str, Any]:
     return {"type": "LineString", "coordinates": whole.tolist()}
 
 
-def _dense(way: Way) -> NDArray[Any]:
+def _dense(way: Way) -> Floats:
     """The corners in pixels, with more places on legs so long that they bend on the globe."""
-    corners = way.corners + 0.5
+    corners: Floats = way.corners + np.float64(0.5)
     if len(corners) < 2:
         return corners
     legs = np.hypot(*np.diff(corners, axis=0).T)
     metres = way.length_m * legs / legs.sum()
     pieces = np.maximum(np.ceil(metres / LONGEST_LEG_M), 1).astype(np.int64)
-    ends = np.concatenate([[0], np.cumsum(pieces)])
-    places = np.empty((ends[-1] + 1, 2), np.float64)
-    for axis in (0, 1):
-        places[:, axis] = np.interp(np.arange(len(places)), ends, corners[:, axis])
-    return places
-
-
-def _cut(degrees: Floats) -> list[Floats]:
-    """The parts of a line on either side of the antimeridian."""
-    jumps = np.flatnonzero(np.abs(np.diff(degrees[:, 0])) > 180)
-    parts, begin = [], degrees[:0]
-    last = 0
-    for k in jumps.tolist():
-        (lon, lat), (lon_after, lat_after) = degrees[k], degrees[k + 1]
-        edge = np.copysign(180.0, lon)
-        share = (edge - lon) / (lon_after + 2 * edge - lon) if lon_after + 2 * edge != lon else 0.0
-        there = lat + share * (lat_after - lat)
-        parts.append(np.concatenate([begin, degrees[last : k + 1], [[edge, there]]]))
-        begin, last = np.array([[-edge, there]]), k + 1
-    return [*parts, np.concatenate([begin, degrees[last:]])]
+    return densify_line(corners, pieces)

@@ -15,7 +15,7 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import MapError, RasterReadError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_yaml import MODES, description_text, read_description
@@ -128,7 +128,7 @@ def write_ros_map(
     grey = GREY_OF_STATE[mode][shown]
     place = {"resolution": resolution, "origin": origin}
     described = {"image": picture.name, "mode": mode, **place, "negate": 0, **WRITTEN}
-    with whole_file(path, overwrite) as target:
+    with atomic_file(path, overwrite) as target:
         if mode == "scale":
             write_png(target.with_name(picture.name), grey, opaque=shown % 2 == 1)
         else:

@@ -16,7 +16,7 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
-from uavseg.raster.geobox import upright
+from uavseg.raster.geobox import local_geobox
 
 CELLS = (320, 320)
 CELL_M = 0.01
@@ -72,4 +72,4 @@ def _around(
         for angle in angles
     ]
     sensor = RangeFinder(sigma_m, 2.0, fov_deg, 0.5)
-    return Simulation(scene, sensor, poses, upright(CELLS, CELL_M, (0.0, 0.0)))
+    return Simulation(scene, sensor, poses, local_geobox(CELLS, CELL_M, (0.0, 0.0)))

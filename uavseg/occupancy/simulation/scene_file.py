@@ -30,7 +30,7 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
-from uavseg.raster.geobox import GeoBox, upright
+from uavseg.raster.geobox import GeoBox, local_geobox
 
 MAX_CELLS = 1 << 28
 _SENSOR = {"sigma": "sigma_m", "range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
@@ -103,7 +103,7 @@ def _cells(described: Any) -> GeoBox:
         raise SceneError(f"map cell is the side of a cell in metres, more than 0, not {cell:g}")
     if rows * cols > MAX_CELLS:
         raise SceneError(f"a map of {rows} x {cols} cells is too large; at most {MAX_CELLS} can be simulated")
-    return upright((rows, cols), cell, _pair("map origin", found.get("origin", [0, 0])))
+    return local_geobox((rows, cols), cell, _pair("map origin", found.get("origin", [0, 0])))
 
 
 def _pose(name: str, described: Any) -> Pose:

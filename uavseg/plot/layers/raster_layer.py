@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterError
 from uavseg.plot.frame import Frame
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit
-from uavseg.raster.overview import Coarse
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window
 
@@ -20,9 +20,9 @@ def draw_raster(ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | Stre
     """Grey where pixels are valid, hatched where they are not; returns the name of the stretch."""
     from matplotlib.patches import Polygon
 
-    coarse = Coarse.of(dataset, _most_pixels(ax))
+    coarse = DatasetOverview.of(dataset, _most_pixels(ax))
     window = Window(0, 0, *coarse.geobox.shape)
-    fitted = fit(coarse, stretch, TilePass([window]))
+    fitted = fit_stretch(coarse, stretch, TilePass([window]))
     values, valid = coarse.read(window)
     picture = np.full((window.rows, window.cols, 4), 255, np.uint8)
     picture[..., :3] = (fitted.apply(values, valid) >> 8).astype(np.uint8)[..., None]
@@ -49,7 +49,9 @@ def show(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) 
     image.set_clip_path(ax.patch)
 
 
-def coarse_over(path: str | os.PathLike[str], frame: Frame, most: int, band: int | None = None) -> Coarse:
+def coarse_over(
+    path: str | os.PathLike[str], frame: Frame, most: int, band: int | None = None
+) -> DatasetOverview:
     """Another raster that lies over the one of the picture, in at most `most` rows and columns.
 
     Raises
@@ -60,14 +62,14 @@ def coarse_over(path: str | os.PathLike[str], frame: Frame, most: int, band: int
     return coarse_of(Dataset.open(path, band=band), frame, most)
 
 
-def coarse_of(dataset: Dataset, frame: Frame, most: int) -> Coarse:
+def coarse_of(dataset: Dataset, frame: Frame, most: int) -> DatasetOverview:
     """As `coarse_over`, of a dataset that is open already."""
     if dataset.geobox.crs != frame.geobox.crs:
         raise RasterError(
             f"{dataset.source} has another coordinate system than the raster of the picture; "
             "draw it over the one that it was made from"
         )
-    return Coarse.of(dataset, most)
+    return DatasetOverview.of(dataset, most)
 
 
 def _most_pixels(ax: Any) -> int:

@@ -1,4 +1,4 @@
-"""Rasters as GeoTIFF: labels tile by tile, and stacks of bands; a file appears whole or not at all."""
+"""GeoTIFF writer and reader: label rasters tile by tile, and bands in one or several pages."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -12,10 +12,10 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.windows import Window as FileWindow
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 from uavseg.raster.tiling import Window
 
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
@@ -24,20 +24,26 @@ Labels = NDArray[np.uint32]
 Path_ = str | os.PathLike[str]
 
 
-def write_labels(
+@dataclass(frozen=True, slots=True)
+class LabelBand:
+    """Type of the labels in a file, and the name of their band in GIS programs."""
+
+    dtype: Any = np.uint32
+    description: str | None = None
+
+
+def write_label_geotiff(
     path: Path_,
     tiles: Iterable[tuple[Window, NDArray[Any]]],
     geobox: GeoBox,
     overwrite: bool = False,
     tags: Mapping[str, str] | None = None,
     threads: int = 1,
-    dtype: Any = np.uint32,
-    description: str | None = None,
+    band: LabelBand = LabelBand(),
 ) -> None:
     """Write labels, or states, as a tiled, compressed GeoTIFF in which 0 is nodata.
 
-    The bytes of the file do not depend on how the labels are cut into tiles. What is held in memory is one
-    row of tiles.
+    The bytes of the file do not depend on the tiles. One row of tiles is held in memory.
 
     Parameters
     ----------
@@ -45,55 +51,61 @@ def write_labels(
     tiles : iterable of (Window, (rows, cols) array)
         Cover the raster once, row of tiles after row of tiles, from the top.
     geobox : GeoBox
-        Of the raster whose pixels were labelled.
+        Of the labelled raster.
     overwrite : bool
-        Whether a file that is there may be replaced.
+        Whether to replace an existing file.
     tags : mapping of str to str, optional
         Metadata items.
     threads : int
-        How many compress; the bytes of the file do not depend on that either.
-    dtype : dtype
-        Of the file.
-    description : str, optional
-        Name of the band, as QGIS shows it.
+        Number of threads that compress; the bytes of the file do not depend on it.
+    band : LabelBand
 
     Raises
     ------
     OutputExistsError, OutputError
-        If the file may not or cannot be written.
+        If the file exists, or cannot be written.
     """
-    with whole_file(path, overwrite) as target, _writing(path):
-        how = _profile(geobox, 1, np.dtype(dtype)) | {"nodata": 0, "num_threads": str(threads)}
-        with quiet_open(target, "w", **how) as file:
+    with atomic_file(path, overwrite) as target, _write_errors(path):
+        options = _profile(geobox, 1, np.dtype(band.dtype)) | {"nodata": 0, "num_threads": str(threads)}
+        with quiet_open(target, "w", **options) as file:
             file.update_tags(**(tags or {}))
-            if description is not None:
-                file.set_band_description(1, description)
-            for row, stripe in _stripes(tiles, geobox.shape, dtype):
+            if band.description is not None:
+                file.set_band_description(1, band.description)
+            for row, stripe in _stripes(tiles, geobox.shape, band.dtype):
                 file.write(stripe, 1, window=FileWindow(0, row, stripe.shape[1], stripe.shape[0]))
-        _check_whole(target)
+        _check_complete(target)
 
 
 def _stripes(
     tiles: Iterable[tuple[Window, NDArray[Any]]], shape: tuple[int, int], dtype: Any
 ) -> Iterator[tuple[int, NDArray[Any]]]:
-    """Stripes of 256 rows from the top, each with its first row, however the tiles are cut."""
-    held, top = np.zeros((0, shape[1]), dtype), 0  # rows from `top` on, not all of them complete
+    """Stripes of 256 rows from the top, each with its first row, whatever the tiles are."""
+    buffer, top = np.zeros((0, shape[1]), dtype), 0  # rows from `top` on, not all of them complete
     for window, labels in tiles:
-        ready = (window.row - top) // STRIPE * STRIPE  # what lies above a row of tiles is complete
-        yield from _cut(held[:ready], top)
-        held, top = held[ready:], top + ready
+        complete = (window.row - top) // STRIPE * STRIPE  # what lies above a row of tiles is complete
+        yield from _split_rows(buffer[:complete], top)
+        buffer, top = buffer[complete:], top + complete
         end = window.row + window.rows - top
-        if end > len(held):
-            held, kept = np.zeros((end, shape[1]), dtype), held
-            held[: len(kept)] = kept
-        held[window.row - top : end, window.slices[1]] = labels
-    yield from _cut(held, top)
-    assert top + len(held) == shape[0], f"tiles end at row {top + len(held)} of {shape[0]}"
+        if end > len(buffer):
+            buffer, shorter = np.zeros((end, shape[1]), dtype), buffer
+            buffer[: len(shorter)] = shorter
+        buffer[window.row - top : end, window.slices[1]] = labels
+    yield from _split_rows(buffer, top)
+    assert top + len(buffer) == shape[0], f"tiles end at row {top + len(buffer)} of {shape[0]}"
 
 
-def _cut(rows: NDArray[Any], top: int) -> Iterator[tuple[int, NDArray[Any]]]:
+def _split_rows(rows: NDArray[Any], top: int) -> Iterator[tuple[int, NDArray[Any]]]:
     for start in range(0, len(rows), STRIPE):
         yield top + start, rows[start : start + STRIPE]
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """One image of a GeoTIFF: bands of one type, their grid, and their names in GIS programs."""
+
+    bands: Sequence[NDArray[Any]]
+    geobox: GeoBox
+    descriptions: Sequence[str]
 
 
 def write_geotiff(
@@ -104,7 +116,6 @@ def write_geotiff(
     tags: Mapping[str, str] | None = None,
     overwrite: bool = False,
     nodata: float | None = None,
-    pages: Sequence["Page"] = (),
 ) -> None:
     """Write bands of one type as a tiled, compressed GeoTIFF.
 
@@ -114,49 +125,54 @@ def write_geotiff(
     bands : sequence of (rows, cols) arrays
     geobox : GeoBox
     descriptions : sequence of str, optional
-        Names of the bands, as QGIS shows them.
+        Names of the bands in GIS programs.
     tags : mapping of str to str, optional
         Metadata items of the file.
     overwrite : bool
-        Whether a file that is there may be replaced.
+        Whether to replace an existing file.
     nodata : float, optional
-    pages : sequence of Page
-        More images in the same file, which GDAL calls its subdatasets.
 
     Raises
     ------
     OutputExistsError, OutputError
-        If the file may not or cannot be written.
+        If the file exists, or cannot be written.
     """
-    first = Page(bands, geobox, descriptions or [""] * len(bands))
-    with whole_file(path, overwrite) as target, _writing(path):
-        for number, page in enumerate((first, *pages), start=1):
+    page = Page(bands, geobox, descriptions or [""] * len(bands))
+    write_geotiff_pages(path, [page], tags, overwrite, nodata)
+
+
+def write_geotiff_pages(
+    path: Path_,
+    pages: Sequence[Page],
+    tags: Mapping[str, str] | None = None,
+    overwrite: bool = False,
+    nodata: float | None = None,
+) -> None:
+    """Write several images to one GeoTIFF; GDAL calls all but the first its subdatasets.
+
+    Tags and nodata belong to the first. Other parameters, and errors, are those of `write_geotiff`.
+    """
+    with atomic_file(path, overwrite) as target, _write_errors(path):
+        for number, page in enumerate(pages, start=1):
             dtype = np.result_type(*page.bands)
-            how = _profile(page.geobox, len(page.bands), dtype) | {"append_subdataset": number > 1}
-            with quiet_open(target, "w", **how, nodata=nodata if number == 1 else None) as file:
+            options = _profile(page.geobox, len(page.bands), dtype) | {"append_subdataset": number > 1}
+            with quiet_open(target, "w", **options, nodata=nodata if number == 1 else None) as file:
                 if number == 1:
                     file.update_tags(**(tags or {}))
-                for band, (values, name) in enumerate(
-                    zip(page.bands, page.descriptions, strict=True), start=1
-                ):
-                    file.write(values.astype(dtype, copy=False), band)
-                    if name:
-                        file.set_band_description(band, name)
-        for number in range(1, len(pages) + 2):
-            _check_whole(target, number)
+                _write_bands(file, page, dtype)
+        for number in range(1, len(pages) + 1):
+            _check_complete(target, number)
 
 
-@dataclass(frozen=True, slots=True)
-class Page:
-    """One image of a file: bands of one type, where they lie, and what they are called."""
-
-    bands: Sequence[NDArray[Any]]
-    geobox: GeoBox
-    descriptions: Sequence[str]
+def _write_bands(file: Any, page: Page, dtype: np.dtype[Any]) -> None:
+    for band, (values, name) in enumerate(zip(page.bands, page.descriptions, strict=True), start=1):
+        file.write(values.astype(dtype, copy=False), band)
+        if name:
+            file.set_band_description(band, name)
 
 
 def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list[str], dict[str, str]]:
-    """What `write_geotiff` wrote.
+    """Read a whole image that `write_geotiff` wrote.
 
     Parameters
     ----------
@@ -178,14 +194,14 @@ def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list
         If there is no such raster.
     """
     try:
-        with gdal(), quiet_open(_of_page(path, page), num_threads="all_cpus") as file:
+        with gdal_env(), quiet_open(_page_name(path, page), num_threads="all_cpus") as file:
             geobox = GeoBox(file.shape, file.transform, file.crs)
             return file.read(), geobox, [text or "" for text in file.descriptions], file.tags()
     except GDAL_ERRORS as error:
         raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({error})") from error
 
 
-def _of_page(path: Path_, page: int) -> str:
+def _page_name(path: Path_, page: int) -> str:
     """The name by which GDAL opens one image of a file."""
     return os.fspath(path) if page == 1 else f"GTIFF_DIR:{page}:{os.fspath(path)}"
 
@@ -209,10 +225,10 @@ def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any]) -> dict[str, Any]
     }
 
 
-def _check_whole(path: Path, page: int = 1) -> None:
-    """Every block lies inside the file; a disk that is full when the file is closed is told to nobody."""
+def _check_complete(path: Path, page: int = 1) -> None:
+    """Check that every block lies inside the file: GDAL does not report a full disk on close."""
     size = path.stat().st_size
-    with quiet_open(_of_page(path, page)) as file:
+    with quiet_open(_page_name(path, page)) as file:
         for band in file.indexes:
             for (i, j), _ in file.block_windows(band):
                 offset = int(file.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", dm="TIFF", bidx=band) or size)
@@ -221,10 +237,10 @@ def _check_whole(path: Path, page: int = 1) -> None:
 
 
 @contextmanager
-def _writing(path: Path_) -> Iterator[None]:
-    """Errors of writing, in one sentence."""
+def _write_errors(path: Path_) -> Iterator[None]:
+    """GDAL's errors on writing as OutputError."""
     try:
-        with gdal():
+        with gdal_env():
             yield
     except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({first_cause(error)})") from error
+        raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error

@@ -1,4 +1,4 @@
-"""Pictures without a place on the map: grey as image programs see it, and PNG."""
+"""Images without georeferencing: 8-bit grey as image programs compute it, and a PNG writer."""
 
 import os
 
@@ -6,79 +6,79 @@ import numpy as np
 from numpy.typing import NDArray
 from rasterio.io import DatasetReader
 
-from uavseg.atomic import whole_file
+from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
-from uavseg.raster.opening import GDAL_ERRORS, first_cause, gdal, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 
 Bytes = NDArray[np.uint8]
 Opaque = NDArray[np.bool_]
 Path_ = str | os.PathLike[str]
 
-WEIGHTS = (306, 601, 117)  # of red, green and blue in 1024ths: luminance of Rec. 601
+REC601_WEIGHTS = (306, 601, 117)  # of red, green and blue in 1024ths
 
 
 def read_grey(path: Path_) -> tuple[Bytes, Opaque | None]:
-    """A picture as 8-bit grey, and where it is opaque.
+    """Read an image as 8-bit grey, and where it is opaque.
 
-    Samples are scaled to 16 bits, colours become Rec. 601 luminance in integers, and the result is
-    divided by 257 and rounded down, as GraphicsMagick does it.
+    Samples are scaled to 16 bits, colours become Rec. 601 luminance in integer arithmetic, and the result is
+    divided by 257 and rounded down, as in GraphicsMagick.
 
     Returns
     -------
     grey : (rows, cols) uint8 array
-    opaque : (rows, cols) bool array, or None if all of it is
+    opaque : (rows, cols) bool array, or None if every pixel is
 
     Raises
     ------
     RasterReadError
-        If it is no picture, or damaged.
+        If it is not an image, or damaged.
     """
     try:
-        with gdal(), quiet_open(path) as file:
+        with gdal_env(), quiet_open(path) as file:
             if any(name not in ("uint8", "uint16") for name in file.dtypes):
                 raise RasterReadError(f"{os.fspath(path)} holds {file.dtypes[0]}; a picture has 8 or 16 bits")
             return _grey(file)
     except GDAL_ERRORS as error:
         raise RasterReadError(
-            f"{os.fspath(path)} cannot be read as a picture ({first_cause(error)}); it is of another "
+            f"{os.fspath(path)} cannot be read as a picture ({root_cause(error)}); it is of another "
             "kind, damaged or incomplete"
         ) from error
 
 
 def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque | None = None) -> None:
-    """Write (rows, cols) uint8 numbers as a grey PNG, pixel by pixel.
+    """Write a (rows, cols) uint8 array as a grey PNG.
 
     Parameters
     ----------
     path : path
     grey : (rows, cols) uint8 array
     overwrite : bool
-        Whether a file that is there may be replaced.
+        Whether to replace an existing file.
     opaque : (rows, cols) bool array, optional
-        What is not is transparent.
+        Other pixels are transparent.
 
     Raises
     ------
     OutputExistsError, OutputError
-        If the file may not or cannot be written.
+        If the file exists, or cannot be written.
     """
     rows, cols = grey.shape
     bands = [grey] if opaque is None else [grey, opaque * np.uint8(255)]
     how = {"driver": "PNG", "height": rows, "width": cols, "count": len(bands), "dtype": "uint8"}
     try:
-        with whole_file(path, overwrite) as target, gdal(), quiet_open(target, "w", **how) as file:
+        with atomic_file(path, overwrite) as target, gdal_env(), quiet_open(target, "w", **how) as file:
             file.write(np.stack(bands))
     except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({first_cause(error)})") from error
+        raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error
 
 
 def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:
-    """Samples of 0..maximum as 8 bits, by way of 16."""
-    return (_quantum(samples, maximum) // 257).astype(np.uint8)
+    """Samples of 0..maximum as 8 bits, scaled to 16 bits first."""
+    return (_to_16_bits(samples, maximum) // 257).astype(np.uint8)
 
 
-def _quantum(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]:
-    """Samples of 0..maximum scaled to 0..65535 and rounded."""
+def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]:
+    """Samples of 0..maximum scaled to 16 bits and rounded."""
     return (np.minimum(samples.astype(np.int64), maximum) * 131070 + maximum) // (2 * maximum)
 
 
@@ -87,11 +87,11 @@ def _grey(file: DatasetReader) -> tuple[Bytes, Opaque | None]:
     planes = file.read()
     maximum = _maximum(file)
     if roles[0] == "palette":
-        return _looked_up(planes[0], file.colormap(1))
+        return _apply_palette(planes[0], file.colormap(1))
     alpha = planes[roles.index("alpha")] if "alpha" in roles else None
     opaque = alpha == maximum if alpha is not None else _not_transparent(file)
     colors = [plane for plane, role in zip(planes, roles, strict=True) if role != "alpha"]
-    quanta = [_quantum(plane, maximum) for plane in colors]
+    quanta = [_to_16_bits(plane, maximum) for plane in colors]
     grey = quanta[0] if len(quanta) < 3 else _luminance(quanta)
     return (grey // 257).astype(np.uint8), None if opaque is None or opaque.all() else opaque
 
@@ -101,7 +101,9 @@ def _maximum(file: DatasetReader) -> int:
     return (1 << int(file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", size))) - 1
 
 
-def _looked_up(indices: Bytes, colormap: dict[int, tuple[int, int, int, int]]) -> tuple[Bytes, Opaque | None]:
+def _apply_palette(
+    indices: Bytes, colormap: dict[int, tuple[int, int, int, int]]
+) -> tuple[Bytes, Opaque | None]:
     table = np.array([colormap.get(index, (0, 0, 0, 0)) for index in range(256)], np.int64)
     grey = (_luminance([table[:, band] * 257 for band in range(3)]) // 257).astype(np.uint8)
     opaque = table[:, 3] == 255
@@ -111,11 +113,11 @@ def _looked_up(indices: Bytes, colormap: dict[int, tuple[int, int, int, int]]) -
 
 def _luminance(quanta: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     red, green, blue = quanta[:3]
-    return (WEIGHTS[0] * red + WEIGHTS[1] * green + WEIGHTS[2] * blue) >> 10
+    return (REC601_WEIGHTS[0] * red + REC601_WEIGHTS[1] * green + REC601_WEIGHTS[2] * blue) >> 10
 
 
 def _not_transparent(file: DatasetReader) -> Opaque | None:
-    """Pixels that are not the colour which the file declares transparent."""
+    """Pixels that differ from the colour which the file declares transparent."""
     if file.nodatavals[0] is None:
         return None
     opaque: Opaque = file.dataset_mask() != 0

@@ -1,4 +1,4 @@
-"""Labels as many GeoTIFFs under one VRT: whoever paints a tile writes it, so pixels travel nowhere."""
+"""Label tiles: many GeoTIFFs under one VRT, each written by the worker that rasterises it."""
 
 import os
 from collections.abc import Sequence
@@ -9,14 +9,14 @@ from xml.etree import ElementTree
 
 from affine import Affine
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.execution.executors import Map, serial
-from uavseg.raster.formats.geotiff import STRIPE, Labels, write_labels
+from uavseg.raster.formats.geotiff import STRIPE, Labels, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, tiles
 
-SIDE = 2048  # pixels of a tile of labels, whatever tiles the work was cut into: the files do not tell
+LABEL_TILE_SIDE = 2048  # pixels; independent of the tiles of the processing
 
 Path_ = str | os.PathLike[str]
 
@@ -32,8 +32,8 @@ class LabelTile(Protocol):
 
 
 def label_windows(shape: tuple[int, int]) -> list[Window]:
-    """The windows of the tiles of labels, row by row."""
-    return tiles(shape, SIDE)
+    """The windows of the label tiles, row by row."""
+    return tiles(shape, LABEL_TILE_SIDE)
 
 
 def tiles_folder(path: Path_) -> Path:
@@ -42,14 +42,14 @@ def tiles_folder(path: Path_) -> Path:
 
 
 def check_label_tiles(path: Path_, overwrite: bool = False) -> None:
-    """See that a VRT and its folder of tiles may be written; call it before the work.
+    """Check that a VRT and its folder of tiles may be written, before the work whose result they hold.
 
     Raises
     ------
     OutputExistsError
-        If one of them is there already and `overwrite` is false.
+        If one of them exists and `overwrite` is false.
     OutputError
-        If they have no place, or the folder is there and holds something else.
+        If their folder does not exist, or the folder of tiles contains anything else.
     """
     check_target(path, overwrite)
     folder = tiles_folder(path)
@@ -58,7 +58,7 @@ def check_label_tiles(path: Path_, overwrite: bool = False) -> None:
     if not overwrite:
         raise OutputExistsError(f"{folder} exists; give --overwrite (overwrite=True) to replace it")
     if not folder.is_dir() or any(not _is_tile(file) for file in folder.iterdir()):
-        raise OutputError(f"{folder} holds something else than tiles of labels; move it away")
+        raise OutputError(f"{folder} contains something else than label tiles; move it away")
 
 
 def write_label_tiles(
@@ -68,41 +68,41 @@ def write_label_tiles(
     overwrite: bool = False,
     map: Map = serial,
 ) -> None:
-    """Write labels as GeoTIFFs in a folder beside a VRT that shows them as one uint32 raster, 0 nodata.
+    """Write labels as GeoTIFFs in a folder beside a VRT that combines them to one uint32 raster, 0 nodata.
 
-    Tiles without labels have no file. The workers of `map` write into the folder, so they must see it.
+    Tiles without labels have no file. The workers of `map` write into the folder, so they must share it.
 
     Parameters
     ----------
     path : path
-        Of the VRT; its tiles lie in a folder of the same name that ends in .tiles.
+        Of the VRT; its tiles are in a folder of the same name with the suffix .tiles.
     parts : sequence of Paintable
         One for each of `label_windows`.
     geobox : GeoBox
-        Of the raster whose pixels were labelled.
+        Of the labelled raster.
     overwrite : bool
-        Whether what is there may be replaced.
+        Whether to replace existing files.
     map : Map
         Who paints and writes.
 
     Raises
     ------
     OutputExistsError, OutputError
-        If they may not or cannot be written.
+        If the files exist, or cannot be written.
     """
     check_label_tiles(path, overwrite)
-    with whole_file(path, overwrite) as target:
+    with atomic_file(path, overwrite) as target:
         folder = tiles_folder(target)
         folder.mkdir()
         write = partial(_write_tile, str(folder.absolute()), geobox)
         written = [part for part in map(write, parts) if part is not None]
-        missing = [name for window in written if not (folder / (name := _name(window))).is_file()]
+        missing = [name for window in written if not (folder / (name := _tile_name(window))).is_file()]
         if missing:
             raise OutputError(
                 f"the tile {missing[0]} of {path} was written by a worker and is not here; "
-                "workers must share the folder that labels go to"
+                "workers must share the folder of the labels"
             )
-        target.write_bytes(_vrt(geobox, written, folder.name))
+        target.write_bytes(_vrt_xml(geobox, written, folder.name))
 
 
 def _write_tile(folder: str, geobox: GeoBox, part: LabelTile) -> Window | None:
@@ -111,12 +111,12 @@ def _write_tile(folder: str, geobox: GeoBox, part: LabelTile) -> Window | None:
     if not labels.any():
         return None
     place = Window(0, 0, window.rows, window.cols)
-    write_labels(Path(folder) / _name(window), [(place, labels)], geobox.window(window))
+    write_label_geotiff(Path(folder) / _tile_name(window), [(place, labels)], geobox.window(window))
     return window
 
 
-def _name(window: Window) -> str:
-    return f"{window.row // SIDE:04d}-{window.col // SIDE:04d}.tif"
+def _tile_name(window: Window) -> str:
+    return f"{window.row // LABEL_TILE_SIDE:04d}-{window.col // LABEL_TILE_SIDE:04d}.tif"
 
 
 def _is_tile(file: Path) -> bool:
@@ -124,28 +124,30 @@ def _is_tile(file: Path) -> bool:
     return file.suffix == ".tif" and row.isdecimal() and col.isdecimal()
 
 
-def _vrt(geobox: GeoBox, windows: Sequence[Window], folder: str) -> bytes:
-    """A GDAL virtual raster of the tiles; paths in it start from its own folder."""
+def _vrt_xml(geobox: GeoBox, windows: Sequence[Window], folder: str) -> bytes:
+    """A GDAL virtual raster of the tiles, with relative paths."""
     rows, cols = geobox.shape
     root = ElementTree.Element("VRTDataset", rasterXSize=str(cols), rasterYSize=str(rows))
     if geobox.wkt is not None:
-        _add(root, "SRS", geobox.wkt)
+        _add_element(root, "SRS", geobox.wkt)
     if geobox.transform != Affine.identity():
-        _add(root, "GeoTransform", ", ".join(repr(float(value)) for value in geobox.transform.to_gdal()))
-    band = _add(root, "VRTRasterBand", dataType="UInt32", band="1")
-    _add(band, "NoDataValue", "0")
+        _add_element(
+            root, "GeoTransform", ", ".join(repr(float(value)) for value in geobox.transform.to_gdal())
+        )
+    band = _add_element(root, "VRTRasterBand", dataType="UInt32", band="1")
+    _add_element(band, "NoDataValue", "0")
     for window in windows:
-        band.append(_source(window, f"{folder}/{_name(window)}"))
+        band.append(_source(window, f"{folder}/{_tile_name(window)}"))
     ElementTree.indent(root)
     return ElementTree.tostring(root, "unicode").encode() + b"\n"
 
 
 def _source(window: Window, path: str) -> ElementTree.Element:
     source = ElementTree.Element("SimpleSource")
-    _add(source, "SourceFilename", path, relativeToVRT="1")
-    _add(source, "SourceBand", "1")
+    _add_element(source, "SourceFilename", path, relativeToVRT="1")
+    _add_element(source, "SourceBand", "1")
     size = {"xSize": str(window.cols), "ySize": str(window.rows)}
-    _add(
+    _add_element(
         source,
         "SourceProperties",
         RasterXSize=size["xSize"],
@@ -154,12 +156,14 @@ def _source(window: Window, path: str) -> ElementTree.Element:
         BlockXSize=str(STRIPE),
         BlockYSize=str(STRIPE),
     )
-    _add(source, "SrcRect", xOff="0", yOff="0", **size)
-    _add(source, "DstRect", xOff=str(window.col), yOff=str(window.row), **size)
+    _add_element(source, "SrcRect", xOff="0", yOff="0", **size)
+    _add_element(source, "DstRect", xOff=str(window.col), yOff=str(window.row), **size)
     return source
 
 
-def _add(parent: ElementTree.Element, tag: str, text: str | None = None, **how: str) -> ElementTree.Element:
+def _add_element(
+    parent: ElementTree.Element, tag: str, text: str | None = None, **how: str
+) -> ElementTree.Element:
     child = ElementTree.SubElement(parent, tag, how)
     child.text = text
     return child

@@ -1,4 +1,4 @@
-"""The ellipsoid under a map, and how much of its ground a pixel covers there."""
+"""Ellipsoid under a map: radii of curvature, points in space, and the ground length and area of a pixel."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,57 +8,91 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.geobox import GeoBox
+from uavseg.raster.geodesy.globe import Transform, geodetic_base, unit_factor
 
 Floats = NDArray[np.float64]
 
-_STEP = 1 / 1600  # of finite differences, in radii of the globe: 4 km on the Earth
+_STEP = 1 / 1600  # of finite differences, in radii of the ellipsoid: 4 km on the Earth
 
 
 def pixel_on_ground(geobox: GeoBox, row: Floats, col: Floats) -> tuple[Floats, Floats, Floats]:
-    """Length of a pixel's step along its row and along its column, and its area, at pixel positions.
+    """Ground size of pixels.
 
-    From differences of points in space, of fourth order; not finite where the projection ends.
+    From finite differences, of fourth order, of points in space.
+
+    Parameters
+    ----------
+    geobox : GeoBox
+    row, col : float64 arrays that broadcast
+        Pixel positions; whole numbers are pixel corners.
+
+    Returns
+    -------
+    along_row, along_col, area : float64 arrays of the broadcast shape
+        Metres per pixel along a row and along a column, and square metres per pixel (units of the map where
+        there is no CRS); not finite where the projection ends.
     """
-    globe = globe_under(geobox.wkt)
+    ellipsoid = ellipsoid_under(geobox.wkt)
     row, col = np.broadcast_arrays(row, col)
-    if globe is None:
-        per_col, per_row, area = (np.full(row.shape, value) for value in pixel_on_map(geobox))
-        return per_col, per_row, area
+    if ellipsoid is None:
+        along_row, along_col, area = (np.full(row.shape, value) for value in pixel_on_map(geobox))
+        return along_row, along_col, area
     t = geobox.transform
-    steps = globe.radius * _STEP / (globe.unit_m * np.hypot([t.a, t.b], [t.d, t.e]))
+    steps = ellipsoid.radius * _STEP / (ellipsoid.unit_m * np.hypot([t.a, t.b], [t.d, t.e]))
+
+    def point(row: Floats, col: Floats) -> Floats:
+        return ellipsoid.xyz_from_xy(*geobox.xy_from_pixel(row, col))
+
     with np.errstate(invalid="ignore", over="ignore"):
-        east = _difference(lambda by: globe.place(*geobox.xy_from_pixel(row, col + by)), steps[0])
-        south = _difference(lambda by: globe.place(*geobox.xy_from_pixel(row + by, col)), steps[1])
-        across = np.cross(east, south)
-        per_col, per_row, area = (np.sqrt((v * v).sum(axis=-1)) for v in (east, south, across))
-    return per_col, per_row, area
+        per_col = _derivative(lambda by: point(row, col + by), steps[0])
+        per_row = _derivative(lambda by: point(row + by, col), steps[1])
+        normal = np.cross(per_col, per_row)
+        along_row, along_col, area = (np.sqrt((v * v).sum(axis=-1)) for v in (per_col, per_row, normal))
+    return along_row, along_col, area
 
 
 def pixel_on_map(geobox: GeoBox) -> tuple[float, float, float]:
-    """Length of a pixel's step along its row and along its column, and its area, in the plane of the map."""
-    t, unit = geobox.transform, unit_of_length(geobox.wkt)
+    """Length of a pixel along a row and along a column, and its area, in the plane of the map.
+
+    Metres and square metres where the unit of the map is known.
+    """
+    t, unit = geobox.transform, unit_factor(geobox.wkt)
     along_row, along_col = np.hypot([t.a, t.b], [t.d, t.e]) * unit
     return float(along_row), float(along_col), abs(t.determinant) * unit**2
 
 
 @dataclass(frozen=True, slots=True)
-class Globe:
-    """The ellipsoid under a CRS and the way to it; `inverse` is None where the map is in angles already."""
+class Ellipsoid:
+    """The ellipsoid under a CRS, and the transform from the map to its longitude and latitude.
 
-    inverse: Callable[[Floats, Floats], tuple[Floats, Floats]] | None
-    unit: float  # of the angles, in radians
-    unit_m: float  # of the map, about, in metres
+    Parameters
+    ----------
+    inverse : Transform or None
+        From map coordinates to longitude and latitude; None where they are that already.
+    unit : float
+        Radians in one unit of longitude and latitude.
+    unit_m : float
+        Metres, roughly, in one unit of the map.
+    radius : float
+        Semi-major axis in metres.
+    eccentricity2 : float
+        Square of the first eccentricity.
+    """
+
+    inverse: Transform | None
+    unit: float
+    unit_m: float
     radius: float
-    eccentricity2: float  # squared
+    eccentricity2: float
 
     def radii(self, lat: Floats) -> tuple[Floats, Floats]:
-        """Radius of curvature along the meridian, and radius of the parallel, in metres."""
+        """Radius of curvature along the meridian, and radius of the parallel, in metres; `lat` in radians."""
         squeeze = 1 - self.eccentricity2 * np.sin(lat) ** 2
         normal = self.radius / np.sqrt(squeeze)
         return normal * (1 - self.eccentricity2) / squeeze, normal * np.cos(lat)
 
-    def place(self, x: Floats, y: Floats) -> Floats:
-        """Map coordinates -> points in space (..., 3), metres from the centre."""
+    def xyz_from_xy(self, x: Floats, y: Floats) -> Floats:
+        """Map coordinates (...) as geocentric coordinates (..., 3), in metres."""
         lon, lat = (x, y) if self.inverse is None else self.inverse(x, y)
         lon, lat = lon * self.unit, lat * self.unit
         normal = self.radius / np.sqrt(1 - self.eccentricity2 * np.sin(lat) ** 2)
@@ -68,41 +102,20 @@ class Globe:
 
 
 @lru_cache(maxsize=32)
-def globe_under(wkt: str | None) -> Globe | None:
-    """None where there is no CRS, or one that has no place on a globe."""
-    if wkt is None:
+def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
+    """The ellipsoid of a CRS; None where there is no CRS, or one without longitude and latitude."""
+    base = geodetic_base(wkt)
+    if base is None:
         return None
-    import pyproj
-    from pyproj.exceptions import ProjError
-
-    try:
-        crs = pyproj.CRS.from_wkt(wkt)
-        angles = crs.geodetic_crs
-        if angles is None:
-            return None
-        way = (
-            None if crs.is_geographic else pyproj.Transformer.from_crs(crs, angles, always_xy=True).transform
-        )
-    except ProjError:
-        return None
+    angles, inverse = base
     unit = angles.axis_info[0].unit_conversion_factor
     radius = angles.ellipsoid.semi_major_metre
-    unit_m = unit * radius if way is None else unit_of_length(wkt)
-    squared = 1 - (angles.ellipsoid.semi_minor_metre / radius) ** 2
-    return Globe(way, unit, unit_m, radius, squared)
+    unit_m = unit * radius if inverse is None else unit_factor(wkt)
+    eccentricity2 = 1 - (angles.ellipsoid.semi_minor_metre / radius) ** 2
+    return Ellipsoid(inverse, unit, unit_m, radius, eccentricity2)
 
 
-@lru_cache(maxsize=32)
-def unit_of_length(wkt: str | None) -> float:
-    """Metres in one unit of the map; 1 where that is not known."""
-    if wkt is None:
-        return 1.0
-    import pyproj
-
-    axes = pyproj.CRS.from_wkt(wkt).axis_info
-    return float(axes[0].unit_conversion_factor) if axes else 1.0
-
-
-def _difference(place: Callable[[float], Floats], step: float) -> Floats:
-    near, far = place(step) - place(-step), place(2 * step) - place(-2 * step)
+def _derivative(point: Callable[[float], Floats], step: float) -> Floats:
+    """Derivative of points by central differences of fourth order."""
+    near, far = point(step) - point(-step), point(2 * step) - point(-2 * step)
     return (8 * near - far) / (12 * step)

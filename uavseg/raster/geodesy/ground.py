@@ -1,9 +1,10 @@
-"""True lengths and areas on the ground of what is drawn along pixel edges, in any coordinate system.
+"""Areas and lengths on the ellipsoid of rings along pixel edges, in any coordinate reference system.
 
-How much ground a pixel covers changes slowly over a raster. It is sampled at a few places on the ellipsoid,
-written as a short sum of products of one function of the row and one of the column, and integrated once into
-tables over rows and columns. An area is then a walk around a ring (Green's theorem), an edge's length a
-difference of two entries. Rows of a geographic raster are integrated between their parallels directly.
+The ground size of a pixel (the areal scale factor) varies slowly over a raster. It is sampled on the
+ellipsoid, interpolated by Chebyshev polynomials, split by a singular value decomposition into a short sum of
+products of a function of the row and one of the column, and integrated once into tables over rows and
+columns. An area is then a sum around a ring (Green's theorem), and the length of an edge a difference of two
+table entries. Rows of a geographic raster are integrated between their parallels directly.
 """
 
 from collections.abc import Callable
@@ -16,14 +17,15 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.geodesy.ellipsoid import Globe, globe_under, pixel_on_ground, pixel_on_map, unit_of_length
+from uavseg.raster.geodesy.ellipsoid import Ellipsoid, ellipsoid_under, pixel_on_ground, pixel_on_map
+from uavseg.raster.geodesy.globe import densify_line, unit_factor
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.integer[Any]]
 
 _CHUNK = 1 << 20  # vertices measured at a time
-_MOST_NODES = 128
-_TOLERANCE = 1e-11
+_MAX_NODES = 128  # of the interpolation, along rows and along columns
+_TOLERANCE = 1e-11  # relative, of the last coefficients
 
 
 def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
@@ -40,8 +42,8 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
     Returns
     -------
     areas : (r,) float64 array
-        Square metres (square units of the transform where there is no CRS); positive where the ring runs
-        clockwise on the picture, negative where it runs the other way, as holes do.
+        Square metres (square map units if there is no CRS); positive for rings that run clockwise on the
+        image, negative for the others, as holes do.
 
     Examples
     --------
@@ -50,29 +52,29 @@ def ring_areas(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
     >>> ring_areas(box, np.array([[0, 0], [0, 3], [1, 3], [1, 0]]), np.array([0, 4]))
     array([12.])
     """
-    return _over_rings(_tables(geobox).area_along, vertices, starts)
+    return _sum_over_rings(_tables(geobox).area_along, vertices, starts)
 
 
 def ring_perimeters(geobox: GeoBox, vertices: Integers, starts: Integers) -> Floats:
-    """Ground length of rings along pixel edges, in metres (units of the transform where there is no CRS).
+    """Ground length of rings along pixel edges, in metres (map units if there is no CRS).
 
     Parameters and shapes are those of `ring_areas`.
     """
-    return _over_rings(_tables(geobox).length_along, vertices, starts)
+    return _sum_over_rings(_tables(geobox).length_along, vertices, starts)
 
 
 def ground_resolution(geobox: GeoBox) -> tuple[float, float]:
-    """Metres of ground per pixel at the raster's centre: along a row, and along a column.
+    """Ground metres per pixel at the centre of a raster: along a row, and along a column.
 
-    Units of the transform where there is no CRS.
+    Map units if there is no CRS.
     """
     return ground_steps(geobox, geobox.shape[0] / 2, geobox.shape[1] / 2)
 
 
 def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
-    """Metres of ground per pixel at a place: along a row, and along a column.
+    """Ground metres per pixel at a position: along a row, and along a column.
 
-    Units of the transform where there is no CRS.
+    Map units if there is no CRS.
     """
     per_col, per_row, _ = pixel_on_ground(geobox, np.array([row]), np.array([col]))
     if np.isfinite(per_col[0]) and np.isfinite(per_row[0]):
@@ -81,7 +83,7 @@ def ground_steps(geobox: GeoBox, row: float, col: float) -> tuple[float, float]:
 
 
 def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
-    """Ground length of a line from one place on the raster to the next, straight on the map.
+    """Ground length of a polyline on a raster, whose edges are straight on the map.
 
     Parameters
     ----------
@@ -92,7 +94,7 @@ def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
     Returns
     -------
     length : float
-        Metres on the ellipsoid; in units of the transform where there is no CRS.
+        Metres on the ellipsoid; map units if there is no CRS.
 
     Examples
     --------
@@ -101,14 +103,13 @@ def line_length(geobox: GeoBox, row: Floats, col: Floats) -> float:
     >>> line_length(box, np.array([0.5, 4.5]), np.array([1.5, 4.5]))
     10.0
     """
-    globe = globe_under(geobox.wkt)
+    ellipsoid = ellipsoid_under(geobox.wkt)
     pieces = np.maximum(np.maximum(np.abs(np.diff(row)), np.abs(np.diff(col))), 1).astype(np.int64)
-    ends = np.concatenate([[0], np.cumsum(pieces)])
-    rows, cols = (np.interp(np.arange(ends[-1] + 1), ends, at) for at in (row, col))
+    rows, cols = densify_line(np.stack([row, col], axis=-1), pieces).T
     x, y = geobox.xy_from_pixel(rows, cols)
-    places = np.stack([x, y], axis=-1) if globe is None else globe.place(x, y)
-    steps = np.sqrt((np.diff(places, axis=0) ** 2).sum(axis=1))
-    return float(steps.sum()) * (unit_of_length(geobox.wkt) if globe is None else 1.0)
+    points = np.stack([x, y], axis=-1) if ellipsoid is None else ellipsoid.xyz_from_xy(x, y)
+    steps = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
+    return float(steps.sum()) * (unit_factor(geobox.wkt) if ellipsoid is None else 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,21 +122,21 @@ class _Product:
 
 @dataclass(frozen=True, slots=True)
 class _Tables:
-    """Integrals at pixel corners: of the area over rows and columns, of lengths over one of the two."""
+    """Integrals at pixel corners: of the area over rows and columns, of lengths along one of them."""
 
     area: _Product
     length_of_rows: _Product
     length_of_cols: _Product
 
     def area_along(self, here: Integers, there: Integers) -> Floats:
-        """Ground between each edge and the first column; horizontal edges give 0."""
+        """Ground area between each edge and the first column; 0 for horizontal edges."""
         total = np.zeros(len(here))
         for rows, cols in zip(self.area.rows, self.area.cols, strict=True):
             total += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
         return total
 
     def length_along(self, here: Integers, there: Integers) -> Floats:
-        """Length of each edge; it moves along a row or along a column, so one of the two sums is 0."""
+        """Ground length of each edge; it runs along a row or along a column, so one of the two sums is 0."""
         down, across = np.zeros(len(here)), np.zeros(len(here))
         for rows, cols in zip(self.length_of_cols.rows, self.length_of_cols.cols, strict=True):
             down += (rows[there[:, 0]] - rows[here[:, 0]]) * cols[here[:, 1]]
@@ -144,7 +145,7 @@ class _Tables:
         return np.abs(down) + np.abs(across)
 
 
-def _over_rings(
+def _sum_over_rings(
     measure: Callable[[Integers, Integers], Floats], vertices: Integers, starts: Integers
 ) -> Floats:
     """Sum of `measure(vertices, next vertices)` over each ring."""
@@ -165,16 +166,16 @@ def _over_rings(
 
 @lru_cache(maxsize=4)
 def _tables(geobox: GeoBox) -> _Tables:
-    globe = globe_under(geobox.wkt)
-    if globe is None:
-        return _evenly(geobox, *pixel_on_map(geobox))
-    if globe.inverse is None and geobox.transform.b == 0 == geobox.transform.d:
-        return _between_parallels(geobox, globe)
-    return _modelled(geobox)
+    ellipsoid = ellipsoid_under(geobox.wkt)
+    if ellipsoid is None:
+        return _uniform_tables(geobox, *pixel_on_map(geobox))
+    if ellipsoid.inverse is None and geobox.transform.b == 0 == geobox.transform.d:
+        return _geographic_tables(geobox, ellipsoid)
+    return _fitted_tables(geobox)
 
 
-def _evenly(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tables:
-    """Every pixel covers the same ground."""
+def _uniform_tables(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tables:
+    """Tables for pixels of equal ground size."""
     rows, cols = (np.arange(length + 1.0)[None] for length in geobox.shape)
     return _Tables(
         _Product(rows, cols * area),
@@ -183,33 +184,33 @@ def _evenly(geobox: GeoBox, per_col: float, per_row: float, area: float) -> _Tab
     )
 
 
-def _between_parallels(geobox: GeoBox, globe: Globe) -> _Tables:
-    """A geographic raster whose rows are parallels; there is no ground beyond the poles."""
+def _geographic_tables(geobox: GeoBox, ellipsoid: Ellipsoid) -> _Tables:
+    """Tables for a geographic raster whose rows are parallels; there is no ground beyond the poles."""
     rows, cols = (np.arange(length + 1.0) for length in geobox.shape)
-    lat = np.clip((geobox.transform.f + geobox.transform.e * rows) * globe.unit, -np.pi / 2, np.pi / 2)
-    cols = cols * abs(geobox.transform.a * globe.unit)
+    lat = np.clip((geobox.transform.f + geobox.transform.e * rows) * ellipsoid.unit, -np.pi / 2, np.pi / 2)
+    cols = cols * abs(geobox.transform.a * ellipsoid.unit)
     nodes, weights = np.polynomial.legendre.leggauss(8)
     half = np.diff(lat)[:, None] / 2
-    meridian, parallel = globe.radii(lat[:-1, None] + half * (1 + nodes))
+    meridian, parallel = ellipsoid.radii(lat[:-1, None] + half * (1 + nodes))
     arcs = np.abs(half) * weights * meridian
     return _Tables(
-        _Product(_cumulative((arcs * parallel).sum(axis=1))[None], cols[None]),
-        _Product(globe.radii(lat)[1][None], cols[None]),
-        _Product(_cumulative(arcs.sum(axis=1))[None], np.ones((1, len(cols)))),
+        _Product(_cumulative_sum((arcs * parallel).sum(axis=1))[None], cols[None]),
+        _Product(ellipsoid.radii(lat)[1][None], cols[None]),
+        _Product(_cumulative_sum(arcs.sum(axis=1))[None], np.ones((1, len(cols)))),
     )
 
 
-def _cumulative(steps: Floats) -> Floats:
+def _cumulative_sum(steps: Floats) -> Floats:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _modelled(geobox: GeoBox) -> _Tables:
-    """Lengths and area of pixels as polynomials over the raster, integrated."""
-    fitted = _interpolated(geobox)
+def _fitted_tables(geobox: GeoBox) -> _Tables:
+    """Tables from polynomials for the lengths and the area of pixels over the raster."""
+    fitted = _interpolate(geobox)
     if fitted is None:
         fitted = _least_squares(geobox)
     if fitted is None:
-        return _evenly(geobox, *pixel_on_map(geobox))
+        return _uniform_tables(geobox, *pixel_on_map(geobox))
     along_rows, along_cols, area = fitted
     return _Tables(
         _product(geobox, area, True, True),
@@ -218,8 +219,8 @@ def _modelled(geobox: GeoBox) -> _Tables:
     )
 
 
-def _interpolated(geobox: GeoBox) -> Floats | None:
-    """Chebyshev coefficients (3, m, n), as many as it takes; None where some ground is missing."""
+def _interpolate(geobox: GeoBox) -> Floats | None:
+    """Chebyshev coefficients (3, m, n) by interpolation, as many as needed; None if ground is missing."""
     shape = [8, 8]
     while True:
         nodes = [np.cos(np.pi * (np.arange(n) + 0.5) / n) for n in shape]
@@ -234,19 +235,19 @@ def _interpolated(geobox: GeoBox) -> Floats | None:
         if not any(tails):
             return fitted
         shape = [2 * n if tail else n for n, tail in zip(shape, tails, strict=True)]
-        if max(shape) > _MOST_NODES:
+        if max(shape) > _MAX_NODES:
             return None
 
 
 def _from_nodes(x: Floats) -> Floats:
-    """The matrix that turns values at Chebyshev nodes into coefficients."""
+    """The matrix from values at Chebyshev nodes to coefficients."""
     matrix: Floats = chebyshev.chebvander(x, len(x) - 1).T * 2 / len(x)
     matrix[0] /= 2
     return matrix
 
 
 def _least_squares(geobox: GeoBox, degree: int = 16) -> Floats | None:
-    """The same where a raster reaches past what its projection can express: fitted where there is ground."""
+    """The same by least squares, for a raster that extends past the domain of its projection."""
     x, y = np.meshgrid(np.linspace(-1, 1, 49), np.linspace(-1, 1, 49))
     row, col = (length * (1 + at) / 2 for length, at in zip(geobox.shape, (y, x), strict=True))
     samples = np.stack(pixel_on_ground(geobox, row, col))
@@ -259,7 +260,7 @@ def _least_squares(geobox: GeoBox, degree: int = 16) -> Floats | None:
 
 
 def _product(geobox: GeoBox, fitted: Floats, over_rows: bool, over_cols: bool) -> _Product:
-    """A polynomial in rows and columns as a sum of products, integrated over one or both, at corners."""
+    """A bivariate polynomial as a sum of products at pixel corners, integrated over rows, columns or both."""
     left, sizes, right = np.linalg.svd(fitted)
     terms = max(1, int((sizes > sizes[0] * 1e-12).sum()))
     in_rows, in_cols = left[:, :terms] * sizes[:terms], right[:terms].T

@@ -1,4 +1,4 @@
-"""Intensity to grey: v = (intensity − low) / (high − low), clipped; grey = floor(65535 v + 0.5)."""
+"""Grey levels: v = (intensity − low) / (high − low) clipped to [0, 1], quantised to floor(65535 v + 0.5)."""
 
 from functools import lru_cache
 from typing import Any
@@ -15,9 +15,9 @@ Values = NDArray[Any]
 
 
 def to_grey(values: Values, low: float, high: float) -> Grey:
-    """Grey of every pixel, in double precision and in this order of operations exactly.
+    """Grey of every pixel, in double precision, with exactly this order of operations.
 
-    Where low = high, grey is 0 below it, 65535 above it and 32768 on it.
+    If low = high, grey is 0 below, 65535 above and 32768 at that intensity.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def to_grey(values: Values, low: float, high: float) -> Grey:
 
 def _from_intensity(values: Values, low: float, high: float, grey: Grey) -> None:
     if values.dtype.kind in "iu" and values.dtype.itemsize <= 2:
-        table = _table(low, high, values.dtype.str)
+        table = _lookup_table(low, high, values.dtype.str)
         look_up = _look_up_u1 if values.dtype.itemsize == 1 else _look_up_u2
         look_up(values.view(f"u{values.dtype.itemsize}"), table, grey)
     elif values.dtype == np.float32:
@@ -90,8 +90,8 @@ def luminance_f4(values: Values) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=16)
-def _table(low: float, high: float, type_code: str) -> Grey:
-    """Grey of every value of an integer type of at most 16 bits, in the order of its bit patterns."""
+def _lookup_table(low: float, high: float, type_code: str) -> Grey:
+    """Lookup table: grey of every value of an integer type of at most 16 bits, by bit pattern."""
     dtype = np.dtype(type_code)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}")
     grey = np.empty(len(patterns), np.uint16)
@@ -113,7 +113,7 @@ def _look_up_u2(values, table, grey):  # type: ignore[no-untyped-def]
 
 @inlined
 def _grey_of(intensity, low, high):  # type: ignore[no-untyped-def]
-    v = (intensity - low) / (high - low)  # low = high: infinite on either side, NaN in the middle
+    v = (intensity - low) / (high - low)  # low = high: infinite on either side, NaN at that intensity
     middle = 0.5 if low == high else 0.0
     v = v if v > 0.0 else (0.0 if v <= 0.0 else middle)
     v = v if v < 1.0 else 1.0

@@ -1,4 +1,4 @@
-"""Order statistics of more pixels than fit in memory, from counts that merge by adding."""
+"""Histograms that merge by addition: exact order statistics of more pixels than fit in memory."""
 
 from collections.abc import Iterable
 from fractions import Fraction
@@ -16,7 +16,7 @@ _HALF = 1 << 16
 
 
 def rank_of(percent: Fraction, total: int) -> int:
-    """Which of `total` sorted values is the percentile: the nearest rank, counted from 1.
+    """Nearest rank of a percentile among `total` sorted values, counted from 1.
 
     Examples
     --------
@@ -27,7 +27,7 @@ def rank_of(percent: Fraction, total: int) -> int:
 
 
 def bins_of_ranks(counts: Counts, ranks: Iterable[int]) -> list[tuple[int, int]]:
-    """For each rank the bin that holds it, and the rank within that bin.
+    """For each rank the bin that contains it, and the rank within that bin.
 
     Examples
     --------
@@ -40,25 +40,25 @@ def bins_of_ranks(counts: Counts, ranks: Iterable[int]) -> list[tuple[int, int]]
 
 
 def count_integers(values: Values, valid: NDArray[np.bool_] | None) -> Counts:
-    """How often each value of an integer type of at most 16 bits occurs, smallest value first."""
+    """Histogram of an integer type of at most 16 bits, smallest value first."""
     size = values.dtype.itemsize
     counts = np.zeros(1 << 8 * size, np.int64)
     flat = np.ascontiguousarray(values).reshape(-1).view(f"u{size}")
-    (_count_u1 if size == 1 else _count_u2)(flat, _bytes(valid), counts)
+    (_count_u1 if size == 1 else _count_u2)(flat, _mask_bytes(valid), counts)
     return np.roll(counts, len(counts) // 2) if values.dtype.kind == "i" else counts
 
 
 def count_upper_halves(values: NDArray[np.float32], valid: NDArray[np.bool_] | None) -> Counts:
-    """How often each upper half of a key occurs; keys are 32-bit integers in the order of the values."""
+    """Histogram of the upper 16 bits of the sort keys: 32-bit integers in the order of the float values."""
     counts = np.zeros(_HALF, np.int64)
-    _count_upper(_patterns(values), _bytes(valid), counts)
+    _count_upper(_bit_patterns(values), _mask_bytes(valid), counts)
     return counts
 
 
 def count_lower_halves(
     values: NDArray[np.float32], valid: NDArray[np.bool_] | None, uppers: tuple[int, ...]
 ) -> Counts:
-    """For each of some upper halves, how often each lower half occurs with it.
+    """Histogram of the lower 16 bits of the sort keys, for each of some upper halves.
 
     Returns
     -------
@@ -67,23 +67,23 @@ def count_lower_halves(
     counts = np.zeros((len(uppers), _HALF), np.int64)
     row_of = np.full(_HALF, -1, np.int64)
     row_of[list(uppers)] = np.arange(len(uppers))
-    _count_lower(_patterns(values), _bytes(valid), row_of, counts)
+    _count_lower(_bit_patterns(values), _mask_bytes(valid), row_of, counts)
     return counts
 
 
 def value_of_key(upper: int, lower: int) -> float:
-    """The float32 value of a key."""
+    """The float32 value of a sort key."""
     key = np.uint32(upper << 16 | lower)
     bits = key ^ np.uint32(0x80000000) if key & np.uint32(0x80000000) else ~key
     return float(np.array(bits, np.uint32).view(np.float32))
 
 
-def _patterns(values: NDArray[np.float32]) -> NDArray[np.uint32]:
+def _bit_patterns(values: NDArray[np.float32]) -> NDArray[np.uint32]:
     return np.ascontiguousarray(values).reshape(-1).view(np.uint32)
 
 
-def _bytes(valid: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
-    """The mask as a kernel takes it: empty where all pixels count."""
+def _mask_bytes(valid: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
+    """The mask for a kernel: empty if all pixels are valid."""
     if valid is None:
         return np.empty(0, np.uint8)
     return np.ascontiguousarray(valid).reshape(-1).view(np.uint8)

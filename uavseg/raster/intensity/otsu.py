@@ -1,4 +1,4 @@
-"""Classes of a histogram: Otsu's thresholds, any number of them, found exactly."""
+"""Multi-level Otsu thresholds of a histogram, found exactly by dynamic programming."""
 
 import math
 from collections.abc import Sequence
@@ -10,23 +10,23 @@ from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 
-SMOOTHING = 1 / 32  # deviation of the Gaussian, as a share of what is not empty
-VALLEY = 1 / 3  # of the lower of two humps
+SMOOTHING = 1 / 32  # standard deviation of the Gaussian, as a share of the non-empty extent
+VALLEY = 1 / 3  # largest height of a valley, as a share of the lower of two modes
 
 
 @dataclass(frozen=True, slots=True)
 class Classes:
-    """A histogram cut into classes of adjacent bins.
+    """A partition of a histogram into classes of adjacent bins.
 
     Parameters
     ----------
     ends : tuple of int
-        The last bin of each class but the last that holds anything.
+        The last non-empty bin of each class but the last.
     starts : tuple of int
-        The first bin of each class but the first that holds anything; all bins between the end of a class
-        and the start of the next are empty, so a cut lies equally well anywhere between them.
+        The first non-empty bin of each class but the first. All bins between the end of a class and the start
+        of the next are empty, so any threshold between them is equally good.
     explained : float
-        Share of the variance that is between the classes, 0 to 1.
+        Between-class variance as a share of the total variance, 0 to 1.
     """
 
     ends: tuple[int, ...]
@@ -39,25 +39,25 @@ class Classes:
         return len(self.ends) + 1
 
 
-def multi_otsu(counts: ArrayLike, most: int) -> list[Classes]:
-    """The best cuts of a histogram into 1, 2, ..., `most` classes.
+def multi_otsu(counts: ArrayLike, max_classes: int) -> list[Classes]:
+    """The optimal partitions of a histogram into 1, 2, ..., `max_classes` classes.
 
-    Best is what leaves the least variance within classes (Otsu, IEEE Trans. SMC 9 (1979) 62-66; Liao, Chen
-    and Chung, J. Inf. Sci. Eng. 17 (2001) 713-727). What is gained by a class depends on where it begins and
-    ends alone, so dynamic programming over the bins finds the best of all cuts (Fisher, JASA 53 (1958)
-    789-798). Bins are equally wide, and empty ones change nothing.
+    Optimal means least within-class variance (Otsu, IEEE Trans. SMC 9 (1979) 62-66; Liao, Chen and Chung, J.
+    Inf. Sci. Eng. 17 (2001) 713-727). The contribution of a class depends on its first and last bin alone, so
+    dynamic programming over the bins finds the optimum (Fisher, JASA 53 (1958) 789-798). Bins have equal
+    width; empty ones have no influence.
 
     Parameters
     ----------
-    counts : (n,) array of numbers that are not negative
-    most : int
+    counts : (n,) array of non-negative numbers
+    max_classes : int
         At least 1.
 
     Returns
     -------
     found : list of Classes
-        Element k has k + 1 classes; fewer than `most` where fewer bins hold anything, none where none does.
-        Of equally good cuts, the one with the lower last cut.
+        Element k has k + 1 classes; at most as many as there are non-empty bins. Of equally good partitions,
+        the one with the lower last threshold.
 
     Examples
     --------
@@ -74,34 +74,34 @@ def multi_otsu(counts: ArrayLike, most: int) -> list[Classes]:
     mean = (weights * values).sum() / total
     variance = (weights * (values - mean) ** 2).sum()
     found = []
-    for inner, gain in _best(gains, min(most, bins.size)):
+    for inner, gain in _optimal_partitions(gains, min(max_classes, bins.size)):
         ends, starts = tuple(bins[[k - 1 for k in inner]].tolist()), tuple(bins[list(inner)].tolist())
         found.append(Classes(ends, starts, min(float(gain / variance), 1.0) if variance > 0 else 1.0))
     return found
 
 
-def number_of_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
-    """As many classes as a histogram has by itself: the most of which all are parted, else two.
+def select_classes(counts: ArrayLike, found: Sequence[Classes]) -> Classes:
+    """The natural number of classes: the largest for which all classes are separated, else two.
 
     Parameters
     ----------
-    counts : (n,) array of numbers that are not negative
+    counts : (n,) array of non-negative numbers
     found : sequence of Classes
-        What `multi_otsu` gives for it; one at least.
+        Result of `multi_otsu` for it; at least one.
     """
-    own = [classes for classes in found[1:] if are_parted(counts, classes)]
-    return own[-1] if own else found[min(1, len(found) - 1)]
+    separated = [classes for classes in found[1:] if are_separated(counts, classes)]
+    return separated[-1] if separated else found[min(1, len(found) - 1)]
 
 
-def are_parted(counts: ArrayLike, classes: Classes) -> bool:
-    """Whether a valley lies between every two neighbouring classes.
+def are_separated(counts: ArrayLike, classes: Classes) -> bool:
+    """Whether there is a valley between every two adjacent classes.
 
-    The histogram is smoothed by a Gaussian with a deviation of a 32nd of its reach. Between the highest bins
-    of two classes it has to sink below a third of the lower of them.
+    The histogram is smoothed by a Gaussian with a standard deviation of 1/32 of its extent. Between the
+    highest bins of two classes it must fall below a third of the lower one.
 
     Parameters
     ----------
-    counts : (n,) array of numbers that are not negative
+    counts : (n,) array of non-negative numbers
     classes : Classes
         Of that histogram.
     """
@@ -125,7 +125,7 @@ def _smoothed(counts: Floats, sigma: float) -> Floats:
 
 
 def _gains(values: Floats, weights: Floats) -> Floats:
-    """What a class of bins i..j - 1 explains of the variance (times the total), at [i, j]."""
+    """Contribution of a class of bins i..j - 1 to the between-class sum of squares, at [i, j]."""
     mean = (weights * values).sum() / weights.sum()
     below = np.concatenate([[0.0], np.cumsum(weights)])
     sums = np.concatenate([[0.0], np.cumsum(weights * (values - mean))])
@@ -137,20 +137,20 @@ def _gains(values: Floats, weights: Floats) -> Floats:
     return gains
 
 
-def _best(gains: Floats, most: int) -> list[tuple[tuple[int, ...], float]]:
-    """For 1..most classes: where each but the first begins, and what all of them explain."""
+def _optimal_partitions(gains: Floats, max_classes: int) -> list[tuple[tuple[int, ...], float]]:
+    """For 1..max_classes classes: the start of each but the first, and the sum of their gains."""
     best, begins = gains[0], []
     found: list[tuple[tuple[int, ...], float]] = [((), float(best[-1]))]
-    for _ in range(1, most):
+    for _ in range(1, max_classes):
         with_one_more = best[:, None] + gains
         begins.append(with_one_more.argmax(axis=0))
         best = with_one_more.max(axis=0)
-        found.append((_traced(begins), float(best[-1])))
+        found.append((_backtrack(begins), float(best[-1])))
     return found
 
 
-def _traced(begins: Sequence[NDArray[np.intp]]) -> tuple[int, ...]:
-    """The way back from the end: where each class but the first begins."""
+def _backtrack(begins: Sequence[NDArray[np.intp]]) -> tuple[int, ...]:
+    """The start of each class but the first, traced back from the last bin."""
     end, inner = len(begins[0]) - 1, []
     for begin in reversed(begins):
         end = int(begin[end])

@@ -1,4 +1,4 @@
-"""How intensity becomes grey: fitted once over everything, applied anywhere."""
+"""Contrast stretch: fitted once over a whole dataset, applied to each tile."""
 
 import math
 from collections.abc import Sequence
@@ -22,20 +22,19 @@ AUTO_PERCENTILES = (Fraction(2), Fraction(98))
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """The map from intensity to grey.
+    """Linear map from intensity to grey.
 
-    v = (intensity − low) / (high − low), clipped to [0, 1], and grey = floor(65535 v + 0.5). Where low = high
-    there is nothing to divide by: v is then 0 below, 1 above and 0.5 at that intensity, so that a constant
-    image is middle grey.
+    v = (intensity − low) / (high − low), clipped to [0, 1], and grey = floor(65535 v + 0.5). If low = high, v
+    is 0 below, 1 above and 0.5 at that intensity, so a constant image is middle grey.
 
     Parameters
     ----------
     low, high : float
         The intensities that become black and white.
     name : str
-        Where they come from, for people: "percentile:2,98 -> 113..2045".
+        Description for messages: "percentile:2,98 -> 113..2045".
     warnings : tuple of str
-        What the user should be told once.
+        For the user.
 
     Examples
     --------
@@ -54,7 +53,7 @@ class Stretch:
         Parameters
         ----------
         values : (1, rows, cols) or (3, rows, cols) array of any real type
-            Intensity, or red, green and blue of which the luminance is taken.
+            Intensity, or red, green and blue, whose luminance is used.
         valid : (rows, cols) bool array, optional
 
         Returns
@@ -69,14 +68,14 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class StretchSpec:
-    """Which stretch is wanted, before any pixel was seen.
+    """A requested stretch, before it is fitted.
 
     Parameters
     ----------
     form : str
         "auto", "dtype", "minmax", "percentile", "none" or "given".
     bounds : tuple of two Fractions, optional
-        Percentiles, or the intensities given.
+        Percentiles, or intensities.
     """
 
     form: str
@@ -90,7 +89,7 @@ class StretchSpec:
 
 
 def parse_stretch(text: str) -> StretchSpec:
-    """The stretch that a text asks for.
+    """Parse a stretch.
 
     Raises
     ------
@@ -108,9 +107,9 @@ def parse_stretch(text: str) -> StretchSpec:
     form = "percentile" if word.startswith("percentile:") else "given"
     low, high = _pair(text, word.removeprefix("percentile:"))
     if form == "percentile" and not 0 <= low < high <= 100:
-        raise ParameterError(f"percentiles want 0 <= P < Q <= 100, not {text}")
+        raise ParameterError(f"a percentile stretch takes 0 <= P < Q <= 100, not {text}")
     if low >= high:
-        raise ParameterError(f"a stretch wants its low intensity below its high one, not {text}")
+        raise ParameterError(f"the low intensity of a stretch must be below its high one, not {text}")
     return StretchSpec(form, (low, high))
 
 
@@ -122,29 +121,29 @@ def _pair(text: str, numbers: str) -> tuple[Fraction, Fraction]:
     return low, high
 
 
-def fit(
+def fit_stretch(
     dataset: Dataset,
     spec: Stretch | StretchSpec | str,
     tile_pass: TilePass,
 ) -> Stretch:
-    """The stretch of a whole dataset.
+    """Fit a stretch to a whole dataset.
 
-    Only `minmax` and `percentile` look at pixels. Percentiles are nearest ranks: percentile p is the smallest
+    Only `minmax` and `percentile` read pixels. Percentiles are nearest ranks: percentile p is the smallest
     intensity with at least p percent of the valid pixels at or below it; exact for integers of up to 16 bits,
-    and at the precision of float32 for everything else.
+    with the precision of float32 for all other types.
 
     Parameters
     ----------
     dataset : Dataset
     spec : Stretch, StretchSpec or str
-        A stretch that is fitted already stays as it is.
+        A fitted stretch is returned unchanged.
     tile_pass : TilePass
-        Tiles that cover the dataset once; how it is cut changes nothing.
+        Tiles that cover the dataset once; the result does not depend on them.
 
     Raises
     ------
     ParameterError
-        If `dtype` is asked of floating point bands, which have no maximum.
+        If `dtype` is requested for floating point bands, which have no maximum.
     """
     if isinstance(spec, Stretch):
         return spec
@@ -154,17 +153,17 @@ def fit(
     if spec.form == "none":
         return Stretch(0.0, 1.0, "none -> 0..1")
     if spec.form == "given" and spec.bounds is not None:
-        return _named(spec, float(spec.bounds[0]), float(spec.bounds[1]))
+        return _stretch_of(spec, float(spec.bounds[0]), float(spec.bounds[1]))
     if spec.form == "dtype":
-        return _named(spec, 0.0, _maximum(dataset))
+        return _stretch_of(spec, 0.0, _maximum(dataset))
     percents = spec.bounds or (Fraction(0), Fraction(100))
     found = _order_statistics(dataset, percents, tile_pass)
     if found is None:
         return Stretch(0.0, 1.0, f"{spec} -> nothing", ("no pixel is valid, so there is nothing to stretch",))
-    return _named(spec, *found)
+    return _stretch_of(spec, *found)
 
 
-def _named(spec: StretchSpec, low: float, high: float) -> Stretch:
+def _stretch_of(spec: StretchSpec, low: float, high: float) -> Stretch:
     warnings: tuple[str, ...] = ()
     if low == high:
         warnings = (f"the stretch {spec} finds one intensity, {low:g}: it becomes v = 0.5, less 0, more 1",)
@@ -179,7 +178,7 @@ def _maximum(dataset: Dataset) -> float:
     if dataset.dtype.kind == "f":
         raise ParameterError(
             f"{dataset.dtype} bands have no maximum for the stretch dtype; use minmax, percentile:P,Q or "
-            "LOW,HIGH, or none if they are 0 to 1 already"
+            "LOW,HIGH, or none if values are 0 to 1 already"
         )
     return math.ldexp(1.0, dataset.bits - (dataset.dtype.kind == "i")) - 1
 
@@ -189,9 +188,9 @@ def _order_statistics(
     percents: Sequence[Fraction],
     tile_pass: TilePass,
 ) -> list[float] | None:
-    """The intensities at some percents of all valid pixels; None if there are none."""
-    integers = _counts_integers(dataset)
-    counts = reduce(np.add, tile_pass.run(partial(_count_high, dataset)))
+    """The intensities at some percentiles of all valid pixels; None if there are none."""
+    integers = _is_counted_exactly(dataset)
+    counts = reduce(np.add, tile_pass.run(partial(_count_upper, dataset)))
     total = int(counts.sum())
     if total == 0:
         return None
@@ -200,30 +199,31 @@ def _order_statistics(
         smallest = np.iinfo(dataset.dtype.name).min
         return [float(index + smallest) for index, _ in bins]
     uppers = tuple(sorted({index for index, _ in bins}))
-    lowers = reduce(np.add, tile_pass.run(partial(_count_low, dataset, uppers)))
-    return [_value(index, rank, lowers[uppers.index(index)]) for index, rank in bins]
+    lowers = reduce(np.add, tile_pass.run(partial(_count_lower, dataset, uppers)))
+    return [_value_of_rank(index, rank, lowers[uppers.index(index)]) for index, rank in bins]
 
 
-def _value(upper: int, rank: int, lowers: NDArray[np.int64]) -> float:
+def _value_of_rank(upper: int, rank: int, lowers: NDArray[np.int64]) -> float:
     [(lower, _)] = histogram.bins_of_ranks(lowers, [rank])
     return histogram.value_of_key(upper, lower)
 
 
-def _counts_integers(dataset: Dataset) -> bool:
+def _is_counted_exactly(dataset: Dataset) -> bool:
+    """Whether one histogram has a bin for each possible value."""
     single = len(dataset.bands) == 1 and not dataset.choice.expanded
     return single and dataset.dtype.kind in "iu" and dataset.dtype.itemsize <= 2
 
 
-def _count_high(dataset: Dataset, window: Window) -> NDArray[np.int64]:
+def _count_upper(dataset: Dataset, window: Window) -> NDArray[np.int64]:
     if dataset.is_empty(window):
-        return np.zeros(1 << (8 * dataset.dtype.itemsize if _counts_integers(dataset) else 16), np.int64)
+        return np.zeros(1 << (8 * dataset.dtype.itemsize if _is_counted_exactly(dataset) else 16), np.int64)
     values, valid = dataset.read(window)
-    if _counts_integers(dataset):
+    if _is_counted_exactly(dataset):
         return histogram.count_integers(values[0], valid)
     return histogram.count_upper_halves(_floats(values), valid)
 
 
-def _count_low(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> NDArray[np.int64]:
+def _count_lower(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> NDArray[np.int64]:
     if dataset.is_empty(window):
         return np.zeros((len(uppers), 1 << 16), np.int64)
     values, valid = dataset.read(window)
@@ -233,6 +233,6 @@ def _count_low(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> NDA
 def _floats(values: Values) -> NDArray[np.float32]:
     if len(values) == 3:
         return luminance_f4(values)
-    with np.errstate(over="ignore"):  # doubles beyond float32 count as infinite, on their side
+    with np.errstate(over="ignore"):  # doubles beyond the range of float32 count as infinite
         floats: NDArray[np.float32] = values[0].astype(np.float32, copy=False)
     return floats

@@ -10,11 +10,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
+import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.atomic import check_target, whole_file
+from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
+from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions import shapes
 from uavseg.regions.formats import geojson, kml
 from uavseg.regions.formats.check_written import is_complete
@@ -56,7 +58,7 @@ def write_regions(regions: Regions, path: str | os.PathLike[str] | IO[Any], over
         _write_stream(regions, path)
         return
     target = check_region_path(path, overwrite)
-    with whole_file(target, overwrite) as part:
+    with atomic_file(target, overwrite) as part:
         _WRITERS[target.suffix.lower()](regions, part)
 
 
@@ -175,7 +177,8 @@ def _record_batches(regions: Regions, promote: bool = False) -> Any:
             if promote:
                 polygons = _as_multipolygons(polygons)
             columns = [_null_for_nan(column[part]) for column in regions.columns.values()]
-            yield pyarrow.record_batch([*columns, pyarrow.array(shapely.to_wkb(polygons))], schema=schema)
+            geometry = _arrow_bytes(shapely.to_wkb(polygons).tolist(), pyarrow.binary())
+            yield pyarrow.record_batch([*columns, geometry], schema=schema)
 
     return pyarrow.RecordBatchReader.from_batches(schema, batches())
 
@@ -213,18 +216,35 @@ def _write_parquet(regions: Regions, path: Path) -> None:
 def _null_for_nan(column: NDArray[Any]) -> Any:
     import pyarrow
 
-    kind = pyarrow.string() if column.dtype == object else None
-    return pyarrow.array(column, kind, from_pandas=True)
+    if column.dtype != object:
+        return pyarrow.array(column, from_pandas=True)
+    texts = [None if text is None or text != text else text.encode() for text in column.tolist()]
+    return _arrow_bytes(texts, pyarrow.string())
+
+
+def _arrow_bytes(values: list[bytes | None], kind: Any) -> Any:
+    """Texts or bytes as an Arrow array, from buffers: `pyarrow.array` imports pandas to look at objects."""
+    import pyarrow
+
+    mask = None
+    if None in values:
+        there = [value is not None for value in values]
+        mask = pyarrow.py_buffer(np.packbits(there, bitorder="little"))
+        values = [value or b"" for value in values]
+    ends = np.zeros(len(values) + 1, np.int64)
+    np.cumsum(np.fromiter(map(len, values), np.int64, len(values)), out=ends[1:])  # type: ignore[arg-type]
+    if ends[-1] > np.iinfo(np.int32).max:
+        raise OutputError("one batch of regions holds more than 2 GB of text or corners; simplify them")
+    content = [mask, pyarrow.py_buffer(ends.astype(np.int32)), pyarrow.py_buffer(b"".join(values))]  # type: ignore[arg-type]
+    return pyarrow.Array.from_buffers(kind, len(values), content)
 
 
 def _geo_metadata(regions: Regions) -> dict[str, Any]:
     """GeoParquet metadata of the geometry column."""
-    import pyproj
-
     column: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),
-        "crs": None if regions.wkt is None else pyproj.CRS.from_wkt(regions.wkt).to_json_dict(),
+        "crs": None if regions.wkt is None else parse_crs(regions.wkt).to_json_dict(),
     }
     if len(regions):
         column["bbox"] = [float(bound) for bound in shapely.total_bounds(regions.polygons)]

@@ -62,7 +62,7 @@ def write_label_raster(
         parts = edge_tables(rings, label_windows(geobox.shape))
         write_label_tiles(path, parts, geobox, overwrite, map)
     else:
-        geotiff.write_labels(path, label_strips(rings, geobox.shape, map), geobox, overwrite)
+        geotiff.write_label_geotiff(path, label_strips(rings, geobox.shape, map), geobox, overwrite)
 
 
 def label_strips(

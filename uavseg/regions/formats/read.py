@@ -12,13 +12,13 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
+from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
 from uavseg.regions.table import COLUMNS, Regions
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 REPAIR_TOLERANCE = 0.01  # largest relative change of a polygon's area by its repair
-WGS84 = "EPSG:4326"
 KML_FIELDS = {
     *("Name", "description", "timestamp", "begin", "end", "altitudeMode", "tessellate", "extrude"),
     *("visibility", "drawOrder", "icon"),
@@ -230,9 +230,7 @@ def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[An
 
 
 def _areas_m2(polygons: NDArray[np.object_]) -> NDArray[np.float64]:
-    from pyproj import Geod
-
-    geod = Geod(ellps="WGS84")
+    geod = geod_wgs84()
     return np.array(
         [abs(geod.geometry_area_perimeter(polygon)[0]) for polygon in shapely.orient_polygons(polygons)]
     )

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, SampleError
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.polygon_mask import inside
+from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
+from uavseg.raster.polygon_mask import pixels_inside
 from uavseg.raster.tiling import Window
 from uavseg.units import CELL
 
@@ -123,19 +124,17 @@ def place_of(like: Disc | str, geobox: GeoBox) -> Place:
             f"{name} spans {window.rows:,} x {window.cols:,} pixels; at most {MOST_PIXELS:,} are looked at: "
             "give a smaller one"
         )
-    return Place(window, np.packbits(inside(on_grid, window), axis=1))
+    return Place(window, np.packbits(pixels_inside(on_grid, window), axis=1))
 
 
 def _disc(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
     """A disc as a polygon of the map; on the ellipsoid where the map is in degrees."""
     angles = np.linspace(0, 360, _CORNERS, endpoint=False)
-    if geobox.crs is not None and geobox.crs.is_geographic:
-        import pyproj
-
-        geod = pyproj.CRS.from_wkt(geobox.wkt or "").get_geod()
+    wkt = geobox.wkt
+    if wkt is not None and is_geographic(wkt):
         x, y, radius = (np.full(_CORNERS, number) for number in (disc.x, disc.y, disc.radius))
-        x, y, _ = geod.fwd(x, y, angles, radius)
-        x = disc.x + np.remainder(np.asarray(x) - disc.x + 180, 360) - 180
+        x, y, _ = geod_of(wkt).fwd(x, y, angles, radius)
+        x = wrap_lon(x, around=disc.x)
     else:
         x = disc.x + disc.radius * np.sin(np.radians(angles))
         y = disc.y + disc.radius * np.cos(np.radians(angles))
@@ -143,8 +142,6 @@ def _disc(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
 
 
 def _of_file(name: str, geobox: GeoBox) -> NDArray[np.object_]:
-    import pyproj
-
     from uavseg.regions.formats.read import read_regions
 
     if geobox.wkt is None:
@@ -152,7 +149,7 @@ def _of_file(name: str, geobox: GeoBox) -> NDArray[np.object_]:
             f"the raster has no CRS, so nobody knows where in it {name} lies; give the sample as X,Y,RADIUS"
         )
     regions = read_regions(name)
-    project = pyproj.Transformer.from_crs(regions.wkt, geobox.wkt, always_xy=True).transform
+    project = transform_between(regions.wkt, geobox.wkt)
     polygons: NDArray[Any] = shapely.transform(
         np.asarray(regions.polygons), lambda x, y: project(x, y), interleaved=False
     )

@@ -74,7 +74,7 @@ class Scored:
     Parameters
     ----------
     best : (8 B, 8 C) uint16 array
-        See `likeness.best_scores`.
+        See `g_scores.best_scores`.
     rest : Model
         Of the cells with a score that is too large; not of all that `confirming.confirmed` refuses.
     whole : (2, 2048) int64 array

@@ -12,6 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.raster.geodesy.globe import unwrap_lon
+
 Floats = NDArray[np.float64]
 
 _AT_POLE = 90 - 1e-9
@@ -65,11 +67,7 @@ def _split_at_poles(ring: Floats) -> Floats:
 
 def _unrolled(ring: Floats) -> Floats:
     """The same ring with longitudes that run on where they jumped; the last differs by 360 around a pole."""
-    steps = np.diff(ring[:, 0])
-    turns = -np.round(steps / 360)
-    unrolled = ring.copy()
-    unrolled[1:, 0] += 360 * np.cumsum(turns)
-    return unrolled
+    return np.stack([unwrap_lon(ring[:, 0]), ring[:, 1]], axis=1)
 
 
 def _around_pole(ring: Floats) -> Floats:

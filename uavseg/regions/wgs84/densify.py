@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.raster.geodesy.globe import densify_rings
 from uavseg.regions.ragged import RaggedPolygons
 
 Floats = NDArray[np.float64]
@@ -38,13 +39,8 @@ def bent(
         pieces = _pieces(xy, degrees, starts, side, radius)
         if pieces.max() == 1:
             break
-        edge = np.repeat(np.arange(len(xy)), pieces)
-        places = np.cumsum(pieces) - pieces
-        along = (np.arange(len(edge)) - places[edge]) / pieces[edge]
-        following = np.minimum(edge + 1, len(xy) - 1)
-        xy = xy[edge] + (xy[following] - xy[edge]) * along[:, None]
+        xy, starts = densify_rings(xy, starts, pieces)
         degrees = to_degrees(xy)
-        starts = np.append(places, len(xy))[starts]
     return replace(flat, vertices=degrees, rings=starts)
 
 

@@ -13,7 +13,16 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.errors import OutputError
+from uavseg.errors import OutputError, RasterError
+from uavseg.raster.geodesy.globe import (
+    Transform,
+    equatorial_radius,
+    is_geographic,
+    is_on_earth,
+    lonlat_transform,
+    unit_factor,
+    wrap_lon,
+)
 from uavseg.regions import shapes
 from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE
 from uavseg.regions.ragged import RaggedPolygons
@@ -25,8 +34,6 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Objects = NDArray[np.object_]
 Flags = NDArray[np.bool_]
-
-_EARTH_RADII_M = (6.3e6, 6.4e6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,37 +97,32 @@ def check_on_earth(wkt: str | None) -> None:
 class _Way:
     """From a CRS to longitude and latitude."""
 
-    transformer: Any
+    transform: Transform
     straight: bool  # the CRS is geographic: edges stay straight, longitudes never jump
     radius: float  # of the Earth in units of the map, unless straight
     turn: float  # 360 degrees in units of the map, if straight
 
     @classmethod
     def of(cls, wkt: str | None) -> "_Way":
-        import pyproj
-        from pyproj.exceptions import ProjError
-
         try:
-            crs = pyproj.CRS.from_wkt(wkt or "")
-            radius = crs.ellipsoid.semi_major_metre
-            on_earth = _EARTH_RADII_M[0] < radius < _EARTH_RADII_M[1]
-            transformer = on_earth and pyproj.Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
-        except (ProjError, AttributeError) as error:
+            on_earth = is_on_earth(wkt)
+            transform = lonlat_transform(wkt) if on_earth else None
+        except RasterError as error:
             raise OutputError(
                 "these regions have no place on the globe, which GeoJSON and KML need; write a .gpkg instead"
             ) from error
-        if not transformer:
+        if transform is None:
             raise OutputError(
                 "these regions are not on the Earth, and GeoJSON and KML are WGS 84; write a .gpkg instead"
             )
-        unit = crs.axis_info[0].unit_conversion_factor
-        return cls(transformer, crs.is_geographic, radius / unit, 2 * np.pi / unit)
+        unit = unit_factor(wkt)
+        return cls(transform, is_geographic(wkt), equatorial_radius(wkt) / unit, 2 * np.pi / unit)
 
     def degrees(self, xy: Floats) -> Floats:
         x, y = xy.T
         if self.straight:
             y = np.clip(y, -self.turn / 4, self.turn / 4)
-        lonlat = np.stack(self.transformer.transform(x, y), axis=1)
+        lonlat = np.stack(self.transform(x, y), axis=1)
         if not np.isfinite(lonlat).all():
             raise OutputError("a region reaches past the edge of its projection; write a .gpkg instead")
         if self.straight:
@@ -133,7 +135,7 @@ class _Way:
             return False
         step = self.radius * 1e-5
         there = self.degrees(xy + np.array([[0, 0], [step, 0], [0, step]]))
-        (a, b), (c, d) = np.remainder(there[1:] - there[0] + 180, 360) - 180
+        (a, b), (c, d) = wrap_lon(there[1:] - there[0])
         return bool(a * d - b * c < 0)
 
 

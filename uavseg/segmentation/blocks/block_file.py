@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError, RasterReadError
-from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff
+from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.opening import GDAL_ERRORS, gdal, is_remote, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, is_remote, quiet_open
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.params import DivisionParams
 from uavseg.units import CELL, CELLS
@@ -67,7 +67,7 @@ class SavedBlocks:
 def is_block_map(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a block map rather than a raster of its own."""
     try:
-        with gdal(), quiet_open(path) as file:
+        with gdal_env(), quiet_open(path) as file:
             return _TAG in file.tags()
     except GDAL_ERRORS:
         return False  # the error is reported when the file is opened as a raster
@@ -94,19 +94,17 @@ def write_block_map(
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = find_leaves(blocks, division)
     bands = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
-    write_geotiff(
+    write_geotiff_pages(
         path,
-        [_crop(band, cells) for band in bands],
-        cells,
-        _BAND_NAMES,
-        _tags(saved),
-        overwrite,
-        nodata=float("nan"),
-        pages=[
+        [
+            Page([_crop(band, cells) for band in bands], cells, _BAND_NAMES),
             Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
             Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
             Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
         ],
+        _tags(saved),
+        overwrite,
+        nodata=float("nan"),
     )
 
 

@@ -1,0 +1,58 @@
+"""The denoised image has minimal total variation, and is thresholded as in plain arrays."""
+
+from types import ModuleType
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, threshold_tv
+
+seeds = st.integers(0, 100_000)
+MIDDLE = IntensityRange(0.35, 0.65)
+
+
+@settings(deadline=None, max_examples=8)
+@given(seeds)
+def test_sweeps_end_at_the_minimum_of_total_variation(plain_variation: ModuleType, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    grey = rng.integers(0, 65536, (10, 13)).astype(np.uint16)
+    weights = rng.integers(0, 6000, grey.shape)
+    u, flows = plain_variation.minimise_tv(grey, weights, 2000)
+    half = grey.astype(np.int64) // 2
+    variation_of_u, dual = 0, 0
+    for (a, b, share), flow in zip(plain_variation.pairs(grey.shape), flows, strict=True):
+        limit = np.minimum(weights[a], weights[b]) * share // 64
+        variation_of_u += (limit * np.abs(u[b] - u[a])).sum()
+        dual += (flow * (u[b] - u[a])).sum()
+    assert ((u - half) ** 2).sum() > 0
+    assert variation_of_u - dual <= 0.001 * ((half - half.mean()) ** 2).sum()  # no gap: both are optimal
+    assert grey.min() // 2 <= u.min() and u.max() <= grey.max() // 2
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.sampled_from([0, 300, MAX_WEIGHT]))
+def test_thresholds_are_those_of_plain_arrays(plain_variation: ModuleType, seed: int, largest: int) -> None:
+    rng = np.random.default_rng(seed)
+    grey = rng.integers(0, 65536, (16, 24)).astype(np.uint16)
+    valid = (rng.random(grey.shape) > 0.1).astype(np.uint8)
+    grey *= valid
+    weights = rng.integers(0, largest + 1, (2, 3)).astype(np.int16)
+    inside = rng.integers(0, 2, grey.shape).astype(np.uint8) & valid
+    u, _ = plain_variation.minimise_tv(grey, weights.repeat(8, 0).repeat(8, 1) * valid.astype(np.int64))
+    low, high = MIDDLE.greys
+    expected = np.where(u != grey // 2, (low <= 2 * u) & (2 * u <= high) & (valid > 0), inside > 0)
+    threshold_tv(grey, valid, weights, MIDDLE.greys, inside)
+    assert np.array_equal(inside > 0, expected)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds)
+def test_without_weights_nothing_changes(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    grey = rng.integers(0, 65536, (16, 24)).astype(np.uint16)
+    before = rng.integers(0, 2, grey.shape).astype(np.uint8)
+    inside = before.copy()
+    threshold_tv(grey, np.ones_like(inside), np.zeros((2, 3), np.int16), MIDDLE.greys, inside)
+    assert np.array_equal(inside, before)
