@@ -28,7 +28,7 @@ from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import parse_area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.sample.place import Disc, parse_like, place_of
+from uavseg.regions.sample.place import Disc, parse_like, sample_mask
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -271,7 +271,7 @@ def box(crs: str | None = None, shape: tuple[int, int] = (200, 100)) -> GeoBox:
 
 
 def test_a_disc_is_the_pixels_whose_centres_lie_in_it() -> None:
-    place = place_of(Disc(1100, 4900, 30), box())
+    place = sample_mask(Disc(1100, 4900, 30), box())
     row, col = np.mgrid[: place.window.rows, : place.window.cols] + 0.5
     row, col = row + place.window.row, col + place.window.col
     wanted = (row - 50) ** 2 + (col - 50) ** 2 <= 15**2
@@ -282,7 +282,7 @@ def test_a_disc_is_the_pixels_whose_centres_lie_in_it() -> None:
 def test_on_degrees_a_radius_is_metres() -> None:
     step = 1 / 111_320
     degrees = GeoBox((400, 400), Affine(step, 0, 10, 0, -step, 60), CRS.from_epsg(4326))
-    place = place_of(Disc(10 + 200 * step, 60 - 200 * step, 50), degrees)
+    place = sample_mask(Disc(10 + 200 * step, 60 - 200 * step, 50), degrees)
     rows, cols = (int(place.mask.any(axis=axis).sum()) for axis in (1, 0))
     assert rows == pytest.approx(100, abs=2)
     assert cols == pytest.approx(200, abs=4)  # a degree of longitude is half as long there
@@ -305,12 +305,12 @@ def test_numbers_that_are_no_disc_are_refused(text: str) -> None:
 @pytest.mark.parametrize("at", [(900, 4900), (1250, 4900), (1100, 5100), (1100, 4500)])
 def test_a_sample_outside_of_the_raster_is_refused(at: tuple[float, float]) -> None:
     with pytest.raises(SampleError, match="outside of the raster, which is x 1000 to 1200 by y 4600 to 5000"):
-        place_of(Disc(*at, 40), box())
+        sample_mask(Disc(*at, 40), box())
 
 
 def test_a_sample_that_is_too_large_is_refused() -> None:
-    with pytest.raises(SampleError, match=r"16,777,216 are looked at"):
-        place_of(Disc(0, 0, 1e6), GeoBox((20000, 20000), Affine.identity(), None))
+    with pytest.raises(SampleError, match=r"16,777,216 are read"):
+        sample_mask(Disc(0, 0, 1e6), GeoBox((20000, 20000), Affine.identity(), None))
 
 
 @pytest.mark.parametrize("radius", [3, 12, 20])

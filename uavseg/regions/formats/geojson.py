@@ -72,8 +72,8 @@ def _local_geometries(regions: Regions) -> Iterator[bytes]:
 
 def _wgs84_geometries(regions: Regions) -> Iterator[bytes]:
     for batch in wgs84_batches(regions):
-        polygons = _polygon_texts(batch.drawn)
-        for place, (first, last) in enumerate(pairwise(batch.drawn.regions.tolist())):
+        polygons = _polygon_texts(batch.polygons)
+        for place, (first, last) in enumerate(pairwise(batch.polygons.regions.tolist())):
             if place in batch.others:
                 yield json.dumps(mapping(batch.others[place]), separators=(",", ":")).encode()
             elif last == first + 1:
