@@ -1,6 +1,5 @@
-"""How fast uavseg is beside what people would run instead: ``python -m benchmarks``.
+"""Benchmarks of uavseg against the usual alternatives: ``python -m benchmarks``.
 
-Only `data`, `kernels`, `answers` and the scripts in `peers` import anything heavy, and each runs in a process
-of its own: the peak memory that the system reports for a child is never less than that of the process which
-started it.
+Measurements run in child processes, and the parent imports no large library: the peak memory that the system
+reports for a child is never less than the memory of the process that started it.
 """

@@ -1,4 +1,4 @@
-"""``python -m benchmarks``: measure, print tables, and keep them in README.md and docs/quality.md."""
+"""Run the benchmarks, print tables, and write them to benchmarks/README.md and docs/quality.md."""
 
 import argparse
 import sys
@@ -7,24 +7,24 @@ from pathlib import Path
 
 from benchmarks import table
 from benchmarks.accuracy import accuracy
-from benchmarks.answers import answer
-from benchmarks.competitors import COMPETITORS, Competitor, chosen
+from benchmarks.competitors import COMPETITORS, Competitor, select_competitors
 from benchmarks.decode import decoding_s
 from benchmarks.kernels import speeds
-from benchmarks.match import matches, table_of
-from benchmarks.measure import outcomes
+from benchmarks.match import measure_matches, table_by_family
+from benchmarks.measure import run_competitors
 from benchmarks.paths import searches
 from benchmarks.phases import phases
+from benchmarks.polygon_stats import polygon_stats
 from benchmarks.robot import steps
-from benchmarks.scale import again, growing, kinds, threading
-from benchmarks.scenes import KINDS, PROJECT, Scene, ready
+from benchmarks.scale import pixel_types, reuse, scaling, thread_scaling
+from benchmarks.scenes import KINDS, PROJECT, Scene, ensure_raster
 from benchmarks.smallmap import tasks
 from benchmarks.startup import starts
 from benchmarks.vectors import vectorised
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what the options ask for."""
+    """Command line: run the selected sections."""
     options = _parser().parse_args(arguments)
     sections = options.sections or list(_SECTIONS)
     if options.only is not None:
@@ -32,20 +32,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
     for section in sections:
         text = _SECTIONS[section](options)
         print(f"\n## {section}\n\n{text}", flush=True)
-        if options.keep and options.only is None and options.families is None:
-            table.keep(section, text, _KEPT_IN.get(section, options.readme))
+        if options.write and options.only is None and options.families is None:
+            table.write_section(section, text, _DOCUMENTS.get(section, options.readme))
 
 
 def _processes(options: argparse.Namespace) -> str:
-    starts(runs=1)  # what is compiled once for a machine is compiled now
-    found = []
+    starts(runs=1)  # compiles the kernels
+    results = []
     for kind in options.pixels:
         for side in options.sizes:
             scene = Scene(side, kind)
-            found += outcomes(
-                scene, ready(scene), options.only or list(COMPETITORS), options.rounds, answer, _tell
+            results += run_competitors(
+                scene,
+                ensure_raster(scene),
+                options.only or list(COMPETITORS),
+                options.rounds,
+                polygon_stats,
+                _report,
             )
-    return table.processes(found, options.rounds)
+    return table.processes(results, options.rounds)
 
 
 def _startup(options: argparse.Namespace) -> str:
@@ -58,27 +63,29 @@ def _kernels(options: argparse.Namespace) -> str:
 
 def _phases(options: argparse.Namespace) -> str:
     scene = Scene(max(options.sizes))
-    raster = ready(scene)
+    raster = ensure_raster(scene)
     return table.phases(scene, phases(raster), decoding_s(raster, 1))
 
 
-def _growing(options: argparse.Namespace) -> str:
-    sides = [side for side in _GROWING if side <= options.largest]
-    return table.growing(growing(sides, options.rounds, _tell), options.rounds)
+def _scaling(options: argparse.Namespace) -> str:
+    sides = [side for side in _SIDES if side <= options.largest]
+    return table.scaling(scaling(sides, options.rounds, _report), options.rounds)
 
 
-def _kinds(options: argparse.Namespace) -> str:
-    return table.kinds(kinds(max(options.sizes), list(KINDS), options.rounds, _tell), options.rounds)
+def _pixel_types(options: argparse.Namespace) -> str:
+    return table.pixel_types(
+        pixel_types(max(options.sizes), list(KINDS), options.rounds, _report), options.rounds
+    )
 
 
-def _again(options: argparse.Namespace) -> str:
+def _reuse(options: argparse.Namespace) -> str:
     side = max(options.sizes)
-    return table.again(side, again(side, options.rounds, _tell), options.rounds)
+    return table.reuse(side, reuse(side, options.rounds, _report), options.rounds)
 
 
 def _threads(options: argparse.Namespace) -> str:
     side = min(8192, max(options.sizes))
-    return table.threads(side, threading(side, options.rounds), options.rounds)
+    return table.threads(side, thread_scaling(side, options.rounds), options.rounds)
 
 
 def _vectors(options: argparse.Namespace) -> str:
@@ -94,9 +101,9 @@ def _accuracy(options: argparse.Namespace) -> str:
 
 
 def _quality(options: argparse.Namespace) -> str:
-    from benchmarks.quality.section import quality  # scipy and scikit-image, which others do not need
+    from benchmarks.quality.section import quality  # imports scipy and scikit-image
 
-    return quality(options.seeds, options.refine, options.families, _tell)
+    return quality(options.seeds, options.refine, options.families, _report)
 
 
 def _smallmap(options: argparse.Namespace) -> str:
@@ -108,16 +115,16 @@ def _robot(options: argparse.Namespace) -> str:
 
 
 def _match(options: argparse.Namespace) -> str:
-    return table_of(matches())
+    return table_by_family(measure_matches())
 
 
-_GROWING = (2048, 8192, 16384, 32768, 65536)
+_SIDES = (2048, 8192, 16384, 32768, 65536)
 _SECTIONS = {
     "processes": _processes,
     "phases": _phases,
-    "growing": _growing,
-    "kinds": _kinds,
-    "again": _again,
+    "scaling": _scaling,
+    "pixel-types": _pixel_types,
+    "reuse": _reuse,
     "threads": _threads,
     "vectors": _vectors,
     "startup": _startup,
@@ -129,90 +136,95 @@ _SECTIONS = {
     "quality": _quality,
     "match": _match,
 }
-_KEPT_IN = {"quality": PROJECT / "docs" / "quality.md"}
+_DOCUMENTS = {"quality": PROJECT / "docs" / "quality.md"}
 
 
-def _tell(line: str) -> None:
+def _report(line: str) -> None:
     print(line, file=sys.stderr, flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument(
-        "--sizes", type=_numbers, default=[2048, 8192, 16384], help="sides of the scenes, with commas"
+        "--sizes",
+        type=_split_numbers,
+        default=[2048, 8192, 16384],
+        help="sides of the scenes, comma-separated",
     )
     parser.add_argument(
         "--pixels",
-        type=_known_kinds,
+        type=_split_pixel_types,
         default=["grey8"],
-        help=f"kinds of pixels of whole processes, with commas: {', '.join(KINDS)}",
+        help=f"pixel types for whole processes, comma-separated: {', '.join(KINDS)}",
     )
     parser.add_argument(
-        "--largest", type=int, default=65536, help="side of the largest raster of the section growing"
+        "--largest", type=int, default=65536, help="side of the largest raster of the section scaling"
     )
     parser.add_argument(
-        "--rounds", type=int, default=5, help="how often everybody runs; the numbers are medians"
+        "--rounds", type=int, default=5, help="number of runs of each competitor; results are medians"
     )
     parser.add_argument(
-        "--only", type=_competitors, help="names with commas; such a table is printed, not kept"
+        "--only",
+        type=_split_competitors,
+        help="run only these competitors, comma-separated; the table is printed, not written",
     )
-    parser.add_argument("--seeds", type=int, default=3, help="scenes of each family of the section quality")
+    parser.add_argument("--seeds", type=int, default=3, help="number of scenes per family, section quality")
     parser.add_argument(
         "--families",
-        type=_families,
-        help="how families of the section quality begin, with commas; such a table is printed, not kept",
+        type=_split_families,
+        help="prefixes of families of the section quality, comma-separated; the table is only printed",
     )
     parser.add_argument(
         "--refine",
-        type=_refinements,
+        type=_split_refinements,
         default=[],
-        help="further refinements of uavseg that the section quality measures, with commas",
+        help="additional refinements of uavseg for the section quality, comma-separated",
     )
     for section in _SECTIONS:
         parser.add_argument(
             f"--{section}", dest="sections", action="append_const", const=section, help="this section only"
         )
     parser.add_argument(
-        "--no-keep", dest="keep", action="store_false", help="leave the documents as they are"
+        "--no-write", dest="write", action="store_false", help="print only, do not change the documents"
     )
     parser.add_argument("--readme", type=Path, default=table.README, help=argparse.SUPPRESS)
     return parser
 
 
-def _families(text: str) -> list[str]:
-    from benchmarks.quality.section import meant
+def _split_families(text: str) -> list[str]:
+    from benchmarks.quality.section import select_families
 
     try:
-        return meant(_names(text))
+        return select_families(_split_names(text))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 
 
-def _refinements(text: str) -> list[str]:
+def _split_refinements(text: str) -> list[str]:
     from benchmarks.quality.ours import settings
 
     try:
-        settings(_names(text))
+        settings(_split_names(text))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
-    return _names(text)
+    return _split_names(text)
 
 
-def _names(text: str) -> list[str]:
+def _split_names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")]
 
 
-def _numbers(text: str) -> list[int]:
+def _split_numbers(text: str) -> list[int]:
     return [int(number) for number in text.split(",")]
 
 
-def _known_kinds(text: str) -> list[str]:
+def _split_pixel_types(text: str) -> list[str]:
     return [Scene(1, kind).kind for kind in text.split(",")]
 
 
-def _competitors(text: str) -> list[Competitor]:
+def _split_competitors(text: str) -> list[Competitor]:
     try:
-        return chosen(text.split(","))
+        return select_competitors(text.split(","))
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from error
 

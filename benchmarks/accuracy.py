@@ -1,8 +1,9 @@
-"""How right states are on the two simulated maps, and how many thin walls real maps hide in free space.
+"""Accuracy of states on the two simulated maps, and thin walls classified as free on real maps.
 
     python -m benchmarks.accuracy
 
-The truth is the scene's: free and occupied where the sensor could see a cell, unknown where it could not.
+The ground truth comes from the scene: free and occupied where a cell is visible to the sensor, unknown
+elsewhere.
 """
 
 import json
@@ -18,7 +19,7 @@ from benchmarks.competitors import with_project
 
 SEEDS = 10
 MAPS = Path(__file__).resolve().parents[2] / "shared" / "data" / "maps"
-REAL = {  # picture of a map to its metres per cell and thresholds: those of its YAML file
+REAL = {  # image of a map -> metres per cell, occupied and free threshold, as in its YAML file
     "depot.pgm": (0.05, 0.65, 0.25),
     "tb3_sandbox.pgm": (0.05, 0.65, 0.196),
     "turtlebot3_map.pgm": (0.05, 0.65, 0.196),
@@ -29,17 +30,17 @@ STATES = (1, 2, 3)
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """How well one method finds the states of one simulated map.
+    """Accuracy of the states of one method on one simulated map.
 
     Parameters
     ----------
-    scene, who : str
+    scene, method : str
     free, unknown, occupied : float
-        Intersection over union of each state with the truth, the mean over the seeds.
+        Intersection over union of each state with the ground truth, mean over the seeds.
     """
 
     scene: str
-    who: str
+    method: str
     free: float
     unknown: float
     occupied: float
@@ -47,30 +48,30 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class Hazard:
-    """Cells of a real map whose own v is that of an obstacle.
+    """Cells of a real map that are occupied by their own value, and how many of them are classified as free.
 
     Parameters
     ----------
     map : str
     cells : int
-        With v above 0.502.
-    unrefined, refined : float
-        The share of them that is called free before and after refinement.
+        Number of cells with v above 0.502.
+    before, after : float
+        Share of them that is classified as free, before and after refinement.
     """
 
     map: str
     cells: int
-    unrefined: float
-    refined: float
+    before: float
+    after: float
 
 
 def accuracy() -> tuple[list[Score], list[Hazard]]:
-    """All rows, found in a process of its own so that the caller stays small."""
+    """All rows, computed in a child process so that the caller needs little memory."""
     command = [sys.executable, "-m", "benchmarks.accuracy"]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    scores, hazards = json.loads(told)
+    scores, hazards = json.loads(output)
     return [Score(*row) for row in scores], [Hazard(*row) for row in hazards]
 
 
@@ -84,9 +85,9 @@ def scores(seeds: int = SEEDS) -> Iterator[Score]:
         simulation = build()
         truth = simulation.truth().states
         maps = [simulation.run(seed) for seed in range(seeds)]
-        for who, find in METHODS.items():
-            found = np.mean([overlaps(find(grid), truth) for grid in maps], axis=0)
-            yield Score(scene, who, *found.tolist())
+        for method, find in METHODS.items():
+            ious = np.mean([overlaps(find(grid), truth) for grid in maps], axis=0)
+            yield Score(scene, method, *ious.tolist())
 
 
 def overlaps(states: Any, truth: Any) -> list[float]:
@@ -103,14 +104,14 @@ def overlaps(states: Any, truth: Any) -> list[float]:
 
 
 def by_threshold(grid: Any) -> Any:
-    """Each cell by its own v."""
+    """Threshold each cell by its own v."""
     from uavseg.segmentation.intervals import StateLimits
 
     return StateLimits().of(grid.probabilities)
 
 
-def by_original(grid: Any) -> Any:
-    """The original LBP/C, which knows no states: each of its segments by its mean v."""
+def by_lbpc(grid: Any) -> Any:
+    """The original LBP/C; it has no states, so each segment is classified by its mean v."""
     import numpy as np
 
     from uavseg.segmentation.baseline.lbpc import segment_lbpc
@@ -123,7 +124,7 @@ def by_original(grid: Any) -> Any:
 
 
 def by_segments(method: str, refine: str) -> Callable[[Any], Any]:
-    """`uavseg classify`."""
+    """`uavseg classify` with a method and a refinement."""
 
     def find(grid: Any) -> Any:
         from uavseg.occupancy.probability_map import stretch_of
@@ -135,8 +136,8 @@ def by_segments(method: str, refine: str) -> Callable[[Any], Any]:
 
 
 METHODS = {
-    "thresholds, cell by cell": by_threshold,
-    "original LBP/C, segments by their mean": by_original,
+    "threshold per cell": by_threshold,
+    "original LBP/C, segments classified by their mean": by_lbpc,
     "uavseg, division and creation": by_segments("paper", "none"),
     "uavseg, refined": by_segments("paper", "scan"),
     "uavseg adaptive, division and creation": by_segments("adaptive", "none"),
@@ -145,7 +146,7 @@ METHODS = {
 
 
 def hazards(folder: Path = MAPS) -> Iterator[Hazard]:
-    """The real maps that are there."""
+    """Thin walls of the real maps that are available."""
     for name in REAL:
         if (folder / name).exists():
             yield _hazard(folder / name)

@@ -1,4 +1,4 @@
-"""Scenes whose classes are known, for the ranges that are proposed for them."""
+"""Synthetic scenes with known classes, for the evaluation of proposed ranges."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,21 +15,21 @@ Labels = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A picture and the class of each of its pixels, the darkest 0."""
+    """An image and the class of each pixel; the darkest class is 0."""
 
     v: Image
     truth: Labels
 
 
 def patches(seed: int, shares: tuple[float, ...], scale: float) -> Labels:
-    """Classes that take up these shares of the picture, in blobs of about a scale."""
+    """Class labels with these shares of the image, in blobs about `scale` pixels wide."""
     field = ndimage.gaussian_filter(np.random.default_rng(seed).normal(size=(SIDE, SIDE)), scale, mode="wrap")
     labels: Labels = np.searchsorted(np.quantile(field, np.cumsum(shares)[:-1]), field)
     return labels
 
 
 def shuffled(seed: int, shares: tuple[float, ...], scale: float) -> Labels:
-    """The same, with any class beside any other."""
+    """Class labels with these shares, where any two classes can be adjacent."""
     labels = np.zeros((SIDE, SIDE), np.int64)
     for k in range(1, len(shares)):
         share = shares[k] / sum(shares[: k + 1])
@@ -38,7 +38,7 @@ def shuffled(seed: int, shares: tuple[float, ...], scale: float) -> Labels:
 
 
 def roads(seed: int) -> Labels:
-    """Bright lines, 6 pixels wide."""
+    """Labels of bright lines, 6 pixels wide."""
     rng = np.random.default_rng(seed)
     labels = np.zeros((SIDE, SIDE), np.int64)
     rows, cols = np.mgrid[:SIDE, :SIDE]
@@ -51,21 +51,21 @@ def roads(seed: int) -> Labels:
 
 
 def drawn(seed: int, labels: Labels, levels: tuple[float, ...], noise: tuple[float, ...]) -> Scene:
-    """Classes at their levels, each with noise of its own."""
+    """A scene with one grey level and one noise level per class."""
     rng = np.random.default_rng(seed + 77)
     v = np.array(levels)[labels] + rng.normal(size=labels.shape) * np.array(noise)[labels]
     return Scene(np.clip(v, 0, 1), labels)
 
 
-def lit(scene: Scene, much: float) -> Scene:
-    """Darker on the left, brighter on the right."""
-    return Scene(np.clip(scene.v + np.linspace(-much / 2, much / 2, SIDE), 0, 1), scene.truth)
+def lit(scene: Scene, amount: float) -> Scene:
+    """Add an illumination gradient: darker on the left, brighter on the right."""
+    return Scene(np.clip(scene.v + np.linspace(-amount / 2, amount / 2, SIDE), 0, 1), scene.truth)
 
 
-def grained(seed: int, scene: Scene, much: float) -> Scene:
-    """With the crowns of a forest over its darkest class."""
+def grained(seed: int, scene: Scene, amount: float) -> Scene:
+    """Add the texture of tree crowns to the darkest class."""
     grain = ndimage.gaussian_filter(np.random.default_rng(seed + 5).normal(size=(SIDE, SIDE)), 2.5)
-    return Scene(np.clip(scene.v + much * grain / grain.std() * (scene.truth == 0), 0, 1), scene.truth)
+    return Scene(np.clip(scene.v + amount * grain / grain.std() * (scene.truth == 0), 0, 1), scene.truth)
 
 
 def _two(seed: int, shares: tuple[float, ...], levels: tuple[float, ...], noise: tuple[float, ...]) -> Scene:
@@ -93,7 +93,7 @@ FAMILIES: dict[str, Callable[[int], Scene]] = {
     "four even": lambda s: _many(s, (0.25,) * 4, (0.15, 0.38, 0.6, 0.85), 0.08),
     "five even": lambda s: _many(s, (0.2,) * 5, (0.1, 0.3, 0.5, 0.7, 0.9), 0.06),
 }
-"""Families by which the smoothing and the depth of a valley were chosen."""
+"""Families used to select the smoothing and the depth of a valley."""
 
 HELD_OUT: dict[str, Callable[[int], Scene]] = {
     "two, 70:30, near each other": lambda s: _two(s, (0.7, 0.3), (0.3, 0.55), (0.1, 0.1)),
@@ -107,4 +107,4 @@ HELD_OUT: dict[str, Callable[[int], Scene]] = {
     "three, lit from one side": lambda s: lit(_many(s, (0.4, 0.3, 0.3), (0.2, 0.5, 0.8), 0.06), 0.1),
     "four, 40:30:20:10": lambda s: _many(s, (0.4, 0.3, 0.2, 0.1), (0.1, 0.35, 0.6, 0.9), 0.08),
 }
-"""Families by which nothing was chosen."""
+"""Held-out families, not used to select any parameter."""

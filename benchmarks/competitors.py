@@ -1,7 +1,7 @@
-"""What is run against what: each competitor makes polygons of the bright regions of a raster.
+"""The competitors: programs and scripts that extract polygons of the bright regions of a raster.
 
-The task is the same for all: a GeoTIFF in, a GeoPackage out with polygons of the regions of v in 0.55..1,
-pieces under 64 pixels dropped, everything from the start of the process to its end.
+All have the same task: a GeoTIFF in, a GeoPackage out with polygons of the regions of v in 0.55..1, without
+regions of fewer than 64 pixels. The whole process is measured, from start to end.
 """
 
 import importlib.util
@@ -25,64 +25,64 @@ Command = list[str]
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One run of a competitor: what it reads and where it writes."""
+    """One run of a competitor: its input and its output."""
 
     scene: Scene
     raster: Path
     output: Path
 
-    def beside(self, name: str) -> str:
-        """A file of its own beside the output."""
+    def sibling(self, name: str) -> str:
+        """Path of an intermediate file in the folder of the output."""
         return str(self.output.with_name(name))
 
 
 @dataclass(frozen=True, slots=True)
 class Competitor:
-    """Who takes part.
+    """A competitor.
 
     Parameters
     ----------
     name : str
     title : str
-        For the table.
+        Title in the table.
     commands : callable
         The commands of a job, to be run one after the other.
-    wants : tuple of str
-        Modules of this Python that it needs.
-    absent : callable
-        Why it cannot run for another reason, or None.
+    requires : tuple of str
+        Python modules that it needs.
+    unavailable : callable
+        Any other reason why it cannot run, or None.
     environment : mapping
-        What its processes see instead of our environment; empty for ours with the project on the path.
-    largest : int, optional
+        Environment variables of its processes; if empty, the current ones with the project on the path.
+    max_side : int, optional
         Side of the largest scene that it is run on.
     """
 
     name: str
     title: str
     commands: Callable[[Job], list[Command]]
-    wants: tuple[str, ...] = ()
-    absent: Callable[[], str | None] = lambda: None
+    requires: tuple[str, ...] = ()
+    unavailable: Callable[[], str | None] = lambda: None
     environment: Mapping[str, str] = field(default_factory=dict)
-    largest: int | None = None
+    max_side: int | None = None
 
-    def why_not(self, scene: Scene) -> str | None:
-        """Why it does not take part, in a few words, or None if it does."""
-        if self.largest is not None and scene.side > self.largest:
-            return f"only run up to {self.largest}²"
-        missing = [module for module in self.wants if importlib.util.find_spec(module) is None]
+    def skip_reason(self, scene: Scene) -> str | None:
+        """Why it is skipped for a scene, in a few words, or None."""
+        if self.max_side is not None and scene.side > self.max_side:
+            return f"only run up to {self.max_side}²"
+        missing = [module for module in self.requires if importlib.util.find_spec(module) is None]
         if missing:
             return f"Python has no {', '.join(missing)}"
-        return self.absent()
+        return self.unavailable()
 
-    def variables(self) -> dict[str, str]:
-        """The environment of its processes."""
+    def child_environment(self) -> dict[str, str]:
+        """Environment variables of its processes."""
         return dict(self.environment) or with_project(os.environ)
 
 
-def with_project(variables: Mapping[str, str]) -> dict[str, str]:
-    """An environment in which this checkout's uavseg is found first, from any folder."""
-    before = variables.get("PYTHONPATH")
-    return {**variables, "PYTHONPATH": os.pathsep.join([str(PROJECT), *([before] if before else [])])}
+def with_project(child_environment: Mapping[str, str]) -> dict[str, str]:
+    """Environment variables with which the uavseg of this checkout is found first, from any folder."""
+    before = child_environment.get("PYTHONPATH")
+    return {**child_environment, "PYTHONPATH": os.pathsep.join([str(PROJECT), *([before] if before else [])])}
 
 
 def _uavseg(job: Job) -> list[Command]:
@@ -101,17 +101,17 @@ def _uavseg(job: Job) -> list[Command]:
 
 
 def _script(name: str) -> Callable[[Job], list[Command]]:
-    """A peer that is a script of this folder: RASTER OUTPUT."""
+    """A competitor that is a script in `peers`, called with RASTER OUTPUT."""
     return lambda job: [[sys.executable, str(PEERS / f"{name}.py"), str(job.raster), str(job.output)]]
 
 
-# GDAL's own programs belong to the system's Python, which must not see ours.
+# GDAL's programs run on the system's Python, which must not find the packages of this environment.
 _SYSTEM = {"PATH": "/usr/local/bin:/usr/bin:/bin", "LC_ALL": "C.UTF-8"}
 _GDAL = ("gdal_calc.py", "gdal_sieve.py", "gdal_polygonize.py")
 
 
 def _gdal(job: Job) -> list[Command]:
-    mask, sieved = job.beside("mask.tif"), job.beside("sieved.tif")
+    mask, sieved = job.sibling("mask.tif"), job.sibling("sieved.tif")
     bands = [text for k, name in enumerate("ABC"[: job.scene.bands]) for text in _band(job, name, k + 1)]
     intensity = LUMINANCE if job.scene.bands == 3 else "A"
     inside = f"{intensity} >= {LOW * job.scene.white:.12g}"
@@ -131,7 +131,7 @@ def _system(program: str) -> str | None:
     return shutil.which(program, path=_SYSTEM["PATH"])
 
 
-def _without_gdal() -> str | None:
+def _gdal_unavailable() -> str | None:
     missing = [program for program in _GDAL if _system(program) is None]
     if missing:
         return f"the system has no {', '.join(missing)} (apt: gdal-bin)"
@@ -159,29 +159,29 @@ COMPETITORS = (
         "gdal",
         "GDAL programs: gdal_calc, gdal_sieve, gdal_polygonize",
         _gdal,
-        absent=_without_gdal,
+        unavailable=_gdal_unavailable,
         environment=_SYSTEM,
     ),
     Competitor(
         "slic",
-        "scikit-image SLIC, segments chosen by their mean",
+        "scikit-image SLIC, segments selected by their mean",
         _script("slic"),
         ("skimage", "rasterio", "geopandas"),
-        largest=2048,
+        max_side=2048,
     ),
 )
 
 
-def chosen(names: list[str] | None) -> list[Competitor]:
-    """The competitors of these names, or all.
+def select_competitors(names: list[str] | None) -> list[Competitor]:
+    """The competitors with these names, or all.
 
     Raises
     ------
     ValueError
-        If there is none of a name.
+        If a name is unknown.
     """
     known = {competitor.name: competitor for competitor in COMPETITORS}
     for name in names or []:
         if name not in known:
-            raise ValueError(f"a competitor is one of {', '.join(known)}, not {name!r}")
+            raise ValueError(f"expected a competitor out of {', '.join(known)}, got {name!r}")
     return list(COMPETITORS) if names is None else [known[name] for name in names]

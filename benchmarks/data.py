@@ -1,9 +1,9 @@
-"""A synthetic scene from the air: fields, hedges, roads, forest with clearings, and water.
+"""Procedural aerial scene: fields, hedges, roads, forest with clearings, and water.
 
     python -m benchmarks.data SIDE KIND PATH
 
-The scene is a function of row and column, without end: a smaller raster is the corner of a larger one. It is
-drawn and written tile by tile, so that memory does not grow with its size.
+The scene is a function of row and column and has no bounds: a smaller raster is the corner of a larger one.
+It is drawn and written tile by tile, so memory does not grow with its size.
 """
 
 import os
@@ -28,14 +28,14 @@ Plane = NDArray[np.float32]
 TILE = 512
 SEED = 1
 PIXEL_M = 0.5
-GRAIN = 0.04  # standard deviation of the sensor's noise
-FIELD = (112, 144)  # rows and columns of a field, before they are bent
+GRAIN = 0.04  # standard deviation of the sensor noise
+FIELD = (112, 144)  # rows and columns of a field, before the distortion
 HEDGE, ROAD = 6, 10  # widths in pixels
 HEDGES_PER_ROAD = 4
 
 
 def write(scene: Scene, path: Path) -> None:
-    """Write a scene as a tiled, deflated GeoTIFF, 0.5 m, UTM 33N; it appears whole or not at all."""
+    """Write a scene as a tiled, deflated GeoTIFF, 0.5 m, UTM 33N; atomic: the complete file or none."""
     profile = {
         "driver": "GTiff",
         "height": scene.side,
@@ -63,16 +63,16 @@ def write(scene: Scene, path: Path) -> None:
 
 
 def _drawn(scene: Scene, corners: list[tuple[int, int]]) -> Iterator[NDArray[Any]]:
-    """The tiles in order, drawn by a few threads that do not run far ahead."""
+    """The tiles in order, drawn by a few threads with a bounded queue."""
     workers = os.cpu_count() or 1
     with ThreadPoolExecutor(workers) as pool:
-        waiting: deque[Future[NDArray[Any]]] = deque()
+        pending: deque[Future[NDArray[Any]]] = deque()
         for corner in corners:
-            waiting.append(pool.submit(draw, scene, *corner))
-            if len(waiting) > 2 * workers:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
+            pending.append(pool.submit(draw, scene, *corner))
+            if len(pending) > 2 * workers:
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
 
 
 def draw(scene: Scene, row: int, col: int) -> NDArray[Any]:
@@ -82,35 +82,35 @@ def draw(scene: Scene, row: int, col: int) -> NDArray[Any]:
     ----------
     scene : Scene
     row, col : int
-        Its first pixel; multiples of 512.
+        Its upper-left pixel; multiples of 512.
 
     Returns
     -------
     tile : (bands, 512, 512) array of the scene's type
     """
-    ground = Ground(row, col)
-    tone, tint = ground.scenery()
-    dice = np.random.default_rng((SEED, row // TILE, col // TILE))
-    # Red rises and green falls with the tint so that luminance stays as it is.
+    terrain = Terrain(row, col)
+    tone, tint = terrain.scenery()
+    rng = np.random.default_rng((SEED, row // TILE, col // TILE))
+    # Red rises and green falls with the tint, so that the luminance does not change.
     shifts = [0.0] if scene.bands == 1 else [0.06, -0.06 * 0.2126 / 0.7152, 0.0]
     bands = np.empty((scene.bands, TILE, TILE), scene.dtype)
     for band, shift in zip(bands, shifts, strict=True):
         seen = tone + np.float32(shift) * tint
-        seen += np.float32(GRAIN) * dice.standard_normal(tone.shape, np.float32)
+        seen += np.float32(GRAIN) * rng.standard_normal(tone.shape, np.float32)
         np.clip(seen, 0, 1, out=seen)
         band[:] = seen if scene.dtype == "float32" else np.rint(seen * np.float32(scene.white))
     return bands
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
-    """What lies under one tile."""
+class Terrain:
+    """The terrain of one tile."""
 
     row: int
     col: int
 
     def scenery(self) -> tuple[Plane, Plane]:
-        """Brightness of each pixel before noise, 0 to 1, and tint: -1 green to 1 red."""
+        """Brightness of each pixel before noise, 0 to 1, and tint, from -1 (green) to 1 (red)."""
         tone, tint = self.farmland()
         tone = np.where(self.noise(26, 14) > 0.78, np.float32(0.72), tone)  # bare patches and yards
         wooded = self.noise(384, 1) + np.float32(0.5) * self.noise(96, 2)
@@ -124,7 +124,7 @@ class Ground:
         return tone, tint
 
     def farmland(self) -> tuple[Plane, Plane]:
-        """Bent fields of one tone each, most of them striped, with hedges between and a few roads."""
+        """Brightness and tint of distorted fields, most of them striped, with hedges and a few roads."""
         rows = np.arange(self.row, self.row + TILE, dtype=np.float32)[:, None] + self.bend(20)
         cols = np.arange(self.col, self.col + TILE, dtype=np.float32)[None, :] + self.bend(30)
         field_row, field_col = np.floor(rows / FIELD[0]), np.floor(cols / FIELD[1])
@@ -140,41 +140,41 @@ class Ground:
         return tone, tint
 
     def bend(self, salt: int) -> Plane:
-        """How far the ground is moved, in pixels: far in long waves, and a little from pixel to pixel."""
+        """Displacement of each pixel, in pixels: large at long wavelengths, small at short ones."""
         bent: Plane = 60 * self.noise(256, salt) + 6 * self.noise(24, salt + 1) + 3 * self.noise(7, salt + 2)
         return bent
 
     def fields(self, field_row: Plane, field_col: Plane) -> tuple[Plane, Plane]:
-        """Tone of each pixel's field, and how strong its stripes are: along columns where negative."""
+        """Brightness of each pixel's field, and the strength of its stripes (negative: along columns)."""
         first_row, first_col = int(field_row.min()), int(field_col.min())
         rows = np.arange(first_row, int(field_row.max()) + 1)
         cols = np.arange(first_col, int(field_col.max()) + 1)
-        kind, shade = chance(rows, cols, 11), chance(rows, cols, 12)
+        kind, shade = lattice_random(rows, cols, 11), lattice_random(rows, cols, 12)
         tones = np.where(kind < 0.5, 0.28 + 0.18 * shade, 0.62 + 0.18 * shade)  # crops; stubble and soil
         tones = np.where(kind > 0.93, 0.48 + 0.14 * shade, tones).astype(np.float32)  # neither
-        stripes = (0.02 * (chance(rows, cols, 13) - 0.5)).astype(np.float32)
+        stripes = (0.02 * (lattice_random(rows, cols, 13) - 0.5)).astype(np.float32)
         place = field_row.astype(np.int32) - first_row, field_col.astype(np.int32) - first_col
         return tones[place], stripes[place]
 
     def noise(self, step: int, salt: int) -> Plane:
-        """Random numbers at lattice points `step` pixels apart, -1 to 1, and smooth between them."""
+        """Value noise: random numbers in -1..1 at lattice points `step` pixels apart, interpolated."""
         rows, above, down = _lattice(self.row, step)
         cols, before, along = _lattice(self.col, step)
-        points = (2 * chance(rows, cols, salt) - 1).astype(np.float32)
+        points = (2 * lattice_random(rows, cols, salt) - 1).astype(np.float32)
         lines = points[above] + down[:, None] * (points[above + 1] - points[above])
         left = lines.take(before, axis=1)
         return left + along * (lines.take(before + 1, axis=1) - left)
 
 
-def chance(rows: NDArray[np.int64], cols: NDArray[np.int64], salt: int) -> NDArray[np.float64]:
-    """A number in 0..1 for each row and column of a lattice, as if drawn by lot, but the same every time.
+def lattice_random(rows: NDArray[np.int64], cols: NDArray[np.int64], salt: int) -> NDArray[np.float64]:
+    """Reproducible pseudo-random number in 0..1 for each lattice point (an integer hash).
 
     Parameters
     ----------
     rows : (m,) int array
     cols : (n,) int array
     salt : int
-        Names the lot.
+        Selects the sequence.
 
     Returns
     -------
@@ -183,18 +183,18 @@ def chance(rows: NDArray[np.int64], cols: NDArray[np.int64], salt: int) -> NDArr
     word = rows.astype(np.uint64)[:, None] * np.uint64(0x9E3779B97F4A7C15)
     word = word + cols.astype(np.uint64)[None, :] * np.uint64(0xC2B2AE3D27D4EB4F)
     word = word + np.uint64((SEED * 1000 + salt) * 0x165667B19E3779F9 % (1 << 64))
-    for shift in (31, 29):  # each bit of the word comes to depend on every other
+    for shift in (31, 29):  # mix the bits
         word = (word ^ (word >> np.uint64(shift))) * np.uint64(0xBF58476D1CE4E5B9)
     return (word >> np.uint64(11)) / float(1 << 53)
 
 
 def _lattice(first: int, step: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
-    """Lattice points around a line of pixels; which one lies before each pixel, and how far back."""
+    """Lattice points around a line of pixels, the last one before each pixel, and interpolation weights."""
     position = np.arange(first, first + TILE) / step
     before = np.floor(position).astype(np.int64)
     points = np.arange(before[0], before[-1] + 2)
-    beyond = position - before
-    return points, before - before[0], (beyond * beyond * (3 - 2 * beyond)).astype(np.float32)
+    fraction = position - before
+    return points, before - before[0], (fraction * fraction * (3 - 2 * fraction)).astype(np.float32)
 
 
 if __name__ == "__main__":

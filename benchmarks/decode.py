@@ -1,4 +1,4 @@
-"""The floor of everything: decoding a file once, and nothing else.
+"""Time to decode a raster once: the lower bound for every method.
 
 python -m benchmarks.decode RASTER THREADS
 """
@@ -17,7 +17,7 @@ ROWS = 512  # a strip of the raster's own tiles
 
 
 def decoding_s(raster: Path, threads: int) -> float:
-    """Seconds that it takes to decode all bands, measured in a process of its own."""
+    """Seconds to decode all bands, measured in a child process."""
     command = [sys.executable, "-m", "benchmarks.decode", str(raster), str(threads)]
     return float(
         subprocess.run(command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE).stdout

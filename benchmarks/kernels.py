@@ -1,8 +1,8 @@
-"""Nanoseconds per pixel of the kernels, beside what copying the same arrays costs.
+"""Nanoseconds per pixel of the kernels, compared with a copy of the same arrays.
 
     python -m benchmarks.kernels
 
-One thread, one tile of 2048 x 2048 of the synthetic scene; the least of several runs.
+One thread, one tile of 2048 x 2048 of the synthetic scene; the minimum of several runs.
 """
 
 import json
@@ -30,29 +30,29 @@ class Speed:
     title : str
     ns : float
         Per pixel of the tile.
-    floor_ns : float
-        Copying what is read and what is written, once each.
+    copy_ns : float
+        For copying each input and output array once, per pixel of the tile.
     remark : str
     """
 
     title: str
     ns: float
-    floor_ns: float
+    copy_ns: float
     remark: str = ""
 
 
 def speeds() -> list[Speed]:
-    """All rows, measured in a process of its own so that the caller stays small."""
+    """All rows, measured in a child process so that the caller needs little memory."""
     command = [sys.executable, "-m", "benchmarks.kernels"]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Speed(*row) for row in json.loads(told)]
+    return [Speed(*row) for row in json.loads(output)]
 
 
 @dataclass(frozen=True, slots=True)
 class _Case:
-    """What is timed: `call` on fresh `scratch` copies; `arrays` are those it reads and writes once each."""
+    """A timed call on fresh copies of `scratch`; `arrays` are those that it reads or writes."""
 
     title: str
     call: Callable[..., Any]
@@ -87,34 +87,34 @@ def _cases() -> Iterator[_Case]:
     sums, counts = cell_sums(grey, valid, 1)
     yield _Case("`block_map.cell_sums`", lambda: cell_sums(grey, valid, 1), (grey, valid))
 
-    cuts = contrast_bin_edges(contrast_histogram(grey))
+    bin_edges = contrast_bin_edges(contrast_histogram(grey))
     yield _Case("`lbp.contrast_histogram`", lambda: contrast_histogram(grey), (grey,))
-    yield _Case("`lbp.lbp_symbols`", lambda: lbp_symbols(grey, None, cuts), (grey, inner))
+    yield _Case("`lbp.lbp_symbols`", lambda: lbp_symbols(grey, None, bin_edges), (grey, inner))
 
     starts = np.arange(0, SIDE, BLOCK)
     corners = np.stack(np.meshgrid(starts, starts, indexing="ij"), axis=-1).reshape(-1, 2)
-    yield _Case("`division.block_ratios`", lambda: block_ratios(grey, None, cuts, corners), (grey,))
+    yield _Case("`division.block_ratios`", lambda: block_ratios(grey, None, bin_edges, corners), (grey,))
 
     bright = sums >= LOW * 65535.0 * counts
     inside = bright.astype(np.uint8).repeat(8, axis=0).repeat(8, axis=1)
-    whole = np.ones_like(inside)
-    matching = (inner >= LOW * 65535).astype(np.uint8)
+    valid_pixels = np.ones_like(inside)
+    in_range = (inner >= LOW * 65535).astype(np.uint8)
     yield _Case(
         "`range_scans.refine_by_scans`",
-        lambda mask: refine_by_scans(mask, whole, matching),
-        (inside, whole, matching),
+        lambda mask: refine_by_scans(mask, valid_pixels, in_range),
+        (inside, valid_pixels, in_range),
         (inside,),
     )
-    every = np.ones_like(bright, dtype=np.uint8)
+    all_cells = np.ones_like(bright, dtype=np.uint8)
     greys = IntensityRange(LOW, 1).greys
     yield _Case(
         "`tv.refine_by_tv`, all cells",
-        lambda mask: refine_by_tv(mask, every, whole, inner, matching, greys),
-        (inside, whole, inner, matching),
+        lambda mask: refine_by_tv(mask, all_cells, valid_pixels, inner, in_range, greys),
+        (inside, valid_pixels, inner, in_range),
         (inside,),
     )
 
-    refined = refine_by_scans(inside.copy(), whole, matching)
+    refined = refine_by_scans(inside.copy(), valid_pixels, in_range)
     labels, count = label_components(refined)
     yield _Case("`components.label_components`", lambda: label_components(refined), (refined, labels))
     yield _Case(
@@ -131,7 +131,7 @@ def _cases() -> Iterator[_Case]:
         (framed, labels),
         remark=f"{regions}, chains of corners",
     )
-    yield _Case("`outline.trace`", lambda: trace(labels), (labels,), remark=f"{regions}, rings")
+    yield _Case("`trace.trace`", lambda: trace(labels), (labels,), remark=f"{regions}, rings")
     signed = labels.astype(np.int32)
     yield _Case(
         "rasterio.features.shapes",
@@ -142,7 +142,7 @@ def _cases() -> Iterator[_Case]:
 
 
 def _tile() -> Any:
-    """A (1, 2050, 2050) uint8 picture of the scene."""
+    """Image of the scene, a (1, 2050, 2050) uint8 array."""
     import numpy as np
 
     from benchmarks.data import TILE, draw
@@ -154,19 +154,19 @@ def _tile() -> Any:
 
 
 def _seconds(call: Callable[..., Any], scratch: tuple[Any, ...] = ()) -> float:
-    """The least of several runs, each on copies of `scratch`; the first run does not count."""
+    """Minimum of several runs, each on copies of `scratch`, after one warm-up run."""
     call(*(array.copy() for array in scratch))
-    least = float("inf")
+    fastest = float("inf")
     for _ in range(RUNS):
         copies = tuple(array.copy() for array in scratch)
         start = time.perf_counter()
         call(*copies)
-        least = min(least, time.perf_counter() - start)
-    return least
+        fastest = min(fastest, time.perf_counter() - start)
+    return fastest
 
 
-def _floor(arrays: tuple[Any, ...]) -> float:
-    """Seconds to copy some arrays into memory that is there already."""
+def _copy_seconds(arrays: tuple[Any, ...]) -> float:
+    """Seconds to copy arrays into allocated memory."""
     import numpy as np
 
     targets = [array.copy() for array in arrays]
@@ -178,12 +178,12 @@ def _floor(arrays: tuple[Any, ...]) -> float:
     return _seconds(copy)
 
 
-def _measured() -> Iterator[Speed]:
+def _measure() -> Iterator[Speed]:
     for case in _cases():
         seconds = _seconds(case.call, case.scratch)
         per_pixel = 1e9 / SIDE**2
-        yield Speed(case.title, seconds * per_pixel, _floor(case.arrays) * per_pixel, case.remark)
+        yield Speed(case.title, seconds * per_pixel, _copy_seconds(case.arrays) * per_pixel, case.remark)
 
 
 if __name__ == "__main__":
-    print(json.dumps([(row.title, row.ns, row.floor_ns, row.remark) for row in _measured()]))
+    print(json.dumps([(row.title, row.ns, row.copy_ns, row.remark) for row in _measure()]))

@@ -1,4 +1,4 @@
-"""What the numbers were measured on and with; no names of hosts or people."""
+"""Hardware and software of a measurement, without names of hosts or people."""
 
 import os
 import platform
@@ -26,25 +26,27 @@ def machine() -> str:
 
 
 def software() -> str:
-    """Versions of what takes part, in one line."""
-    return ", ".join([f"Python {platform.python_version()}", *(_named(package) for package in PACKAGES)])
+    """Versions of Python and of the packages involved, in one line."""
+    return ", ".join(
+        [f"Python {platform.python_version()}", *(_package_version(package) for package in PACKAGES)]
+    )
 
 
 def cores() -> int:
-    """Processors that this process may use."""
+    """Number of processors available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _processor() -> str:
-    told = Path("/proc/cpuinfo")
-    if told.exists():
-        for line in told.read_text().splitlines():
+    cpuinfo = Path("/proc/cpuinfo")
+    if cpuinfo.exists():
+        for line in cpuinfo.read_text().splitlines():
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
     return platform.processor() or platform.machine()
 
 
-def _named(package: str) -> str:
+def _package_version(package: str) -> str:
     try:
         return f"{package} {version(package)}"
     except PackageNotFoundError:

@@ -1,9 +1,10 @@
-"""How well regions like a sample are found where grey tells nothing, beside features and a random forest.
+"""Texture segmentation by sample, compared with texture features and a random forest.
 
     python -m benchmarks.match
 
-Scenes of two textures or more with equal mean and equal deviation of grey; a disc inside the truth is the
-sample. What learns needs a sample of the other side too, and gets one of the same size; `uavseg` gets none.
+Scenes have two or more textures with equal mean and equal standard deviation of grey; a disc inside the
+ground truth is the sample. The random forest also gets a sample of the background, of the same size;
+`uavseg` does not.
 """
 
 import json
@@ -24,58 +25,58 @@ SEEDS = (1, 2, 3)
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """How well one method does on one family.
+    """Accuracy of one method on one family.
 
     Parameters
     ----------
-    who, family : str
+    method, family : str
     overlap : float
-        Intersection over union with the truth, the mean over the seeds.
+        Intersection over union with the ground truth, mean over the seeds.
     seconds : float
-        Of one scene, the mean.
+        Mean time for one scene.
     """
 
-    who: str
+    method: str
     family: str
     overlap: float
     seconds: float
 
 
-def matches() -> list[Score]:
-    """All rows, found in a process of its own so that the caller stays small."""
+def measure_matches() -> list[Score]:
+    """All rows, computed in a child process so that the caller needs little memory."""
     command = [sys.executable, "-m", "benchmarks.match"]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Score(*row) for row in json.loads(told)]
+    return [Score(*row) for row in json.loads(output)]
 
 
-def table_of(scores: Sequence[Score]) -> str:
+def table_by_family(scores: Sequence[Score]) -> str:
     """A row for each family, a column for each method."""
-    who = list(dict.fromkeys(score.who for score in scores))
-    by_name = {(score.family, score.who): score for score in scores}
+    methods = list(dict.fromkeys(score.method for score in scores))
+    by_name = {(score.family, score.method): score for score in scores}
     families = list(dict.fromkeys(score.family for score in scores))
-    cells = [[family, *(f"{by_name[family, name].overlap:.3f}" for name in who)] for family in families]
-    for title, value in (("mean", "overlap"), ("seconds a scene", "seconds")):
-        every = [[getattr(by_name[family, name], value) for family in families] for name in who]
+    cells = [[family, *(f"{by_name[family, name].overlap:.3f}" for name in methods)] for family in families]
+    for title, value in (("mean", "overlap"), ("seconds per scene", "seconds")):
+        every = [[getattr(by_name[family, name], value) for family in families] for name in methods]
         cells.append([title, *(f"{sum(column) / len(column):.3f}" for column in every)])
-    told = (
-        f"{SIDE}² pixels, grey of mean {MEAN:g} and deviation {DEVIATION:g} on both sides, {len(SEEDS)} "
-        "seeds; intersection over union with the truth."
+    caption = (
+        f"{SIDE}² pixels, grey of mean {MEAN:g} and standard deviation {DEVIATION:g} in every texture, "
+        f"{len(SEEDS)} seeds; intersection over union with the ground truth."
     )
-    return f"{told}\n\n{table.rows(['', *who], cells)}"
+    return f"{caption}\n\n{table.rows(['', *methods], cells)}"
 
 
 def scores(seeds: Sequence[int] = SEEDS) -> Iterator[Score]:
     """Every method on every family."""
     for family in FAMILIES:
         scenes = [scene(family, seed) for seed in seeds]
-        for who, find in METHODS.items():
+        for method, find in METHODS.items():
             begun = time.perf_counter()
             found = [find(one) for one in scenes]
             spent = (time.perf_counter() - begun) / len(scenes)
             overlaps = [overlap(mask, one.truth) for mask, one in zip(found, scenes, strict=True)]
-            yield Score(who, family, sum(overlaps) / len(overlaps), spent)
+            yield Score(method, family, sum(overlaps) / len(overlaps), spent)
 
 
 def overlap(found: Any, truth: Any) -> float:
@@ -91,7 +92,7 @@ def overlap(found: Any, truth: Any) -> float:
 
 
 def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
-    """`uavseg match`."""
+    """`uavseg match` with a refinement."""
 
     def find(scene: Scene) -> Any:
         from affine import Affine
@@ -114,7 +115,7 @@ def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
 
 
 def by_threshold(scene: Scene) -> Any:
-    """A blur, and the range of the sample's mean and deviation."""
+    """Gaussian blur, then a range of two standard deviations around the mean of the sample."""
     from skimage.filters import gaussian
 
     blurred = gaussian(scene.image, 2)
@@ -123,7 +124,7 @@ def by_threshold(scene: Scene) -> Any:
 
 
 def by_best_range(scene: Scene) -> Any:
-    """The best that a blur and a range can do: both are chosen by the truth."""
+    """Best possible result of a blur and a range, both selected with the ground truth."""
     import numpy as np
     from skimage.filters import gaussian
 
@@ -140,7 +141,7 @@ def by_best_range(scene: Scene) -> Any:
 
 
 def by_cooccurrence(scene: Scene) -> Any:
-    """Properties of grey level co-occurrence matrices of windows of 32 pixels, and a random forest."""
+    """Grey level co-occurrence features of windows of 32 pixels, and a random forest."""
     import numpy as np
     from skimage.feature import graycomatrix, graycoprops
 
@@ -161,18 +162,18 @@ def by_cooccurrence(scene: Scene) -> Any:
                 normed=True,
             )
             features[row, col] = np.concatenate([graycoprops(counts, name).ravel() for name in names])
-    return _learnt(features.repeat(step, 0).repeat(step, 1), scene)
+    return _random_forest(features.repeat(step, 0).repeat(step, 1), scene)
 
 
 def by_features(scene: Scene) -> Any:
-    """scikit-image's multiscale basic features, and a random forest."""
+    """Multiscale basic features of scikit-image, and a random forest."""
     from skimage.feature import multiscale_basic_features
 
-    return _learnt(multiscale_basic_features(scene.image, sigma_max=16), scene)
+    return _random_forest(multiscale_basic_features(scene.image, sigma_max=16), scene)
 
 
-def _learnt(features: Any, scene: Scene) -> Any:
-    """Pixels that a random forest, which has seen both discs, takes for the sample's kind."""
+def _random_forest(features: Any, scene: Scene) -> Any:
+    """Pixels that a random forest, trained on both discs, assigns to the class of the sample."""
     import numpy as np
     from sklearn.ensemble import RandomForestClassifier
 
@@ -197,9 +198,9 @@ METHODS: dict[str, Callable[[Scene], Any]] = {
     "**uavseg match**": by_match(),
     "cells only": by_match("none"),
     "blur, sample's range": by_threshold,
-    "blur, best range there is": by_best_range,
-    "GLCM, forest": by_cooccurrence,
-    "multiscale features, forest": by_features,
+    "blur, best possible range": by_best_range,
+    "GLCM, random forest": by_cooccurrence,
+    "multiscale features, random forest": by_features,
 }
 
 

@@ -1,4 +1,4 @@
-"""What a process costs: wall time, processor time and peak memory, as the system counts them."""
+"""Wall time, processor time and peak memory of child processes, from the system's accounting."""
 
 import os
 import signal
@@ -18,15 +18,15 @@ KIB = 1024 if os.uname().sysname != "Darwin" else 1  # unit of ru_maxrss in byte
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What one run took.
+    """Resources used by one run.
 
     Parameters
     ----------
     wall_s : float
     cpu_s : float
-        User and system time of the process and of all it waited for.
+        User and system time of the process and of the children that it waited for.
     peak_bytes : int
-        Largest resident memory of any one process among them.
+        Peak resident memory of the largest of these processes.
     """
 
     wall_s: float
@@ -34,7 +34,7 @@ class Cost:
     peak_bytes: int
 
     def then(self, other: "Cost") -> "Cost":
-        """One run after another."""
+        """Total of two consecutive runs."""
         peak = max(self.peak_bytes, other.peak_bytes)
         return Cost(self.wall_s + other.wall_s, self.cpu_s + other.cpu_s, peak)
 
@@ -47,24 +47,24 @@ def median(costs: Sequence[Cost]) -> Cost:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a competitor made of a scene.
+    """Result of a competitor on a scene.
 
     Parameters
     ----------
     competitor : Competitor
     scene : Scene
     costs : tuple of Cost
-        Of each round; empty where it did not run.
-    answer : tuple of numbers, optional
-        Polygons, their area in m², and how many are invalid.
+        One for each round; empty if it did not run.
+    stats : tuple of numbers, optional
+        Number of polygons, their area in m², and number of invalid polygons.
     remark : str
-        Why it did not run, or how it failed.
+        Why it did not run, or its error message.
     """
 
     competitor: Competitor
     scene: Scene
     costs: tuple[Cost, ...] = ()
-    answer: tuple[int, float, int] | None = None
+    stats: tuple[int, float, int] | None = None
     remark: str = ""
 
     def median(self) -> Cost:
@@ -73,7 +73,7 @@ class Outcome:
 
 
 class CommandError(RuntimeError):
-    """A measured command ended with another exit code than 0."""
+    """A measured command ended with a non-zero exit code."""
 
 
 def cost(
@@ -82,33 +82,33 @@ def cost(
     folder: Path | None = None,
     errors: Path | None = None,
 ) -> Cost:
-    """Run a command and tell what it took.
+    """Run a command and measure it.
 
     Parameters
     ----------
     command : sequence of str
     environment : mapping
     folder : Path, optional
-        Where it runs.
+        Working directory.
     errors : Path, optional
-        Where its stderr goes; kept for the error message only, if left out.
+        File for its output; by default only the error message is kept.
 
     Raises
     ------
     CommandError
-        If it fails; the last line of its stderr is in the message.
+        If it fails; the message holds the last line of its output.
     """
-    with tempfile.TemporaryFile() if errors is None else errors.open("w+b") as said:
+    with tempfile.TemporaryFile() if errors is None else errors.open("w+b") as log:
         start = time.perf_counter()
         child = subprocess.Popen(
-            command, env=dict(environment), cwd=folder, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+            command, env=dict(environment), cwd=folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log
         )
         _, status, usage = os.wait4(child.pid, 0)
         wall = time.perf_counter() - start
         child.returncode = os.waitstatus_to_exitcode(status)
         if child.returncode:
-            said.seek(0)
-            lines = said.read().decode(errors="replace").strip().splitlines() or [""]
+            log.seek(0)
+            lines = log.read().decode(errors="replace").strip().splitlines() or [""]
             raise CommandError(f"{Path(command[0]).name} ended with {_exit(child.returncode)}: {lines[-1]}")
     return Cost(wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * KIB)
 
@@ -117,15 +117,15 @@ def _exit(code: int) -> str:
     return f"code {code}" if code >= 0 else signal.Signals(-code).name
 
 
-def outcomes(
+def run_competitors(
     scene: Scene,
     raster: Path,
     competitors: Sequence[Competitor],
     rounds: int,
-    judge: Callable[[Path], tuple[int, float, int]],
-    tell: Callable[[str], None],
+    inspect: Callable[[Path], tuple[int, float, int]],
+    report: Callable[[str], None],
 ) -> list[Outcome]:
-    """Let each competitor run once, then each again: what else the machine does meets all of them.
+    """Run the competitors in turn, round by round, so that other load on the machine affects all alike.
 
     Parameters
     ----------
@@ -134,16 +134,16 @@ def outcomes(
         Its file.
     competitors : sequence of Competitor
     rounds : int
-        How often; the numbers are medians.
-    judge : callable
-        Says of a GeoPackage how many polygons it holds, their area, and how many are invalid.
-    tell : callable
-        Takes a line about each run.
+        Number of runs of each competitor.
+    inspect : callable
+        Number of polygons, area and number of invalid polygons of a GeoPackage.
+    report : callable
+        Receives a line about each run.
     """
-    remarks = {c.name: c.why_not(scene) or "" for c in competitors}
+    remarks = {c.name: c.skip_reason(scene) or "" for c in competitors}
     costs: dict[str, list[Cost]] = {c.name: [] for c in competitors}
-    answers: dict[str, tuple[int, float, int]] = {}
-    _warm(raster)
+    stats: dict[str, tuple[int, float, int]] = {}
+    _warm_page_cache(raster)
     for number in range(rounds):
         for competitor in competitors:
             if remarks[competitor.name]:
@@ -151,30 +151,28 @@ def outcomes(
             with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
                 job = Job(scene, raster, Path(folder) / "regions.gpkg")
                 try:
-                    taken = _run(competitor, job)
+                    spent = _run(competitor, job)
                 except CommandError as error:
                     remarks[competitor.name] = str(error)
-                    tell(f"{scene.title} {competitor.name}: {error}")
+                    report(f"{scene.title} {competitor.name}: {error}")
                     continue
-                costs[competitor.name].append(taken)
-                tell(f"{scene.title} round {number + 1} {competitor.name}: {taken.wall_s:.2f} s")
-                if competitor.name not in answers:
-                    answers[competitor.name] = judge(job.output)
-    return [
-        Outcome(c, scene, tuple(costs[c.name]), answers.get(c.name), remarks[c.name]) for c in competitors
-    ]
+                costs[competitor.name].append(spent)
+                report(f"{scene.title} round {number + 1} {competitor.name}: {spent.wall_s:.2f} s")
+                if competitor.name not in stats:
+                    stats[competitor.name] = inspect(job.output)
+    return [Outcome(c, scene, tuple(costs[c.name]), stats.get(c.name), remarks[c.name]) for c in competitors]
 
 
 def _run(competitor: Competitor, job: Job) -> Cost:
     first, *others = competitor.commands(job)
-    taken = cost(first, competitor.variables(), job.output.parent)
+    spent = cost(first, competitor.child_environment(), job.output.parent)
     for command in others:
-        taken = taken.then(cost(command, competitor.variables(), job.output.parent))
-    return taken
+        spent = spent.then(cost(command, competitor.child_environment(), job.output.parent))
+    return spent
 
 
-def _warm(path: Path) -> None:
-    """Read a file bit by bit, so that the first to run finds it in memory as the others do."""
+def _warm_page_cache(path: Path) -> None:
+    """Read a file once, so that the first run finds it in the page cache like the others."""
     with path.open("rb") as file:
         while file.read(1 << 20):
             pass

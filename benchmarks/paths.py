@@ -1,8 +1,9 @@
-"""Seconds of shortest paths on large grids, beside other libraries.
+"""Run time of shortest paths on large grids, compared with other libraries.
 
     python -m benchmarks.paths
 
-One thread; the least of several runs, of everybody in turn. Those written in Python run on small fields only.
+One thread; the minimum of several runs, with the libraries in turn. Pure Python libraries run on small
+grids only.
 """
 
 import json
@@ -32,34 +33,34 @@ class Search:
     Parameters
     ----------
     field : str
-        What is searched.
-    who : str
+        Title of the grid.
+    library : str
     seconds : float
     cost : float
         Length of the path in cells.
-    ours_s : float
-        Seconds of uavseg on the same field in the same run.
+    uavseg_s : float
+        Seconds of uavseg on the same grid.
     """
 
     field: str
-    who: str
+    library: str
     seconds: float
     cost: float
-    ours_s: float
+    uavseg_s: float
 
 
 def searches() -> list[Search]:
-    """All rows, measured in a process of its own so that the caller stays small."""
+    """All rows, measured in a child process so that the caller needs little memory."""
     command = [sys.executable, "-m", "benchmarks.paths"]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Search(*row) for row in json.loads(told)]
+    return [Search(*row) for row in json.loads(output)]
 
 
 @dataclass(frozen=True, slots=True)
 class Field:
-    """A mask to find a path over, from one cell to another."""
+    """A grid of free cells with a start and a goal."""
 
     title: str
     mask: Any
@@ -68,7 +69,7 @@ class Field:
 
 
 def fields(side: int) -> Iterator[Field]:
-    """An open field, mazes of narrow and of wide corridors and one with loops, and scattered obstacles."""
+    """An open field, mazes with narrow and wide corridors, a maze with loops, and random obstacles."""
     import numpy as np
 
     last = (side - 3) // 2 * 2 + 1
@@ -87,11 +88,11 @@ def fields(side: int) -> Iterator[Field]:
     yield Field(f"maze with loops, {side}²", loops, (1, 1), (last, last))
     scattered = rng.random((side, side)) > 0.1
     scattered[0, 0] = scattered[-1, -1] = True
-    yield Field(f"a tenth scattered, {side}²", scattered, (0, 0), (side - 1, side - 1))
+    yield Field(f"obstacles on a tenth of the cells, {side}²", scattered, (0, 0), (side - 1, side - 1))
 
 
 def maze(side: int, seed: int = 0) -> Any:
-    """A maze without loops: corridors of one cell between all cells of odd coordinates, drawn at random."""
+    """A random maze without loops: corridors of one cell that connect all cells with odd coordinates."""
     import numpy as np
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import minimum_spanning_tree
@@ -109,15 +110,15 @@ def maze(side: int, seed: int = 0) -> Any:
     return mask
 
 
-def ours(field: Field) -> Callable[[], float]:
-    """Our own search."""
+def by_uavseg(field: Field) -> Callable[[], float]:
+    """The search of uavseg."""
     from uavseg.occupancy.paths.astar import shortest_path
 
     return lambda: shortest_path(field.mask, field.start, field.goal).cost
 
 
 def by_skimage(field: Field) -> Callable[[], float]:
-    """scikit-image, eight-connected; it cuts corners."""
+    """scikit-image, 8-connected; it cuts corners."""
     import numpy as np
     from skimage.graph import route_through_array
 
@@ -126,7 +127,7 @@ def by_skimage(field: Field) -> Callable[[], float]:
 
 
 def by_networkx(field: Field) -> Callable[[], float]:
-    """networkx's A* with our distance, on a graph made beforehand."""
+    """A* of networkx with the octile distance, on a graph that is built before the measurement."""
     import networkx as nx
 
     rows, cols = field.mask.shape
@@ -148,7 +149,7 @@ def by_networkx(field: Field) -> Callable[[], float]:
 
 
 def by_pathfinding(field: Field) -> Callable[[], float]:
-    """The package pathfinding, with its rule that cuts no corners; its grid is used up by a search."""
+    """The package pathfinding, without cutting corners; its grid has to be reset after each search."""
     from pathfinding.core.diagonal_movement import DiagonalMovement
     from pathfinding.core.grid import Grid
     from pathfinding.finder.a_star import AStarFinder
@@ -165,8 +166,8 @@ def by_pathfinding(field: Field) -> Callable[[], float]:
     return search
 
 
-EVERYBODY = {
-    "uavseg": ours,
+SEARCHES = {
+    "uavseg": by_uavseg,
     "scikit-image": by_skimage,
     "networkx": by_networkx,
     "pathfinding": by_pathfinding,
@@ -176,34 +177,34 @@ EVERYBODY = {
 MODULES = {"scikit-image": "skimage", "networkx": "networkx", "pathfinding": "pathfinding"}
 
 
-def present(names: Iterable[str]) -> tuple[str, ...]:
-    """Those of them that can run here."""
+def installed(names: Iterable[str]) -> tuple[str, ...]:
+    """The libraries that are installed."""
     return tuple(name for name in names if find_spec(MODULES.get(name, "uavseg")) is not None)
 
 
-def measured(field: Field, names: tuple[str, ...], runs: int) -> Iterator[Search]:
-    """Everybody on one field."""
-    least: dict[str, float] = dict.fromkeys(names, float("inf"))
+def measure(field: Field, names: tuple[str, ...], runs: int) -> Iterator[Search]:
+    """All libraries on one grid."""
+    fastest: dict[str, float] = dict.fromkeys(names, float("inf"))
     costs: dict[str, float] = {}
-    calls = {name: EVERYBODY[name](field) for name in names}
+    calls = {name: SEARCHES[name](field) for name in names}
     for _ in range(runs):
         for name, call in calls.items():
             begun = time.perf_counter()
             costs[name] = call()
-            least[name] = min(least[name], time.perf_counter() - begun)
+            fastest[name] = min(fastest[name], time.perf_counter() - begun)
     for name in names:
-        yield Search(field.title, name, least[name], costs[name], least["uavseg"])
+        yield Search(field.title, name, fastest[name], costs[name], fastest["uavseg"])
 
 
 def _all() -> Iterator[Search]:
     for field in fields(LARGE):
-        yield from measured(field, present(("uavseg", "scikit-image")), RUNS)
+        yield from measure(field, installed(("uavseg", "scikit-image")), RUNS)
     for field in fields(SMALL):
-        yield from measured(field, present(EVERYBODY), RUNS)
+        yield from measure(field, installed(SEARCHES), RUNS)
 
 
 if __name__ == "__main__":
-    for absent in EVERYBODY.keys() - present(EVERYBODY):
-        print(f"paths: {absent} is left out, it is not installed", file=sys.stderr)
-    ours(next(fields(64)))()  # what is compiled once for a machine is compiled now
-    print(json.dumps([(row.field, row.who, row.seconds, row.cost, row.ours_s) for row in _all()]))
+    for absent in SEARCHES.keys() - installed(SEARCHES):
+        print(f"paths: {absent} is skipped, it is not installed", file=sys.stderr)
+    by_uavseg(next(fields(64)))()  # compiles the kernels
+    print(json.dumps([(row.field, row.library, row.seconds, row.cost, row.uavseg_s) for row in _all()]))

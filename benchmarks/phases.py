@@ -1,4 +1,4 @@
-"""Where the time of `uavseg extract` goes, function by function, with one thread.
+"""Time of `uavseg extract` by function, with one thread.
 
 python -m benchmarks.phases RASTER
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.competitors import LOW, MIN_PIXELS, with_project
 
-WATCHED = (
+TIMED_FUNCTIONS = (
     ("raster/raster_file.py", "read", "decoding, twice: `raster_file.read`"),
     ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
     ("segmentation/blocks/block_map.py", "cell_sums", "`block_map.cell_sums`"),
@@ -29,29 +29,29 @@ WATCHED = (
     ("segmentation/labels/component_sums.py", "component_sums", "`component_sums.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
     ("regions/outline/trace.py", "link_rings", "`trace.link_rings`"),
-    ("regions/table.py", "make_regions", "areas, lengths, points inside: `table.make_regions`"),
+    ("regions/table.py", "make_regions", "areas, lengths, interior points: `make_regions`"),
     ("regions/formats/export.py", "write_regions", "GeoPackage: `export.write_regions`"),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """Seconds spent in one function and what it calls."""
+    """Cumulative seconds of one function, callees included."""
 
     title: str
     seconds: float
 
 
 def phases(raster: Path) -> list[Phase]:
-    """All phases, imports first and the whole last, measured in a process of its own."""
+    """All phases, imports first and the total last, measured in a child process."""
     command = [sys.executable, "-m", "benchmarks.phases", str(raster)]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Phase(*row) for row in json.loads(told)]
+    return [Phase(*row) for row in json.loads(output)]
 
 
-def _measured(raster: str) -> list[tuple[str, float]]:
+def _measure(raster: str) -> list[tuple[str, float]]:
     start = time.perf_counter()
     import cProfile
     import pstats
@@ -74,16 +74,16 @@ def _measured(raster: str) -> list[tuple[str, float]]:
         found = extract(open_source(raster), request)
         export.write_regions(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
         profile.disable()
-    whole = time.perf_counter() - start
+    total = time.perf_counter() - start
     spent = {
         (file.rpartition("uavseg/")[2], function): cumulative
         for (file, _, function), (_, _, _, cumulative, _) in pstats.Stats(profile).stats.items()  # type: ignore[attr-defined]
     }
     rows = [("imports", imported - start)]
-    rows += [(title, spent.get((file, function), 0.0)) for file, function, title in WATCHED]
-    rows.append(("all else", whole - sum(seconds for _, seconds in rows)))
-    return [*rows, ("the whole", whole)]
+    rows += [(title, spent.get((file, function), 0.0)) for file, function, title in TIMED_FUNCTIONS]
+    rows.append(("everything else", total - sum(seconds for _, seconds in rows)))
+    return [*rows, ("total", total)]
 
 
 if __name__ == "__main__":
-    print(json.dumps(_measured(sys.argv[1])))
+    print(json.dumps(_measure(sys.argv[1])))

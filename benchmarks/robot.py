@@ -1,9 +1,9 @@
-"""What a robot does at sensor rate: a scan is merged into a large map, and its segments follow.
+"""Incremental occupancy mapping: scans are merged into a large map, and its segments are updated.
 
     python -m benchmarks.robot
 
-A map of 2000 x 2000 cells of 5 cm, scans of 720 beams that see 30 m; medians of 200 scans. All of it runs in
-one thread, and its processor time is what is told: others on the machine do not count.
+A map of 2000 x 2000 cells of 5 cm, scans of 720 beams with a range of 30 m; medians of 200 scans. The
+processor time of one thread is measured, so other load on the machine does not count.
 """
 
 import json
@@ -22,7 +22,7 @@ from benchmarks.competitors import with_project
 SIDE = 2000
 CELL_M = 0.05
 RUNS = 200
-WARM = 20  # scans that come before, so that kernels are loaded and the map is known
+WARM_UP = 20  # scans before the measurement, which load the kernels and fill the map
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +35,9 @@ class Step:
     ms : float
         Median.
     merging_ms : float
-        What of it is merging; 0 where nothing is merged.
+        Median time of merging alone; 0 if nothing is merged.
     blocks : float
-        Median number of blocks that were measured or divided again, of 1024.
+        Median number of blocks that were measured or divided again, out of 1024.
     remark : str
     """
 
@@ -49,16 +49,16 @@ class Step:
 
 
 def steps() -> list[Step]:
-    """All rows, measured in a process of its own, on one core."""
+    """All rows, measured in a child process, on one core."""
     command = [sys.executable, "-m", "benchmarks.robot"]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Step(*row) for row in json.loads(told)]
+    return [Step(*row) for row in json.loads(output)]
 
 
 def room() -> Any:
-    """A room of 26 x 18 m with things in it: a sensor near its middle sees walls at 3 to 20 m."""
+    """A furnished room of 26 x 18 m: from near its centre, walls are 3 to 20 m away."""
     from uavseg.occupancy.simulation.scene import Scene
 
     walls = [(36, 41, 37, 61), (63, 41, 64, 61), (37, 41, 63, 42), (37, 60, 63, 61)]
@@ -68,7 +68,7 @@ def room() -> Any:
 
 
 def scans(scene: Any, count: int) -> list[Any]:
-    """Scans of a robot that drives 4 cm and turns a little from one to the next."""
+    """Scans of a robot that drives 4 cm and turns slightly between scans."""
     import numpy as np
 
     from uavseg.occupancy.mapping.scan import Pose
@@ -97,14 +97,14 @@ def _median_ms(call: Callable[[], Any], before: Callable[[], Any] | None = None)
 
 
 def _update(title: str, scene: Any, forget: bool, remark: str) -> Step:
-    """Update after update of one drive; merging alone is measured on a map of its own."""
-    drive = scans(scene, WARM + RUNS)
+    """Consecutive updates along one drive; merging alone is measured on a second map."""
+    drive = scans(scene, WARM_UP + RUNS)
     updated, merged = _grid(), _grid()
-    for scan in drive[:WARM]:
+    for scan in drive[:WARM_UP]:
         updated.update(scan)
         merged.merge(scan)
     updated.refit()
-    told = iter(drive[WARM:])
+    to_update = iter(drive[WARM_UP:])
     blocks: list[int] = []
 
     def reset() -> None:
@@ -112,14 +112,14 @@ def _update(title: str, scene: Any, forget: bool, remark: str) -> Step:
             updated.reset()
             _ = updated.segmentation.intervals
 
-    ms = _median_ms(lambda: blocks.append(int(updated.update(next(told)).blocks.sum())), reset)
-    again = iter(drive[WARM:])
-    merging_ms = _median_ms(lambda: merged.merge(next(again)), merged.reset if forget else None)
+    ms = _median_ms(lambda: blocks.append(int(updated.update(next(to_update)).blocks.sum())), reset)
+    to_merge = iter(drive[WARM_UP:])
+    merging_ms = _median_ms(lambda: merged.merge(next(to_merge)), merged.reset if forget else None)
     return Step(title, ms, merging_ms, statistics.median(blocks), remark)
 
 
 def _whole_map(scene: Any) -> Iterator[Step]:
-    """The same map segmented as a whole, with what the states need and with all R."""
+    """Segmentation of the whole map, with only the R that states need and with all R."""
     from uavseg.occupancy.probability_map import stretch_of
     from uavseg.raster.tile_pass import TilePass
     from uavseg.raster.tiling import tiles
@@ -129,34 +129,36 @@ def _whole_map(scene: Any) -> Iterator[Step]:
     from uavseg.segmentation.source import GreySource
 
     grid = _grid()
-    for scan in scans(scene, WARM):
+    for scan in scans(scene, WARM_UP):
         grid.merge(scan)
     dataset = grid.dataset()
     source, windows = GreySource(dataset, stretch_of(dataset)), tiles((SIDE, SIDE), 512)
     paper = SegmentParams(method="paper")
     ms = _median_ms(lambda: measure_block_map_for(source, StateLimits(), paper, TilePass(windows)))
-    yield Step("the whole map segmented", ms, 0.0, 1024, "states")
+    yield Step("segmentation of the whole map", ms, 0.0, 1024, "for states")
     ms = _median_ms(lambda: measure_block_map(source, TilePass(windows)))
-    yield Step("the whole map segmented", ms, 0.0, 1024, "all R, for any question")
+    yield Step("segmentation of the whole map", ms, 0.0, 1024, "all R, for any range")
     live = grid.segmentation
-    yield Step("`refit`", _median_ms(live.refit), 0.0, 1024, "cuts fitted, all blocks divided again")
+    yield Step(
+        "`refit`", _median_ms(live.refit), 0.0, 1024, "bin edges fitted again, all blocks divided again"
+    )
 
 
-def _measured() -> Iterator[Step]:
+def _measure() -> Iterator[Step]:
     from uavseg.occupancy.simulation.scene import Scene
 
-    yield _update("update in a room", room(), False, "walls at 3 to 20 m, the map known already")
-    yield _update("update in a room, all new", room(), True, "the map forgotten before each scan")
-    yield _update("update where nothing is", Scene(), False, "no beam returns; most cells are free already")
+    yield _update("update in a room", room(), False, "walls at 3 to 20 m, known map")
+    yield _update("update in a room, new map", room(), True, "map reset before each scan")
+    yield _update("update in empty space", Scene(), False, "no returns; most cells are free already")
     yield _update(
-        "update where nothing is, all new",
+        "update in empty space, new map",
         Scene(),
         True,
-        "the worst case: all beams 30 m long, all cells change",
+        "worst case: all beams 30 m long, all cells change",
     )
     yield from _whole_map(room())
 
 
 if __name__ == "__main__":
-    rows = [(row.title, row.ms, row.merging_ms, row.blocks, row.remark) for row in _measured()]
+    rows = [(row.title, row.ms, row.merging_ms, row.blocks, row.remark) for row in _measure()]
     print(json.dumps(rows))

@@ -1,4 +1,4 @@
-"""How the cost grows: with the raster, with its kind of pixels, with threads, and for a second question."""
+"""Scaling with raster size, pixel type and threads, and the cost of a second range from a block map."""
 
 import os
 import statistics
@@ -13,10 +13,10 @@ from benchmarks.competitors import COMPETITORS, LOW, Job, with_project
 from benchmarks.decode import decoding_s
 from benchmarks.machine import cores
 from benchmarks.measure import Cost, cost, median
-from benchmarks.scenes import FOLDER, Scene, ready
+from benchmarks.scenes import FOLDER, Scene, ensure_raster
 
-REPEATED = 8192  # side of the scene that larger rasters repeat
-ANOTHER_RANGE = "0.3,0.5"
+REPEATED = 8192  # side of the scene that the larger rasters repeat
+SECOND_RANGE = "0.3,0.5"
 
 _VRT = """<VRTDataset rasterXSize="{side}" rasterYSize="{side}">
   <SRS>EPSG:32633</SRS>
@@ -35,21 +35,21 @@ _PART = """    <SimpleSource>
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """Medians of `uavseg extract` over a raster, beside decoding it once with as many threads."""
+    """Medians of `uavseg extract` on a raster, and of decoding it once with the same number of threads."""
 
     scene: Scene
-    taken: Cost
+    cost: Cost
     decoding_s: float
 
     @property
     def decoded_bytes(self) -> int:
-        """Of all bands."""
+        """Decoded size of all bands."""
         return self.scene.side**2 * self.scene.bytes_per_pixel
 
 
 def repeated(side: int, folder: Path = FOLDER) -> Path:
-    """A raster of any multiple of 8192 in side: one scene again and again, as a VRT."""
-    tile = ready(Scene(REPEATED), folder)
+    """A VRT that repeats one scene; its side is a multiple of 8192."""
+    tile = ensure_raster(Scene(REPEATED), folder)
     path = folder / f"repeated-{side}.vrt"
     starts = range(0, side, REPEATED)
     parts = [
@@ -59,96 +59,96 @@ def repeated(side: int, folder: Path = FOLDER) -> Path:
     return path
 
 
-def growing(sides: Sequence[int], rounds: int, tell: Callable[[str], None]) -> list[Run]:
-    """`uavseg extract` over larger and larger rasters."""
+def scaling(sides: Sequence[int], rounds: int, report: Callable[[str], None]) -> list[Run]:
+    """`uavseg extract` on rasters of increasing size."""
     return [
-        _run(Scene(side), ready(Scene(side)) if side < REPEATED else repeated(side), rounds, tell)
+        _run(Scene(side), ensure_raster(Scene(side)) if side < REPEATED else repeated(side), rounds, report)
         for side in sides
     ]
 
 
-def kinds(side: int, names: Sequence[str], rounds: int, tell: Callable[[str], None]) -> list[Run]:
-    """`uavseg extract` over the same scene in other kinds of pixels."""
-    return [_run(Scene(side, name), ready(Scene(side, name)), rounds, tell) for name in names]
+def pixel_types(side: int, names: Sequence[str], rounds: int, report: Callable[[str], None]) -> list[Run]:
+    """`uavseg extract` on the same scene with different pixel types."""
+    return [_run(Scene(side, name), ensure_raster(Scene(side, name)), rounds, report) for name in names]
 
 
-def _run(scene: Scene, raster: Path, rounds: int, tell: Callable[[str], None]) -> Run:
+def _run(scene: Scene, raster: Path, rounds: int, report: Callable[[str], None]) -> Run:
     floors, costs = [], []
     for number in range(rounds):
         floors.append(decoding_s(raster, cores()))
         with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
             [command] = COMPETITORS[0].commands(Job(scene, raster, Path(folder) / "regions.gpkg"))
             costs.append(cost(command, with_project(os.environ), Path(folder)))
-        tell(f"{scene.title} round {number + 1}: {costs[-1].wall_s:.2f} s, decoding {floors[-1]:.2f} s")
+        report(f"{scene.title} round {number + 1}: {costs[-1].wall_s:.2f} s, decoding {floors[-1]:.2f} s")
     return Run(scene, median(costs), statistics.median(floors))
 
 
 @dataclass(frozen=True, slots=True)
-class Again:
-    """Medians: a first range, the block map of everything, and another range answered from it.
+class Reuse:
+    """Medians of a first range, of a block map, and of a second range from the block map.
 
-    The last two are seconds within one process that has loaded all it needs: a first range of the raster, and
-    labels and polygons of another range from the block map.
+    `first_s` and `second_s` are seconds within one process, with imports and kernels loaded: the first
+    range from the raster, and labels and polygons of the second range from the block map.
     """
 
     first: Cost
-    dividing: Cost
-    another: Cost
+    division: Cost
+    second: Cost
     first_s: float
-    another_s: float
+    second_s: float
 
 
-def again(side: int, rounds: int, tell: Callable[[str], None]) -> Again:
-    """Another range from a saved block map, at block edges: the whole process, and the regions alone."""
-    raster = str(ready(Scene(side)))
-    costs: dict[str, list[Cost]] = {"first": [], "dividing": [], "another": []}
+def reuse(side: int, rounds: int, report: Callable[[str], None]) -> Reuse:
+    """A second, unrefined range from a saved block map: the whole process, and within one process."""
+    raster = str(ensure_raster(Scene(side)))
+    costs: dict[str, list[Cost]] = {"first": [], "division": [], "second": []}
     within = []
     with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
         uavseg = [sys.executable, "-m", "uavseg"]
-        edges = ["--range", ANOTHER_RANGE, "--refine", "none"]
+        unrefined = ["--range", SECOND_RANGE, "--refine", "none"]
         commands = {
             "first": [*uavseg, "extract", raster, "--range", f"{LOW},1", "-o", "first.gpkg"],
-            "dividing": [*uavseg, "divide", raster, "-o", "blocks.tif"],
-            "another": [*uavseg, "extract", "blocks.tif", *edges, "-o", "another.gpkg"],
+            "division": [*uavseg, "divide", raster, "-o", "blocks.tif"],
+            "second": [*uavseg, "extract", "blocks.tif", *unrefined, "-o", "second.gpkg"],
         }
         for number in range(rounds):
             for name, command in commands.items():
                 costs[name].append(
                     cost([*command, "-q", "--overwrite"], with_project(os.environ), Path(folder))
                 )
-                tell(f"{side}² {name} round {number + 1}: {costs[name][-1].wall_s:.2f} s")
-            within.append(_told("again", raster, str(Path(folder) / "blocks.tif")))
-    first, dividing, another = (median(taken) for taken in costs.values())
-    first_s, another_s = (statistics.median(column) for column in zip(*within, strict=True))
-    return Again(first, dividing, another, first_s, another_s)
+                report(f"{side}² {name} round {number + 1}: {costs[name][-1].wall_s:.2f} s")
+            within.append(_run_child("reuse", raster, str(Path(folder) / "blocks.tif")))
+    first, division, second = (median(runs) for runs in costs.values())
+    first_s, second_s = (statistics.median(column) for column in zip(*within, strict=True))
+    return Reuse(first, division, second, first_s, second_s)
 
 
-def threading(side: int, rounds: int) -> list[tuple[int, float, float]]:
-    """For one thread and for two: seconds of the segmentation, and of two equal pieces of pure computing.
+def thread_scaling(side: int, rounds: int) -> list[tuple[int, float, float]]:
+    """For one thread and for two: seconds of the segmentation, and of two independent computations.
 
-    The second says what two threads can gain on the machine at all.
+    The independent computations give the largest speed-up that the machine allows.
     """
-    raster = str(ready(Scene(side)))
-    taken = [
-        _told("segment", raster, "1")
-        + _told("segment", raster, "2")
-        + _told("compute", "1")
-        + _told("compute", "2")
+    raster = str(ensure_raster(Scene(side)))
+    seconds = [
+        _run_child("segment", raster, "1")
+        + _run_child("segment", raster, "2")
+        + _run_child("compute", "1")
+        + _run_child("compute", "2")
         for _ in range(rounds)
     ]
-    one, two, alone, both = (statistics.median(column) for column in zip(*taken, strict=True))
+    one, two, alone, both = (statistics.median(column) for column in zip(*seconds, strict=True))
     return [(1, one, alone), (2, two, both)]
 
 
-def _told(*arguments: str) -> tuple[float, ...]:
-    """The numbers that a process of this module prints."""
+def _run_child(*arguments: str) -> tuple[float, ...]:
+    """Run this module in a child process and read the numbers that it prints."""
     command = [sys.executable, "-m", "benchmarks.scale", *arguments]
-    told = subprocess.run(command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE).stdout
-    return tuple(float(number) for number in told.split())
+    output = subprocess.run(command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE).stdout
+    return tuple(float(number) for number in output.split())
 
 
-def _again(raster: str, blocks: str) -> tuple[float, float]:
-    """Polygons of a first range from the raster, and of another at block edges from a loaded block map."""
+def _measure_reuse(raster: str, blocks: str) -> tuple[float, float]:
+    """Seconds of a first range from the raster, and of a second, unrefined one from a loaded block map."""
     import time
 
     import numpy as np
@@ -162,18 +162,18 @@ def _again(raster: str, blocks: str) -> tuple[float, float]:
 
     saved, source = open_source(blocks), open_source(raster)
     segment = SegmentParams(refine="none")
-    extract(saved, ExtractRequest(IntensityRange(0.7, 1), segment))  # loads all that is needed
+    extract(saved, ExtractRequest(IntensityRange(0.7, 1), segment))  # imports modules and loads kernels
     begun = time.perf_counter()
     work = Work(executor=threads())
     np.asarray(extract(source, ExtractRequest(IntensityRange(LOW, 1)), work).regions.polygons)
     between = time.perf_counter()
-    low, high = map(float, ANOTHER_RANGE.split(","))
+    low, high = map(float, SECOND_RANGE.split(","))
     np.asarray(extract(saved, ExtractRequest(IntensityRange(low, high), segment)).regions.polygons)
     return between - begun, time.perf_counter() - between
 
 
-def _segment(raster: str, count: str) -> tuple[float]:
-    """Division, segments, refinement and outlines of a raster that is in the system's cache."""
+def _measure_segmentation(raster: str, count: str) -> tuple[float]:
+    """Seconds of division, segment creation, refinement and tracing of a raster in the page cache."""
     import time
 
     from uavseg.execution.executors import threads
@@ -201,8 +201,8 @@ def _segment(raster: str, count: str) -> tuple[float]:
     return (time.perf_counter() - start,)
 
 
-def _compute(count: str) -> tuple[float]:
-    """Two equal pieces of work that share nothing, by one thread or by two."""
+def _measure_independent_work(count: str) -> tuple[float]:
+    """Seconds of two independent computations without shared data, with one thread or two."""
     import time
 
     import numpy as np
@@ -210,19 +210,19 @@ def _compute(count: str) -> tuple[float]:
     from uavseg.execution.executors import threads
     from uavseg.segmentation.blocks.lbp import contrast_histogram
 
-    dice = np.random.default_rng(1)
-    pieces = [dice.integers(0, 65536, (2048, 2048), np.uint16) for _ in range(2)]
-    contrast_histogram(pieces[0])
+    rng = np.random.default_rng(1)
+    images = [rng.integers(0, 65536, (2048, 2048), np.uint16) for _ in range(2)]
+    contrast_histogram(images[0])
     start = time.perf_counter()
     for _ in range(40):
-        list(threads(int(count))(contrast_histogram, pieces))
+        list(threads(int(count))(contrast_histogram, images))
     return (time.perf_counter() - start,)
 
 
 if __name__ == "__main__":
     measures: dict[str, Callable[..., tuple[float, ...]]] = {
-        "again": _again,
-        "segment": _segment,
-        "compute": _compute,
+        "reuse": _measure_reuse,
+        "segment": _measure_segmentation,
+        "compute": _measure_independent_work,
     }
     print(*measures[sys.argv[1]](*sys.argv[2:]))

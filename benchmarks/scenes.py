@@ -1,4 +1,4 @@
-"""Which rasters are measured, and where they are kept."""
+"""The rasters of the benchmarks and their files."""
 
 import subprocess
 import sys
@@ -23,9 +23,9 @@ class Scene:
     Parameters
     ----------
     side : int
-        Rows, and columns.
+        Number of rows, and of columns.
     kind : str
-        One of `KINDS`: what a pixel is.
+        Pixel type, one of `KINDS`.
 
     Raises
     ------
@@ -38,13 +38,15 @@ class Scene:
 
     def __post_init__(self) -> None:
         if self.side < 1:
-            raise ValueError(f"a scene has at least one row, not {self.side}")
+            raise ValueError(f"expected a scene with at least one row, got {self.side}")
         if self.kind not in KINDS:
-            raise ValueError(f"a kind of scene is one of {', '.join(KINDS)}, not {self.kind!r}")
+            raise ValueError(
+                f"expected the pixel type of a scene out of {', '.join(KINDS)}, got {self.kind!r}"
+            )
 
     @property
     def dtype(self) -> str:
-        """Type of a band."""
+        """Data type of a band."""
         return KINDS[self.kind][0]
 
     @property
@@ -54,7 +56,7 @@ class Scene:
 
     @property
     def bytes_per_pixel(self) -> int:
-        """Of all bands, decoded."""
+        """Decoded size of a pixel, all bands."""
         return self.bands * {"uint8": 1, "uint16": 2, "float32": 4}[self.dtype]
 
     @property
@@ -64,12 +66,12 @@ class Scene:
 
     @property
     def title(self) -> str:
-        """For the table."""
+        """Title in the tables."""
         return f"{self.side}²" if self.kind == "grey8" else f"{self.side}² {self.kind}"
 
 
-def ready(scene: Scene, folder: Path = FOLDER) -> Path:
-    """The file of a scene; it is made first, in a process of its own, where it is absent."""
+def ensure_raster(scene: Scene, folder: Path = FOLDER) -> Path:
+    """The file of a scene; if it is missing, a child process creates it."""
     path = folder / f"{scene.kind}-{scene.side}.tif"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)

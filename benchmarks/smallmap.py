@@ -1,8 +1,8 @@
-"""Milliseconds to segment a map of 320 x 320 cells and plan over it, beside a segmentation of scikit-image.
+"""Milliseconds to segment a map of 320 x 320 cells and plan a path, compared with scikit-image.
 
     python -m benchmarks.smallmap
 
-One thread, maps in memory, everything compiled; medians of many runs, of everybody in turn.
+One thread, maps in memory, kernels compiled; medians of many runs, with the tasks in turn.
 """
 
 import json
@@ -28,24 +28,24 @@ class Task:
 
     Parameters
     ----------
-    who : str
-        And what is done.
+    title : str
+        Library and task.
     lens_ms, circles_ms : float
         Medians on the two maps.
     """
 
-    who: str
+    title: str
     lens_ms: float
     circles_ms: float
 
 
 def tasks() -> list[Task]:
-    """All rows, measured in a process of its own so that the caller stays small."""
+    """All rows, measured in a child process so that the caller needs little memory."""
     command = [sys.executable, "-m", "benchmarks.smallmap"]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Task(*row) for row in json.loads(told)]
+    return [Task(*row) for row in json.loads(output)]
 
 
 def measured(runs: int = RUNS) -> list[Task]:
@@ -53,21 +53,21 @@ def measured(runs: int = RUNS) -> list[Task]:
     from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
 
     found = [_medians(_calls(BUILT_IN[scene]().run(), *ENDS[scene]), runs) for scene in ("lens", "circles")]
-    return [Task(who, 1e3 * found[0][who], 1e3 * found[1][who]) for who in found[0]]
+    return [Task(title, 1e3 * found[0][title], 1e3 * found[1][title]) for title in found[0]]
 
 
 def _medians(calls: dict[str, Callable[[], Any]], runs: int) -> dict[str, float]:
-    times: dict[str, list[float]] = {who: [] for who in calls}
+    times: dict[str, list[float]] = {title: [] for title in calls}
     for _ in range(runs + 1):
-        for who, call in calls.items():
+        for title, call in calls.items():
             begun = time.perf_counter()
             call()
-            times[who].append(time.perf_counter() - begun)
-    return {who: statistics.median(every[1:]) for who, every in times.items()}  # the first one compiles
+            times[title].append(time.perf_counter() - begun)
+    return {title: statistics.median(runs[1:]) for title, runs in times.items()}  # the first run compiles
 
 
 def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> dict[str, Callable[[], Any]]:
-    """What is timed on a map."""
+    """The timed calls for one map."""
     from skimage.segmentation import felzenszwalb
 
     import uavseg
@@ -84,12 +84,14 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     request = PathRequest(interval, start, goal, segment=SegmentParams())
     free = free_cells(source, request)
     return {
-        "uavseg: segment by a range, and plan": lambda: uavseg.path(grid, RANGE, start, goal, threads=1),
+        "uavseg: segment by a range, and plan a path": lambda: uavseg.path(
+            grid, RANGE, start, goal, threads=1
+        ),
         "uavseg: segment by a range": lambda: free_cells(source, request),
-        "uavseg: plan": lambda: find_way(free, start, goal),
+        "uavseg: plan a path": lambda: find_way(free, start, goal),
         "uavseg: states, refined": lambda: classify(source, ClassifyRequest(objects=False)),
         "uavseg: states, refined, and objects": lambda: classify(source),
-        "scikit-image: felzenszwalb, no plan": lambda: felzenszwalb(
+        "scikit-image: felzenszwalb, no path": lambda: felzenszwalb(
             grid.probabilities, scale=100, sigma=0.5, min_size=64
         ),
     }

@@ -1,4 +1,4 @@
-"""What starting costs: the interpreter, the help, and one small tile."""
+"""Start-up time: the interpreter, `uavseg --help`, and one small tile."""
 
 import os
 import statistics
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from benchmarks.competitors import LOW, with_project
 from benchmarks.measure import Cost, cost
-from benchmarks.scenes import Scene, ready
+from benchmarks.scenes import Scene, ensure_raster
 
 TILE = Scene(512)
 RUNS = 5
@@ -17,14 +17,14 @@ RUNS = 5
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Medians over a few runs of one command.
+    """Start-up time of one command, medians of several runs.
 
     Parameters
     ----------
     title : str
     wall_s, cpu_s : float
     imports_s : float
-        Sum of the times that ``-X importtime`` gives for each module by itself, from a run of its own.
+        Sum of the self times of all modules in ``-X importtime``, from separate runs.
     """
 
     title: str
@@ -34,14 +34,14 @@ class Start:
 
 
 def starts(runs: int = RUNS) -> list[Start]:
-    """Of `python -c pass`, `uavseg --help` and `uavseg extract` on a tile of 512 x 512.
+    """Start-up of `python -c pass`, `uavseg --help` and `uavseg extract` on a tile of 512 x 512.
 
     Parameters
     ----------
     runs : int
-        How often each; the numbers are medians.
+        Number of runs of each.
     """
-    tile = str(ready(TILE))
+    tile = str(ensure_raster(TILE))
     extract = [
         "-m",
         "uavseg",
@@ -55,12 +55,12 @@ def starts(runs: int = RUNS) -> list[Start]:
         "regions.gpkg",
     ]
     with tempfile.TemporaryDirectory(prefix="uavseg-benchmark-") as folder:
-        place = Path(folder)
-        _once(extract, place)  # compiles what is not yet compiled
+        work = Path(folder)
+        _once(extract, work)  # compiles the kernels
         return [
-            _start("`python -c pass`", ["-c", "pass"], place, runs),
-            _start("`uavseg --help`", ["-m", "uavseg", "--help"], place, runs),
-            _start(f"`uavseg extract`, {TILE.side} x {TILE.side}", extract, place, runs),
+            _start("`python -c pass`", ["-c", "pass"], work, runs),
+            _start("`uavseg --help`", ["-m", "uavseg", "--help"], work, runs),
+            _start(f"`uavseg extract`, {TILE.side} x {TILE.side}", extract, work, runs),
         ]
 
 
@@ -76,13 +76,13 @@ def _once(arguments: list[str], folder: Path) -> Cost:
 
 
 def _importing(arguments: list[str], folder: Path) -> float:
-    said = folder / "importtime.txt"
-    cost([sys.executable, "-X", "importtime", *arguments], with_project(os.environ), folder, said)
-    return imports_s(said.read_text())
+    log = folder / "importtime.txt"
+    cost([sys.executable, "-X", "importtime", *arguments], with_project(os.environ), folder, log)
+    return imports_s(log.read_text())
 
 
-def imports_s(said: str) -> float:
-    """Seconds spent in imports, from what ``-X importtime`` printed.
+def imports_s(log: str) -> float:
+    """Seconds spent in imports, from the output of ``-X importtime``.
 
     Examples
     --------
@@ -90,7 +90,7 @@ def imports_s(said: str) -> float:
     0.0015
     """
     total = 0
-    for line in said.splitlines():
+    for line in log.splitlines():
         words = line.replace("|", " ").split()
         if line.startswith("import time:") and words[2].isdigit():
             total += int(words[2])

@@ -1,10 +1,10 @@
-"""How well ranges that are proposed fit scenes whose classes are known: multi-Otsu against valleys.
+"""Histogram thresholding for proposed ranges, on scenes with known classes: multi-Otsu against valleys.
 
     python -m benchmarks.suggestions
 
-All look at the same histogram of leaf means, of 256 bins over what is there. Once they are told how many
-classes there are, once they find that out themselves. A class is scored by the intersection over union of its
-pixels with those of the range that fits it best, at the edges of leaves.
+All methods use the same histogram of leaf means, with 256 bins over the occupied part. Each runs once with
+the number of classes given and once with the number estimated. The score of a class is the intersection
+over union of its pixels with those of the best fitting range, at leaf resolution.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -23,7 +23,7 @@ from uavseg.segmentation.blocks.leaves import cell_intervals
 from uavseg.segmentation.in_memory import block_map_of_array
 from uavseg.segmentation.params import DivisionParams
 
-SEEDS, BINS, MOST = 5, 256, 6
+SEEDS, BINS, MAX_CLASSES = 5, 256, 6
 X, TAU = 1.2, 0.05
 
 Histogram = NDArray[np.float64]
@@ -32,45 +32,50 @@ Finder = Callable[[Histogram, int | None], list[float]]
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Of one method on one family of scenes, the mean over its seeds.
+    """Score of one method on one family of scenes, mean over the seeds.
 
     Parameters
     ----------
-    family, who : str
-    told, found : float
-        Overlap with the number of classes told, and with the number that was found.
-    right : float
-        Share of the scenes of which the number of classes was found.
+    family, method : str
+    given, estimated : float
+        Overlap with the number of classes given, and with the number estimated.
+    correct : float
+        Share of scenes with the correct number of classes.
     """
 
     family: str
-    who: str
-    told: float
-    found: float
-    right: float
+    method: str
+    given: float
+    estimated: float
+    correct: float
 
 
 def by_otsu(histogram: Histogram, classes: int | None) -> list[float]:
-    """Cuts, in bins, as `uavseg suggest` finds them."""
-    found = multi_otsu(histogram, classes or MOST)
-    chosen = select_classes(histogram, found) if classes is None else found[-1]
+    """Thresholds, in bins, as in `uavseg suggest`."""
+    estimated = multi_otsu(histogram, classes or MAX_CLASSES)
+    chosen = select_classes(histogram, estimated) if classes is None else estimated[-1]
     return _middles(chosen)
 
 
 def by_marriott(histogram: Histogram, classes: int | None) -> list[float]:
-    """The same cuts, as many as make k² times the variance within least (Biometrics 27 (1971) 501-514)."""
-    found = multi_otsu(histogram, classes or MOST)
+    """Multi-Otsu; the number of classes k minimises k² times the variance within the classes.
+
+    Marriott, Biometrics 27 (1971) 501-514.
+    """
+    estimated = multi_otsu(histogram, classes or MAX_CLASSES)
     chosen = (
-        min(found[1:], key=lambda one: one.count**2 * (1 - one.explained)) if classes is None else found[-1]
+        min(estimated[1:], key=lambda one: one.count**2 * (1 - one.explained))
+        if classes is None
+        else estimated[-1]
     )
     return _middles(chosen)
 
 
 def by_explained(share: float, histogram: Histogram, classes: int | None) -> list[float]:
-    """The same cuts, as many as explain a share of the variance."""
-    found = multi_otsu(histogram, classes or MOST)
-    enough = [k for k, one in enumerate(found) if k and one.explained >= share] or [len(found) - 1]
-    chosen = found[enough[0] if classes is None else -1]
+    """Multi-Otsu; the smallest number of classes that explains a share of the variance."""
+    estimated = multi_otsu(histogram, classes or MAX_CLASSES)
+    enough = [k for k, one in enumerate(estimated) if k and one.explained >= share] or [len(estimated) - 1]
+    chosen = estimated[enough[0] if classes is None else -1]
     return _middles(chosen)
 
 
@@ -81,9 +86,9 @@ def _middles(chosen: Classes) -> list[float]:
 def by_valleys(sigma: float, depth: float, histogram: Histogram, classes: int | None) -> list[float]:
     """Valleys of the smoothed histogram.
 
-    With the number of classes told: smoothed as little as leaves as many peaks (Silverman, JRSS B 43 (1981)
-    97-99). Else smoothed by `sigma` bins, and a valley counts where it is lower than `depth` times the lower
-    of the peaks beside it.
+    With the number of classes given, the smallest bandwidth that leaves this number of peaks (Silverman,
+    JRSS B 43 (1981) 97-99). Otherwise smoothed by `sigma` bins; a valley counts if it is lower than `depth`
+    times the lower of the adjacent peaks.
     """
     if classes is not None:
         smooth = histogram
@@ -101,7 +106,7 @@ def by_valleys(sigma: float, depth: float, histogram: Histogram, classes: int | 
             for low, a, b in zip(lows, peaks[:-1], peaks[1:], strict=True)
         ]
         worst = int(np.argmax(rises))
-        if rises[worst] < depth and len(peaks) <= MOST:
+        if rises[worst] < depth and len(peaks) <= MAX_CLASSES:
             break
         peaks.pop(worst if smooth[peaks[worst]] < smooth[peaks[worst + 1]] else worst + 1)
     return [low + 0.5 for low in _valleys(smooth, peaks)]
@@ -117,7 +122,7 @@ def _peaks(smooth: Histogram) -> list[int]:
 
 
 def _valleys(smooth: Histogram, peaks: list[int]) -> list[int]:
-    """The middle of the lowest bins between peaks."""
+    """Centre of the lowest bins between adjacent peaks."""
     lows = []
     for one, other in pairwise(peaks):
         between = smooth[one : other + 1]
@@ -126,8 +131,8 @@ def _valleys(smooth: Histogram, peaks: list[int]) -> list[int]:
 
 
 METHODS: dict[str, Finder] = {
-    "multi-Otsu, number by valleys (kept)": by_otsu,
-    "multi-Otsu, k² within": by_marriott,
+    "multi-Otsu, number by valleys (selected)": by_otsu,
+    "multi-Otsu, k² x variance within": by_marriott,
     "multi-Otsu, 85 % explained": partial(by_explained, 0.85),
     "multi-Otsu, 90 % explained": partial(by_explained, 0.9),
     "multi-Otsu, 95 % explained": partial(by_explained, 0.95),
@@ -140,7 +145,7 @@ METHODS: dict[str, Finder] = {
 
 
 def overlap(intervals: NDArray[np.uint8], truth: Labels) -> float:
-    """Intersection over union of each class with the range that fits it best, the mean over classes."""
+    """Intersection over union of each class with its best fitting range, mean over the classes."""
     count, most = int(truth.max()) + 1, int(intervals.max()) + 1
     both = np.bincount((truth * most + intervals).reshape(-1), minlength=count * most).reshape(count, most)
     either = both.sum(axis=1, keepdims=True) + both.sum(axis=0, keepdims=True) - both
@@ -150,55 +155,56 @@ def overlap(intervals: NDArray[np.uint8], truth: Labels) -> float:
 def scores(families: Mapping[str, Callable[[int], Scene]], seeds: Iterable[int]) -> Iterator[Score]:
     """Every method on every family."""
     for family, make in families.items():
-        rows: dict[str, list[tuple[float, float, bool]]] = {who: [] for who in METHODS}
+        rows: dict[str, list[tuple[float, float, bool]]] = {method: [] for method in METHODS}
         for seed in seeds:
             scene = make(seed)
-            for who, row in _scored(scene):
-                rows[who].append(row)
-        for who, found in rows.items():
-            yield Score(family, who, *np.mean(np.array(found, float), axis=0).tolist())
+            for method, row in _scored(scene):
+                rows[method].append(row)
+        for method, scored in rows.items():
+            yield Score(family, method, *np.mean(np.array(scored, float), axis=0).tolist())
 
 
 def _scored(scene: Scene) -> Iterator[tuple[str, tuple[float, float, bool]]]:
     blocks = block_map_of_array(np.floor(scene.v * 65535 + 0.5).astype(np.uint16))
     histogram = histogram_of_means(blocks, DivisionParams(X, TAU))
-    held = np.flatnonzero(histogram)
-    width = -(-(held[-1] - held[0] + 1) // BINS)
-    bins = np.add.reduceat(
-        histogram[held[0] : held[-1] + 1], np.arange(0, held[-1] - held[0] + 1, width)
-    ).astype(np.float64)
+    occupied = np.flatnonzero(histogram)
+    first, last = occupied[0], occupied[-1]
+    width = -(-(last - first + 1) // BINS)
+    bins = np.add.reduceat(histogram[first : last + 1], np.arange(0, last - first + 1, width)).astype(
+        np.float64
+    )
     classes = int(scene.truth.max()) + 1
-    for who, find in METHODS.items():
+    for method, find in METHODS.items():
         answers = []
-        for wanted in (classes, None):
-            edges = [(held[0] + cut * width - 0.5) / 65535 for cut in find(bins, wanted)]
+        for number in (classes, None):
+            edges = [(first + threshold * width - 0.5) / 65535 for threshold in find(bins, number)]
             cells = cell_intervals(blocks, edges, DivisionParams(X, TAU))
             answers.append((overlap(np.kron(cells, np.ones((8, 8), np.uint8)), scene.truth), len(edges) + 1))
-        (told, _), (found, count) = answers
-        yield who, (told, found, count == classes)
+        (given, _), (estimated, count) = answers
+        yield method, (given, estimated, count == classes)
 
 
-def table(found: list[Score]) -> str:
-    """The means over all families, then each family with the two that are best."""
-    lines = ["| | number told | number found | number right |", "|---|---:|---:|---:|"]
-    for who in METHODS:
-        own = [(row.told, row.found, row.right) for row in found if row.who == who]
-        told, alone, right = np.mean(own, axis=0)
-        lines.append(f"| {who} | {told:.3f} | {alone:.3f} | {right:.0%} |")
+def table(rows: list[Score]) -> str:
+    """Means over all families, then each family with the two best methods."""
+    lines = ["| | number given | number estimated | number correct |", "|---|---:|---:|---:|"]
+    for method in METHODS:
+        own = [(row.given, row.estimated, row.correct) for row in rows if row.method == method]
+        given, estimated, correct = np.mean(own, axis=0)
+        lines.append(f"| {method} | {given:.3f} | {estimated:.3f} | {correct:.0%} |")
     names = list(METHODS)
-    best = max(names[5:], key=lambda who: np.mean([row.found for row in found if row.who == who]))
+    best = max(names[5:], key=lambda method: np.mean([row.estimated for row in rows if row.method == method]))
     lines += ["", f"| family | {names[0]} | {best} |", "|---|---|---|"]
-    for family in dict.fromkeys(row.family for row in found):
+    for family in dict.fromkeys(row.family for row in rows):
         cells = [
-            f"{row.told:.3f} / {row.found:.3f} / {row.right:.0%}"
-            for who in (names[0], best)
-            for row in found
-            if (row.family, row.who) == (family, who)
+            f"{row.given:.3f} / {row.estimated:.3f} / {row.correct:.0%}"
+            for method in (names[0], best)
+            for row in rows
+            if (row.family, row.method) == (family, method)
         ]
         lines.append(f"| {family} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    for title, families, first in (("Chosen by", FAMILIES, 0), ("Held out", HELD_OUT, 100)):
+    for title, families, first in (("Families used for selection", FAMILIES, 0), ("Held out", HELD_OUT, 100)):
         print(f"\n### {title}\n\n{table(list(scores(families, range(first, first + SEEDS))))}")

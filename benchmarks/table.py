@@ -1,4 +1,4 @@
-"""What was measured, as Markdown, and where it stands in README.md."""
+"""Results as Markdown tables, and the sections of the documents that they are written to."""
 
 import datetime
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from benchmarks.measure import Cost, Outcome
 from benchmarks.paths import Search
 from benchmarks.phases import Phase
 from benchmarks.robot import Step
-from benchmarks.scale import Again, Run
+from benchmarks.scale import Reuse, Run
 from benchmarks.scenes import Scene
 from benchmarks.smallmap import Task
 from benchmarks.startup import Start
@@ -21,7 +21,7 @@ README = Path(__file__).resolve().with_name("README.md")
 
 
 def rows(heads: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; the first column is text, the others are numbers and stand to the right.
+    """A Markdown table with the first column left-aligned and the others right-aligned.
 
     Examples
     --------
@@ -32,27 +32,29 @@ def rows(heads: Sequence[str], cells: Sequence[Sequence[str]]) -> str:
     | them | 20 |
     """
     widths = [max(len(line[k]) for line in [heads, *cells]) for k in range(len(heads))]
-    lines = [[_placed(text, widths[k], k) for k, text in enumerate(line)] for line in [heads, *cells]]
+    lines = [[_aligned(text, widths[k], k) for k, text in enumerate(line)] for line in [heads, *cells]]
     rule = ["-" * (widths[0] + 2), *("-" * (width + 1) + ":" for width in widths[1:])]
     body = ["| " + " | ".join(line) + " |" for line in lines]
     return "\n".join([body[0], "|" + "|".join(rule) + "|", *body[1:]])
 
 
-def _placed(text: str, width: int, column: int) -> str:
+def _aligned(text: str, width: int, column: int) -> str:
     return text.ljust(width) if column == 0 else text.rjust(width)
 
 
 def processes(outcomes: Sequence[Outcome], rounds: int) -> str:
-    """Whole processes: a table for each scene, in the order given, and why somebody is missing."""
+    """Whole processes: a table for each scene, and the reason for each missing competitor."""
     scenes = list(dict.fromkeys(outcome.scene for outcome in outcomes))
     parts = [
-        f"Medians of {rounds} rounds, the competitors in turn within each." if rounds > 1 else "One round."
+        f"Medians of {rounds} rounds; the competitors run in turn within each round."
+        if rounds > 1
+        else "One round."
     ]
     for scene in scenes:
-        here = [outcome for outcome in outcomes if outcome.scene == scene]
-        parts += [f"### {scene.title}", _scene_table([outcome for outcome in here if outcome.costs])]
-        parts += [f"- {outcome.competitor.name}: {outcome.remark}" for outcome in here if outcome.remark]
-    return _signed("\n\n".join(parts))
+        of_scene = [outcome for outcome in outcomes if outcome.scene == scene]
+        parts += [f"### {scene.title}", _scene_table([outcome for outcome in of_scene if outcome.costs])]
+        parts += [f"- {outcome.competitor.name}: {outcome.remark}" for outcome in of_scene if outcome.remark]
+    return _with_provenance("\n\n".join(parts))
 
 
 def _scene_table(outcomes: Sequence[Outcome]) -> str:
@@ -61,34 +63,34 @@ def _scene_table(outcomes: Sequence[Outcome]) -> str:
     return rows(heads, [_scene_row(outcome, walls.get("uavseg")) for outcome in outcomes])
 
 
-def _scene_row(outcome: Outcome, ours_s: float | None) -> list[str]:
+def _scene_row(outcome: Outcome, uavseg_s: float | None) -> list[str]:
     cost = outcome.median()
-    polygons, area, invalid = outcome.answer or (0, 0.0, 0)
-    ratio = f"{cost.wall_s / ours_s:.2f}" if ours_s else ""
+    polygons, area, invalid = outcome.stats or (0, 0.0, 0)
+    ratio = f"{cost.wall_s / uavseg_s:.2f}" if uavseg_s else ""
     return [outcome.competitor.title, *_cost(cost), str(polygons), f"{area / 1e6:.3f}", str(invalid), ratio]
 
 
 def starting(starts: Sequence[Start]) -> str:
-    """What starting costs."""
+    """Start-up times."""
     heads = ["", "wall s", "CPU s", "imports s", "imports / CPU"]
     cells = [
         [s.title, f"{s.wall_s:.3f}", f"{s.cpu_s:.3f}", f"{s.imports_s:.3f}", f"{s.imports_s / s.cpu_s:.0%}"]
         for s in starts
     ]
-    return _signed(rows(heads, cells))
+    return _with_provenance(rows(heads, cells))
 
 
 def kernels(speeds: Sequence[Speed]) -> str:
     """Nanoseconds per pixel of the kernels."""
-    heads = ["", "ns / pixel", "copying its arrays", "ratio", "makes"]
+    heads = ["", "ns / pixel", "copy, ns / pixel", "ratio", "output"]
     cells = [
-        [s.title, f"{s.ns:.2f}", f"{s.floor_ns:.2f}", f"{s.ns / s.floor_ns:.0f}", s.remark] for s in speeds
+        [s.title, f"{s.ns:.2f}", f"{s.copy_ns:.2f}", f"{s.ns / s.copy_ns:.0f}", s.remark] for s in speeds
     ]
-    return _signed(rows(heads, cells))
+    return _with_provenance(rows(heads, cells))
 
 
 def phases(scene: Scene, spent: Sequence[Phase], decoding_s: float) -> str:
-    """Where the time of one thread goes."""
+    """Time of one thread by function."""
     whole = spent[-1].seconds
     cells = [
         [
@@ -101,132 +103,135 @@ def phases(scene: Scene, spent: Sequence[Phase], decoding_s: float) -> str:
     ]
     cells.append(
         [
-            "decoding the file once, nothing else",
+            "for comparison: decoding the file once",
             f"{decoding_s:.2f}",
             f"{decoding_s / whole:.0%}",
             f"{decoding_s / scene.side**2 * 1e9:.2f}",
         ]
     )
-    return _signed(f"{scene.title}, one thread, one run.\n\n" + rows(["", "s", "share", "ns / pixel"], cells))
+    return _with_provenance(
+        f"{scene.title}, one thread, one run.\n\n" + rows(["", "s", "share", "ns / pixel"], cells)
+    )
 
 
-def growing(runs: Sequence[Run], rounds: int) -> str:
-    """Whole processes over larger and larger rasters."""
+def scaling(runs: Sequence[Run], rounds: int) -> str:
+    """Whole processes on rasters of increasing size."""
     heads = ["", "wall s", "CPU s", "peak MB", "wall ns / pixel", "CPU ns / pixel", "decoding once s"]
     cells = [
         [
             run.scene.title,
-            *_cost(run.taken),
-            f"{run.taken.wall_s / run.scene.side**2 * 1e9:.1f}",
-            f"{run.taken.cpu_s / run.scene.side**2 * 1e9:.1f}",
+            *_cost(run.cost),
+            f"{run.cost.wall_s / run.scene.side**2 * 1e9:.1f}",
+            f"{run.cost.cpu_s / run.scene.side**2 * 1e9:.1f}",
             f"{run.decoding_s:.2f}",
         ]
         for run in runs
     ]
-    return _signed(f"Medians of {rounds}.\n\n" + rows(heads, cells))
+    return _with_provenance(f"Medians of {rounds}.\n\n" + rows(heads, cells))
 
 
-def kinds(runs: Sequence[Run], rounds: int) -> str:
-    """Whole processes over other kinds of pixels; the first is what the others are compared with."""
+def pixel_types(runs: Sequence[Run], rounds: int) -> str:
+    """Whole processes on different pixel types; ratios are relative to the first."""
     heads = ["", "wall s", "CPU s", "peak MB", "ns / decoded byte", "ratio", "decoding once s"]
-    per_byte = [run.taken.wall_s / run.decoded_bytes * 1e9 for run in runs]
+    per_byte = [run.cost.wall_s / run.decoded_bytes * 1e9 for run in runs]
     cells = [
-        [run.scene.title, *_cost(run.taken), f"{ns:.1f}", f"{ns / per_byte[0]:.2f}", f"{run.decoding_s:.2f}"]
+        [run.scene.title, *_cost(run.cost), f"{ns:.1f}", f"{ns / per_byte[0]:.2f}", f"{run.decoding_s:.2f}"]
         for run, ns in zip(runs, per_byte, strict=True)
     ]
-    return _signed(f"Medians of {rounds}.\n\n" + rows(heads, cells))
+    return _with_provenance(f"Medians of {rounds}.\n\n" + rows(heads, cells))
 
 
-def again(side: int, found: Again, rounds: int) -> str:
-    """A second question, from a saved block map."""
+def reuse(side: int, found: Reuse, rounds: int) -> str:
+    """A second range from a saved block map."""
     heads = ["", "wall s", "CPU s", "peak MB", "wall / first"]
     named = {
         "`extract RASTER`": found.first,
-        "`divide RASTER`": found.dividing,
-        "`extract blocks.tif`, another range at block edges": found.another,
+        "`divide RASTER`": found.division,
+        "`extract blocks.tif`, another range, unrefined": found.second,
     }
     cells = [
-        [title, *_cost(taken), f"{taken.wall_s / found.first.wall_s:.2f}"] for title, taken in named.items()
+        [title, *_cost(spent), f"{spent.wall_s / found.first.wall_s:.2f}"] for title, spent in named.items()
     ]
-    told = (
-        f"Within one process that has loaded all it needs: the first range {found.first_s:.2f} s, the other "
-        f"from the block map {found.another_s:.2f} s, a share of {found.another_s / found.first_s:.2f}."
+    summary = (
+        f"Within one process, with imports and kernels loaded: first range {found.first_s:.2f} s, "
+        f"second range from the block map {found.second_s:.2f} s, ratio {found.second_s / found.first_s:.2f}."
     )
-    return _signed(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}\n\n{told}")
+    return _with_provenance(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}\n\n{summary}")
 
 
 def threads(side: int, found: Sequence[tuple[int, float, float]], rounds: int) -> str:
-    """What threads gain, beside what they gain on work that shares nothing."""
+    """Speed-up by threads, and that of independent work."""
     _, one, alone = found[0]
     cells = [
         [str(count), f"{segmenting:.2f}", f"{one / segmenting:.2f}", f"{alone / computing:.2f}"]
         for count, segmenting, computing in found
     ]
-    heads = ["threads", "segmentation s", "gain", "gain on work that shares nothing"]
-    return _signed(f"{side}², medians of {rounds}.\n\n" + rows(heads, cells))
+    heads = ["threads", "segmentation s", "speed-up", "speed-up of independent work"]
+    return _with_provenance(f"{side}², medians of {rounds}.\n\n" + rows(heads, cells))
 
 
 def vectors(found: Vectorised, rounds: int) -> str:
     """A label image to polygons."""
     cells = [
-        ["**uavseg**: `outline.trace`, `Shapes`, all threads", f"{found.ours_s:.2f}", "1.00"],
-        ["the same, one thread", f"{found.alone_s:.2f}", f"{found.alone_s / found.ours_s:.2f}"],
+        ["**uavseg**: `trace.trace`, `Shapes`, all threads", f"{found.uavseg_s:.2f}", "1.00"],
+        ["the same, one thread", f"{found.one_thread_s:.2f}", f"{found.one_thread_s / found.uavseg_s:.2f}"],
         [
             "rasterio.features.shapes, shapely.geometry.shape",
-            f"{found.theirs_s:.2f}",
-            f"{found.theirs_s / found.ours_s:.2f}",
+            f"{found.rasterio_s:.2f}",
+            f"{found.rasterio_s / found.uavseg_s:.2f}",
         ],
     ]
-    told = (
-        f"{found.regions} regions in {found.pieces} pieces, {found.vertices} vertices; "
-        f"{found.equal} pieces have the same rings on both sides. Medians of {rounds}."
+    summary = (
+        f"{found.regions} regions in {found.parts} connected parts, {found.vertices} vertices; "
+        f"{found.identical} parts have identical rings in both results. Medians of {rounds}."
     )
-    return _signed(f"{told}\n\n{rows(['', 's', 'ratio'], cells)}")
+    return _with_provenance(f"{summary}\n\n{rows(['', 's', 'ratio'], cells)}")
 
 
-def _cost(taken: Cost) -> list[str]:
-    return [f"{taken.wall_s:.2f}", f"{taken.cpu_s:.2f}", f"{taken.peak_bytes / 1e6:.0f}"]
+def _cost(spent: Cost) -> list[str]:
+    return [f"{spent.wall_s:.2f}", f"{spent.cpu_s:.2f}", f"{spent.peak_bytes / 1e6:.0f}"]
 
 
 def paths(searches: Sequence[Search]) -> str:
-    """Seconds of shortest paths, and how many times ours."""
-    heads = ["", "who", "seconds", "cost", "seconds / uavseg"]
+    """Seconds of shortest paths, also relative to uavseg."""
+    heads = ["", "library", "seconds", "cost", "seconds / uavseg"]
     cells = [
-        [s.field, s.who, f"{s.seconds:.4f}", f"{s.cost:,.1f}", f"{s.seconds / s.ours_s:,.1f}"]
+        [s.field, s.library, f"{s.seconds:.4f}", f"{s.cost:,.1f}", f"{s.seconds / s.uavseg_s:,.1f}"]
         for s in searches
     ]
-    return _signed(f"{rows(heads, cells)}\n\nscikit-image cuts corners, so its paths may be shorter.")
+    return _with_provenance(
+        f"{rows(heads, cells)}\n\nscikit-image cuts corners, so its paths may be shorter."
+    )
 
 
 def accuracy(scores: Sequence[Score], hazards: Sequence[Hazard]) -> str:
-    """Intersection over union of states, and the share of obstacles that is called free."""
+    """Intersection over union of states, and the share of obstacles that is classified as free."""
     parts = []
     for scene in dict.fromkeys(score.scene for score in scores):
         cells = [
-            [s.who, *(f"{value:.3f}" for value in (s.free, s.unknown, s.occupied))]
+            [s.method, *(f"{value:.3f}" for value in (s.free, s.unknown, s.occupied))]
             for s in scores
             if s.scene == scene
         ]
         parts += [f"### {scene}", rows(["intersection over union", "free", "unknown", "occupied"], cells)]
     found = [
-        [hazard.map, f"{hazard.cells:,}", f"{hazard.unrefined:.0%}", f"{hazard.refined:.0%}"]
-        for hazard in hazards
+        [hazard.map, f"{hazard.cells:,}", f"{hazard.before:.0%}", f"{hazard.after:.0%}"] for hazard in hazards
     ]
     if found:
-        heads = ["real map", "cells with v > 0.502", "called free", "after refinement"]
+        heads = ["real map", "cells with v > 0.502", "classified as free", "after refinement"]
         parts += ["### thin walls", rows(heads, found)]
     return "\n\n".join(parts)
 
 
 def small_maps(tasks: Sequence[Task]) -> str:
     """Milliseconds on maps of 320 x 320 cells."""
-    cells = [[task.who, f"{task.lens_ms:.1f}", f"{task.circles_ms:.1f}"] for task in tasks]
-    return _signed(rows(["320 x 320 cells", "lens, ms", "circles, ms"], cells))
+    cells = [[task.title, f"{task.lens_ms:.1f}", f"{task.circles_ms:.1f}"] for task in tasks]
+    return _with_provenance(rows(["320 x 320 cells", "lens, ms", "circles, ms"], cells))
 
 
 def robot(steps: Sequence[Step]) -> str:
-    """What a robot does at sensor rate."""
-    heads = ["", "ms", "merging", "segmenting", "blocks", "of"]
+    """Times of incremental occupancy mapping."""
+    heads = ["", "ms", "merging", "segmenting", "blocks", "remark"]
     cells = [
         [
             s.title,
@@ -238,34 +243,34 @@ def robot(steps: Sequence[Step]) -> str:
         ]
         for s in steps
     ]
-    return _signed(rows(heads, cells))
+    return _with_provenance(rows(heads, cells))
 
 
-def _signed(text: str) -> str:
+def _with_provenance(text: str) -> str:
     return f"{text}\n\n*{datetime.date.today().isoformat()}: {machine()}. {software()}.*"
 
 
-def replaced(document: str, section: str, text: str) -> str:
-    """A document with what stands between the marks of a section replaced.
+def replace_section(document: str, section: str, text: str) -> str:
+    """Replace the text between the markers of a section.
 
     Raises
     ------
     ValueError
-        If the document has no such marks.
+        If the document has no such markers.
 
     Examples
     --------
-    >>> replaced("<!-- a -->old<!-- /a -->, and more", "a", "new")
+    >>> replace_section("<!-- a -->old<!-- /a -->, and more", "a", "new")
     '<!-- a -->\\n\\nnew\\n\\n<!-- /a -->, and more'
     """
     first, last = f"<!-- {section} -->", f"<!-- /{section} -->"
     before, found, rest = document.partition(first)
     _, ended, after = rest.partition(last)
     if not found or not ended:
-        raise ValueError(f"the document has no lines {first} and {last} to write between")
+        raise ValueError(f"the document has no markers {first} and {last}")
     return f"{before}{first}\n\n{text}\n\n{last}{after}"
 
 
-def keep(section: str, text: str, path: Path = README) -> None:
-    """Write a section into README.md."""
-    path.write_text(replaced(path.read_text(), section, text))
+def write_section(section: str, text: str, path: Path = README) -> None:
+    """Write a section of a document."""
+    path.write_text(replace_section(path.read_text(), section, text))

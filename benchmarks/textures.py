@@ -1,4 +1,4 @@
-"""Scenes of two textures or more that have the same grey: equal mean and equal deviation on both sides."""
+"""Scenes of two or more textures with equal mean and equal standard deviation of grey."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from typing import Any
 
 SIDE = 512
 MEAN, DEVIATION, NOISE = 0.5, 0.12, 0.02
-RADIUS = 44  # of a sample, in pixels, where there is room for it
+RADIUS = 44  # pixels: largest radius of a sample
 
-FAMILIES = {  # what is looked for, and what it lies in
+FAMILIES = {  # texture of the objects, textures of the background
     "rows in meadow": ("rows", ("meadow",)),
     "rows in sand": ("rows", ("sand",)),
     "meadow in rows": ("meadow", ("rows",)),
@@ -22,14 +22,14 @@ FAMILIES = {  # what is looked for, and what it lies in
 
 @dataclass(frozen=True)
 class Scene:
-    """A picture with what is looked for, and the disc that shows it.
+    """An image with its ground truth and two samples.
 
     Parameters
     ----------
     image : (512, 512) uint8 array
     truth : (512, 512) bool array
     sample, other : (int, int, int)
-        Row, column and radius of a disc inside the truth, and of one outside of it.
+        Row, column and radius of a disc inside the ground truth, and of one in the background.
     """
 
     image: Any
@@ -39,17 +39,17 @@ class Scene:
 
 
 def scene(family: str, seed: int, side: int = SIDE) -> Scene:
-    """The scene of a family: blobs of one texture in others, the same for the same seed."""
+    """A reproducible scene of a family: blobs of one texture in a background of others."""
     import numpy as np
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
     rng = np.random.default_rng([seed, list(FAMILIES).index(family)])
-    wanted, others = FAMILIES[family]
+    objects, background = FAMILIES[family]
     field = gaussian_filter(rng.normal(size=(side, side)), side / 12)
     truth = field > np.quantile(field, 0.6)
-    ground = gaussian_filter(rng.normal(size=(len(others), side, side)), (0, side / 16, side / 16))
-    image = np.choose(ground.argmax(axis=0), [texture(rng, name, side) for name in others])
-    image = np.where(truth, texture(rng, wanted, side), image) + rng.normal(0, NOISE, (side, side))
+    selector = gaussian_filter(rng.normal(size=(len(background), side, side)), (0, side / 16, side / 16))
+    image = np.choose(selector.argmax(axis=0), [texture(rng, name, side) for name in background])
+    image = np.where(truth, texture(rng, objects, side), image) + rng.normal(0, NOISE, (side, side))
     discs = []
     for mask in (truth, ~truth):
         room = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
@@ -59,7 +59,7 @@ def scene(family: str, seed: int, side: int = SIDE) -> Scene:
 
 
 def texture(rng: Any, name: str, side: int) -> Any:
-    """A texture of mean 0.5 and deviation 0.12."""
+    """A texture of mean 0.5 and standard deviation 0.12."""
     made = TEXTURES[name](rng, side)
     return MEAN + DEVIATION * (made - made.mean()) / made.std()
 
@@ -80,7 +80,7 @@ def _meadow(rng: Any, side: int) -> Any:
 
 
 def _forest(rng: Any, side: int) -> Any:
-    """Crowns: dark gaps between round tops."""
+    """Tree crowns: dark gaps between round tops."""
     import numpy as np
 
     made = -np.abs(_grain(rng, side, 3.0))
@@ -88,7 +88,7 @@ def _forest(rng: Any, side: int) -> Any:
 
 
 def _glint(rng: Any, side: int) -> Any:
-    """Bright points, some of them drawn out."""
+    """Bright points, elongated along rows."""
     import numpy as np
     from scipy.ndimage import gaussian_filter
 
@@ -98,7 +98,7 @@ def _glint(rng: Any, side: int) -> Any:
 
 
 def _rows(direction: float) -> Callable[[Any, int], Any]:
-    """Furrows, seven pixels apart, a little bent."""
+    """Furrows, seven pixels apart, slightly curved."""
 
     def draw(rng: Any, side: int) -> Any:
         import numpy as np

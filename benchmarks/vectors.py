@@ -1,8 +1,8 @@
-"""A label image to polygons, beside rasterio and shapely.
+"""Vectorisation of a label image, compared with rasterio and shapely.
 
     python -m benchmarks.vectors SIDE ROUNDS
 
-Bent cells of 26 x 26 pixels, of which neighbours share their borders: 100 000 of them at a side of 8192.
+Adjacent, distorted cells of 26 x 26 pixels: 100 000 of them at a side of 8192.
 """
 
 import json
@@ -23,50 +23,51 @@ CELL = 25.92  # pixels; 316 cells across 8192
 
 @dataclass(frozen=True, slots=True)
 class Vectorised:
-    """What was measured.
+    """Result of the measurement.
 
     Parameters
     ----------
-    regions, pieces, vertices : int
-        Of the label image; pieces are what rasterio makes a polygon of.
-    ours_s, alone_s, theirs_s : float
-        Medians: with all threads, with one, and of `rasterio.features.shapes` and `shapely.geometry.shape`.
-    equal : int
-        Pieces whose polygons have the same rings on both sides.
+    regions, parts, vertices : int
+        Counts for the label image; a part is a connected part of a region, one polygon of rasterio.
+    uavseg_s, one_thread_s, rasterio_s : float
+        Medians of uavseg with all threads, of uavseg with one, and of `rasterio.features.shapes` with
+        `shapely.geometry.shape`.
+    identical : int
+        Number of parts with identical rings in both results.
     """
 
     regions: int
-    pieces: int
+    parts: int
     vertices: int
-    ours_s: float
-    alone_s: float
-    theirs_s: float
-    equal: int
+    uavseg_s: float
+    one_thread_s: float
+    rasterio_s: float
+    identical: int
 
 
 def vectorised(side: int = SIDE, rounds: int = 5) -> Vectorised:
-    """Measure in a process of its own, so that the caller stays small."""
+    """Measure in a child process, so that the caller needs little memory."""
     command = [sys.executable, "-m", "benchmarks.vectors", str(side), str(rounds)]
-    told = subprocess.run(
+    output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return Vectorised(**json.loads(told))
+    return Vectorised(**json.loads(output))
 
 
-def cells(side: int) -> Any:
+def label_image(side: int) -> Any:
     """The label image, a (side, side) uint32 array."""
     import numpy as np
 
-    from benchmarks.data import TILE, Ground
+    from benchmarks.data import TILE, Terrain
 
     across = int(np.ceil(side / CELL)) + 4
     labels = np.empty((side, side), np.uint32)
     for row in range(0, side, TILE):
         for col in range(0, side, TILE):
-            ground = Ground(row, col)
-            rows = np.arange(row, row + TILE)[:, None] + 4 * ground.noise(24, 40) + 2 * ground.noise(5, 41)
-            cols = np.arange(col, col + TILE)[None, :] + 4 * ground.noise(24, 42) + 2 * ground.noise(5, 43)
-            # Cells at the edges of the picture swallow what is bent beyond them.
+            terrain = Terrain(row, col)
+            rows = np.arange(row, row + TILE)[:, None] + 4 * terrain.noise(24, 40) + 2 * terrain.noise(5, 41)
+            cols = np.arange(col, col + TILE)[None, :] + 4 * terrain.noise(24, 42) + 2 * terrain.noise(5, 43)
+            # Displacements beyond the edges of the image are clipped into the outermost cells.
             down = np.clip(rows / CELL, 0, side / CELL - 0.5).astype(np.uint32)
             right = np.clip(cols / CELL, 0, side / CELL - 0.5).astype(np.uint32)
             names = down * np.uint32(across) + right + np.uint32(1)
@@ -86,34 +87,34 @@ def _measured(side: int, rounds: int) -> Vectorised:
     from uavseg.regions.outline.trace import trace
     from uavseg.regions.shapes import LazyPolygons
 
-    labels = np.unique(cells(side), return_inverse=True)[1].reshape(side, side).astype(np.uint32) + np.uint32(
-        1
-    )
-    signed = labels.astype(np.int32)  # the widest that rasterio takes
-    way = Affine(0.5, 0, 5e5, 0, -0.5, 5e6)
+    labels = np.unique(label_image(side), return_inverse=True)[1].reshape(side, side).astype(
+        np.uint32
+    ) + np.uint32(1)
+    signed = labels.astype(np.int32)  # the widest type that rasterio accepts
+    transform = Affine(0.5, 0, 5e5, 0, -0.5, 5e6)
 
-    def ours(map: Any) -> Any:
-        return np.asarray(LazyPolygons(trace(labels, map), way))
+    def uavseg_result(map: Any) -> Any:
+        return np.asarray(LazyPolygons(trace(labels, map), transform))
 
-    def theirs() -> Any:
+    def rasterio_result() -> Any:
         return [
             (value, shapely.geometry.shape(shape))
-            for shape, value in rasterio.features.shapes(signed, transform=way)
+            for shape, value in rasterio.features.shapes(signed, transform=transform)
         ]
 
-    trace(labels[:64, :64])  # compiled, or loaded
-    times: dict[str, list[float]] = {"ours": [], "alone": [], "theirs": []}
+    trace(labels[:64, :64])  # compiles or loads the kernels
+    times: dict[str, list[float]] = {"uavseg": [], "one_thread": [], "rasterio": []}
     for _ in range(rounds):
-        mine = _timed(times["ours"], lambda: ours(threads()))
-        _timed(times["alone"], lambda: ours(serial))
-        found = _timed(times["theirs"], theirs)
+        mine = _timed(times["uavseg"], lambda: uavseg_result(threads()))
+        _timed(times["one_thread"], lambda: uavseg_result(serial))
+        found = _timed(times["rasterio"], rasterio_result)
     values = np.array([value for value, _ in found], np.int64)
     other = np.array([shape for _, shape in found], object)
     parts, owners = shapely.get_parts(mine, return_index=True)
     medians = {f"{name}_s": statistics.median(taken) for name, taken in times.items()}
     vertices = int(shapely.get_num_coordinates(parts).sum())
-    equal = _equal(parts, owners + 1, other, values)
-    return Vectorised(len(mine), len(other), vertices, equal=equal, **medians)
+    identical = _count_identical(parts, owners + 1, other, values)
+    return Vectorised(len(mine), len(other), vertices, identical=identical, **medians)
 
 
 def _timed(times: list[float], call: Callable[[], Any]) -> Any:
@@ -123,8 +124,8 @@ def _timed(times: list[float], call: Callable[[], Any]) -> Any:
     return found
 
 
-def _equal(parts: Any, labels: Any, other: Any, values: Any) -> int:
-    """How many polygons of one side are on the other, with the same label and the same rings."""
+def _count_identical(parts: Any, labels: Any, other: Any, values: Any) -> int:
+    """Number of polygons of one result that occur in the other, with the same label and the same rings."""
     import shapely
 
     def named(shapes: Any, names: Any) -> set[tuple[int, bytes]]:

@@ -1,7 +1,7 @@
-"""What the sample pictures are drawn with: noise, lines, round tops, light and shadow.
+"""Drawing primitives of the sample rasters: noise, distances to lines, domes, hillshade and shadows.
 
-Only additions, multiplications, divisions and square roots are used, and random bits whose stream numpy
-promises to keep: so the pixels are the same on every machine and with every version of numpy.
+Only additions, multiplications, divisions and square roots are used, and a random bit stream that numpy
+guarantees to keep. The pixels are therefore identical on every machine and with every version of numpy.
 """
 
 from collections.abc import Sequence
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Shape = tuple[int, ...]
-Line = Sequence[tuple[float, float]]  # (row, col) of its corners
+Line = Sequence[tuple[float, float]]  # (row, col) of its vertices
 
 
-class Dice:
-    """Random numbers whose stream never changes."""
+class RandomStream:
+    """Random numbers that are identical with every version of numpy."""
 
     def __init__(self, seed: int) -> None:
         self._bits = np.random.PCG64(seed)
 
-    def roll(self, *shape: int) -> Array:
-        """Numbers from [0, 1), evenly spread."""
+    def uniform(self, *shape: int) -> Array:
+        """Uniformly distributed numbers from [0, 1)."""
         raw = self._bits.random_raw(int(np.prod(shape)))
         return (raw >> np.uint64(11)).astype(np.float64).reshape(shape) * 2.0**-53
 
@@ -35,7 +35,7 @@ def grid(shape: Shape) -> tuple[Array, Array]:
 
 
 def blur(image: Array, radius: int, passes: int = 3) -> Array:
-    """Box means, a few times over: nearly a Gaussian."""
+    """Repeated box filter, approximately a Gaussian."""
     side = 2 * radius + 1
     for axis in (0, 1) * passes:
         image = np.moveaxis(image, axis, 0)
@@ -45,55 +45,55 @@ def blur(image: Array, radius: int, passes: int = 3) -> Array:
 
 
 def soften(image: Array) -> Array:
-    """As a lens does: half of every pixel is the mean of its neighbourhood."""
+    """Blur of a lens: the mean of each pixel and its 3 x 3 box mean."""
     return (image + blur(image, 1, passes=1)) / 2
 
 
-def noise(dice: Dice, shape: Shape, scale: int) -> Array:
-    """Cloudy noise with blobs of about `scale` pixels, 0 on average, two thirds of it within -1..1."""
-    white = dice.roll(*shape) + dice.roll(*shape) - 1
-    return _levelled(blur(white, scale) if scale else white)
+def noise(rng: RandomStream, shape: Shape, scale: int) -> Array:
+    """Smooth noise with blobs of about `scale` pixels, mean 0, two thirds of the values within -1..1."""
+    white = rng.uniform(*shape) + rng.uniform(*shape) - 1
+    return _normalised(blur(white, scale) if scale else white)
 
 
-def waves(dice: Dice, shape: Shape) -> Array:
-    """Short waves whose crests lie across the wind."""
-    crests = dice.roll(*shape) - 0.5
+def waves(rng: RandomStream, shape: Shape) -> Array:
+    """Short waves with oblique crests."""
+    crests = rng.uniform(*shape) - 0.5
     for shift in range(1, 5):
         crests = (crests + np.roll(crests, (shift, 3 * shift), axis=(0, 1))) / 2
-    return _levelled(blur(crests, 1))
+    return _normalised(blur(crests, 1))
 
 
-def _levelled(image: Array) -> Array:
+def _normalised(image: Array) -> Array:
     return image / (1.4826 * float(np.median(np.abs(image))))
 
 
 def smooth(ramp: Array) -> Array:
-    """0..1 with rounded ends."""
+    """Smoothstep: maps 0..1 to 0..1 with zero slope at both ends."""
     return ramp * ramp * (3 - 2 * ramp)
 
 
 def wave(phase: Array) -> Array:
-    """0..1..0 once for each whole number of `phase`."""
+    """Smooth periodic wave 0..1..0 with a period of 1 in `phase`."""
     return smooth(1 - np.abs(2 * (phase - np.floor(phase)) - 1))
 
 
 def terraces(depth: Array) -> Array:
-    """Steps with steep faces in the place of an even slope."""
+    """Replace an even slope by steps with steep faces."""
     step = np.floor(depth)
     return step + smooth(np.clip((depth - step) * 4, 0, 1))
 
 
 def mix(first: Sequence[float], second: Sequence[float], share: Array) -> Array:
-    """From one colour to another, a (3, rows, cols) array."""
+    """Linear interpolation between two colours, a (3, rows, cols) array."""
     a, b = (np.array(colour, dtype=np.float64)[:, None, None] for colour in (first, second))
     mixed: Array = a + (b - a) * share
     return mixed
 
 
 def distance(shape: Shape, line: Line) -> Array:
-    """Distance in pixels from a broken line, or from a point."""
+    """Distance in pixels from a polyline or a point."""
     pairs = list(pairwise(line)) or [(line[0], line[0])]
-    return nearest(*(_segment_distance(shape, a, b) for a, b in pairs))
+    return union_distance(*(_segment_distance(shape, a, b) for a, b in pairs))
 
 
 def _segment_distance(shape: Shape, a: tuple[float, float], b: tuple[float, float]) -> Array:
@@ -105,24 +105,24 @@ def _segment_distance(shape: Shape, a: tuple[float, float], b: tuple[float, floa
     return np.sqrt(away_rows * away_rows + away_cols * away_cols)
 
 
-def nearest(*distances: Array) -> Array:
-    """The least of several distances."""
+def union_distance(*distances: Array) -> Array:
+    """Minimum of several distances: the distance to the union of their shapes."""
     least: Array = np.minimum.reduce(distances)
     return least
 
 
-def bent(*line: tuple[float, float]) -> Line:
-    """The line with its corners cut three times (Chaikin)."""
+def chaikin(*line: tuple[float, float]) -> Line:
+    """The polyline after three iterations of Chaikin's corner cutting."""
     for _ in range(3):
         cut = [(0.75 * a + 0.25 * b, 0.25 * a + 0.75 * b) for a, b in pairwise(np.array(line))]
         line = (line[0], *(tuple(point) for pair in cut for point in pair), line[-1])
     return line
 
 
-def domes(dice: Dice, shape: Shape, count: int, radii: tuple[float, float], where: Mask) -> Array:
-    """Heights of `count` round tops (trees, heaps), of those whose middle is allowed; 0 between them."""
+def domes(rng: RandomStream, shape: Shape, count: int, radii: tuple[float, float], where: Mask) -> Array:
+    """Heights of up to `count` random domes (trees, heaps) with their centres in `where`; 0 between them."""
     height = np.zeros(shape)
-    for row, col, size, lift in zip(*dice.roll(4, count), strict=True):
+    for row, col, size, lift in zip(*rng.uniform(4, count), strict=True):
         row, col = row * shape[0], col * shape[1]
         if where[int(row), int(col)]:
             _raise_dome(height, row, col, radii[0] + (radii[1] - radii[0]) * size, 4 * lift)
@@ -140,7 +140,7 @@ def _raise_dome(height: Array, row: float, col: float, radius: float, lift: floa
 
 
 def hillshade(height: Array, steep: float) -> Array:
-    """Light from the upper left, 0..1; flat ground has 0.5."""
+    """Hillshade with light from the upper left, 0..1; flat terrain has 0.5."""
     down, right = np.gradient(height)
     slope = steep * (down + right)
     light: Array = 0.5 + 0.5 * slope / np.sqrt(1 + slope * slope)
@@ -148,30 +148,32 @@ def hillshade(height: Array, steep: float) -> Array:
 
 
 def shadow(height: Array, reach: int, fall: float) -> Mask:
-    """Where something up to `reach` pixels to the upper left hides the sun."""
+    """Mask of the pixels shaded by terrain up to `reach` pixels to the upper left."""
     dark = np.zeros(height.shape, dtype=bool)
     for step in range(1, reach):
         dark[step:, step:] |= height[:-step, :-step] > height[step:, step:] + fall * step + 0.5
     return dark
 
 
-def farmland(dice: Dice, shape: Shape, side: int) -> tuple[Array, Array]:
-    """Brightness of leaning parcels, and the rows in them."""
+def farmland(rng: RandomStream, shape: Shape, side: int) -> tuple[Array, Array]:
+    """Brightness of oblique parcels, and the crop rows in them."""
     rows, cols = grid(shape)
     along, across = (cols + 0.2 * rows) / side, (rows - 0.2 * cols + 200) / (0.7 * side)
-    tone = dice.roll(32, 32)[across.astype(int) % 32, along.astype(int) % 32]
+    tone = rng.uniform(32, 32)[across.astype(int) % 32, along.astype(int) % 32]
     edge = (wave(along + 0.5) > 0.985) | (wave(across + 0.5) > 0.985)
     return 0.2 * (tone - 0.35) - 0.05 * edge, np.where(tone > 0.5, wave(along * 12), wave(across * 9))
 
 
-def frames(dice: Dice, shape: Shape, half: tuple[float, float], step: tuple[int, int]) -> Mask:
-    """What a drone saw: leaning photographs of half-size `half`, about `step` pixels apart."""
+def photo_footprints(
+    rng: RandomStream, shape: Shape, half: tuple[float, float], step: tuple[int, int]
+) -> Mask:
+    """Mask of the union of rotated drone photographs of half-size `half`, about `step` pixels apart."""
     rows, cols = grid(shape)
-    seen = np.zeros(shape, dtype=bool)
+    covered = np.zeros(shape, dtype=bool)
     for row in range(int(half[0]) + 30, int(shape[0] - half[0] - 20), step[0]):
         for col in range(int(half[1]) + 30, int(shape[1] - half[1] - 20), step[1]):
-            lean, down, right = (dice.roll(3) - 0.5) * (0.2, 26, 26)
+            lean, down, right = (rng.uniform(3) - 0.5) * (0.2, 26, 26)
             away_rows, away_cols = rows - row - down, cols - col - right
             along, across = away_cols - (lean + 0.12) * away_rows, away_rows + (lean + 0.12) * away_cols
-            seen |= (np.abs(across) < half[0]) & (np.abs(along) < half[1])
-    return seen
+            covered |= (np.abs(across) < half[0]) & (np.abs(along) < half[1])
+    return covered

@@ -1,6 +1,7 @@
 """Which way imports point, and that starting up brings in nothing heavy."""
 
 import ast
+import json
 import os
 import subprocess
 import sys
@@ -232,6 +233,11 @@ def test_the_imports_are_seen() -> None:
 
 def loaded_by(program: str) -> set[str]:
     """Top-level packages that a program has loaded at its end."""
+    return {name.split(".")[0] for name in modules_loaded_by(program)}
+
+
+def modules_loaded_by(program: str) -> set[str]:
+    """Modules that a program has loaded at its end."""
     script = f"{program}\nimport sys; print('\\n' + ' '.join(sys.modules))"
     search = os.pathsep.join([str(PACKAGE.parent), os.environ.get("PYTHONPATH", "")])
     run = subprocess.run(
@@ -242,7 +248,7 @@ def loaded_by(program: str) -> set[str]:
         env={**os.environ, "PYTHONPATH": search},
     )
     assert run.returncode == 0, run.stderr
-    return {name.split(".")[0] for name in run.stdout.splitlines()[-1].split()}
+    return set(run.stdout.splitlines()[-1].split())
 
 
 def test_importing_the_package_brings_in_nothing_heavy() -> None:
@@ -265,6 +271,26 @@ def test_help_of_a_command_brings_in_nothing_heavy_but_numpy() -> None:
         "    main([name, '--help'], standalone_mode=False)"
     )
     assert not loaded_by(program) & HEAVY - {"numpy"}  # which comes with the hook that tells of compiling
+
+
+def test_planning_over_a_file_of_regions_loads_no_tracer(tmp_path: Path) -> None:
+    square = {
+        "type": "Polygon",
+        "coordinates": [[[8, 47], [8.001, 47], [8.001, 47.001], [8, 47.001], [8, 47]]],
+    }
+    feature = {"type": "Feature", "properties": {"id": 1}, "geometry": square}
+    regions, mission = tmp_path / "regions.geojson", tmp_path / "fly.plan"
+    regions.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    words = ["plan", str(regions), "-o", str(mission), "--altitude", "60", "--home", "auto", "-q"]
+    loaded = modules_loaded_by(f"from uavseg.cli import main; main({words!r}, standalone_mode=False)")
+    assert mission.exists() and "uavseg.regions.table" in loaded
+    assert not {name for name in loaded if name.startswith(("uavseg.regions.outline", "uavseg.segmentation"))}
+
+
+def test_ros_maps_load_no_beams() -> None:
+    loaded = modules_loaded_by("import uavseg.occupancy.ros, uavseg.occupancy.ros.ros_map")
+    assert "uavseg.occupancy.ros.ros_map" in loaded
+    assert not {name for name in loaded if name.startswith("uavseg.occupancy.mapping")}
 
 
 def test_public_words_are_there_when_they_are_used() -> None:

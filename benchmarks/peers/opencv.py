@@ -1,4 +1,4 @@
-"""What someone who cares about speed writes with OpenCV: ``opencv.py RASTER OUTPUT``."""
+"""An optimised script with OpenCV: ``opencv.py RASTER OUTPUT``."""
 
 import sys
 from itertools import chain
@@ -26,7 +26,8 @@ image = cv2.GaussianBlur(image, (5, 5), 0, dst=image)
 mask = cv2.compare(image, LOW * white, cv2.CMP_GE)
 del image
 
-# connectedComponents works on all cores, with statistics it does not; counting band by band is quicker.
+# connectedComponents is multi-threaded, connectedComponentsWithStats is not: counting strip by strip is
+# faster.
 count, labels = cv2.connectedComponents(mask, connectivity=4, ltype=cv2.CV_32S)
 sizes = np.zeros(count, np.int64)
 for top in range(0, len(labels), 256):
@@ -36,7 +37,7 @@ keep[0] = 0
 mask = keep[labels]
 del labels
 
-# All rings at once: one call of shapely for the rings, one for the polygons.
+# Vectorised: one shapely call for all rings, one for all polygons.
 rings, owners = [], []
 for number, (polygon, _) in enumerate(
     rasterio.features.shapes(mask, mask, connectivity=4, transform=transform)

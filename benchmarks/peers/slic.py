@@ -1,4 +1,4 @@
-"""Superpixels of scikit-image, those whose mean is in the range, joined: ``slic.py RASTER OUTPUT``."""
+"""SLIC superpixels of scikit-image, selected by their mean and merged: ``slic.py RASTER OUTPUT``."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""What the tutorials say: numpy, scipy, rasterio and geopandas: ``usual.py RASTER OUTPUT``."""
+"""A script as in the usual tutorials, with scipy, rasterio and geopandas: ``usual.py RASTER OUTPUT``."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""How well regions match what a person would draw: seeded scenes with truth, marks, methods.
+"""Segmentation quality: seeded scenes with ground truth, metrics, and the methods to compare.
 
-``python -m benchmarks --quality`` measures; docs/quality.md keeps the tables and tells how to read them.
+``python -m benchmarks --quality`` runs it; docs/quality.md holds the tables and explains them.
 """

@@ -1,4 +1,4 @@
-"""Who is measured: each method makes a mask of a scene, with one of its settings."""
+"""The methods that are compared: each one segments a scene into a mask, with one of its settings."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from benchmarks.quality import ours, peers
 from benchmarks.quality.camera import Mask
 from benchmarks.quality.scenes import Scene
 
-Kind = Literal["ours", "peer", "beyond"]
+Kind = Literal["uavseg", "peer", "target"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,64 +18,64 @@ class Method:
 
     Parameters
     ----------
-    who, setting : str
-        Together they name it.
-    find : callable
-        From a scene to a mask; it must survive pickling.
-    kind : {"ours", "peer", "beyond"}
-        Beyond the peers is what nobody runs by default, as a goal.
+    name, setting : str
+        Together they identify it.
+    segment : callable
+        From a scene to a mask; picklable.
+    kind : {"uavseg", "peer", "target"}
+        A target is listed below the peers and does not count as one.
     default : bool
-        Whether this is the setting that one gets by naming none.
-    middle : int, optional
-        Only the square of this side in the middle of a scene is looked at: the method is slow.
+        Whether this is the method's default setting.
+    crop : int, optional
+        Side of the central square of a scene that a slow method is restricted to.
     """
 
-    who: str
+    name: str
     setting: str
-    find: Callable[[Scene], Mask]
+    segment: Callable[[Scene], Mask]
     kind: Kind = "peer"
     default: bool = False
-    middle: int | None = None
+    crop: int | None = None
 
     @property
     def key(self) -> tuple[str, str]:
-        """Its name."""
-        return self.who, self.setting
+        """Unique identifier."""
+        return self.name, self.setting
 
 
-def methods(words: Sequence[str] = ()) -> list[Method]:
-    """Everybody; us also with these words of refinement.
+def methods(refinements: Sequence[str] = ()) -> list[Method]:
+    """All methods, uavseg also with additional refinements.
 
     Parameters
     ----------
-    words : sequence of str
+    refinements : sequence of str
         See `ours.settings`.
     """
-    return _ours(words) + [method for rows in _PEERS for method in rows]
+    return _ours(refinements) + [method for rows in _PEERS for method in rows]
 
 
-def _ours(words: Sequence[str]) -> list[Method]:
+def _ours(refinements: Sequence[str]) -> list[Method]:
     return [
-        Method("uavseg", name, partial(ours.extracted, params=params), "ours", name == ours.DEFAULT)
-        for name, params in ours.settings(words).items()
+        Method("uavseg", name, partial(ours.extracted, params=params), "uavseg", name == ours.DEFAULT)
+        for name, params in ours.settings(refinements).items()
     ]
 
 
-def _several(
-    who: str,
-    find: Callable[..., Mask],
+def _with_settings(
+    name: str,
+    segment: Callable[..., Mask],
     settings: Sequence[dict[str, Any]],
     kind: Kind = "peer",
-    middle: int | None = None,
+    crop: int | None = None,
 ) -> list[Method]:
     """A method with its settings, the default one first."""
     return [
-        Method(who, _told(setting), partial(find, **setting), kind, k == 0, middle)
+        Method(name, _setting_text(setting), partial(segment, **setting), kind, k == 0, crop)
         for k, setting in enumerate(settings)
     ]
 
 
-def _told(setting: dict[str, Any]) -> str:
+def _setting_text(setting: dict[str, Any]) -> str:
     return ", ".join(f"{name} {value:g}" for name, value in setting.items() if value is not None)
 
 
@@ -95,13 +95,13 @@ _SLIC = [
     )
 ]
 _WALKS = [{"beta": beta, "sigma": sigma} for beta, sigma in ((130, 1), (130, 2), (1000, 1), (1000, 3))]
-_SNAKES = [{"mu": mu} for mu in (0.25, 0.05)]
+_CONTOURS = [{"mu": mu} for mu in (0.25, 0.05)]
 _PEERS = [
-    _several("blur and threshold", peers.blurred, _BLURS),
-    _several("Otsu", peers.otsu, [{"sigma": sigma} for sigma in (0, 0.7, 1, 1.5, 2, 3, 4)]),
-    _several("felzenszwalb", peers.felzenszwalbs, _FELZENSZWALB),
-    _several("SLIC", peers.superpixels, _SLIC),
-    _several("random walker", peers.walked, _WALKS),
-    _several("Chan-Vese", peers.chan_vese, _SNAKES, middle=256),
-    _several("total variation", peers.denoised, [{"times": times} for times in (2, 1)], "beyond"),
+    _with_settings("blur and threshold", peers.blur_threshold, _BLURS),
+    _with_settings("Otsu", peers.otsu, [{"sigma": sigma} for sigma in (0, 0.7, 1, 1.5, 2, 3, 4)]),
+    _with_settings("felzenszwalb", peers.felzenszwalb_segments, _FELZENSZWALB),
+    _with_settings("SLIC", peers.slic_segments, _SLIC),
+    _with_settings("random walker", peers.random_walk, _WALKS),
+    _with_settings("Chan-Vese", peers.chan_vese, _CONTOURS, crop=256),
+    _with_settings("total variation", peers.denoised, [{"times": times} for times in (2, 1)], "target"),
 ]

@@ -1,4 +1,4 @@
-"""How near a mask comes to the truth, in five numbers."""
+"""Segmentation metrics against the ground truth: IoU, boundary F, variation of information, and others."""
 
 from dataclasses import dataclass
 
@@ -8,38 +8,38 @@ from scipy import ndimage
 from skimage.metrics import variation_of_information
 
 Mask = NDArray[np.bool_]
-NEAR = 2.0  # pixels
+TOLERANCE = 2.0  # pixels
 
 
 @dataclass(frozen=True, slots=True)
-class Marks:
-    """What is said of one answer.
+class Metrics:
+    """Metrics of one result.
 
     Parameters
     ----------
     iou : float
-        Intersection over union, 1 at best.
+        Intersection over union; best is 1.
     boundary_f : float
-        Harmonic mean of precision and recall of boundary pixels within 2 pixels, 1 at best
+        Harmonic mean of precision and recall of boundary pixels within 2 pixels; best is 1
         (Martin, Fowlkes and Malik 2004, without their one-to-one matching).
     vi : float
-        Variation of information between the partitions into connected regions and ground, in bits, 0 at best
-        (Meila 2007; scikit-image's).
-    pieces : float
-        Connected regions found per true region, 1 at best.
+        Variation of information between the partitions into connected regions and background, in bits;
+        best is 0 (Meila 2007; computed with scikit-image).
+    region_ratio : float
+        Connected regions found per true region; best is 1.
     area_error : float
-        How far the area is off, as a share of the true one, 0 at best.
+        Absolute error of the area, as a share of the true area; best is 0.
     """
 
     iou: float
     boundary_f: float
     vi: float
-    pieces: float
+    region_ratio: float
     area_error: float
 
 
-def marks(found: Mask, truth: Mask, valid: Mask) -> Marks:
-    """All marks of an answer; pixels that are not valid never count.
+def measure(found: Mask, truth: Mask, valid: Mask) -> Metrics:
+    """All metrics of a result; invalid pixels are not counted.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def marks(found: Mask, truth: Mask, valid: Mask) -> Marks:
     (parts, count), (true_parts, true_count) = ndimage.label(found), ndimage.label(truth)
     splits, merges = variation_of_information(true_parts[valid], parts[valid])
     area, true_area = int(found.sum()), int(truth.sum())
-    return Marks(
+    return Metrics(
         iou(found, truth),
         boundary_f(found, truth, valid),
         float(splits + merges),
@@ -70,26 +70,26 @@ def iou(found: Mask, truth: Mask) -> float:
     return int((found & truth).sum()) / either if either else 1.0
 
 
-def boundary_f(found: Mask, truth: Mask, valid: Mask, near: float = NEAR) -> float:
-    """Harmonic mean of the shares of either boundary that lie within `near` pixels of the other one.
+def boundary_f(found: Mask, truth: Mask, valid: Mask, tolerance: float = TOLERANCE) -> float:
+    """Harmonic mean of precision and recall of boundary pixels, within `tolerance` pixels.
 
     Examples
     --------
-    >>> there = np.zeros((9, 9), bool)
-    >>> there[2:5, 2:5] = True
-    >>> every = np.ones_like(there)
-    >>> boundary_f(there, there, every), boundary_f(there, np.roll(there, 4, (0, 1)), every)
+    >>> square = np.zeros((9, 9), bool)
+    >>> square[2:5, 2:5] = True
+    >>> everywhere = np.ones_like(square)
+    >>> boundary_f(square, square, everywhere), boundary_f(square, np.roll(square, 4, (0, 1)), everywhere)
     (1.0, 0.0)
     """
     one, other = boundary(found, valid), boundary(truth, valid)
     if not one.any() or not other.any():
         return float(one.any() == other.any())
-    precision, recall = _share_near(one, other, near), _share_near(other, one, near)
+    precision, recall = _share_within(one, other, tolerance), _share_within(other, one, tolerance)
     return 2 * precision * recall / (precision + recall) if precision + recall else 0.0
 
 
 def boundary(mask: Mask, valid: Mask) -> Mask:
-    """Pixels of a mask beside a valid one that is not of it (4-connectivity).
+    """Pixels of a mask that are 4-adjacent to a valid pixel outside the mask.
 
     Examples
     --------
@@ -99,5 +99,5 @@ def boundary(mask: Mask, valid: Mask) -> Mask:
     return np.asarray(mask & ndimage.binary_dilation(valid & ~mask))
 
 
-def _share_near(pixels: Mask, others: Mask, near: float) -> float:
-    return float((ndimage.distance_transform_edt(~others)[pixels] <= near).mean())
+def _share_within(pixels: Mask, others: Mask, tolerance: float) -> float:
+    return float((ndimage.distance_transform_edt(~others)[pixels] <= tolerance).mean())

@@ -1,4 +1,4 @@
-"""uavseg as a method: what ``uavseg extract`` gives, over an array in memory."""
+"""uavseg as a method: the regions of ``uavseg extract`` as a mask, for an array in memory."""
 
 from collections.abc import Sequence
 
@@ -27,19 +27,19 @@ SETTINGS = {
 }
 
 
-def settings(words: Sequence[str] = ()) -> dict[str, SegmentParams]:
-    """Our settings by name, and the adaptive method with each of these words of refinement.
+def settings(refinements: Sequence[str] = ()) -> dict[str, SegmentParams]:
+    """Settings of uavseg by name, and the adaptive method with each of these refinements.
 
     Raises
     ------
     uavseg.errors.ParameterError
-        If a word means nothing.
+        If a refinement is unknown.
     """
-    return SETTINGS | {f"adaptive, {word}": SegmentParams(refine=word) for word in words}  # type: ignore[arg-type]
+    return SETTINGS | {f"adaptive, {refine}": SegmentParams(refine=refine) for refine in refinements}  # type: ignore[arg-type]
 
 
 def extracted(scene: Scene, params: SegmentParams) -> Mask:
-    """Pixels of the regions of a scene."""
+    """Mask of the extracted regions of a scene."""
     dataset = Dataset.of_values(scene.v, GeoBox(scene.v.shape, Affine.identity(), None), "scene")
     found = extract(Raster(dataset, StretchSpec("none")), ExtractRequest(IntensityRange(*RANGE), params))
     if len(found.rings.starts) == 0:

@@ -1,7 +1,6 @@
-"""What people would run instead: each gives a mask of a scene, for the same range where it takes one.
+"""Peer methods: usual segmentations of a scene into a mask, with the same range where a method uses one.
 
-Pixels that are not valid are left out of means and superpixels where a method can do so; elsewhere they are
-black.
+Invalid pixels are excluded from means and superpixels where a method supports it; elsewhere they are black.
 """
 
 import numpy as np
@@ -16,29 +15,29 @@ from benchmarks.quality.camera import Mask
 from benchmarks.quality.planes import Plane
 from benchmarks.quality.scenes import RANGE, Scene
 
-_MARGIN = 0.08  # of v: a pixel so far from the edge of the range is a marker of the random walker
+_MARKER_MARGIN = 0.08  # of v: pixels at least this far from the lower bound of the range are markers
 _DEFAULT_SEGMENTS = 100  # scikit-image's for SLIC
 
 
-def blurred(scene: Scene, sigma: float) -> Mask:
-    """A Gaussian blur over the valid pixels, and the range."""
+def blur_threshold(scene: Scene, sigma: float) -> Mask:
+    """Gaussian blur over the valid pixels, then the range."""
     return _in_range(scene, _blur(scene, sigma))
 
 
 def otsu(scene: Scene, sigma: float) -> Mask:
-    """Otsu's threshold (1979) of the blurred picture; no range is asked for."""
+    """Otsu's threshold (1979) of the blurred image; the range is not used."""
     image = _blur(scene, sigma)
     return np.asarray(image > threshold_otsu(image[scene.valid]))
 
 
-def felzenszwalbs(scene: Scene, scale: float, sigma: float, min_size: int) -> Mask:
+def felzenszwalb_segments(scene: Scene, scale: float, sigma: float, min_size: int) -> Mask:
     """Felzenszwalb and Huttenlocher's segments (2004) whose mean is in range."""
     image = np.nan_to_num(scene.v)
     return _by_mean(scene, felzenszwalb(image, scale, sigma, min_size, channel_axis=None))
 
 
-def superpixels(scene: Scene, pixels: float | None, compactness: float, sigma: float) -> Mask:
-    """SLIC superpixels (Achanta et al. 2012) of about so many pixels whose mean is in range."""
+def slic_segments(scene: Scene, pixels: float | None, compactness: float, sigma: float) -> Mask:
+    """SLIC superpixels (Achanta et al. 2012) of about `pixels` pixels whose mean is in range."""
     count = _DEFAULT_SEGMENTS if pixels is None else int(scene.valid.sum() / pixels)
     mask = None if scene.valid.all() else scene.valid
     image = np.nan_to_num(scene.v)
@@ -46,12 +45,12 @@ def superpixels(scene: Scene, pixels: float | None, compactness: float, sigma: f
     return _by_mean(scene, segments)
 
 
-def walked(scene: Scene, beta: float, sigma: float) -> Mask:
-    """The random walker (Grady 2006) from markers: blurred pixels well inside the range, or outside."""
+def random_walk(scene: Scene, beta: float, sigma: float) -> Mask:
+    """The random walker (Grady 2006); markers are blurred pixels well above or below the lower bound."""
     image = _blur(scene, sigma)
     markers = np.zeros(image.shape, np.int8)
-    markers[image < RANGE[0] - _MARGIN] = 1
-    markers[image > RANGE[0] + _MARGIN] = 2
+    markers[image < RANGE[0] - _MARKER_MARGIN] = 1
+    markers[image > RANGE[0] + _MARKER_MARGIN] = 2
     markers[~scene.valid] = -1
     if not {1, 2} <= set(np.unique(markers)):
         return np.asarray(markers == 2)
@@ -59,33 +58,33 @@ def walked(scene: Scene, beta: float, sigma: float) -> Mask:
 
 
 def chan_vese(scene: Scene, mu: float) -> Mask:
-    """Chan and Vese's two phases (2001); the one whose mean is in range."""
+    """The phases of Chan and Vese (2001) whose mean is in range."""
     image = np.where(scene.valid, scene.v, np.nanmean(scene.v))
     return _by_mean(scene, chan_vese_of(image, mu).astype(np.intp))
 
 
 def denoised(scene: Scene, times: float) -> Mask:
-    """Total-variation denoising (Chambolle 2004) with a weight of so many times the noise, and the range."""
+    """Total-variation denoising (Chambolle 2004), weighted by `times` the estimated noise, then the range."""
     image = np.where(scene.valid, scene.v, np.nanmean(scene.v))
     weight = times * noise_of(image)
     return _in_range(scene, denoise_tv_chambolle(image, weight) if weight > 0 else image)
 
 
 def noise_of(image: Plane) -> float:
-    """The standard deviation of an image's noise (Immerkaer 1996).
+    """Estimated standard deviation of the noise of an image (Immerkaer 1996).
 
     Examples
     --------
-    >>> noise_of(np.add.outer(np.arange(9.0), np.arange(9.0)))  # a plane has none
+    >>> noise_of(np.add.outer(np.arange(9.0), np.arange(9.0)))  # a linear ramp has no noise
     0.0
     """
-    mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]])
-    seen = ndimage.convolve(image, mask)[1:-1, 1:-1]
-    return float(np.sqrt(np.pi / 2) / 6 * np.abs(seen).mean())
+    operator = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]])
+    response = ndimage.convolve(image, operator)[1:-1, 1:-1]
+    return float(np.sqrt(np.pi / 2) / 6 * np.abs(response).mean())
 
 
 def _blur(scene: Scene, sigma: float) -> Plane:
-    """Means over valid pixels with Gaussian weights; where all weigh nothing, and where invalid, 0."""
+    """Gaussian-weighted means over valid pixels; 0 where invalid or where all weights are 0."""
     weights = ndimage.gaussian_filter(scene.valid.astype(float), sigma)
     sums = ndimage.gaussian_filter(np.nan_to_num(scene.v), sigma)
     return np.asarray(np.divide(sums, weights, out=np.zeros_like(sums), where=scene.valid))
@@ -96,8 +95,8 @@ def _in_range(scene: Scene, image: Plane) -> Mask:
 
 
 def _by_mean(scene: Scene, segments: NDArray[np.intp]) -> Mask:
-    """Segments, numbered from 0 or -1 for nothing, whose mean over their valid pixels is in range."""
-    names = (segments[scene.valid] + 1).ravel()
-    sums = np.bincount(names, scene.v[scene.valid], segments.max() + 2)
-    means = sums / np.maximum(np.bincount(names, minlength=len(sums)), 1)
+    """Segments (numbered from 0; -1 is no segment) whose mean over their valid pixels is in range."""
+    labels = (segments[scene.valid] + 1).ravel()
+    sums = np.bincount(labels, scene.v[scene.valid], segments.max() + 2)
+    means = sums / np.maximum(np.bincount(labels, minlength=len(sums)), 1)
     return _in_range(scene, means[segments + 1])

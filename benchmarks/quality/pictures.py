@@ -1,4 +1,4 @@
-"""Scenes, what is true, and what two refinements make of them, side by side.
+"""Figure of scenes beside the results of two refinements, with their errors in colour.
 
 python -m benchmarks.quality.pictures docs/quality.jpg
 """
@@ -14,13 +14,13 @@ from benchmarks.quality.ours import SETTINGS, extracted
 from benchmarks.quality.scenes import FAMILIES, Scene, draw
 
 SHOWN = ("islands, noise 0.05", "roads, noise 0.15", "terraces", "glint", "country", "blobs, noise 0.3")
-COLUMNS = {"the picture": None, "scans": "adaptive, scan", "total variation": "default"}
-SIDE = 200  # pixels of a scene that are shown
-MISSED, FALSE = (0.9, 0.25, 0.2), (0.2, 0.45, 0.95)
+COLUMNS = {"scene": None, "scans": "adaptive, scan", "total variation": "default"}
+SIDE = 200  # pixels: side of the central part that is shown
+MISSED, FALSE_POSITIVE = (0.9, 0.25, 0.2), (0.2, 0.45, 0.95)
 
 
-def picture(path: Path) -> None:
-    """Draw the middle of a scene of each family: pixels that are missed are red, those too many are blue."""
+def draw_figure(path: Path) -> None:
+    """Draw the centre of a scene of each family: missed pixels in red, false positives in blue."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -30,7 +30,7 @@ def picture(path: Path) -> None:
         scene = draw(FAMILIES[family], 1)
         for ax, (title, setting) in zip(row, COLUMNS.items(), strict=True):
             mask = scene.truth if setting is None else extracted(scene, SETTINGS[setting])
-            ax.imshow(_compared(scene, mask, setting is not None), interpolation="nearest")
+            ax.imshow(_overlay(scene, mask, setting is not None), interpolation="nearest")
             iou = (
                 ""
                 if setting is None
@@ -41,17 +41,19 @@ def picture(path: Path) -> None:
     figure.savefig(path, dpi=72)
 
 
-def _compared(scene: Scene, mask: Mask, marked: bool) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
-    """The middle of a scene in grey; with what is found brighter, and what is wrong in color."""
-    part = scene.middle(SIDE)
-    found = replace(scene, truth=mask).middle(SIDE).truth
+def _overlay(
+    scene: Scene, mask: Mask, with_errors: bool
+) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+    """The centre of a scene in grey, with the mask brighter and errors in colour."""
+    part = scene.central_crop(SIDE)
+    found = replace(scene, truth=mask).central_crop(SIDE).truth
     shown = np.repeat(np.nan_to_num(part.v)[..., None], 3, axis=2)
-    if marked:
+    if with_errors:
         shown = 0.35 + 0.3 * shown + 0.3 * found[..., None]
         shown[part.truth & ~found] = MISSED
-        shown[found & ~part.truth] = FALSE
+        shown[found & ~part.truth] = FALSE_POSITIVE
     return np.clip(shown, 0, 1)
 
 
 if __name__ == "__main__":
-    picture(Path(sys.argv[1]))
+    draw_figure(Path(sys.argv[1]))

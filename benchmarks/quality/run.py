@@ -1,4 +1,4 @@
-"""Everybody on every scene, over two processes; what was found is remembered as long as Python runs."""
+"""Run all methods on all scenes, in two processes; results are cached for the lifetime of the process."""
 
 import multiprocessing
 import time
@@ -11,36 +11,36 @@ from functools import cache, partial
 import numpy as np
 
 from benchmarks.quality.methods import Method
-from benchmarks.quality.metrics import Marks, marks
+from benchmarks.quality.metrics import Metrics, measure
 from benchmarks.quality.scenes import FAMILIES, Scene, draw
 
 PROCESSES = 2  # at most
-_Place = tuple[str, int]  # family and seed
-_Found = tuple[Marks, float]  # and processor time
+_SceneKey = tuple[str, int]  # family and seed
+_Result = tuple[Metrics, float]  # and processor time
 
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What a method with a setting reached on one scene.
+    """Metrics of one method and setting on one scene.
 
     Parameters
     ----------
     family : str
     seed : int
     method : Method
-    marks : Marks
+    metrics : Metrics
     cpu_s : float
-        Processor time.
+        Processor time in seconds.
     """
 
     family: str
     seed: int
     method: Method
-    marks: Marks
+    metrics: Metrics
     cpu_s: float
 
 
-_KNOWN: dict[tuple[_Place, tuple[str, str]], _Found] = {}
+_CACHE: dict[tuple[_SceneKey, tuple[str, str]], _Result] = {}
 
 
 def scores(
@@ -48,7 +48,7 @@ def scores(
     seeds: int = 3,
     families: Sequence[str] = tuple(FAMILIES),
     processes: int = PROCESSES,
-    tell: Callable[[str], None] = lambda line: None,
+    report: Callable[[str], None] = lambda line: None,
 ) -> list[Score]:
     """Scores of all methods on all scenes.
 
@@ -56,49 +56,49 @@ def scores(
     ----------
     methods : sequence of Method
     seeds : int
-        How many scenes of each family.
+        Number of scenes of each family.
     families : sequence of str
         Keys of `FAMILIES`.
     processes : int
-        1 stays in this process.
-    tell : callable
-        Told of every scene that is done.
+        Number of processes; with 1 no other process is started.
+    report : callable
+        Receives a line for each finished scene.
     """
-    places = [(family, seed) for family in families for seed in range(seeds)]
-    jobs = [(place, [method for method in methods if (place, method.key) not in _KNOWN]) for place in places]
-    jobs = [(place, missing) for place, missing in jobs if missing]
-    for (place, missing), found in zip(jobs, _mapped(jobs, min(processes, PROCESSES)), strict=True):
-        _KNOWN.update({(place, method.key): one for method, one in zip(missing, found, strict=True)})
-        tell(f"{place[0]}, seed {place[1]}: {sum(cpu_s for _, cpu_s in found):.1f} s")
-    return [Score(*place, method, *_KNOWN[place, method.key]) for place in places for method in methods]
+    keys = [(family, seed) for family in families for seed in range(seeds)]
+    jobs = [(key, [method for method in methods if (key, method.key) not in _CACHE]) for key in keys]
+    jobs = [(key, missing) for key, missing in jobs if missing]
+    for (key, missing), found in zip(jobs, _run_all(jobs, min(processes, PROCESSES)), strict=True):
+        _CACHE.update({(key, method.key): result for method, result in zip(missing, found, strict=True)})
+        report(f"{key[0]}, seed {key[1]}: {sum(cpu_s for _, cpu_s in found):.1f} s")
+    return [Score(*key, method, *_CACHE[key, method.key]) for key in keys for method in methods]
 
 
-_Job = tuple[_Place, list[Method]]
+_Job = tuple[_SceneKey, list[Method]]
 
 
-def _mapped(jobs: Sequence[_Job], processes: int) -> Iterator[list[_Found]]:
+def _run_all(jobs: Sequence[_Job], processes: int) -> Iterator[list[_Result]]:
     if min(processes, len(jobs)) <= 1:
-        yield from map(_found, jobs)
+        yield from map(_run_scene, jobs)
         return
     with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(_found, jobs)
+        yield from pool.map(_run_scene, jobs)
 
 
-def _found(job: _Job) -> list[_Found]:
+def _run_scene(job: _Job) -> list[_Result]:
     (family, seed), methods = job
     scene = draw(FAMILIES[family], seed)
-    part = cache(partial(_part, scene))
-    return [_marked(part(method.middle), method) for method in methods]
+    cropped = cache(partial(_cropped, scene))
+    return [_run_method(cropped(method.crop), method) for method in methods]
 
 
-def _part(scene: Scene, middle: int | None) -> Scene:
-    return scene if middle is None else scene.middle(middle)
+def _cropped(scene: Scene, crop: int | None) -> Scene:
+    return scene if crop is None else scene.central_crop(crop)
 
 
-def _marked(scene: Scene, method: Method) -> _Found:
+def _run_method(scene: Scene, method: Method) -> _Result:
     begun = time.process_time()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # peers warn of what they do to every scene
-        found = np.asarray(method.find(scene))
+        warnings.simplefilter("ignore")  # some peers warn on every scene
+        found = np.asarray(method.segment(scene))
     cpu_s = time.process_time() - begun
-    return marks(found, scene.truth, scene.valid), cpu_s
+    return measure(found, scene.truth, scene.valid), cpu_s

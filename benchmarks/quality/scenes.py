@@ -1,4 +1,4 @@
-"""Families of scenes with truth: what is drawn, what covers it, how it is seen."""
+"""Families of synthetic scenes with ground truth: shape, texture and image formation of each."""
 
 import zlib
 from dataclasses import dataclass, field, replace
@@ -9,58 +9,58 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.quality import shapes, textures
-from benchmarks.quality.camera import Camera, Mask, seen
-from benchmarks.quality.planes import Dice, Plane
+from benchmarks.quality.camera import Camera, Mask, capture
+from benchmarks.quality.planes import Plane, Rng
 from benchmarks.quality.shapes import Shape, without_specks
 from benchmarks.quality.textures import Texture
 
 BRIGHT, DARK, EVEN = 0.68, 0.42, 0.55
-RANGE = (0.55, 1.0)  # of v: what everybody is asked for
-SIDES = (512, 560, 640)  # of seeds 0, 1, 2, 0, ...
+RANGE = (0.55, 1.0)  # of v: the range that every method has to find
+SIDES = (512, 560, 640)  # of seeds 0, 1, 2; seed 3 has that of seed 0 again
 
 
 @dataclass(frozen=True, slots=True)
 class Cover:
-    """A texture, and the standard deviation it has in the scene."""
+    """A texture, and its standard deviation in the scene."""
 
     texture: Texture = textures.smooth
     strength: float = 0.01
 
 
-_PLAIN, _IDEAL = Cover(), Camera()
+_SMOOTH, _IDEAL = Cover(), Camera()
 
 
 @dataclass(frozen=True, slots=True)
 class Family:
-    """Scenes that differ by their seed alone.
+    """Scenes that differ in their seed alone.
 
     Parameters
     ----------
     name : str
     shape : callable
-        What is bright.
-    things, ground : Cover
+        Shape of the bright objects.
+    objects, background : Cover
     camera : Camera
-    tones : (float, float)
-        Means of the things and of the ground.
+    means : (float, float)
+        Mean intensities of the objects and of the background.
     """
 
     name: str
     shape: Shape
-    things: Cover = _PLAIN
-    ground: Cover = _PLAIN
+    objects: Cover = _SMOOTH
+    background: Cover = _SMOOTH
     camera: Camera = _IDEAL
-    tones: tuple[float, float] = (BRIGHT, DARK)
+    means: tuple[float, float] = (BRIGHT, DARK)
 
     @property
-    def by_texture(self) -> bool:
-        """Whether things differ from the ground by texture alone, so that no range finds them."""
-        return self.tones[0] == self.tones[1]
+    def equal_means(self) -> bool:
+        """Whether objects differ from the background by texture alone, so that no range separates them."""
+        return self.means[0] == self.means[1]
 
 
 _SAND, _FOREST, _ROWS = Cover(textures.sand, 0.06), Cover(textures.forest, 0.07), Cover(textures.rows, 0.08)
 _GLINT = Cover(textures.glint, 0.07)
-_TEXTURE = 0.06  # standard deviation of both sides where texture alone differs
+_TEXTURE = 0.06  # standard deviation of both classes in the equal-mean families
 FAMILIES = {
     family.name: family
     for family in (
@@ -75,7 +75,7 @@ FAMILIES = {
         Family("terraces", shapes.terraces, camera=Camera(0.1)),
         Family("holes", shapes.holes, camera=Camera(0.1)),
         Family("sand", shapes.coast, _SAND, camera=Camera(0.03)),
-        Family("forest", shapes.blobs, ground=_FOREST, camera=Camera(0.03)),
+        Family("forest", shapes.blobs, background=_FOREST, camera=Camera(0.03)),
         Family("rows", shapes.parcels, _ROWS, Cover(textures.sand, 0.04), Camera(0.04)),
         Family("glint", shapes.coast, Cover(textures.sand, 0.03), _GLINT, Camera(0.03)),
         Family("gradient", shapes.blobs, camera=Camera(0.08, light=(0.88, 1.18))),
@@ -106,7 +106,7 @@ FAMILIES = {
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A raster in memory, and what a person would draw on it.
+    """A raster in memory with its ground truth.
 
     Parameters
     ----------
@@ -129,33 +129,34 @@ class Scene:
         """(M, N) float64 array, 0 to 1; NaN where invalid."""
         return np.where(self.valid, self.values / self.family.camera.white, np.nan)
 
-    def middle(self, side: int) -> "Scene":
-        """The square of this side in the middle of the scene, or all of it where it is smaller."""
-        place = tuple(slice(max(have - side, 0) // 2, (have + side) // 2) for have in self.truth.shape)
-        return replace(self, values=self.values[place], valid=self.valid[place], truth=self.truth[place])
+    def central_crop(self, side: int) -> "Scene":
+        """The central square of the scene with this side, or the whole scene if it is smaller."""
+        window = tuple(slice(max(length - side, 0) // 2, (length + side) // 2) for length in self.truth.shape)
+        return replace(self, values=self.values[window], valid=self.valid[window], truth=self.truth[window])
 
 
 def draw(family: Family, seed: int, side: int | None = None) -> Scene:
-    """A scene, the same every time.
+    """Draw a scene, reproducibly.
 
     Parameters
     ----------
     family : Family
     seed : int
     side : int, optional
-        Rows, and columns; what `SIDES` says, if left out.
+        Number of rows, and of columns; by default from `SIDES`.
     """
     side = SIDES[seed % len(SIDES)] if side is None else side
-    dice = np.random.default_rng((zlib.crc32(family.name.encode()), seed))
-    truth = without_specks(family.shape(side, dice))
-    tones = np.zeros((side, side))
-    for mask, cover, tone in zip((truth, ~truth), (family.things, family.ground), family.tones, strict=True):
-        tones[mask] = tone + _covering(cover, mask, dice)
-    values, valid = seen(tones, family.camera, dice)
+    rng = np.random.default_rng((zlib.crc32(family.name.encode()), seed))
+    truth = without_specks(family.shape(side, rng))
+    brightness = np.zeros((side, side))
+    covers = (family.objects, family.background)
+    for mask, cover, mean in zip((truth, ~truth), covers, family.means, strict=True):
+        brightness[mask] = mean + _textured(cover, mask, rng)
+    values, valid = capture(brightness, family.camera, rng)
     return Scene(family, seed, values, valid, truth & valid)
 
 
-def _covering(cover: Cover, mask: Mask, dice: Dice) -> Plane:
-    """What a texture adds to the pixels of a mask: nothing on average, however small the mask is."""
-    plane = cover.strength * cover.texture(len(mask), dice)[mask]
+def _textured(cover: Cover, mask: Mask, rng: Rng) -> Plane:
+    """Texture at the pixels of a mask, with mean 0 over the mask."""
+    plane = cover.strength * cover.texture(len(mask), rng)[mask]
     return np.asarray(plane - plane.mean()) if plane.size else plane

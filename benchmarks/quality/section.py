@@ -9,43 +9,43 @@ from benchmarks.quality.tables import tables
 
 
 def quality(
-    seeds: int, words: Sequence[str], families: Sequence[str] | None, tell: Callable[[str], None]
+    seeds: int, refinements: Sequence[str], families: Sequence[str] | None, report: Callable[[str], None]
 ) -> str:
-    """Everybody on all families, or on some, as Markdown.
+    """Tables of all methods on all or some families, as Markdown.
 
     Parameters
     ----------
     seeds : int
-        Scenes of each family.
-    words : sequence of str
-        Refinements of uavseg beside those that are always measured.
+        Number of scenes of each family.
+    refinements : sequence of str
+        Refinements of uavseg in addition to those that are always measured.
     families : sequence of str, optional
-        Keys of `FAMILIES`; all, if left out.
-    tell : callable
-        Told of every scene that is done.
+        Keys of `FAMILIES`; all by default.
+    report : callable
+        Receives a line for each finished scene.
 
     Raises
     ------
     uavseg.errors.ParameterError
         If a refinement is unknown.
     """
-    return tables(scores(methods(words), seeds, families or list(FAMILIES), tell=tell), seeds)
+    return tables(scores(methods(refinements), seeds, families or list(FAMILIES), report=report), seeds)
 
 
-def meant(beginnings: Sequence[str]) -> list[str]:
-    """The families whose names begin so.
+def select_families(prefixes: Sequence[str]) -> list[str]:
+    """Families whose names begin with one of these prefixes.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If no family matches.
 
     Examples
     --------
-    >>> meant(["roads", "san"])
+    >>> select_families(["roads", "san"])
     ['roads, noise 0.05', 'roads, noise 0.15', 'sand']
     """
-    found = [family for family in FAMILIES if family.startswith(tuple(beginnings))]
+    found = [family for family in FAMILIES if family.startswith(tuple(prefixes))]
     if not found:
-        raise ValueError(f"no family begins with {' or '.join(beginnings)}; there are {'; '.join(FAMILIES)}")
+        raise ValueError(f"no family begins with {' or '.join(prefixes)}; there are {'; '.join(FAMILIES)}")
     return found

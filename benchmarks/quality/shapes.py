@@ -1,4 +1,4 @@
-"""What a person would draw: masks of bright things, each a function of a side and of dice."""
+"""Shapes of the objects: ground-truth masks, each a function of a side and a random generator."""
 
 from collections.abc import Callable
 
@@ -6,86 +6,86 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from benchmarks.quality.planes import Dice, nearest, turned, waves
+from benchmarks.quality.planes import Rng, nearest_seed, rotated_axes, smooth_noise
 
 Mask = NDArray[np.bool_]
-Shape = Callable[[int, Dice], Mask]
+Shape = Callable[[int, Rng], Mask]
 
-SPECK = 9  # pixels: smaller pieces, and smaller holes, are drawn by nobody
-_PITCH = 28  # pixels from disc to disc
+MIN_PIXELS = 9  # smaller components and holes are removed from the ground truth
+_PITCH = 28  # pixels between the centres of islands
 _RADII = (2.0, 8.0)
 
 
-def blobs(side: int, dice: Dice) -> Mask:
-    """Round shores of several sizes."""
-    return (waves(side, 30, dice) > 0.6) | (waves(side, 10, dice) > 1.7)
+def blobs(side: int, rng: Rng) -> Mask:
+    """Rounded blobs of several sizes."""
+    return (smooth_noise(side, 30, rng) > 0.6) | (smooth_noise(side, 10, rng) > 1.7)
 
 
-def roads(side: int, dice: Dice) -> Mask:
-    """Ten bent roads, 3 to 12 pixels wide, which cross."""
-    return np.asarray(np.logical_or.reduce([road(side, width, dice) for width in range(3, 13)]))
+def roads(side: int, rng: Rng) -> Mask:
+    """Ten curved roads, 3 to 12 pixels wide, which cross."""
+    return np.asarray(np.logical_or.reduce([road(side, width, rng) for width in range(3, 13)]))
 
 
-def road(side: int, width: float, dice: Dice) -> Mask:
-    """A road that sways from one end of the picture to the other."""
-    along, across = turned(side, dice.uniform(0, np.pi))
-    turn = 2 * np.pi / (side * dice.uniform(0.6, 1.2))
-    sway, phase, offset = dice.uniform(5, 15), dice.uniform(0, 6), dice.uniform(-0.4, 0.4) * side
+def road(side: int, width: float, rng: Rng) -> Mask:
+    """A sinusoidal road from one side of the image to the other."""
+    along, across = rotated_axes(side, rng.uniform(0, np.pi))
+    turn = 2 * np.pi / (side * rng.uniform(0.6, 1.2))
+    sway, phase, offset = rng.uniform(5, 15), rng.uniform(0, 6), rng.uniform(-0.4, 0.4) * side
     beside = across - offset - sway * np.sin(turn * along + phase)
     steep = sway * turn * np.cos(turn * along + phase)
     return np.asarray(np.abs(beside) / np.hypot(1, steep) < width / 2)
 
 
-def islands(side: int, dice: Dice) -> Mask:
+def islands(side: int, rng: Rng) -> Mask:
     """Hundreds of small ellipses that do not touch, of 2 to 8 pixels radius."""
     count = -(-side // _PITCH)
-    shift = dice.uniform(-3, 3, (2, count, count)) + _PITCH / 2
-    radius = dice.uniform(*_RADII, (count, count))
-    stretch = dice.uniform(0.8, 1.25, (count, count))
+    shift = rng.uniform(-3, 3, (2, count, count)) + _PITCH / 2
+    radius = rng.uniform(*_RADII, (count, count))
+    stretch = rng.uniform(0.8, 1.25, (count, count))
     rows, cols = np.indices((side, side))
     cell = rows // _PITCH, cols // _PITCH
     down, right = rows % _PITCH - shift[0][cell], cols % _PITCH - shift[1][cell]
     return np.asarray(np.hypot(down * stretch[cell], right / stretch[cell]) < radius[cell])
 
 
-def terraces(side: int, dice: Dice) -> Mask:
-    """Winding strips between the contours of hills: concave, seldom far from a boundary."""
-    return np.asarray((3 * waves(side, 60, dice)) % 1 < 0.5)
+def terraces(side: int, rng: Rng) -> Mask:
+    """Winding strips between contour lines: concave, with few pixels far from a boundary."""
+    return np.asarray((3 * smooth_noise(side, 60, rng)) % 1 < 0.5)
 
 
-def holes(side: int, dice: Dice) -> Mask:
-    """Large regions with small holes in them."""
-    return (waves(side, 50, dice) > -0.2) & ~islands(side, dice)
+def holes(side: int, rng: Rng) -> Mask:
+    """Large regions with small holes."""
+    return (smooth_noise(side, 50, rng) > -0.2) & ~islands(side, rng)
 
 
-def parcels(side: int, dice: Dice) -> Mask:
-    """Fields with straight borders and sharp corners, two of five of them."""
-    _, names = nearest(side, 64, dice)
-    return np.asarray(dice.random(names.max() + 1)[names] < 0.4)
+def parcels(side: int, rng: Rng) -> Mask:
+    """Voronoi cells, two out of five: fields with straight borders and sharp corners."""
+    _, labels = nearest_seed(side, 64, rng)
+    return np.asarray(rng.random(labels.max() + 1)[labels] < 0.4)
 
 
-def coast(side: int, dice: Dice) -> Mask:
-    """A shore that is rough at every scale."""
-    heights = [weight * waves(side, 60 * weight, dice) for weight in (1, 0.4, 0.15, 0.05)]
+def coast(side: int, rng: Rng) -> Mask:
+    """A shoreline that is rough at several scales."""
+    heights = [weight * smooth_noise(side, 60 * weight, rng) for weight in (1, 0.4, 0.15, 0.05)]
     return np.asarray(np.sum(heights, axis=0) > 0.1)
 
 
-def country(side: int, dice: Dice) -> Mask:
-    """Fields, roads between them and small bare patches."""
-    return parcels(side, dice) & (waves(side, 80, dice) > 0) | roads(side, dice)
+def country(side: int, rng: Rng) -> Mask:
+    """Fields and roads."""
+    return parcels(side, rng) & (smooth_noise(side, 80, rng) > 0) | roads(side, rng)
 
 
-def without_specks(mask: Mask, least: int = SPECK) -> Mask:
-    """A mask without pieces of fewer than `least` pixels, and then without such holes.
+def without_specks(mask: Mask, min_pixels: int = MIN_PIXELS) -> Mask:
+    """Remove components of fewer than `min_pixels` pixels, then holes of that size.
 
     Examples
     --------
     >>> without_specks(np.array([[1, 1, 0, 1]], bool), 2)
     array([[ True,  True, False, False]])
     """
-    for wanted in (True, False):
-        names, _ = ndimage.label(mask == wanted)
-        small = np.bincount(names.ravel()) < least
+    for value in (True, False):
+        labels, _ = ndimage.label(mask == value)
+        small = np.bincount(labels.ravel()) < min_pixels
         small[0] = False
-        mask = np.where(small[names], not wanted, mask)
+        mask = np.where(small[labels], not value, mask)
     return mask

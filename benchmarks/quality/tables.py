@@ -1,85 +1,89 @@
-"""What was measured, as Markdown."""
+"""Results as Markdown tables."""
 
 from collections.abc import Callable
 from importlib.metadata import version
 
-from benchmarks.quality.headline import headline, verdict
+from benchmarks.quality.headline import findings, headline
 from benchmarks.quality.methods import Method
 from benchmarks.quality.run import Score
-from benchmarks.quality.summary import Summary, chosen
+from benchmarks.quality.summary import Summary, in_each_family
 from benchmarks.table import rows
 
 
 def tables(scores: list[Score], seeds: int) -> str:
-    """All tables, the one that decides first."""
+    """All tables, the main comparison first."""
     summary = Summary(scores)
     scenes = "One scene" if seeds == 1 else f"Means over {seeds} scenes"
     parts = [
         f"{scenes} of each family; scikit-image {version('scikit-image')}.",
-        *("### Intersection over union", headline(summary), verdict(summary)),
-        *("### All marks, means over the families that a range can find", _all_marks(summary)),
-        *("### Our settings, intersection over union", _ours(summary)),
-        *("### Everybody else, intersection over union at the default and at the best setting",),
-        *(_others(summary), "### Their best settings", _settings(summary)),
+        *("### Intersection over union", headline(summary), findings(summary)),
+        *("### All metrics, means over the families with different mean intensities", _all_metrics(summary)),
+        *("### Settings of uavseg, intersection over union", _settings_of_uavseg(summary)),
+        *("### Peers, intersection over union with the default and with the best setting", _peers(summary)),
+        *("### Best settings of the peers", _best_settings(summary)),
     ]
     return "\n\n".join(parts)
 
 
-def _all_marks(summary: Summary) -> str:
-    heads = ["", "IoU", "least IoU", "boundary F", "VI, bits", "regions / true", "area error", "CPU s"]
-    families = summary.ranged
+def _all_metrics(summary: Summary) -> str:
+    heads = ["", "IoU", "minimum IoU", "boundary F", "VI, bits", "regions / true", "area error", "CPU s"]
+    families = summary.separable
     if not families:
         return ""
     cells = [
-        _marks_row(summary, f"uavseg, {method.setting}", lambda _, method=method: method)  # type: ignore[misc]
+        _metrics_row(summary, f"uavseg, {method.setting}", lambda _, method=method: method)  # type: ignore[misc]
         for method in summary.methods
-        if method.kind == "ours"
+        if method.kind == "uavseg"
     ]
-    for who in [*summary.who("peer"), *summary.who("beyond")]:
+    for name in [*summary.names("peer"), *summary.names("target")]:
         for title, choice in (("default", summary.default), ("best", summary.best)):
-            cells.append(_marks_row(summary, f"{_name(summary, who)}, {title}", chosen(choice, who)))
+            cells.append(
+                _metrics_row(
+                    summary, f"{_column_title(summary, name)}, {title}", in_each_family(choice, name)
+                )
+            )
     return rows(heads, cells)
 
 
-def _marks_row(summary: Summary, title: str, method: Callable[[str], Method]) -> list[str]:
-    marks, least, cpu_s = summary.over(summary.ranged, method)
+def _metrics_row(summary: Summary, title: str, method: Callable[[str], Method]) -> list[str]:
+    metrics, minimum, cpu_s = summary.aggregate(summary.separable, method)
     return [
-        *(title, f"{marks.iou:.3f}", f"{least:.3f}", f"{marks.boundary_f:.3f}", f"{marks.vi:.3f}"),
-        *(f"{marks.pieces:.2f}", f"{marks.area_error:.3f}", f"{cpu_s:.2f}"),
+        *(title, f"{metrics.iou:.3f}", f"{minimum:.3f}", f"{metrics.boundary_f:.3f}", f"{metrics.vi:.3f}"),
+        *(f"{metrics.region_ratio:.2f}", f"{metrics.area_error:.3f}", f"{cpu_s:.2f}"),
     ]
 
 
-def _ours(summary: Summary) -> str:
-    ours = [method for method in summary.methods if method.kind == "ours"]
+def _settings_of_uavseg(summary: Summary) -> str:
+    ours = [method for method in summary.methods if method.kind == "uavseg"]
     cells = [
         [family, *(f"{summary.iou(family, method):.3f}" for method in ours)] for family in summary.families
     ]
     return rows(["", *(method.setting for method in ours)], cells)
 
 
-def _others(summary: Summary) -> str:
-    others = [*summary.who("peer"), *summary.who("beyond")]
+def _peers(summary: Summary) -> str:
+    peers = [*summary.names("peer"), *summary.names("target")]
     cells = [
         [
             family,
             *(
-                f"{summary.iou(family, summary.default(family, who)):.3f} / "
-                f"{summary.iou(family, summary.best(family, who)):.3f}"
-                for who in others
+                f"{summary.iou(family, summary.default(family, name)):.3f} / "
+                f"{summary.iou(family, summary.best(family, name)):.3f}"
+                for name in peers
             ),
         ]
         for family in summary.families
     ]
-    return rows(["", *(_name(summary, who) for who in others)], cells)
+    return rows(["", *(_column_title(summary, name) for name in peers)], cells)
 
 
-def _settings(summary: Summary) -> str:
-    others = [*summary.who("peer"), *summary.who("beyond")]
-    cells = [[family, *(summary.best(family, who).setting for who in others)] for family in summary.families]
-    defaults = ["*the default*", *(summary.default("", who).setting for who in others)]
-    return rows(["", *others], [defaults, *cells])
+def _best_settings(summary: Summary) -> str:
+    peers = [*summary.names("peer"), *summary.names("target")]
+    cells = [[family, *(summary.best(family, name).setting for name in peers)] for family in summary.families]
+    defaults = ["*default*", *(summary.default("", name).setting for name in peers)]
+    return rows(["", *peers], [defaults, *cells])
 
 
-def _name(summary: Summary, who: str) -> str:
-    middle = summary.default("", who).middle
-    return who if middle is None else f"{who} ({middle}²)"
+def _column_title(summary: Summary, name: str) -> str:
+    crop = summary.default("", name).crop
+    return name if crop is None else f"{name} ({crop}²)"

@@ -1,39 +1,39 @@
-"""What covers the ground: planes of mean 0 and deviation 1, each a function of a side and of dice."""
+"""Textures: planes of mean 0 and standard deviation 1, each a function of a side and a random generator."""
 
 from collections.abc import Callable
 
 import numpy as np
 from scipy import ndimage
 
-from benchmarks.quality.planes import Dice, Plane, nearest, standard, turned, waves
+from benchmarks.quality.planes import Plane, Rng, nearest_seed, rotated_axes, smooth_noise, standard
 
-Texture = Callable[[int, Dice], Plane]
-
-
-def smooth(side: int, dice: Dice) -> Plane:
-    """Mown grass: slow changes of tone."""
-    return waves(side, 40, dice)
+Texture = Callable[[int, Rng], Plane]
 
 
-def sand(side: int, dice: Dice) -> Plane:
-    """Grain of a pixel or two, and faint ripples."""
-    return standard(waves(side, 0.7, dice) + 0.5 * waves(side, 6, dice))
+def smooth(side: int, rng: Rng) -> Plane:
+    """Mown grass: slow variation of brightness."""
+    return smooth_noise(side, 40, rng)
 
 
-def forest(side: int, dice: Dice) -> Plane:
-    """Crowns of about nine pixels: bright tops, dark gaps, each tree of its own tone."""
-    far, names = nearest(side, 9, dice)
-    return standard(-far + 2 * dice.standard_normal(names.max() + 1)[names])
+def sand(side: int, rng: Rng) -> Plane:
+    """Grain of one or two pixels, and faint ripples."""
+    return standard(smooth_noise(side, 0.7, rng) + 0.5 * smooth_noise(side, 6, rng))
 
 
-def rows(side: int, dice: Dice) -> Plane:
-    """Ploughed or planted rows, 5 to 9 pixels apart, a little bent."""
-    _, across = turned(side, dice.uniform(0, np.pi))
-    bent = across + 4 * waves(side, 50, dice)
-    return standard(np.sin(2 * np.pi * bent / dice.uniform(5, 9)) + 0.3 * waves(side, 1, dice))
+def forest(side: int, rng: Rng) -> Plane:
+    """Tree crowns of about nine pixels: bright tops, dark gaps, different brightness for each tree."""
+    distance, labels = nearest_seed(side, 9, rng)
+    return standard(-distance + 2 * rng.standard_normal(labels.max() + 1)[labels])
 
 
-def glint(side: int, dice: Dice) -> Plane:
-    """Water: calm, with sparse bright streaks a few pixels long."""
-    sparks = (dice.random((side, side)) < 0.006).astype(float)
+def rows(side: int, rng: Rng) -> Plane:
+    """Ploughed or planted rows, 5 to 9 pixels apart, slightly curved."""
+    _, across = rotated_axes(side, rng.uniform(0, np.pi))
+    bent = across + 4 * smooth_noise(side, 50, rng)
+    return standard(np.sin(2 * np.pi * bent / rng.uniform(5, 9)) + 0.3 * smooth_noise(side, 1, rng))
+
+
+def glint(side: int, rng: Rng) -> Plane:
+    """Calm water with sparse bright streaks, a few pixels long."""
+    sparks = (rng.random((side, side)) < 0.006).astype(float)
     return standard(np.minimum(ndimage.uniform_filter1d(sparks, 5, axis=1, mode="wrap") * 5, 1))

@@ -49,6 +49,7 @@ def test_a_way_goes_round_the_wall_within_the_range() -> None:
     assert uavseg.path(grid(), RANGE, **ENDS, clearance=1.0).length_m > way.length_m
 
 
+@pytest.mark.filterwarnings("ignore:.*coordinates are local")
 def test_a_raster_and_an_array_are_the_same_map(tmp_path: Path) -> None:
     write_geotiff(tmp_path / "map.tif", [beliefs()], BOX)
     ways = [uavseg.path(source, RANGE, **ENDS) for source in (grid(), tmp_path / "map.tif")]
@@ -79,6 +80,7 @@ def test_a_ros_map_is_in_metres_and_leads_the_same_way(tmp_path: Path) -> None:
     assert line == way.xy.tolist()
 
 
+@pytest.mark.filterwarnings("ignore:.*coordinates are local")
 def test_finished_tiles_are_taken_up(tmp_path: Path) -> None:
     write_geotiff(tmp_path / "map.tif", [beliefs()], BOX)
     found = [uavseg.path(tmp_path / "map.tif", RANGE, **ENDS, resume=tmp_path / "kept") for _ in range(2)]
@@ -87,6 +89,7 @@ def test_finished_tiles_are_taken_up(tmp_path: Path) -> None:
         uavseg.path(grid(), RANGE, **ENDS, resume=tmp_path / "kept")
 
 
+@pytest.mark.filterwarnings("ignore:.*coordinates are local")
 def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
     for wrong, error in (
         ({"range": (0.45, 0)}, IntensityRangeError),

@@ -1,4 +1,4 @@
-"""The benchmarks are not installed with the package: they are found in the checkout."""
+"""The benchmarks are not installed with the package; import them from the checkout."""
 
 import sys
 from pathlib import Path

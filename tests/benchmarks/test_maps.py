@@ -1,4 +1,4 @@
-"""What the benchmarks say of maps: states against the truth of a scene, thin walls, milliseconds."""
+"""Benchmarks of maps: states against the ground truth, thin walls, and run times."""
 
 import doctest
 from itertools import product
@@ -16,11 +16,11 @@ from uavseg.raster.geobox import GeoBox
 
 @pytest.fixture(scope="module")
 def scores() -> dict[tuple[str, str], accuracy.Score]:
-    return {(score.scene, score.who): score for score in accuracy.scores(seeds=1)}
+    return {(score.scene, score.method): score for score in accuracy.scores(seeds=1)}
 
 
 @pytest.mark.slow
-def test_refinement_makes_free_and_unknown_better(scores: dict[tuple[str, str], accuracy.Score]) -> None:
+def test_refinement_improves_free_and_unknown(scores: dict[tuple[str, str], accuracy.Score]) -> None:
     for scene, method in product(("lens", "circles"), ("uavseg", "uavseg adaptive")):
         before = scores[scene, f"{method}, division and creation"]
         after = scores[scene, f"{method}, refined"]
@@ -28,21 +28,23 @@ def test_refinement_makes_free_and_unknown_better(scores: dict[tuple[str, str], 
 
 
 @pytest.mark.slow
-def test_the_original_is_worse_than_segments_are(scores: dict[tuple[str, str], accuracy.Score]) -> None:
+def test_the_original_lbpc_is_worse_than_segment_creation(
+    scores: dict[tuple[str, str], accuracy.Score],
+) -> None:
     for scene in ("lens", "circles"):
-        theirs = scores[scene, "original LBP/C, segments by their mean"]
+        theirs = scores[scene, "original LBP/C, segments classified by their mean"]
         ours = scores[scene, "uavseg, division and creation"]
         assert ours.free > theirs.free and ours.unknown > theirs.unknown
 
 
-def test_the_truth_overlaps_with_itself_alone() -> None:
+def test_only_the_ground_truth_has_full_overlap() -> None:
     truth = lens().truth().states
     assert accuracy.overlaps(truth, truth) == [1, 1, 1]
     assert max(accuracy.overlaps(truth % 3 + 1, truth)) == 0
     assert doctest.testmod(accuracy).attempted and not doctest.testmod(accuracy).failed
 
 
-def test_every_method_gives_states_of_every_cell() -> None:
+def test_every_method_gives_every_cell_a_state() -> None:
     v = np.full((64, 128), 0.5, np.float32)
     v[:, :32], v[:, 96:] = 0.2, 0.9
     grid = OccupancyGrid.from_probabilities(v, GeoBox(v.shape, lens().geobox.transform, None))
@@ -55,29 +57,29 @@ def test_every_method_gives_states_of_every_cell() -> None:
     ]
 
 
-def test_a_thin_wall_is_a_hazard_and_a_thick_one_is_none(tmp_path: Path) -> None:
+def test_a_thin_wall_is_classified_as_free_and_a_thick_one_is_not(tmp_path: Path) -> None:
     for name, width, share in (("depot", 1, 1.0), ("tb3_sandbox", 32, 0.0)):
         states = np.ones((128, 128), np.uint8)
         states[:, 64 : 64 + width] = 3
         write_ros_map(tmp_path / f"{name}.yaml", states, GeoBox((128, 128), lens().geobox.transform, None))
         [found] = [hazard for hazard in accuracy.hazards(tmp_path) if hazard.map == name]
-        assert (found.cells, found.refined) == (128 * width, share)
+        assert (found.cells, found.after) == (128 * width, share)
 
 
-def test_real_maps_hide_walls(shared_data: Path) -> None:
+def test_walls_of_real_maps_are_classified_as_free(shared_data: Path) -> None:
     found = list(accuracy.hazards(shared_data / "maps"))
     assert [hazard.map for hazard in found] == [Path(name).stem for name in accuracy.REAL]
-    assert all(0.3 < hazard.refined <= hazard.unrefined <= 1 for hazard in found)
+    assert all(0.3 < hazard.after <= hazard.before <= 1 for hazard in found)
 
 
 def test_every_task_is_timed_on_both_maps() -> None:
     tasks = smallmap.measured(runs=1)
     assert all(task.lens_ms > 0 and task.circles_ms > 0 for task in tasks)
     text = table.small_maps(tasks)
-    assert "segment by a range, and plan" in text and "felzenszwalb" in text
+    assert "segment by a range, and plan a path" in text and "felzenszwalb" in text
 
 
-def test_the_table_of_accuracy_has_a_part_for_each_map() -> None:
+def test_the_accuracy_table_has_a_part_for_each_map() -> None:
     scores = [accuracy.Score("lens", "a", 0.5, 0.25, 1), accuracy.Score("circles", "b", 0, 0.1, 0.9994)]
     text = table.accuracy(scores, [accuracy.Hazard("depot", 5000, 1.0, 0.449)])
     assert "### lens" in text and "### circles" in text and "### thin walls" in text

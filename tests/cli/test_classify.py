@@ -183,7 +183,7 @@ def test_a_run_goes_on_where_it_stopped() -> None:
     done("map.tif", "-o", "s.tif", *how)
     wanted = {name: Path(name).read_bytes() for name in ("s.tif", "o.fgb")}
     again = done("map.tif", "-o", "s.tif", *how, "--overwrite")
-    assert "resumed: 6 of 6 tiles were done (codes)" in again.stderr
+    assert "resumed: 6 of 6 tiles were done (encode)" in again.stderr
     assert {name: Path(name).read_bytes() for name in wanted} == wanted
 
 
@@ -234,7 +234,7 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
     [
         (
             ["map.tif", "--free-below", "0.6"],
-            "states want 0 <= free below < occupied above <= 1",
+            "limits of states with 0 <= free below < occupied above <= 1",
         ),
         (["map.tif", "--occupied-above", "nan"], "expected limits of states"),
         (["map.tif", "-o", "s.png"], "states are written to .tif, or to .yaml for a ROS map"),

@@ -69,7 +69,7 @@ BAD = {
     ("--merge-stop", "0.1"): "at least 1",
     ("--merge-stop", "nan"): "at least 1",
     ("--radius", "0"): "1 to 128",
-    ("--sweeps", "-1"): "not negative",
+    ("--sweeps", "-1"): "at least 0",
     ("--untested", "1.5"): "0..1",
     ("--threshold", "nan"): "at least 0",
     ("--stretch", "sideways"): "a stretch is one of",

@@ -199,7 +199,7 @@ def test_what_cannot_be_resumed_from_is_refused() -> None:
     Path("file").write_text("mine")
     result = run(*EXTRACT, "-o", "out.fgb", "--resume", "file")
     assert result.exit_code == 1
-    assert result.stderr == "uavseg: error: the folder file to resume from cannot be made: it is a file\n"
+    assert result.stderr == "uavseg: error: the folder file to resume from cannot be created: it is a file\n"
     assert files() == {"a.tif", "file"} and Path("file").read_text() == "mine"
 
 

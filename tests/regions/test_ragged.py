@@ -1,4 +1,4 @@
-"""Flat arrays of polygons, there and back."""
+"""Ragged arrays of polygons, and back to geometries."""
 
 import numpy as np
 import shapely
@@ -22,13 +22,13 @@ geometries = st.lists(st.sampled_from(KINDS), max_size=6).map(
 
 @given(geometries)
 @settings(deadline=None)
-def test_there_and_back_is_the_same(some):
+def test_geometries_survive_flattening(some):
     assert shapely.equals_exact(RaggedPolygons.from_geometries(some).to_geometries(), some).all()
 
 
 @given(geometries, st.data())
 @settings(deadline=None)
-def test_without_some_regions_the_others_stay(some, data):
+def test_dropping_regions_keeps_the_others(some, data):
     dropped = np.array(data.draw(st.lists(st.booleans(), min_size=len(some), max_size=len(some))), bool)
     left = RaggedPolygons.from_geometries(some).without(dropped).to_geometries()
     assert shapely.is_empty(left[dropped]).all()
@@ -37,7 +37,7 @@ def test_without_some_regions_the_others_stay(some, data):
 
 @given(geometries)
 @settings(deadline=None)
-def test_every_vertex_knows_its_region(some):
+def test_every_vertex_belongs_to_its_region(some):
     flat = RaggedPolygons.from_geometries(some)
     expected = np.repeat(np.arange(len(some)), shapely.get_num_coordinates(some))
     assert flat.region_of(np.arange(len(flat.vertices))).tolist() == expected.tolist()

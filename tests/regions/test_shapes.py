@@ -25,7 +25,7 @@ def labelled(seed: int) -> NDArray[np.uint32]:
 
 @settings(deadline=None, max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from(TRANSFORMS), st.integers(0, 7), st.integers(0, 7))
-def test_some_are_those_of_all(seed: int, transform: Affine, first: int, last: int) -> None:
+def test_a_slice_equals_the_slice_of_all(seed: int, transform: Affine, first: int, last: int) -> None:
     shapes = LazyPolygons(trace(labelled(seed)), transform)
     together = np.asarray(shapes)
     assert len(together) == len(shapes)
@@ -50,7 +50,7 @@ def test_batches_are_all_regions_in_order(image: NDArray[np.uint32], vertices: i
         assert counts[part].sum() <= vertices or part.stop == part.start + 1
 
 
-def test_of_nothing_there_are_none() -> None:
+def test_no_rings_give_no_polygons() -> None:
     shapes = LazyPolygons(trace(np.zeros((3, 3), np.uint32)), TRANSFORMS[0])
     assert len(shapes) == len(np.asarray(shapes)) == len(list(batch_slices(shapes))) == 0
     assert total_area(shapes) == 0 and not has_multipolygons(shapes)

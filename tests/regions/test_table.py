@@ -1,4 +1,4 @@
-"""Regions: polygons in bulk and what is measured of them."""
+"""Region tables: polygons and their measured attributes."""
 
 import numpy as np
 import pytest
@@ -77,7 +77,7 @@ def test_exteriors_run_counter_clockwise_and_holes_clockwise(labels, name):
 
 @given(pictures(), st.sampled_from(sorted(TRANSFORMS)))
 @settings(deadline=None, max_examples=30)
-def test_without_a_crs_the_polygons_tell_all_measures(labels, name):
+def test_without_a_crs_measures_are_those_of_the_polygons(labels, name):
     regions = made(labels, TRANSFORMS[name], None)
     assert regions.columns["area_m2"] == pytest.approx(shapely.area(regions.polygons))
     assert regions.columns["perimeter_m"] == pytest.approx(shapely.length(regions.polygons))
@@ -130,7 +130,7 @@ def test_longitudes_of_points_are_within_a_turn():
     assert ((regions.columns["lon"] > -60) & (regions.columns["lon"] < -55)).all()
 
 
-def test_a_point_beyond_the_projection_is_not_known():
+def test_a_point_outside_of_the_projection_is_nan():
     regions = made(np.eye(2, dtype=np.uint32)[::-1].copy() * 1, Affine(18e6, 0, -18e6, 0, -9e6, 9e6), None)
     beyond = GeoBox((2, 2), Affine(1e7, 0, -9e7, 0, -1e7, 9e7), CRS.from_string("ESRI:54009"))
     rings = trace(np.ones((2, 2), np.uint32))
@@ -138,7 +138,7 @@ def test_a_point_beyond_the_projection_is_not_known():
     assert len(regions) == 1 and np.isnan(lost.columns["lon"][0])
 
 
-def test_a_plane_without_a_globe_has_no_points():
+def test_a_local_crs_has_no_longitude_and_latitude():
     site = CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]')
     rings = trace(np.ones((2, 2), np.uint32))
     regions = make_regions(rings, ONE_PIXEL, GeoBox((2, 2), NORTH_UP, site), (0, 1), "")
@@ -151,13 +151,13 @@ def test_no_regions_have_all_columns():
     assert {len(column) for column in regions.columns.values()} == {0}
 
 
-def test_regions_are_chosen_with_their_attributes():
+def test_regions_are_selected_with_their_attributes():
     chosen = made(HOLED).select(np.array([2, 0]))
     assert chosen.columns["id"].tolist() == [3, 1]
     assert shapely.area(chosen.polygons).tolist() == [0.5, 2]
 
 
-def test_a_frame_has_everything():
+def test_a_frame_has_all_columns_and_the_crs():
     regions = made(HOLED)
     frame = regions.frame()
     assert list(frame.columns) == [*COLUMNS, "geometry"]

@@ -168,9 +168,7 @@ def classify(
     trim_heap()
     if not cells.any():
         raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
-    found = classify_states(
-        grey, cells, request.limits, request.refine, strips, deciding.map, deciding.progress
-    )
+    found = classify_states(grey, cells, request.limits, request.refine, deciding)
     leaves = cells if request.refine == "none" else None
     objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None
     hazard = found.occupied_in_free, found.occupied_by_value

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
-from uavseg.jobs.open_source import Blocks, ProbabilityMap, Raster, Source, raster_of
+from uavseg.jobs.open_source import Blocks, Pixels, Raster, Source, raster_of
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tile_pass import TilePass
@@ -84,12 +84,12 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     return work.finished(found, *hints)
 
 
-def regions_of_pixels(source: Raster | ProbabilityMap, request: ExtractRequest, work: Work) -> Extraction:
+def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Extraction:
     """The phases of the paper, from pixels to regions: read this first.
 
     Parameters
     ----------
-    source : Raster or ProbabilityMap
+    source : Pixels
     request : ExtractRequest
     work : Work
     """

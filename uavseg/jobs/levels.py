@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg._memory import trim_heap
 from uavseg.errors import ParameterError
-from uavseg.jobs.open_source import Blocks, ProbabilityMap, Raster, Source
+from uavseg.jobs.open_source import Blocks, Pixels, Source
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.drawing import Drawing
@@ -96,7 +96,7 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
 
 
 def _of_pixels(
-    source: Raster | ProbabilityMap, request: LevelsRequest, work: Work
+    source: Pixels, request: LevelsRequest, work: Work
 ) -> tuple[RegionOutlines, Kinds, SourceInfo]:
     """Outlines of segments, the level of each cell (from 1), and the source."""
     stretching, dividing, outlining = work.over(source).stages(3)

@@ -78,24 +78,18 @@ class ReadOptions:
 
 
 @dataclass(frozen=True)
-class Raster:
-    """A raster or a mosaic, and how its intensity becomes v.
+class Pixels:
+    """A source whose pixels are read: a raster or a map of probabilities.
 
     Parameters
     ----------
     dataset : Dataset
     stretch : Stretch or StretchSpec
-        Fitted already, or to be fitted to the raster.
-    options : ReadOptions
-        How it was opened.
-    given : tuple of str
-        Its files as they were named.
+        How values become v: fitted already, or to be fitted to the pixels.
     """
 
     dataset: Dataset
     stretch: Stretch | StretchSpec = AUTO
-    options: ReadOptions = ReadOptions()
-    given: tuple[str, ...] = ()
 
     @property
     def geobox(self) -> GeoBox:
@@ -112,6 +106,29 @@ class Raster:
         """What is known of the files that the user should know."""
         return self.dataset.warnings
 
+    def check_resumable(self) -> None:
+        """Whether its tiles may be kept in a checkpoint: those of files may."""
+
+    def grey(self, tile_pass: TilePass) -> GreySource:
+        """The pixels through their stretch, which is fitted in a pass where it follows from them."""
+        return GreySource(self.dataset, fit_stretch(self.dataset, self.stretch, tile_pass))
+
+
+@dataclass(frozen=True)
+class Raster(Pixels):
+    """A raster or a mosaic.
+
+    Parameters
+    ----------
+    options : ReadOptions
+        How it was opened.
+    given : tuple of str
+        Its files as they were named.
+    """
+
+    options: ReadOptions = ReadOptions()
+    given: tuple[str, ...] = ()
+
     @property
     def origin(self) -> Origin:
         """What a block map of this raster says it was made from."""
@@ -120,12 +137,34 @@ class Raster:
             self.given or self.dataset.paths, str(Path.cwd()), options.band, options.rgb, options.nodata
         )
 
-    def check_resumable(self) -> None:
-        """Nothing, since tiles of files may be kept."""
 
-    def grey(self, tile_pass: TilePass) -> GreySource:
-        """The raster through its stretch, which is fitted in a pass where it follows from the pixels."""
-        return GreySource(self.dataset, fit_stretch(self.dataset, self.stretch, tile_pass))
+@dataclass(frozen=True)
+class ProbabilityMap(Pixels):
+    """A map of the probability that a cell is occupied.
+
+    Parameters
+    ----------
+    is_ros : bool
+        Whether it is a ROS map, which is in metres and held in memory.
+    """
+
+    is_ros: bool = False
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether lengths on it are metres rather than units of the map."""
+        return self.is_ros or self.geobox.crs is not None
+
+    def check_resumable(self) -> None:
+        """Whether its tiles may be kept in a checkpoint.
+
+        Raises
+        ------
+        ParameterError
+            If it is a ROS map.
+        """
+        if self.is_ros:
+            raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave resume out")
 
 
 @dataclass(frozen=True)
@@ -169,59 +208,6 @@ class Blocks:
             return None
         options = ReadOptions(origin.band, origin.rgb, origin.nodata, self.saved.stretch, self.skip_bad_tiles)
         return _raster(paths, options)
-
-
-@dataclass(frozen=True)
-class ProbabilityMap:
-    """A map of the probability that a cell is occupied.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    stretch : Stretch or StretchSpec
-        How its numbers become probabilities.
-    is_ros : bool
-        Whether it is a ROS map, which is in metres and held in memory.
-    """
-
-    dataset: Dataset
-    stretch: Stretch | StretchSpec
-    is_ros: bool = False
-
-    @property
-    def geobox(self) -> GeoBox:
-        """Where the cells lie."""
-        return self.dataset.geobox
-
-    @property
-    def name(self) -> str:
-        """Name of the file, without folder."""
-        return self.dataset.source
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What is known of the file that the user should know."""
-        return self.dataset.warnings
-
-    @property
-    def in_metres(self) -> bool:
-        """Whether lengths on it are metres rather than units of the map."""
-        return self.is_ros or self.geobox.crs is not None
-
-    def check_resumable(self) -> None:
-        """Whether its tiles may be kept in a checkpoint.
-
-        Raises
-        ------
-        ParameterError
-            If it is a ROS map.
-        """
-        if self.is_ros:
-            raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave resume out")
-
-    def grey(self, tile_pass: TilePass) -> GreySource:
-        """The map through its stretch, as of `Raster`."""
-        return GreySource(self.dataset, fit_stretch(self.dataset, self.stretch, tile_pass))
 
 
 Source = Raster | Blocks | ProbabilityMap

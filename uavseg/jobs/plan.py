@@ -44,7 +44,7 @@ class PlanRequest:
     @property
     def chooses(self) -> bool:
         """Whether some regions are left out."""
-        return (self.ids, self.largest, self.where) != (None, None, None)
+        return any(choice is not None for choice in (self.ids, self.largest, self.where))
 
 
 @dataclass(frozen=True)

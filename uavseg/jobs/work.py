@@ -12,7 +12,7 @@ from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window
 
 if TYPE_CHECKING:
-    from uavseg.jobs.open_source import ProbabilityMap, Raster
+    from uavseg.jobs.open_source import Pixels
 
 Result = TypeVar("Result")
 
@@ -54,7 +54,7 @@ class Work:
         """The work of one job, with a set of unreadable blocks of its own."""
         return replace(self, bad_blocks=set())
 
-    def over(self, source: "Raster | ProbabilityMap") -> TilePass:
+    def over(self, source: "Pixels") -> TilePass:
         """The pass over the tiles of a source, which collects its unreadable blocks.
 
         Raises

@@ -2,7 +2,7 @@
 
 from pathlib import PurePath
 
-from uavseg.raster.summary import BINS, Summary
+from uavseg.raster.summary import HISTOGRAM_BINS, Summary
 
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 WIDTH = 40  # characters of the longest bar
@@ -45,7 +45,7 @@ def _bars(summary: Summary) -> list[str]:
     lines = []
     for n, count in enumerate(summary.histogram):
         drawn = bar(count / most) or ("▏" if count else "")
-        label = f"{n / BINS:.2f}-{(n + 1) / BINS:.2f}"
+        label = f"{n / HISTOGRAM_BINS:.2f}-{(n + 1) / HISTOGRAM_BINS:.2f}"
         lines.append(f"{label:<10} {drawn:<{WIDTH}} {100 * count / total:5.1f} %")
     return lines
 

@@ -5,17 +5,13 @@ from typing import Any
 
 import numpy as np
 from affine import Affine
-from numpy.typing import NDArray
 from rasterio.crs import CRS
 
 from uavseg.errors import ParameterError, RasterError
 from uavseg.raster.bands import BandChoice, BandLayout
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, sample_positions
-from uavseg.raster.validity import valid_pixels
-
-Values = NDArray[Any]
-Valid = NDArray[np.bool_]
+from uavseg.raster.validity import Valid, Values, valid_pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,9 +19,8 @@ from uavseg.raster.bands import BandChoice
 from uavseg.raster.opening import OpenFiles, gdal_read_errors
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, sample_positions
+from uavseg.raster.validity import Valid, Values
 
-Values = NDArray[Any]
-Valid = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 Slices = tuple[slice, slice]
 

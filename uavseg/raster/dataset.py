@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.raster.array_source import from_array, from_values, is_array
@@ -23,10 +22,8 @@ from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
-from uavseg.raster.validity import usable_nodata
+from uavseg.raster.validity import Valid, Values, usable_nodata
 
-Values = NDArray[Any]
-Valid = NDArray[np.bool_]
 Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 

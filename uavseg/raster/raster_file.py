@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from affine import Affine
-from numpy.typing import NDArray
 from rasterio.crs import CRS
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
@@ -16,10 +15,7 @@ from uavseg.raster.bands import BandChoice, BandLayout
 from uavseg.raster.file_state import FileState, file_states
 from uavseg.raster.opening import OpenFiles, absolute_path, gdal_read_errors, rasterio_window
 from uavseg.raster.tiling import Window
-from uavseg.raster.validity import valid_pixels
-
-Values = NDArray[Any]
-Valid = NDArray[np.bool_]
+from uavseg.raster.validity import Valid, Values, valid_pixels
 
 
 @dataclass(frozen=True, slots=True)

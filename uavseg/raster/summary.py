@@ -24,7 +24,7 @@ from uavseg.units import GREY_LEVELS
 
 EXACT_PIXELS = 100_000_000  # larger rasters are downsampled before counting
 COARSE_SIDE = 4096
-BINS = 20
+HISTOGRAM_BINS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Summary:
         Number of pixels counted, and how many of them are valid.
     stretch : str
         The stretch and its bounds.
-    histogram : tuple of BINS ints
+    histogram : tuple of HISTOGRAM_BINS ints
         Valid pixels by v, in equal steps from 0 to 1.
     mean, std : float
         Of v; NaN if no pixel is valid.
@@ -101,7 +101,7 @@ class Summary:
         It uses Otsu's threshold of the pixels, in steps of 0.05. `suggest` partitions the leaf means instead,
         which noise hardly affects, into as many ranges as they have classes.
         """
-        edge = round(self.cut * BINS)
+        edge = round(self.cut * HISTOGRAM_BINS)
         bright = 0 < 2 * sum(self.histogram[edge:]) <= self.valid
         interval = f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
         return f"uavseg extract {shlex.join(self.paths[:3])} --range {interval}"
@@ -188,8 +188,8 @@ def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> NDArr
 
 def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
     """Histogram in equal bins of v; v = 1 belongs to the last bin."""
-    bins = np.minimum(np.arange(GREY_LEVELS) * BINS // (GREY_LEVELS - 1), BINS - 1)
-    return np.bincount(bins, weights=greys, minlength=BINS).astype(np.int64)
+    bins = np.minimum(np.arange(GREY_LEVELS) * HISTOGRAM_BINS // (GREY_LEVELS - 1), HISTOGRAM_BINS - 1)
+    return np.bincount(bins, weights=greys, minlength=HISTOGRAM_BINS).astype(np.int64)
 
 
 def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
@@ -207,7 +207,7 @@ def _otsu_threshold(greys: NDArray[np.int64]) -> float:
     if len(classes) < 2:
         return 0.5
     [below], [above] = classes[1].ends, classes[1].starts
-    return round((below + above + 1) // 2 / BINS, 2)
+    return round((below + above + 1) // 2 / HISTOGRAM_BINS, 2)
 
 
 def _bounds(box: GeoBox) -> tuple[float, float, float, float]:

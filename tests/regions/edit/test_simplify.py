@@ -1,4 +1,4 @@
-"""Simpler outlines that still fit together."""
+"""Simplified outlines keep their shared borders and stay valid."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_no_region_vanishes_overlaps_or_becomes_invalid(labels, place, metres):
 
 @given(pictures(), st.sampled_from([0.3, 1, 3]))
 @settings(deadline=None, max_examples=40)
-def test_vertices_are_some_of_those_that_were_there(labels, metres):
+def test_vertices_are_a_subset_of_the_original_ones(labels, metres):
     regions, box = made(labels)
     before = set(map(tuple, shapely.get_coordinates(regions.polygons)))
     after = set(map(tuple, shapely.get_coordinates(simplify(regions, metres, box).polygons)))
@@ -101,7 +101,7 @@ def test_attributes_stay_those_of_the_pixels():
     assert simplify(regions, 100, box).columns is regions.columns
 
 
-def test_nothing_to_do_is_done_at_once():
+def test_zero_tolerance_returns_the_same_regions():
     regions, box = made(STAIRS)
     assert simplify(regions, 0, box) is regions
     empty, box = made(np.zeros((2, 2), np.uint32))
@@ -109,6 +109,6 @@ def test_nothing_to_do_is_done_at_once():
 
 
 @pytest.mark.parametrize("metres", [-1, float("nan"), float("inf")])
-def test_a_length_that_is_none_is_refused(metres):
+def test_a_length_that_is_negative_or_not_finite_is_refused(metres):
     with pytest.raises(ParameterError, match="0 or more metres"):
         simplify(*made(STAIRS)[:1], metres, made(STAIRS)[1])

@@ -1,4 +1,4 @@
-"""Small things away: which holes are filled, which regions are dropped, and what they are called then."""
+"""Small holes are filled, small regions dropped, and the rest renumbered."""
 
 import numpy as np
 import pytest
@@ -78,7 +78,7 @@ def test_areas_are_square_metres_or_pixels(text: str, area: Area) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "px", "-1", "-1px", "nan", "inf", "4 m2", "1,5"])
-def test_what_is_no_area_is_refused(text: str) -> None:
+def test_a_text_that_is_not_an_area_is_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="an area is"):
         parse_area(text)
 
@@ -86,19 +86,19 @@ def test_what_is_no_area_is_refused(text: str) -> None:
 # Holes
 
 
-def test_a_hole_is_filled_where_it_is_less() -> None:
+def test_a_hole_below_the_minimum_is_filled() -> None:
     assert filled("1111 1..1 1111", 3) == ["1111", "1111", "1111"]
 
 
-def test_a_hole_of_just_that_area_stays() -> None:
+def test_a_hole_of_exactly_the_minimum_stays() -> None:
     assert filled("1111 1..1 1111", 2) == ["1111", "1..1", "1111"]
 
 
-def test_each_hole_is_judged_for_itself() -> None:
+def test_each_hole_is_compared_separately() -> None:
     assert filled("11111 1.1.1 1.111 11111", 2) == ["11111", "1.111", "1.111", "11111"]
 
 
-def test_a_bay_is_no_hole() -> None:
+def test_a_bay_is_not_a_hole() -> None:
     assert filled("111 1.1 1.1", 9) == ["111", "1.1", "1.1"]
 
 
@@ -120,7 +120,7 @@ def test_an_island_with_a_lake_with_an_island_goes_with_the_largest_hole() -> No
     assert filled(lake, 25)[3] == "1.222.1"
 
 
-def test_filling_may_change_who_is_largest() -> None:
+def test_filling_may_change_which_region_is_largest() -> None:
     before = "11111.222 11111.2.2 1.....2.2 ......222"
     assert filled(before, 3) == ["22222.111", "22222.111", "2.....111", "......111"]
 
@@ -130,13 +130,13 @@ def test_a_part_of_a_region_within_its_own_hole_stays() -> None:
     assert filled(parted, 16) == ["1111111"] * 5 + [".......", "2......"]
 
 
-def test_without_holes_nothing_is_made_anew() -> None:
+def test_without_holes_the_same_outlines_are_returned() -> None:
     labels = picture("11.2 11..")
     found = outlined(labels)
     assert fill_small_holes(found, box(labels), Area(9, True)) is found
 
 
-def test_sums_are_those_of_before_until_they_are_measured_again() -> None:
+def test_filling_keeps_the_sums_of_the_original_pixels() -> None:
     labels = picture("111 121 111")
     found = fill_small_holes(outlined(labels), box(labels), Area(2, True))
     assert found.rings.pixel_areas().tolist() == [9]
@@ -146,7 +146,7 @@ def test_sums_are_those_of_before_until_they_are_measured_again() -> None:
 # Regions
 
 
-def test_regions_of_less_are_dropped_and_the_rest_keep_their_order() -> None:
+def test_regions_below_the_minimum_are_dropped_and_the_rest_keep_their_order() -> None:
     assert dropped("111.2 111.2 ....2 4..33", 2) == ["111.2", "111.2", "....2", "...33"]
     assert dropped("111.2 111.2 ....2 4..33", 3) == ["111.2", "111.2", "....2", "....."]
 
@@ -181,7 +181,7 @@ def test_holes_in_square_metres() -> None:
 
 
 @pytest.mark.parametrize("clean", [fill_small_holes, drop_small_regions])
-def test_square_metres_want_a_crs(clean: object) -> None:
+def test_square_metres_need_a_crs(clean: object) -> None:
     labels = picture("111 1.1 111")
     with pytest.raises(ParameterError, match=r"no CRS.*give the area in pixels, such as 4px"):
         clean(outlined(labels), box(labels, 2, None), Area(4))  # type: ignore[operator]
@@ -228,7 +228,7 @@ def filled_by_force(labels: Labels, limit: float) -> Labels:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 30))
-def test_holes_are_filled_as_by_force(seed: int, limit: int) -> None:
+def test_filled_holes_are_those_of_brute_force(seed: int, limit: int) -> None:
     labels = random_regions(seed)
     found = fill_small_holes(outlined(labels), box(labels), Area(limit, True))
     wanted = filled_by_force(labels, limit)
@@ -241,7 +241,7 @@ def test_holes_are_filled_as_by_force(seed: int, limit: int) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 12))
-def test_small_regions_are_dropped_as_by_force(seed: int, limit: int) -> None:
+def test_dropped_regions_are_those_of_brute_force(seed: int, limit: int) -> None:
     labels = random_regions(seed)
     sizes = np.bincount(labels.reshape(-1))
     wanted = np.where(

@@ -1,4 +1,4 @@
-"""A disk that fills up at any moment is told of, whichever format is written: what is there is whole."""
+"""A disk that fills up at any moment is reported for every format: a file that appears is complete."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,7 +44,7 @@ def room_for(size: int) -> Iterator[None]:
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("extension", FORMATS)
-def test_what_appears_on_a_full_disk_is_whole(tmp_path: Path, extension: str, count: int) -> None:
+def test_a_file_that_appears_on_a_full_disk_is_complete(tmp_path: Path, extension: str, count: int) -> None:
     (tmp_path / "whole").mkdir()
     export.write_regions(squares(count), tmp_path / "whole" / f"a.{extension}")
     whole = {path.name: path.read_bytes() for path in (tmp_path / "whole").iterdir()}
@@ -61,7 +61,7 @@ def test_what_appears_on_a_full_disk_is_whole(tmp_path: Path, extension: str, co
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("extension", ["gpkg", "fgb", "shp"])
-def test_whole_is_what_holds_so_many_regions_to_the_last_byte(
+def test_a_file_is_complete_with_all_its_regions_and_bytes(
     tmp_path: Path, extension: str, count: int
 ) -> None:
     path = tmp_path / f"a.{extension}"
@@ -77,7 +77,7 @@ def test_whole_is_what_holds_so_many_regions_to_the_last_byte(
     assert is_complete(path, count)
 
 
-def test_an_open_journal_is_not_whole(tmp_path: Path) -> None:
+def test_a_file_with_an_open_journal_is_not_complete(tmp_path: Path) -> None:
     export.write_regions(squares(3), tmp_path / "a.gpkg")
     (tmp_path / "a.gpkg-journal").write_bytes(b"")
     assert not is_complete(tmp_path / "a.gpkg", 3)

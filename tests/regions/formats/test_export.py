@@ -60,7 +60,7 @@ def same_polygons(some, others):
 
 @pytest.mark.parametrize("picture", [PICTURE, IN_PARTS])
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_what_is_read_is_what_was_written(tmp_path, suffix, picture):
+def test_files_hold_the_regions_that_were_written(tmp_path, suffix, picture):
     regions, path = regions_of(picture), tmp_path / f"out{suffix}"
     export.write_regions(regions, path)
     frame = read(path)
@@ -105,7 +105,7 @@ def test_the_same_regions_are_the_same_bytes(tmp_path, suffix):
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
-def test_no_file_says_when_it_was_written(tmp_path):
+def test_no_file_holds_the_time_of_writing(tmp_path):
     export.write_regions(regions_of(PICTURE), tmp_path / "out.shp")
     export.write_regions(regions_of(PICTURE), tmp_path / "out.gpkg")
     assert (tmp_path / "out.dbf").read_bytes()[1:4] == bytes([100, 1, 1])
@@ -146,7 +146,7 @@ def test_a_local_geojson_has_the_local_coordinates(tmp_path):
     assert features[0]["properties"]["lon"] is None
 
 
-def test_kml_needs_a_place_on_the_globe(tmp_path):
+def test_kml_needs_a_crs(tmp_path):
     with pytest.raises(OutputError, match=r"place on the globe.*\.gpkg"):
         export.write_regions(regions_of(PICTURE, crs=None), tmp_path / "local.kml")
     assert list(tmp_path.iterdir()) == []
@@ -158,7 +158,7 @@ def test_an_unknown_extension_is_refused_with_the_known_ones(tmp_path, name):
         export.write_regions(regions_of(PICTURE), tmp_path / name)
 
 
-def test_extensions_may_be_shouted(tmp_path):
+def test_extensions_may_be_in_capitals(tmp_path):
     export.write_regions(regions_of(PICTURE), tmp_path / "OUT.GPKG")
     assert len(pyogrio.read_dataframe(tmp_path / "OUT.GPKG")) == 3
 
@@ -184,7 +184,7 @@ def test_a_stream_gets_what_a_file_gets(tmp_path, stream):
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_nothing_is_said_on_the_way(tmp_path, suffix, capfd, recwarn):
+def test_writing_prints_nothing(tmp_path, suffix, capfd, recwarn):
     export.write_regions(regions_of(PICTURE), tmp_path / f"out{suffix}")
     assert capfd.readouterr() == ("", "")
     assert [str(warning.message) for warning in recwarn] == []
@@ -205,7 +205,7 @@ def test_gdal_of_the_system_reads_it_too(tmp_path, suffix):
     assert "Geometry: Polygon" in told.stdout or suffix == ".kml"
 
 
-def test_a_disc_that_is_full_is_told_of(tmp_path, monkeypatch):
+def test_a_full_disk_is_reported(tmp_path, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 

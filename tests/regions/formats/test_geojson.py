@@ -1,4 +1,4 @@
-"""GeoJSON as RFC 7946 wants it, checked on the text itself."""
+"""GeoJSON as RFC 7946 requires it, tested on the text itself."""
 
 import io
 import json

@@ -60,7 +60,7 @@ def test_geojson_may_come_as_bytes(tmp_path: Path) -> None:
     assert read_regions(path.read_bytes()).columns["id"].tolist() == [1, 2]
 
 
-def test_what_others_made_is_counted_measured_and_taken_apart(tmp_path: Path) -> None:
+def test_files_of_other_tools_are_numbered_measured_and_split(tmp_path: Path) -> None:
     path = tmp_path / "theirs.gpkg"
     two = shapely.MultiPolygon([near(0.01), near(0.02)])
     frame([shapely.force_3d(near()), two], name=["field", "woods"]).to_file(path)
@@ -73,7 +73,7 @@ def test_what_others_made_is_counted_measured_and_taken_apart(tmp_path: Path) ->
     assert shapely.contains_xy(found.polygons, found.columns["lon"], found.columns["lat"]).all()
 
 
-def test_regions_with_an_id_stay_whole_and_come_in_its_order(tmp_path: Path) -> None:
+def test_regions_with_an_id_are_not_split_and_are_sorted_by_it(tmp_path: Path) -> None:
     path = tmp_path / "regions.gpkg"
     two = shapely.MultiPolygon([near(0.01), near(0.02)])
     frame([near(), two], id=[7, 3]).to_file(path)
@@ -82,7 +82,7 @@ def test_regions_with_an_id_stay_whole_and_come_in_its_order(tmp_path: Path) -> 
     assert [polygon.geom_type for polygon in found.polygons] == ["MultiPolygon", "MultiPolygon"]
 
 
-def test_a_point_outside_of_its_region_is_not_taken(tmp_path: Path) -> None:
+def test_a_point_outside_of_its_region_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "regions.geojson"
     frame([near(), near(1)], id=[1, 2], lon=[8.0005, 8.0005], lat=[47.0005, 47.0005]).to_file(path)
     found = read_regions(path)
@@ -90,7 +90,7 @@ def test_a_point_outside_of_its_region_is_not_taken(tmp_path: Path) -> None:
     assert 9 < found.columns["lon"][1] < 9.001
 
 
-def test_a_projected_file_is_brought_to_the_globe(tmp_path: Path) -> None:
+def test_a_projected_file_is_reprojected(tmp_path: Path) -> None:
     path = tmp_path / "mercator.fgb"
     frame([near()]).to_crs(3857).to_file(path)
     assert read_regions(path).polygons[0].equals_exact(near(), 1e-9) or shapely.hausdorff_distance(
@@ -121,7 +121,7 @@ LOCAL = {"type": "Polygon", "coordinates": [[[0, 0], [640, 0], [640, 480], [0, 4
         ('{"type": "FeatureCollection", "features": []}', "no regions|no geometries"),
     ],
 )
-def test_what_holds_no_regions_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+def test_a_file_without_regions_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "odd.geojson"
     path.write_text(text)
     for source in (path, text.encode()):
@@ -130,12 +130,12 @@ def test_what_holds_no_regions_is_refused_in_one_line(tmp_path: Path, text: str,
         assert "\n" not in str(refused.value) and "vsimem" not in str(refused.value)
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RegionError, match="does not exist"):
         read_regions(tmp_path / "none.gpkg")
 
 
-def test_a_parquet_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_an_invalid_parquet_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "odd.parquet").write_text("not at all")
     with pytest.raises(RegionError, match="cannot be read"):
         read_regions(tmp_path / "odd.parquet")
@@ -167,7 +167,7 @@ def test_one_of_several_layers_is_chosen_by_name(tmp_path: Path) -> None:
         read_regions(path, "away")
 
 
-def test_a_polygon_that_only_touches_itself_is_mended(tmp_path: Path) -> None:
+def test_a_polygon_that_only_touches_itself_is_repaired(tmp_path: Path) -> None:
     path = tmp_path / "touching.gpkg"
     ring = [(8, 47), (8.06, 47), (8.03, 47.03), (8.06, 47.06), (8, 47.06), (8.03, 47.03), (8, 47)]
     frame([shapely.Polygon(ring)], id=[4]).to_file(path)

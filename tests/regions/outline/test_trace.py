@@ -113,7 +113,7 @@ def test_a_checkerboard_is_as_many_squares_as_it_has_black_fields() -> None:
     assert rings.parts.tolist() == list(range(int(board.sum())))
 
 
-def test_rings_in_rings_are_exteriors_with_holes_by_turns() -> None:
+def test_nested_rings_alternate_between_exteriors_and_holes() -> None:
     rings = trace(picture("1111111 1.....1 1.222.1 1.2.2.1 1.222.1 1.....1 1111111"))
     assert rings.labels.tolist() == [1, 1, 2, 2]
     assert rings.pixel_areas().tolist() == [49, -25, 9, -1]
@@ -132,7 +132,7 @@ def test_parts_of_a_label_are_in_raster_order_of_their_first_pixels() -> None:
 
 
 @pytest.mark.parametrize("empty", [(3, 4), (1, 1)])
-def test_nothing_has_no_outline(empty: tuple[int, int]) -> None:
+def test_an_empty_image_has_no_outline(empty: tuple[int, int]) -> None:
     rings = trace(np.zeros(empty, np.uint32))
     assert len(rings.labels) == 0 and rings.starts.tolist() == [0] and len(rings.pixel_areas()) == 0
     assert not rasterise(rings, Window(0, 0, *empty)).any()

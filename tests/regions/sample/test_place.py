@@ -28,7 +28,7 @@ def test_a_disc_is_the_pixels_whose_centres_lie_in_it() -> None:
     assert place.window.row % 8 == place.window.col % 8 == 0
 
 
-def test_on_degrees_a_radius_is_metres() -> None:
+def test_a_radius_is_in_metres_on_maps_in_degrees() -> None:
     step = 1 / 111_320
     degrees = GeoBox((400, 400), Affine(step, 0, 10, 0, -step, 60), CRS.from_epsg(4326))
     place = sample_mask(Disc(10 + 200 * step, 60 - 200 * step, 50), degrees)
@@ -46,7 +46,7 @@ def test_three_numbers_are_a_disc_and_the_rest_a_file(text: str, wanted: object)
 
 
 @pytest.mark.parametrize("text", ["1,2", "5", "1,2,3,4", "1,2,0", "1,2,-3", "nan,2,3", "1,2,inf"])
-def test_numbers_that_are_no_disc_are_refused(text: str) -> None:
+def test_numbers_that_are_not_a_disc_are_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="X,Y,RADIUS"):
         parse_like(text)
 

@@ -1,3 +1,5 @@
+"""Regions selected by id, condition and size."""
+
 import numpy as np
 import pytest
 import shapely
@@ -18,11 +20,11 @@ def ids(**choice: object) -> list[int]:
     return select_regions(REGIONS, **choice).columns["id"].tolist()  # type: ignore[arg-type]
 
 
-def test_without_a_wish_all_are_chosen() -> None:
+def test_without_criteria_all_regions_are_selected() -> None:
     assert ids() == [1, 2, 3, 5, 7]
 
 
-def test_wishes_are_fulfilled_together_and_the_order_stays() -> None:
+def test_criteria_are_combined_and_the_order_stays() -> None:
     assert ids(ids=[7, 1, 5]) == [1, 5, 7]
     assert ids(condition="mean > 0.15") == [2, 3, 5, 7]
     assert ids(largest=3) == [2, 5, 7]
@@ -44,7 +46,7 @@ def test_polygons_go_with_their_columns() -> None:
         ({"ids": []}, "none of the 5 regions"),
     ],
 )
-def test_a_wish_that_cannot_be_fulfilled_is_refused(choice: dict[str, object], words: str) -> None:
+def test_a_criterion_that_cannot_be_met_is_refused(choice: dict[str, object], words: str) -> None:
     with pytest.raises(RegionError, match=words):
         ids(**choice)
 

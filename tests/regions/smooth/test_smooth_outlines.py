@@ -1,4 +1,4 @@
-"""Outlines without stairs: valid, shared, near the pixel edges, around the same pixels, of the same area."""
+"""Smooth outlines: valid, with shared borders, near the pixel edges, with the same pixels and areas."""
 
 import numpy as np
 import pytest
@@ -69,7 +69,7 @@ def pictures(draw: st.DrawFn) -> Labels:
 
 @given(pictures())
 @settings(deadline=None, max_examples=60)
-def test_outlines_are_valid_and_part_the_same_pixels(labels: Labels) -> None:
+def test_outlines_are_valid_and_separate_the_same_pixels(labels: Labels) -> None:
     _, polygons = smooth(labels)
     assert shapely.is_valid(polygons).all()
     pairs = [(polygon, k) for k, polygon in enumerate(polygons, 1)]
@@ -186,7 +186,7 @@ def test_a_region_whose_area_would_change_stays_on_its_pixel_edges() -> None:
         assert shapely.equals(smooth(labels, metres)[1], pixelwise(labels)).all() == stays
 
 
-def test_by_nothing_outlines_stay_as_they_are() -> None:
+def test_zero_metres_leave_outlines_unchanged() -> None:
     labels = disc(9)
     assert shapely.equals(smooth(labels, 0)[1], pixelwise(labels)).all()
     assert len(smooth(np.zeros((3, 4), np.uint32))[1]) == 0
@@ -210,7 +210,7 @@ def test_metres_are_metres_on_the_ground(place: str) -> None:
 
 
 @pytest.mark.parametrize("metres", [-1, float("nan"), float("inf")])
-def test_a_length_that_is_none_is_refused(metres: float) -> None:
+def test_a_length_that_is_negative_or_not_finite_is_refused(metres: float) -> None:
     with pytest.raises(ParameterError, match="0 or more metres"):
         smooth(disc(4), metres)
 
@@ -222,7 +222,7 @@ def test_a_raster_too_large_for_whole_steps_is_refused() -> None:
 
 @given(pictures(), st.sampled_from([0.2, 1, 4]))
 @settings(deadline=None, max_examples=40)
-def test_what_is_smooth_may_be_simplified(labels: Labels, metres: float) -> None:
+def test_smooth_outlines_can_be_simplified(labels: Labels, metres: float) -> None:
     """First smoothed, then simplified: still valid, no overlap, no gap, no region gone."""
     pixels = np.bincount(labels.reshape(-1), minlength=1)[1:]
     sums = Sums(pixels, pixels, pixels, FIRSTS)

@@ -72,7 +72,8 @@ def test_segments_hold_the_valid_pixels_of_cells_of_one_kind(seed: int) -> None:
 def test_objects_are_the_pixels_of_a_state_whatever_the_tiles(seed: int, refine: str) -> None:
     source, kinds = scene(seed)
     strips = state_strips(source.shape, (64, 64), 64)
-    found = classify_states(source, kinds, StateLimits(), refine, strips)  # type: ignore[arg-type]
+    tile_pass = TilePass([tile for strip in strips for tile in strip])
+    found = classify_states(source, kinds, StateLimits(), refine, tile_pass)  # type: ignore[arg-type]
     whole, parts = (
         outline_state(source, found.image, 3, TilePass(tiles(source.shape, tile))) for tile in (4096, 64)
     )

@@ -1,4 +1,4 @@
-"""Tiles: how a raster is cut, and who works on it in which order, changes nothing."""
+"""Regions of a range: tiles, workers and their order change nothing."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -116,7 +116,7 @@ def shuffled(seed: int) -> Map:
 # Pictures
 
 
-def test_what_invalid_pixels_part_is_one_region_where_leaves_are_not_refined(sourced: Sourced) -> None:
+def test_unrefined_leaves_separated_by_invalid_pixels_are_one_region(sourced: Sourced) -> None:
     image = picture("### ...")
     image[:, 12] = 0  # a line of nodata within the second cell
     inside = leaves_of(image)
@@ -240,7 +240,7 @@ def test_tiles_workers_and_their_order_change_nothing(
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from(SIDES))
-def test_sums_are_found_again_from_the_outlines(sourced: Sourced, seed: int, side: Any) -> None:
+def test_sums_are_recovered_from_the_outlines(sourced: Sourced, seed: int, side: Any) -> None:
     image = scene(seed, (150, 200))
     source, windows = sourced(image), tiles((150, 200), side)
     found = outline_regions(source, random_cells(seed, image.shape), BRIGHT, "scan", TilePass(windows))
@@ -281,7 +281,7 @@ def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_enclose
     assert sum_enclosed_cells(blocks, found).sums.firsts.tolist() == places
 
 
-def test_progress_is_told_of_every_tile(sourced: Sourced) -> None:
+def test_progress_counts_every_tile(sourced: Sourced) -> None:
     image, told = scene(1, (128, 192)), []
     cells = random_cells(1, image.shape)
     outline_regions(

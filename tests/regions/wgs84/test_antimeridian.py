@@ -22,11 +22,11 @@ def around(lat):
     return np.array([[lon, lat] for lon in (-180, -90, 0, 90, -180)], float)
 
 
-def test_what_does_not_cross_stays():
+def test_a_polygon_that_does_not_cross_stays():
     assert cut_at_antimeridian([box(10, 0, 20, 5)], jumping=True).equals(shapely.box(10, 0, 20, 5))
 
 
-def test_what_crosses_is_cut_in_two():
+def test_a_polygon_that_crosses_is_cut_in_two():
     assert cut_at_antimeridian([box(170, 0, 195, 5)], jumping=True).equals(
         parts((170, 0, 180, 5), (-180, 0, -165, 5))
     )
@@ -39,7 +39,7 @@ def test_a_hole_that_crosses_is_cut_too():
     assert shapely.get_num_geometries(folded) == 2
 
 
-def test_longitudes_may_run_on():
+def test_longitudes_may_continue_past_180():
     ring = np.array([[170, 0], [530, 0], [530, 5], [170, 5], [170, 0]], float)
     assert cut_at_antimeridian([ring], jumping=False).equals(shapely.box(-180, 0, 180, 5))
 
@@ -55,7 +55,7 @@ def test_a_hole_around_the_pole_leaves_a_ring():
     )
 
 
-def test_a_ring_that_wavers_around_the_pole_keeps_its_shape():
+def test_a_ring_that_meanders_around_the_pole_keeps_its_shape():
     there_and_back = np.array(
         [[-170, 70], [-60, 75], [-90, 80], [0, 70], [120, 72], [90, 85], [170, 75]], float
     )

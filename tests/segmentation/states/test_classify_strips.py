@@ -7,11 +7,16 @@ from hypothesis import strategies as st
 
 from tests.segmentation.in_memory_dataset import field_of, source_of
 from uavseg.execution.executors import Map, serial, threads
+from uavseg.raster.tile_pass import TilePass
 from uavseg.segmentation.intervals import StateLimits
 from uavseg.segmentation.states.classify_strips import classify_states, state_strips
 
 SHAPE = (200, 150)
 LIMITS = StateLimits(0.4, 0.6)
+
+
+def tiles_of(side: int, run: Map = serial) -> TilePass:
+    return TilePass([tile for strip in state_strips(SHAPE, SHAPE, side) for tile in strip], run)
 
 
 @pytest.mark.parametrize("refine", ["scan", "none"])
@@ -20,8 +25,8 @@ LIMITS = StateLimits(0.4, 0.6)
 def test_strips_and_threads_change_nothing(seed: int, run: Map, tile: int, refine: str) -> None:
     source = source_of(field_of(seed, SHAPE))
     cells = np.random.default_rng(seed).integers(1, 4, (32, 24)).astype(np.uint8)
-    whole = classify_states(source, cells, LIMITS, refine, state_strips(SHAPE, SHAPE, 256))  # type: ignore[arg-type]
-    found = classify_states(source, cells, LIMITS, refine, state_strips(SHAPE, SHAPE, tile), run)  # type: ignore[arg-type]
+    whole = classify_states(source, cells, LIMITS, refine, tiles_of(256))  # type: ignore[arg-type]
+    found = classify_states(source, cells, LIMITS, refine, tiles_of(tile, run))  # type: ignore[arg-type]
     assert np.array_equal(found.image.read(), whole.image.read())
     assert np.array_equal(found.codes, whole.codes)
 
@@ -29,7 +34,7 @@ def test_strips_and_threads_change_nothing(seed: int, run: Map, tile: int, refin
 def test_counts_are_those_of_the_image() -> None:
     dataset = field_of(1, SHAPE)
     cells = np.random.default_rng(1).integers(1, 4, (32, 24)).astype(np.uint8)
-    found = classify_states(source_of(dataset), cells, LIMITS, "scan", state_strips(SHAPE, SHAPE, 64))
+    found = classify_states(source_of(dataset), cells, LIMITS, "scan", tiles_of(64))
     states, by_value = found.image.read(), dataset.valid & (dataset.values / 255 > 0.6)
     assert found.pixels == {state: int((states == state).sum()) for state in range(4)}
     assert found.occupied_in_free == ((states == 1) & by_value).sum()

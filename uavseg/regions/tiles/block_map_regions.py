@@ -28,7 +28,7 @@ def outline_block_map(blocks: BlockMap, kinds: NDArray[Any]) -> RegionOutlines:
     Returns
     -------
     RegionOutlines
-        In pixels of the raster. The first pixel of a region is that of its first cell, valid or not.
+        In pixels of the raster.
     """
     rows, cols = _cell_shape(blocks)
     leaves, count = label_equal_values(np.ascontiguousarray(kinds[:rows, :cols]))

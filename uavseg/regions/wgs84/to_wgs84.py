@@ -54,9 +54,9 @@ class Wgs84Batch:
     def geometries(self) -> Objects:
         """The regions as shapely geometries, in degrees."""
         degrees = replace(self.polygons, vertices=self.polygons.vertices / UNITS_PER_DEGREE)
-        geometries = degrees.to_geometries()
-        geometries[list(self.others)] = list(self.others.values())
-        return geometries
+        wgs84_geometries = degrees.to_geometries()
+        wgs84_geometries[list(self.others)] = list(self.others.values())
+        return wgs84_geometries
 
 
 def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> Iterator[Wgs84Batch]:

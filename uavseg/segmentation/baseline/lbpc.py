@@ -35,9 +35,9 @@ class LbpcParams:
     Parameters
     ----------
     threshold : float
-        X, at smallest_g 0: a block is divided where R = G_max / G_min is larger.
+        X, at least 0: a block is divided where R = G_max / G_min is larger.
     stop : float
-        Y, at smallest_g 1: merging stops where MI / (largest MI so far) is larger.
+        Y, at least 1: merging stops where MI / (largest MI so far) is larger.
     untested : float
         Share of all possible merges, 0 to 1, during which the stop is not tested.
     radius : int
@@ -59,17 +59,15 @@ class LbpcParams:
 
     def __post_init__(self) -> None:
         if not self.threshold >= 0:
-            raise ParameterError(
-                f"the threshold X of the division is at smallest_g 0, not {self.threshold:g}"
-            )
+            raise ParameterError(f"the threshold X of the division is at least 0, not {self.threshold:g}")
         if not self.stop >= 1:
-            raise ParameterError(f"the stop Y of merging is at smallest_g 1, not {self.stop:g}")
+            raise ParameterError(f"the stop Y of merging is at least 1, not {self.stop:g}")
         if not 0 <= self.untested <= 1:
             raise ParameterError(f"the share of untested merges lies in 0..1, not {self.untested:g}")
         if not 1 <= self.radius <= 128:
             raise ParameterError(f"the radius of the disc is 1 to 128 pixels, not {self.radius}")
         if not self.sweeps >= 0:
-            raise ParameterError(f"the number of sweeps is at smallest_g 0, not {self.sweeps}")
+            raise ParameterError(f"the number of sweeps is at least 0, not {self.sweeps}")
 
 
 def check_lbpc_size(shape: tuple[int, int]) -> None:

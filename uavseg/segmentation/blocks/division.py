@@ -85,21 +85,8 @@ def selected_ratios(
     ratios = np.zeros((len(corners), RATIOS))
     table, present = np.zeros(SYMBOLS, np.uint64), np.zeros(SYMBOLS, np.uint64)
     symbols = np.empty(BLOCK * BLOCK, np.uint16)
-    all_valid = valid is None
-    _selected_ratios(
-        grey,
-        or_empty(valid),
-        all_valid,
-        bin_edges,
-        corners,
-        selected,
-        threshold,
-        N_LN_N,
-        table,
-        present,
-        symbols,
-        ratios,
-    )
+    image = (grey, or_empty(valid), valid is None, bin_edges)
+    _selected_ratios(*image, corners, selected, threshold, N_LN_N, table, present, symbols, ratios)
     return ratios
 
 

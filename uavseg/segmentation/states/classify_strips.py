@@ -14,13 +14,14 @@ Between passes a pixel takes 4 bits, see `StateImage`.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from itertools import groupby
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.execution.executors import Map, Progress, serial
 from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.raster.tile_pass import TilePass
 from uavseg.raster.tiling import Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.intervals import StateLimits
@@ -80,9 +81,7 @@ def classify_states(
     cells: NDArray[np.uint8],
     limits: StateLimits,
     refine: StateRefinement,
-    strips: Sequence[Sequence[Window]],
-    map: Map = serial,
-    progress: Progress | None = None,
+    tile_pass: TilePass,
 ) -> ClassifiedStates:
     """Classify every pixel.
 
@@ -94,17 +93,15 @@ def classify_states(
     limits : StateLimits
     refine : {"scan", "none"}
         With "none", states end at block edges.
-    strips : sequence of sequences of Window
-        Tiles that cover the raster, see `state_strips`; the result does not depend on them.
-    map, progress
-        Who reads the tiles, and who is told.
+    tile_pass : TilePass
+        Over the tiles of `state_strips`, strip by strip from the top; the result does not depend on them.
     """
     image = StateImage(source.shape)
+    strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
     passes = _Passes(image, [_strip_rows(strip) for strip in strips])
     upwards = [tile for strip in reversed(strips) for tile in strip]
-    results = zip(
-        upwards, map(partial(_encode_tile, source, limits), _jobs(cells, upwards), progress), strict=True
-    )
+    encode_tile = partial(_encode_tile, source, limits)
+    results = zip(upwards, tile_pass.run(encode_tile, _jobs(cells, upwards)), strict=True)
     codes = np.zeros(16, np.int64)
     previous = np.zeros(image.cols, np.uint8)
     for strip in reversed(strips):

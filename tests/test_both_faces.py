@@ -1,0 +1,543 @@
+"""Python and the command line give the same files, the same warnings and the same errors."""
+
+import json
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import chdir
+from dataclasses import asdict
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import geopandas
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from click.testing import CliRunner
+
+import uavseg
+from uavseg.cli import main
+from uavseg.flight import files
+from uavseg.jobs.divide import divide as divide_job
+from uavseg.jobs.info import info as info_job
+from uavseg.jobs.open_source import ReadOptions, open_raster, open_source
+from uavseg.jobs.original import original as original_job
+from uavseg.jobs.simulate import SimulateRequest
+from uavseg.jobs.simulate import simulate as simulate_job
+from uavseg.occupancy.paths.path_geojson import geojson
+from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.occupancy.state_file import write_states
+from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
+from uavseg.raster.geobox import local_geobox
+from uavseg.raster.tiling import Window
+from uavseg.regions.formats import export
+from uavseg.regions.table import Regions
+from uavseg.segmentation.baseline.lbpc import LbpcParams
+from uavseg.segmentation.blocks.block_file import read_block_map, write_block_map
+from uavseg.segmentation.params import SegmentParams
+
+UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
+SHAPE = (140, 170)
+Words = dict[str, Any]
+
+
+class Answer(NamedTuple):
+    """What one face gives: the content of a file or the kind and text of an error, and warnings."""
+
+    content: bytes | tuple[str, str]
+    warnings: set[str]
+
+
+# The sources
+
+
+def patches(seed: int, shape: tuple[int, int] = SHAPE) -> np.ndarray:
+    """Patches with noise and some nodata (0)."""
+    rng = np.random.default_rng(seed)
+    coarse = rng.integers(30, 230, (shape[0] // 24 + 1, shape[1] // 24 + 1))
+    image = np.kron(coarse, np.ones((24, 24)))[: shape[0], : shape[1]] + rng.normal(0, 8, shape)
+    image = np.clip(image, 1, 255).astype(np.uint8)
+    image[rng.random(shape) < 0.01] = 0
+    return image
+
+
+def write(name: str, image: np.ndarray, **how: Any) -> None:
+    rows, cols = image.shape
+    size = {"height": rows, "width": cols, "count": 1, "dtype": image.dtype.name}
+    with rasterio.open(name, "w", "GTiff", **size, **how) as file:
+        file.write(image, 1)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with a source of every kind."""
+    with chdir(tmp_path_factory.mktemp("faces")) as _, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        write("tile.tif", patches(1), nodata=0, **UTM)
+        write("deep.tif", patches(2).astype(np.uint16) * 200, nodata=0)
+        write("west.tif", patches(3)[:, :90], nodata=0, **UTM)
+        east = {"crs": UTM["crs"], "transform": UTM["transform"] @ Affine.translation(90, 0)}
+        write("east.tif", patches(3)[:, 90:], nodata=0, **east)
+        write("two.tif", patches(9)[:100], **(UTM | {"transform": Affine(3, 0, 4e5, 0, -3, 5e6)}))
+        write("black.tif", np.zeros(SHAPE, np.uint8), nodata=0, **UTM)
+        blocks = {"tiled": True, "blockxsize": 64, "blockysize": 64, "compress": "deflate"}
+        write("cut.tif", patches(4), **UTM, **blocks)
+        content = Path("cut.tif").read_bytes()
+        Path("cut.tif").write_bytes(content[: len(content) * 7 // 10])
+        beliefs = np.full(SHAPE, 0.2, np.float32)
+        beliefs[40:70, 40:110], beliefs[100:, :60] = 0.9, 0.5
+        write("map.tif", beliefs, transform=Affine(0.1, 0, 0, 0, -0.1, 14))
+        write("utm_map.tif", beliefs, **UTM)
+        write("percent.tif", np.rint(beliefs * 100).astype(np.uint8), **UTM)
+        states = np.searchsorted([0.498, 0.502], beliefs) + 1
+        write_ros_map("ros.yaml", states, local_geobox(SHAPE, 0.1, (0, 0)))
+        done = CliRunner().invoke
+        assert done(main, ["divide", "tile.tif", "-o", "blocks.tif"]).exit_code == 0
+        write("gone.tif", patches(5), nodata=0, **UTM)
+        assert done(main, ["divide", "gone.tif", "-o", "lost.tif"]).exit_code == 0
+        Path("gone.tif").unlink()
+        assert done(main, ["extract", "tile.tif", "--range", "0.5,1", "-o", "regions.geojson"]).exit_code == 0
+        assert done(main, ["extract", "tile.tif", "--range", "0.5,1", "-o", "regions.gpkg"]).exit_code == 0
+        geopandas.read_file("regions.gpkg").head(2).to_file("two.gpkg", layer="a")
+        geopandas.read_file("regions.gpkg").tail(2).to_file("two.gpkg", layer="b")
+        yield Path()
+
+
+# The two faces
+
+
+def options(words: Words) -> list[str]:
+    """The words of Python as options of the command line."""
+    found = []
+    for word, value in words.items():
+        option = f"--{word.replace('_', '-')}"
+        if value is True:
+            found.append(option)
+        elif isinstance(value, tuple | list):
+            found += [option, ",".join(map(repr, value))]
+        else:
+            found += [option, str(value)]
+    return found
+
+
+def told(lines: str) -> set[str]:
+    """Warnings of a command, and the notes of a mission."""
+    starts = ("uavseg: warning: ", "note: ")
+    return {
+        line.removeprefix(start) for line in lines.splitlines() for start in starts if line.startswith(start)
+    }
+
+
+def on_the_command_line(job: str, arguments: list[str], output: str) -> Answer:
+    if output:
+        Path(output).unlink(missing_ok=True)
+    command = main.get_command(None, job)  # type: ignore[arg-type]
+    result = CliRunner().invoke(command, arguments)  # type: ignore[arg-type]
+    if isinstance(result.exception, uavseg.UavsegError):
+        assert not output or not Path(output).exists()
+        return Answer((type(result.exception).__name__, str(result.exception)), set())
+    assert result.exit_code == 0, result.output
+    content = Path(output).read_bytes() if output else result.stdout_bytes
+    return Answer(content, told(result.stderr))
+
+
+def in_python(call: Callable[[], bytes]) -> Answer:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            content = call()
+        except uavseg.UavsegError as error:
+            return Answer((type(error).__name__, str(error)), set())
+    return Answer(content, {str(one.message) for one in caught if one.category is UserWarning})
+
+
+def regions_of(frame: geopandas.GeoDataFrame) -> Regions:
+    columns = {name: frame[name].to_numpy() for name in frame.columns if name != "geometry"}
+    return Regions(columns, np.array(frame.geometry, object), frame.crs and frame.crs.to_wkt())
+
+
+def written(write_to: Callable[[str], object], name: str) -> bytes:
+    Path(name).unlink(missing_ok=True)
+    write_to(name)
+    return Path(name).read_bytes()
+
+
+def geojson_of(frame: geopandas.GeoDataFrame) -> bytes:
+    stream = BytesIO()
+    export.write_regions(regions_of(frame), stream)
+    return stream.getvalue()
+
+
+def assert_equal(one: Answer, other: Answer) -> None:
+    assert one.warnings == other.warnings
+    assert one.content == other.content
+
+
+EXTRACT: list[tuple[Any, Words]] = [
+    ("tile.tif", {"range": (0.55, 1)}),
+    ("tile.tif", {"range": (0.2, 0.6), "refine": "scan", "min_area": "64px", "tile": 64, "threads": 2}),
+    ("tile.tif", {"range": (0.2, 0.6), "refine": "none", "fill_holes": 900.0, "method": "paper"}),
+    ("tile.tif", {"range": (0.5, 1), "smooth_outline": 1.0, "simplify": 3.0, "refine": "smooth"}),
+    ("tile.tif", {"range": (0.5, 1), "stretch": "percentile:5,95", "nodata": 5, "threshold": 1.5}),
+    ("tile.tif", {"range": (0.9999, 1)}),
+    ("deep.tif", {"range": (0.4, 0.8), "band": 1, "intensity_step": 0.2}),
+    ("deep.tif", {"range": (0.4, 0.8), "min_area": 50.0}),
+    (["west.tif", "east.tif"], {"range": (0.3, 0.7)}),
+    (["west.tif", "two.tif"], {"range": (0.3, 0.7)}),
+    ("black.tif", {"range": (0, 1), "stretch": "minmax"}),
+    ("cut.tif", {"range": (0.3, 0.7), "skip_bad_tiles": True}),
+    ("cut.tif", {"range": (0.3, 0.7)}),
+    ("blocks.tif", {"range": (0.55, 1)}),
+    ("blocks.tif", {"range": (0.55, 1), "refine": "none", "fill_holes": "70px", "min_area": 400.0}),
+    ("blocks.tif", {"range": (0.55, 1), "band": 1}),
+    ("blocks.tif", {"range": (0.55, 1), "stretch": "minmax"}),
+    (["blocks.tif", "tile.tif"], {"range": (0.55, 1)}),
+    ("lost.tif", {"range": (0.4, 1)}),
+    ("lost.tif", {"range": (0.4, 1), "refine": "none"}),
+    ("ros.yaml", {"range": (0.4, 1)}),
+    ("missing.tif", {"range": (0.4, 1)}),
+    ("tile.tif", {"range": (1, 0)}),
+    ("tile.tif", {"range": (0, 1), "tile": 100}),
+    ("tile.tif", {"range": (0, 1), "threads": 0}),
+    ("tile.tif", {"range": (0, 1), "stretch": "wide"}),
+    ("tile.tif", {"range": (0, 1), "min_area": "much"}),
+    ("tile.tif", {"range": (0, 1), "simplify": -1.0}),
+    ("tile.tif", {"range": (0, 1), "band": 3}),
+]
+LEVELS: list[tuple[Any, Words]] = [
+    ("tile.tif", {"width": 0.25}),
+    ("tile.tif", {"width": 0.1, "min_area": "200px"}),
+    ("tile.tif", {"width": 0.1, "min_area": 800.0, "small": "drop", "tile": 64}),
+    ("tile.tif", {"width": 0.3, "smooth_outline": 0.5, "simplify": 2.0, "method": "paper"}),
+    ("deep.tif", {"width": 0.5, "stretch": "0,50000"}),
+    (["west.tif", "east.tif"], {"width": 0.2, "threads": 2}),
+    ("map.tif", {"width": 0.25, "stretch": "none"}),
+    ("ros.yaml", {"width": 0.5}),
+    ("ros.yaml", {"width": 0.5, "band": 1}),
+    ("ros.yaml", {"width": 0.5, "stretch": "minmax"}),
+    ("ros.yaml", {"width": 0.5, "resume": "kept"}),
+    (["tile.tif", "ros.yaml"], {"width": 0.5}),
+    ("blocks.tif", {"width": 0.2, "min_area": "100px"}),
+    ("blocks.tif", {"width": 0.2, "nodata": 3}),
+    ("lost.tif", {"width": 0.4}),
+    ("black.tif", {"width": 0.4}),
+    ("tile.tif", {"width": 0.4, "min_area": "1e9px", "small": "drop"}),
+    ("cut.tif", {"width": 0.3, "skip_bad_tiles": True}),
+    ("tile.tif", {"width": 0}),
+]
+DISC = (4e5 + 170, 5e6 - 140, 66)
+MATCH: list[tuple[Any, Words]] = [
+    ("tile.tif", {"like": DISC}),
+    ("tile.tif", {"like": DISC, "window": 16, "similarity": 0.5, "intensity": 2.0}),
+    ("tile.tif", {"like": DISC, "refine": "none", "fill_holes": "99px", "min_area": 60.0, "simplify": 2.0}),
+    ("tile.tif", {"like": DISC, "tile": 64, "threads": 2, "stretch": "minmax", "intensity": 1e9}),
+    ("tile.tif", {"like": DISC, "similarity": 1.0, "intensity": 0.0}),
+    ("tile.tif", {"like": DISC, "min_area": 1e9}),
+    (["west.tif", "east.tif"], {"like": DISC, "window": 24}),
+    ("deep.tif", {"like": (85, -70, 33)}),
+    ("deep.tif", {"like": (85, 70, 33)}),
+    ("cut.tif", {"like": (4e5 + 100, 5e6 - 100, 70), "skip_bad_tiles": True}),
+    ("tile.tif", {"like": "regions.gpkg"}),
+    ("tile.tif", {"like": "missing.gpkg"}),
+    ("tile.tif", {"like": (4e5, 5e6, 4)}),
+    ("tile.tif", {"like": DISC, "window": 20}),
+    ("tile.tif", {"like": DISC, "similarity": 2.0}),
+    ("blocks.tif", {"like": DISC}),
+    ("ros.yaml", {"like": DISC}),
+]
+
+
+@pytest.mark.parametrize(
+    ("job", "source", "words"),
+    [("extract", *case) for case in EXTRACT]
+    + [("levels", *case) for case in LEVELS]
+    + [("match", *case) for case in MATCH],
+)
+def test_regions(job: str, source: Any, words: Words) -> None:
+    rasters = source if isinstance(source, list) else [source]
+    arguments = [*rasters, *options(words), "-o", "out.geojson"]
+    call = getattr(uavseg, job)
+    expected = on_the_command_line(job, arguments, "out.geojson")
+    assert_equal(in_python(lambda: geojson_of(call(source, **words))), expected)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("tile.tif", {}),
+        ("tile.tif", {"classes": 3}),
+        ("tile.tif", {"classes": 2, "method": "paper", "threshold": 1.4, "tile": 64}),
+        ("tile.tif", {"stretch": "minmax", "nodata": 9, "intensity_step": 0.1, "threads": 2}),
+        ("deep.tif", {"classes": 8}),
+        (["west.tif", "east.tif"], {"classes": 4}),
+        ("blocks.tif", {"classes": 3}),
+        ("blocks.tif", {"stretch": "none"}),
+        ("lost.tif", {}),
+        ("black.tif", {}),
+        ("cut.tif", {"skip_bad_tiles": True}),
+        ("tile.tif", {"classes": 12}),
+        ("missing.tif", {}),
+        ("ros.yaml", {}),
+    ],
+)
+def test_suggestions(source: Any, words: Words) -> None:
+    rasters = source if isinstance(source, list) else [source]
+    expected = on_the_command_line("suggest", [*rasters, *options(words), "--json"], "")
+    if isinstance(expected.content, bytes):
+        found = json.loads(expected.content)
+        assert set(found["warnings"]) == expected.warnings
+        ranges = [{word: one[word] for word in one if word != "command"} for one in found["ranges"]]
+        expected = Answer(json.dumps(ranges).encode(), expected.warnings)
+    call = in_python(lambda: json.dumps([asdict(one) for one in uavseg.suggest(source, **words)]).encode())
+    assert_equal(call, expected)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("tile.tif", {}),
+        ("tile.tif", {"stretch": "percentile:5,90", "tile": 64}),
+        ("tile.tif", {"stretch": "minmax", "threads": 2}),
+        ("deep.tif", {}),
+        ("deep.tif", {"stretch": "0,60000"}),
+        (["west.tif", "east.tif"], {}),
+        (["west.tif", "two.tif"], {}),
+        ("black.tif", {"stretch": "minmax"}),
+        ("cut.tif", {"skip_bad_tiles": True}),
+        ("cut.tif", {}),
+        ("blocks.tif", {}),
+        ("ros.yaml", {}),
+        ("tile.tif", {"stretch": "narrow"}),
+        ("missing.tif", {}),
+    ],
+)
+def test_block_maps(source: Any, words: Words) -> None:
+    rasters = source if isinstance(source, list) else [source]
+    expected = on_the_command_line("divide", [*rasters, *options(words), "-o", "out.tif"], "out.tif")
+
+    def saved() -> bytes:
+        blocks = uavseg.divide(source, **words)
+        known = read_block_map("out.tif").blocks
+        assert all(
+            np.array_equal(getattr(blocks, n), getattr(known, n)) for n in ("sums", "counts", "ratios")
+        )
+        read = ReadOptions(stretch=words.get("stretch"), skip_bad_tiles=words.get("skip_bad_tiles", False))
+        found = divide_job(open_source(source, read))
+        return written(
+            lambda path: write_block_map(path, found.saved, SegmentParams().division), "python.tif"
+        )
+
+    assert_equal(in_python(saved), expected)
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("map.tif", {}),
+        ("map.tif", {"min_area": "60px", "simplify": 0.2, "tile": 64}),
+        ("map.tif", {"free_below": 0.1, "occupied_above": 0.95, "threads": 2}),
+        ("utm_map.tif", {"refine": "none", "min_area": 50.0}),
+        ("utm_map.tif", {"method": "adaptive", "threshold": 1.1, "intensity_step": 0.2, "stretch": "none"}),
+        ("percent.tif", {"stretch": "0,100"}),
+        ("percent.tif", {"nodata": 90, "band": 1}),
+        ("ros.yaml", {}),
+        ("ros.yaml", {"stretch": "auto"}),
+        ("ros.yaml", {"stretch": "minmax"}),
+        ("ros.yaml", {"nodata": 0}),
+        ("ros.yaml", {"resume": "kept"}),
+        ("black.tif", {}),
+        ("blocks.tif", {}),
+        ("map.tif", {"free_below": 0.9}),
+        ("map.tif", {"min_area": 5.0}),
+        ("missing.yaml", {}),
+        ("cut.tif", {}),
+    ],
+)
+def test_states(source: str, words: Words) -> None:
+    Path("objects.geojson").unlink(missing_ok=True)
+    arguments = [source, *options(words), "-o", "out.tif", "--objects", "objects.geojson"]
+    expected = on_the_command_line("classify", arguments, "out.tif")
+
+    def classify_states() -> bytes:
+        found = uavseg.classify(source, **words)
+        assert geojson_of(found.frame()) == Path("objects.geojson").read_bytes()
+        return written(lambda path: write_states(path, found.image, found.geobox), "python.tif")
+
+    assert_equal(in_python(classify_states), expected)
+
+
+ENDS = {"range": (0, 0.45), "start": (1.05, 12.05), "goal": (15.05, 1.05)}
+ON_UTM = {"range": (0, 0.45), "start": (4e5 + 21, 5e6 - 21), "goal": (4e5 + 301, 5e6 - 251)}
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("map.tif", ENDS),
+        ("map.tif", ENDS | {"smooth": True, "tile": 64}),
+        ("map.tif", ENDS | {"clearance": 0.35, "threads": 2, "method": "paper"}),
+        ("utm_map.tif", ON_UTM | {"smooth": True, "threshold": 1.3, "intensity_step": 0.1}),
+        ("percent.tif", ON_UTM | {"stretch": "0,100"}),
+        ("ros.yaml", ENDS),
+        ("ros.yaml", ENDS | {"clearance": 0.2}),
+        ("ros.yaml", ENDS | {"stretch": "minmax"}),
+        ("ros.yaml", ENDS | {"resume": "kept"}),
+        ("map.tif", ENDS | {"goal": (99.0, 1.0)}),
+        ("map.tif", ENDS | {"goal": (5.05, 9.05)}),
+        ("map.tif", ENDS | {"clearance": 30.0}),
+        ("map.tif", ENDS | {"clearance": -1.0}),
+        ("map.tif", ENDS | {"range": (0.5, 0.4)}),
+        ("blocks.tif", ON_UTM),
+        ("missing.tif", ENDS),
+    ],
+)
+def test_paths(source: str, words: Words) -> None:
+    arguments = [source, *options(words), "-o", "out.geojson"]
+    expected = on_the_command_line("path", arguments, "out.geojson")
+    assert_equal(in_python(lambda: geojson(uavseg.path(source, **words)).encode()), expected)
+
+
+FLIGHT: Words = {"altitude": 60, "home": "auto"}
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("regions.geojson", FLIGHT),
+        ("regions.gpkg", FLIGHT | {"pattern": "perimeter", "tolerance": 2.0}),
+        ("regions.geojson", FLIGHT | {"spacing": 15}),
+        ("regions.gpkg", FLIGHT | {"pattern": "survey", "spacing": 15, "angle": 30.5, "speed": 8.0}),
+        ("regions.geojson", FLIGHT | {"home": (45.151, -76.271)}),
+        ("regions.geojson", FLIGHT | {"home": (45.151, -76.271, 120.5), "firmware": "px4"}),
+        ("regions.geojson", FLIGHT | {"ids": [2, 1]}),
+        ("regions.geojson", FLIGHT | {"largest": 1, "where": "mean > 0.5 and area_m2 > 100"}),
+        ("two.gpkg", FLIGHT | {"layer": "b"}),
+        ("two.gpkg", FLIGHT),
+        ("regions.geojson", FLIGHT | {"ids": [99]}),
+        ("regions.geojson", FLIGHT | {"where": "brightness > 1"}),
+        ("regions.geojson", FLIGHT | {"home": (10.0, 10.0)}),
+        ("regions.geojson", FLIGHT | {"altitude": 0}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "visit"}),
+        ("missing.geojson", FLIGHT),
+        ("tile.tif", FLIGHT),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
+def test_missions(source: str, words: Words, suffix: str) -> None:
+    output = f"out{suffix}"
+    expected = on_the_command_line("plan", [source, *options(words), "-o", output], output)
+    north = {one for one in expected.warnings if "PX4 will face north" in one}  # of the format alone
+    assert bool(north) == (words.get("firmware") == "px4" and suffix == ".waypoints")
+    expected = Answer(expected.content, expected.warnings - north)
+
+    def planned() -> bytes:
+        mission = uavseg.plan(source, **words)
+        return written(lambda path: files.write(mission, path), f"python{suffix}")
+
+    assert_equal(in_python(planned), expected)
+
+
+def test_regions_in_memory_are_planned_as_from_their_file() -> None:
+    frame = geopandas.read_file("regions.gpkg")
+    content = Path("regions.geojson").read_bytes()
+    with pytest.warns(UserWarning, match="altitude of home"):
+        assert uavseg.plan(frame, **FLIGHT) == uavseg.plan("regions.gpkg", **FLIGHT)
+        assert uavseg.plan(frame, ids=frame["id"].tail(2), **FLIGHT) == uavseg.plan(
+            "regions.gpkg", ids=frame["id"].tail(2).tolist(), **FLIGHT
+        )
+        assert uavseg.plan(content, **FLIGHT) == uavseg.plan("regions.geojson", **FLIGHT)
+
+
+@pytest.mark.parametrize("home", ["here", "45,10", (1.0,), (1.0, 2.0, 3.0, 4.0)])
+def test_a_home_that_is_no_position_is_refused(home: Any) -> None:
+    with pytest.raises(uavseg.errors.ParameterError, match="home is "):
+        uavseg.plan("regions.geojson", altitude=60, home=home)
+
+
+# Jobs without a word in Python
+
+
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("tile.tif", {}),
+        ("tile.tif", {"stretch": "minmax"}),
+        ("deep.tif", {"stretch": "0,60000"}),
+        ("deep.tif", {"band": 1, "nodata": 9.0}),
+        ("black.tif", {}),
+        ("cut.tif", {"skip_bad_tiles": True}),
+        ("cut.tif", {}),
+        (["west.tif", "east.tif"], {}),
+        (["west.tif", "two.tif"], {}),
+        ("blocks.tif", {}),
+        ("ros.yaml", {}),
+        ("tile.tif", {"band": 3}),
+    ],
+)
+def test_summaries(source: Any, words: Words) -> None:
+    rasters = source if isinstance(source, list) else [source]
+    expected = on_the_command_line("info", [*rasters, *options(words), "--json"], "")
+
+    def summary() -> bytes:
+        found = info_job(open_raster(source, ReadOptions(**words)))
+        return (json.dumps(found.as_dict(), indent=2) + "\n").encode()
+
+    assert_equal(in_python(summary), expected)
+
+
+@pytest.mark.parametrize(
+    ("source", "words", "params"),
+    [
+        ("tile.tif", {}, {"sweeps": 2}),
+        ("tile.tif", {"stretch": "minmax"}, {"sweeps": 1, "radius": 5}),
+        ("tile.tif", {}, {"sweeps": 0, "threshold": 1.5, "untested": 0.2}),
+        ("deep.tif", {}, {"sweeps": 1}),
+        ("cut.tif", {"skip_bad_tiles": True}, {"sweeps": 1}),
+        ("blocks.tif", {}, {}),
+        ("ros.yaml", {}, {}),
+        ("tile.tif", {}, {"radius": 300}),
+    ],
+)
+def test_segments_of_the_original(source: str, words: Words, params: Words) -> None:
+    arguments = [source, *options(words), *options(params), "-o", "out.tif"]
+    expected = on_the_command_line("original", arguments, "out.tif")
+
+    def segments() -> bytes:
+        found = original_job(open_source(source, ReadOptions(**words)), LbpcParams(**params))
+        for text in found.warnings:
+            warnings.warn(text, stacklevel=1)
+        box = found.source.geobox
+        return written(
+            lambda path: write_label_geotiff(path, [(Window(0, 0, *box.shape), found.labels)], box),
+            "python.tif",
+        )
+
+    assert_equal(in_python(segments), expected)
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        ("lens", {"poses": 1}),
+        ("circles", {"poses": 1, "seed": 4}),
+        ("lens", {"poses": 1, "sigma": 0.1, "max_range": 1.5, "fov": 40.0, "step": 2.0}),
+        ("lens", {"poses": 9}),
+        ("square", {}),
+        ("lens", {"sigma": -1.0}),
+    ],
+)
+def test_simulations(scene: str, words: Words) -> None:
+    expected = on_the_command_line("simulate", [scene, *options(words), "-o", "out.tif"], "out.tif")
+    names = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
+
+    def simulated() -> bytes:
+        request = SimulateRequest(**{names.get(word, word): value for word, value in words.items()})
+        grid = simulate_job(scene, request).grid
+        tags = {"scene": scene, "seed": str(request.seed)}
+        bands = [grid.probabilities]
+        return written(
+            lambda path: write_geotiff(path, bands, grid.geobox, ["occupancy"], tags), "python.tif"
+        )
+
+    assert_equal(in_python(simulated), expected)
