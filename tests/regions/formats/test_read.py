@@ -1,3 +1,5 @@
+"""Regions read from files: those that were written, and those of other tools."""
+
 import json
 from pathlib import Path
 from typing import Any

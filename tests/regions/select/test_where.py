@@ -1,3 +1,5 @@
+"""Conditions on attributes: evaluated as three-valued logic, and never run as code."""
+
 import operator
 from collections.abc import Callable
 from pathlib import Path
