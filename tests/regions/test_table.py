@@ -13,7 +13,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.table import COLUMNS, make_regions
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 ONE_PIXEL = Sums(np.ones(1), np.ones(1), np.ones(1), FIRSTS)

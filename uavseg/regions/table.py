@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
     from uavseg.regions.outline.rings import Rings
-    from uavseg.segmentation.labels.component_sums import Sums
+    from uavseg.segmentation.components import Sums
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -13,7 +13,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.simplify import simplify
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 PLACES = {
     "utm": (32618, Affine(0.5, 0, 4e5, 0, -0.5, 5e6)),

@@ -21,7 +21,7 @@ from uavseg.regions.formats import export
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import COLUMNS, make_regions
 from uavseg.regions.wgs84 import to_wgs84
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 FORMATS = [".geojson", ".json", ".gpkg", ".fgb", ".parquet", ".shp", ".kml"]

@@ -15,7 +15,7 @@ from uavseg.regions.formats import geojson
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 PICTURE = np.array([[1, 1, 1, 0, 3], [1, 0, 1, 0, 0], [1, 1, 1, 2, 2]], np.uint32)

@@ -18,7 +18,7 @@ from uavseg.regions.formats.kml import write_kml
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import COLUMNS, Regions, make_regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 PICTURE = np.array([[1, 1, 1, 0, 3], [1, 0, 1, 0, 0], [1, 1, 1, 2, 2]], np.uint32)
 UTM = Affine(0.5, 0, 400_000, 0, -0.5, 5_000_000)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import FIRST, HEAD, LAST, OWNER, START, TAIL, Chains, trace_tile
-from uavseg.segmentation.labels.components import label_equal_values
+from uavseg.segmentation.components import label_equal_values
 
 Labels = NDArray[np.uint32]
 

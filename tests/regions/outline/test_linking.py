@@ -10,7 +10,7 @@ from uavseg.regions.outline.chains import trace_tile
 from uavseg.regions.outline.linking import link_chains, split_simple_rings
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import link_rings, trace
-from uavseg.segmentation.labels.components import label_equal_values
+from uavseg.segmentation.components import label_equal_values
 
 Labels = NDArray[np.uint32]
 

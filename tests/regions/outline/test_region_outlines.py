@@ -9,7 +9,7 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import merge_sums, renumber_by_size, select_sums, size_order
 from uavseg.regions.outline.trace import trace
-from uavseg.segmentation.labels.component_sums import Sums, component_sums
+from uavseg.segmentation.components import Sums, component_sums
 
 NAMES = ("counts", "greys", "squares", "firsts")
 images = st.integers(0, 10**6).map(

@@ -9,8 +9,7 @@ from scipy.ndimage import label as connected
 from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
-from uavseg.segmentation.labels.component_sums import component_sums
-from uavseg.segmentation.labels.components import label_components, label_equal_values
+from uavseg.segmentation.components import component_sums, label_components, label_equal_values
 
 MARGIN = 8
 Image = NDArray[np.uint8]

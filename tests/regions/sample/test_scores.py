@@ -10,15 +10,14 @@ from uavseg.execution.executors import serial
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.regions.sample.reject import reject_unlike
 from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, score_cells
-from uavseg.segmentation.labels.component_sums import component_sums
+from uavseg.segmentation.components import component_sums
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, NULL_SCORE
 from uavseg.segmentation.source import GreySource
 

@@ -18,7 +18,7 @@ from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.smooth.smooth_outlines import smooth_outlines
 from uavseg.regions.table import make_regions
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 Labels = NDArray[np.uint32]
 FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, cells_around, tiles
+from uavseg.raster.tiling import TilePass, Window, cells_around, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.kind_tiles import cell_jobs, outline_segments, outline_state
-from uavseg.segmentation.intervals import StateLimits
+from uavseg.segmentation.params import StateLimits
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classify_strips import classify_states, state_strips
 

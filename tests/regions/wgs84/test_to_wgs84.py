@@ -16,7 +16,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 PLACES = {

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.regions.outline.rings import Rings
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, trace_tile
 from uavseg.regions.outline.region_outlines import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
-from uavseg.segmentation.labels.component_sums import Sums, component_sums
-from uavseg.segmentation.labels.components import label_equal_values, union_roots
+from uavseg.segmentation.components import Sums, component_sums, label_equal_values, union_roots
 from uavseg.units import CELL
 
 

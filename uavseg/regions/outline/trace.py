@@ -13,7 +13,7 @@ from uavseg.execution.executors import Map, serial
 from uavseg.regions.outline.chains import OWNER, START, Chains, trace_tile
 from uavseg.regions.outline.linking import link_chains, split_simple_rings
 from uavseg.regions.outline.rings import Rings, reorder_rings
-from uavseg.segmentation.labels.components import component_values, label_equal_values, union_roots
+from uavseg.segmentation.components import component_values, label_equal_values, union_roots
 
 STRIP = 256  # rows of a label image that are traced at a time: their working memory is reused
 

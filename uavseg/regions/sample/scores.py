@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, window_cells
+from uavseg.raster.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
@@ -18,7 +17,7 @@ from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.labels.components import label_components
+from uavseg.segmentation.components import label_components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.g_scores import (

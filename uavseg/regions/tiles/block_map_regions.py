@@ -11,8 +11,7 @@ from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import RegionOutlines, renumber_by_size
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.labels.component_sums import Sums
-from uavseg.segmentation.labels.components import label_equal_values
+from uavseg.segmentation.components import Sums, label_equal_values
 from uavseg.units import CELL
 
 

@@ -10,16 +10,13 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, cells_around, window_cells
+from uavseg.raster.tiling import TilePass, Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.labels.component_sums import Sums, component_sums
-from uavseg.segmentation.labels.components import label_components
-from uavseg.segmentation.params import Refinement
+from uavseg.segmentation.components import Sums, component_sums, label_components
+from uavseg.segmentation.params import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
