@@ -1,4 +1,4 @@
-"""What several rooms of the tests share."""
+"""Fixtures that several folders of tests share."""
 
 import importlib.util
 import inspect
@@ -17,13 +17,13 @@ if "mix_stderr" in inspect.signature(CliRunner).parameters:  # click < 8.2: stdo
 
 @pytest.fixture(scope="session")
 def reference() -> ModuleType:
-    """The slow, independent implementation of the algorithm: `tests/reference.py`."""
+    """Slow, independent reference implementation of the algorithm: `tests/reference.py`."""
     return _loaded("reference")
 
 
 @pytest.fixture(scope="session")
 def plain_variation() -> ModuleType:
-    """A slow implementation of refinement by total variation: `tests/plain_variation.py`."""
+    """Slow reference implementation of total-variation refinement: `tests/plain_variation.py`."""
     return _loaded("plain_variation")
 
 
@@ -37,8 +37,8 @@ def _loaded(name: str) -> ModuleType:
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
-    """The folder of real rasters beside the project, which is not part of it."""
+    """Folder of real rasters next to the checkout; it is not part of the project."""
     folder = HERE.parents[1] / "shared" / "data"
     if not folder.is_dir():
-        pytest.skip("the folder of real rasters, ../shared/data, is not beside the project")
+        pytest.skip("the folder of real rasters, ../shared/data, does not exist")
     return folder

@@ -26,7 +26,7 @@ NEIGHBOURS = [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 
 
 
 class Leaf(NamedTuple):
-    """A block that is not divided: its corner and side in pixels, sum and number of its valid greys."""
+    """A block that is not divided: its corner and side in pixels, sum and count of its valid grey values."""
 
     row: int
     col: int
@@ -52,7 +52,7 @@ def intensity(values: ArrayLike) -> Floats:
     if len(bands) == 1:
         return intensity(bands[0])
     red, green, blue = bands
-    # Reading: each product is rounded to double precision, and they are added from left to right.
+    # Reading: each product is rounded to double precision, and the sum is evaluated from left to right.
     return np.asarray(0.2126 * red + 0.7152 * green + 0.0722 * blue)
 
 
@@ -79,11 +79,11 @@ def texture(grey: Grey, valid: Bool) -> tuple[Ints, Ints, Bool]:
     inner = slice(1, -1), slice(1, -1)
     centre = grey[inner].astype(np.int64)
     code, n, hi, lo = np.zeros((4, *centre.shape), np.int64)
-    whole = valid[inner].copy()
+    complete = valid[inner].copy()
     for bit, (down, right) in enumerate(NEIGHBOURS):
-        there = slice(1 + down, rows - 1 + down), slice(1 + right, cols - 1 + right)
-        q = grey[there].astype(np.int64)
-        whole &= valid[there]
+        shifted = slice(1 + down, rows - 1 + down), slice(1 + right, cols - 1 + right)
+        q = grey[shifted].astype(np.int64)
+        complete &= valid[shifted]
         above = q >= centre
         code += np.where(above, 1 << bit, 0)
         n += above
@@ -92,9 +92,9 @@ def texture(grey: Grey, valid: Bool) -> tuple[Ints, Ints, Bool]:
     m = 8 - n
     both = (n > 0) & (m > 0)
     quotient = (hi * m - lo * n) // np.where(both, n * m, 1)
-    codes[inner] = np.where(whole, code, 0)
-    contrast[inner] = np.where(whole & both, quotient, 0)
-    counted[inner] = whole
+    codes[inner] = np.where(complete, code, 0)
+    contrast[inner] = np.where(complete & both, quotient, 0)
+    counted[inner] = complete
     return codes, contrast, counted
 
 
@@ -132,7 +132,7 @@ def g_statistic(one: Ints, other: Ints) -> float:
     return 0.0 if G < 1e-9 * N else G
 
 
-class Picture:
+class PaddedImage:
     """Grey, symbols and masks of a raster, padded to whole blocks."""
 
     def __init__(self, grey: Grey, valid: Bool) -> None:
@@ -150,15 +150,15 @@ class Picture:
         return ((row, col) for row in range(0, rows, side) for col in range(0, cols, side))
 
     def leaf(self, row: int, col: int, side: int) -> Leaf:
-        here = slice(row, row + side), slice(col, col + side)
-        return Leaf(row, col, side, int(self.grey[here].sum()), int(self.valid[here].sum()))
+        window = slice(row, row + side), slice(col, col + side)
+        return Leaf(row, col, side, int(self.grey[window].sum()), int(self.valid[window].sum()))
 
     def histogram(self, row: int, col: int, side: int) -> Ints:
-        here = slice(row, row + side), slice(col, col + side)
-        return np.bincount(self.symbols[here][self.counted[here]], minlength=2048)
+        window = slice(row, row + side), slice(col, col + side)
+        return np.bincount(self.symbols[window][self.counted[window]], minlength=2048)
 
     def ratio(self, row: int, col: int, side: int) -> float:
-        """R of a block; 0 where it is uniform or fewer than two of its children are counted."""
+        """R of a block; 0 if it is uniform or fewer than two of its children have counted pixels."""
         histograms = [self.histogram(*child) for child in children(row, col, side)]
         pairs = combinations([h for h in histograms if h.sum() > 0], 2)
         G = [g_statistic(one, other) for one, other in pairs]
@@ -183,34 +183,34 @@ def children(row: int, col: int, side: int) -> list[tuple[int, int, int]]:
 
 def divide(grey: Grey, valid: Bool, X: float = 1.2, tau: float | None = None) -> list[Leaf]:
     """Leaves of the hierarchical division; without an intensity test (the paper's method) if tau is None."""
-    picture = Picture(grey, valid)
+    image = PaddedImage(grey, valid)
     leaves = []
-    waiting = [(row, col, BLOCK) for row, col in picture.corners(BLOCK)]
-    while waiting:
-        block = waiting.pop()
-        if block[2] > CELL and is_divided(picture, block, X, tau):
-            waiting.extend(children(*block))
+    pending = [(row, col, BLOCK) for row, col in image.corners(BLOCK)]
+    while pending:
+        block = pending.pop()
+        if block[2] > CELL and is_divided(image, block, X, tau):
+            pending.extend(children(*block))
         else:
-            leaves.append(picture.leaf(*block))
+            leaves.append(image.leaf(*block))
     return sorted(leaves)
 
 
-def is_divided(picture: Picture, block: tuple[int, int, int], X: float, tau: float | None) -> bool:
+def is_divided(image: PaddedImage, block: tuple[int, int, int], X: float, tau: float | None) -> bool:
     """Whether the texture of a block, or with tau its intensity, differs between its children."""
-    return picture.ratio(*block) > X or (tau is not None and picture.step(*block) > tau)
+    return image.ratio(*block) > X or (tau is not None and image.step(*block) > tau)
 
 
 def ratios(grey: Grey, valid: Bool) -> dict[tuple[int, int, int], float]:
     """R of every block of side 64, 32 and 16, by (row, col, side)."""
-    picture = Picture(grey, valid)
-    blocks = [(row, col, side) for side in (64, 32, 16) for row, col in picture.corners(side)]
-    return {block: picture.ratio(*block) for block in blocks}
+    image = PaddedImage(grey, valid)
+    blocks = [(row, col, side) for side in (64, 32, 16) for row, col in image.corners(side)]
+    return {block: image.ratio(*block) for block in blocks}
 
 
 # 3. Segment creation
 
 
-def paint(leaves: list[Leaf], shape: tuple[int, int], kind: Callable[[float], int]) -> Ints:
+def classify_cells(leaves: list[Leaf], shape: tuple[int, int], kind: Callable[[float], int]) -> Ints:
     """The kind of every 8 x 8 cell, from the OP of its leaf; 0 where the leaf has no valid pixels."""
     rows, cols = (-(-size // BLOCK) * BLOCK // CELL for size in shape)
     cells = np.zeros((rows, cols), np.int64)
@@ -223,19 +223,19 @@ def paint(leaves: list[Leaf], shape: tuple[int, int], kind: Callable[[float], in
 def pixels(cells: Ints, valid: Bool) -> Ints:
     """Cells upsampled to the valid pixels of a raster; 0 elsewhere."""
     rows, cols = valid.shape
-    whole = np.repeat(np.repeat(cells, CELL, axis=0), CELL, axis=1)[:rows, :cols]
-    return np.where(valid, whole, 0)
+    complete = np.repeat(np.repeat(cells, CELL, axis=0), CELL, axis=1)[:rows, :cols]
+    return np.where(valid, complete, 0)
 
 
 def in_range(leaves: list[Leaf], shape: tuple[int, int], valid: Bool, lo: float, hi: float) -> Bool:
     """Valid pixels of the leaves whose OP is in [lo, hi]."""
-    return pixels(paint(leaves, shape, lambda op: int(lo <= op <= hi)), valid) > 0
+    return pixels(classify_cells(leaves, shape, lambda op: int(lo <= op <= hi)), valid) > 0
 
 
-def connected(kinds: Ints) -> Ints:
-    """4-connected components of equal kind, numbered in raster order from 1; 0 where the kind is 0."""
-    rows, cols = kinds.shape
-    kind = kinds.tolist()
+def connected(classes: Ints) -> Ints:
+    """4-connected components of equal class, numbered in raster order from 1; 0 where the class is 0."""
+    rows, cols = classes.shape
+    kind = classes.tolist()
     label = [[0] * cols for _ in range(rows)]
     last = 0
     for row in range(rows):
@@ -290,7 +290,7 @@ def extract(
     g = grey(values, valid, low, high)
     leaves = divide(g, valid, X, tau)
     if refine == "none" and connect == "leaves":
-        cells = paint(leaves, g.shape, lambda op: int(lo <= op <= hi))
+        cells = classify_cells(leaves, g.shape, lambda op: int(lo <= op <= hi))
         return by_size(pixels(connected(cells), valid))
     mask = in_range(leaves, g.shape, valid, lo, hi)
     return components(mask if refine == "none" else refine_scan(mask, g, valid, lo, hi))
@@ -348,14 +348,14 @@ def refine_scan_by_lines(mask: Bool, grey: Grey, valid: Bool, lo: float, hi: flo
     misfits = valid & ~fits
     inside = mask & valid
     outside = valid & ~inside
-    for fuel, target, may in ((outside, inside, misfits), (inside, outside, fits)):
+    for spreading, target, candidates in ((outside, inside, misfits), (inside, outside, fits)):
         for turn in TURNS:
-            source, rest, able = turn(fuel), turn(target), turn(may)
+            source, remaining, allowed = turn(spreading), turn(target), turn(candidates)
             run = np.zeros(source.shape[1], int)
             for k in range(1, len(source)):
-                change = source[k - 1] & rest[k] & able[k] & (run < RUN)
+                change = source[k - 1] & remaining[k] & allowed[k] & (run < RUN)
                 source[k] |= change
-                rest[k] &= ~change
+                remaining[k] &= ~change
                 run = np.where(change, run + 1, 0)
     return inside
 
@@ -384,7 +384,7 @@ def refine_states(states: Ints, grey: Grey) -> Ints:
 
 
 def compact(line: list[tuple[int, int]], state: list[list[int]], own: list[list[int]]) -> None:
-    """Half pixels after an unknown one become unknown."""
+    """Pixels whose own value is unknown become unknown after an unknown pixel."""
     for (r, c), (row, col) in pairwise(line):
         if state[r][c] == UNKNOWN and state[row][col] in (FREE, OCCUPIED) and own[row][col] == UNKNOWN:
             state[row][col] = UNKNOWN
@@ -430,7 +430,7 @@ def states(
 
 def states_of_leaves(leaves: list[Leaf], grey: Grey, valid: Bool, refine: bool) -> tuple[Ints, Ints]:
     """State of every pixel (0 where invalid), and the occupied segments in raster order; 0 for none."""
-    cells = paint(leaves, grey.shape, state_of)
+    cells = classify_cells(leaves, grey.shape, state_of)
     state = pixels(cells, valid)
     if not refine:
         return state, pixels(connected((cells == OCCUPIED).astype(np.int64)), valid)
@@ -439,7 +439,7 @@ def states_of_leaves(leaves: list[Leaf], grey: Grey, valid: Bool, refine: bool) 
 
 
 def level_edges(P: float) -> list[float]:
-    """Edges of the levels of width P, from 0 to 1 or just beyond."""
+    """Edges of the levels of width P, from 0 to at least 1."""
     n = math.ceil(1 / P - 1e-9)
     return [round(k * P, 12) for k in range(n + 1)]
 
@@ -469,7 +469,7 @@ def levels_of_leaves(leaves: list[Leaf], valid: Bool, P: float) -> tuple[Ints, L
     """Level of every pixel (-1 where invalid), and labels of segments."""
     # Reading: levels are not refined, and leaves connect.
     edges = level_edges(P)
-    cells = paint(leaves, valid.shape, lambda op: level_of(op, edges) + 1)
+    cells = classify_cells(leaves, valid.shape, lambda op: level_of(op, edges) + 1)
     return pixels(cells, valid) - 1, by_size(pixels(connected(cells), valid))
 
 
@@ -494,7 +494,7 @@ def random_raster(seed: int) -> tuple[NDArray[np.generic], Bool, float, float]:
 
 
 def random_choices(seed: int) -> tuple[float, float, float, float | None]:
-    """lo, hi, X and tau to go with a random raster."""
+    """lo, hi, X and tau for a random raster."""
     rng = np.random.default_rng([seed, 1])
     lo, hi = sorted(np.round(rng.random(2), int(rng.integers(1, 4))).tolist())
     lo, hi = [(lo, hi), (0.0, hi), (lo, 1.0), (lo, lo + 0.1)][int(rng.integers(4))]
@@ -532,7 +532,7 @@ def checkers(rng: np.random.Generator, rows: int, cols: int) -> Floats:
 
 
 def patches(rng: np.random.Generator, rows: int, cols: int) -> Floats:
-    """Rectangles on a plain ground, as buildings or occupied cells."""
+    """Rectangles on a uniform background, like buildings or occupied cells."""
     field = np.full((rows, cols), rng.choice([0.0, 0.3, 0.5]))
     for _ in range(rng.integers(1, 12)):
         row, col = rng.integers(rows), rng.integers(cols)
@@ -558,18 +558,18 @@ FIELDS = (blobs, patches, noise, stripes, checkers, gradient, constant)
 def random_valid(rng: np.random.Generator, rows: int, cols: int) -> Bool:
     """A mask: all pixels, or all but a frame, a patch, speckle, half of them, or nearly everything."""
     valid = np.ones((rows, cols), bool)
-    how = rng.integers(9)
-    if how == 1:
+    pattern = rng.integers(9)
+    if pattern == 1:
         width = rng.integers(1, 30)
         valid[:width] = valid[:, :width] = False
-    elif how == 2:
+    elif pattern == 2:
         row, col = rng.integers(rows), rng.integers(cols)
         valid[row : row + 50, col : col + 40] = False
-    elif how in (3, 4):
+    elif pattern in (3, 4):
         valid = rng.random((rows, cols)) > rng.choice([0.001, 0.02, 0.3, 0.99])
-    elif how == 5:
+    elif pattern == 5:
         valid = np.subtract(*np.indices((rows, cols))) > rng.integers(-100, 100)
-    elif how == 6:
+    elif pattern == 6:
         valid = blobs(rng, rows, cols) > 0.4
     return valid
 

@@ -35,6 +35,7 @@ from uavseg.regions.formats import export
 from uavseg.regions.table import Regions
 from uavseg.segmentation.baseline.lbpc import LbpcParams
 from uavseg.segmentation.blocks.block_file import read_block_map, write_block_map
+from uavseg.segmentation.params import SegmentParams
 
 UTM = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
 SHAPE = (140, 170)
@@ -323,7 +324,9 @@ def test_block_maps(source: Any, words: Words) -> None:
         )
         read = ReadOptions(stretch=words.get("stretch"), skip_bad_tiles=words.get("skip_bad_tiles", False))
         found = divide_job(open_source(source, read))
-        return written(lambda path: write_block_map(path, found.saved, found.segment.division), "python.tif")
+        return written(
+            lambda path: write_block_map(path, found.saved, SegmentParams().division), "python.tif"
+        )
 
     assert_equal(in_python(saved), expected)
 

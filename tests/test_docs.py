@@ -1,4 +1,4 @@
-"""What the README and the documentation pages show is there, and runs."""
+"""Commands, links and images in the README and the documentation pages are valid."""
 
 import re
 import shlex
@@ -23,7 +23,7 @@ PICTURE = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 
 
 def lines_of(page: Path) -> Iterator[str]:
-    """The lines of a page that call uavseg, in blocks of shell and in running text."""
+    """Command lines of a page that call uavseg, in shell blocks and in the text."""
     text = page.read_text(encoding="utf-8")
     for block in SHELL.findall(text):
         for line in block.splitlines():
@@ -37,7 +37,7 @@ LINES = sorted({(page.relative_to(ROOT).as_posix(), line) for page in PAGES for 
 
 
 @pytest.mark.parametrize(("page", "line"), LINES)
-def test_every_line_that_is_shown_can_be_typed(page: str, line: str) -> None:
+def test_every_documented_command_line_is_valid(page: str, line: str) -> None:
     words = shlex.split(line, comments=True)
     words = words[words.index("uavseg") + 1 :]
     if words[0].startswith("-"):
@@ -52,31 +52,31 @@ def test_every_line_that_is_shown_can_be_typed(page: str, line: str) -> None:
             parameter.type_cast_value(context, values[parameter.name])
 
 
-def test_a_line_that_is_wrong_is_found() -> None:
+def test_an_invalid_command_line_is_detected() -> None:
     with pytest.raises(click.UsageError):
-        test_every_line_that_is_shown_can_be_typed("a page", "uavseg plan a.geojson --largets 2")
+        test_every_documented_command_line_is_valid("a page", "uavseg plan a.geojson --largets 2")
     with pytest.raises(click.UsageError):
-        test_every_line_that_is_shown_can_be_typed("a page", "uavseg plan a.geojson --pattern spiral")
+        test_every_documented_command_line_is_valid("a page", "uavseg plan a.geojson --pattern spiral")
 
 
-def test_the_pages_show_every_command() -> None:
+def test_every_command_is_documented() -> None:
     shown = {shlex.split(line, comments=True)[1] for _, line in LINES if line.startswith("uavseg")}
     assert set(main.list_commands(click.Context(main))) <= shown
 
 
-def test_the_reference_names_every_public_name() -> None:
+def test_the_reference_lists_every_public_name() -> None:
     reference = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
     named = set(re.findall(r"^\.\. auto\w+:: uavseg\.(\w+)$", reference, re.MULTILINE))
     assert named == set(uavseg.__all__) - {"__version__"}
 
 
-def test_the_words_are_explained_before_the_first_v() -> None:
+def test_the_glossary_precedes_the_first_use_of_v() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert readme.index("<!-- glossary -->") < re.search(r"\bv\b", readme).start()  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
-def test_pictures_are_there_and_small(page: Path) -> None:
+def test_images_exist_and_are_small(page: Path) -> None:
     for link in PICTURE.findall(page.read_text(encoding="utf-8")):
         picture = page.parent / link
         assert picture.is_file(), f"{page.name} shows {link}"
@@ -85,14 +85,14 @@ def test_pictures_are_there_and_small(page: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
-def test_the_commands_of_a_page_print_what_it_shows(page: Path) -> None:
+def test_the_commands_of_a_page_print_the_documented_output(page: Path) -> None:
     ran = subprocess.run(
         [sys.executable, str(ROOT / "docs" / "run.py"), "--check", str(page)], capture_output=True, text=True
     )
     assert ran.returncode == 0, ran.stderr
 
 
-def test_the_citation_names_this_version_and_the_paper() -> None:
+def test_the_citation_has_this_version_and_the_paper() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == uavseg.__version__
     assert [author["family-names"] for author in citation["references"][0]["authors"]] == [

@@ -1,4 +1,4 @@
-"""pandas is loaded where a command uses it, and only there; no list says which commands these are."""
+"""pandas is imported on first use, by any command, without a list of commands."""
 
 import os
 import subprocess
@@ -30,12 +30,12 @@ def command(*words):
 def loaded():
     return [name for name in ("pandas", "geopandas") if name in sys.modules]
 """
-WRITERS_AT_WORK = """
+USE_WRITERS = """
 import numpy, pyarrow, pyogrio.raw
 pyarrow.record_batch([pyarrow.array(numpy.zeros(1))], names=["a"])
 assert pyogrio._compat.HAS_GEOPANDAS and pyogrio._compat.PANDAS_GE_20
 """
-FRAMES = """
+USE_FRAMES = """
 import geopandas, pandas
 frame = geopandas.read_file(path)
 assert frame["mean"].isna().tolist() == [False, True]
@@ -52,7 +52,7 @@ assert "FileLoader" in type(pandas.__loader__).__name__ and pandas.__spec__.load
 
 
 def program(*parts: str, path: Path | None = None) -> None:
-    """Run a program in a process of its own; `path` is there under that name."""
+    """Run a script in a child process; it can use `path`."""
     search = os.pathsep.join([str(PACKAGE.parent), os.environ.get("PYTHONPATH", "")])
     script = "\n".join([f"path = {str(path)!r}", *parts])
     done = subprocess.run(
@@ -77,26 +77,26 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("name", list(main.list_commands(None)))  # type: ignore[arg-type]
-def test_any_command_may_make_frames(name: str, file: Path) -> None:
-    program(RUN, f"command({name!r}, '--help')", WRITERS_AT_WORK, "assert loaded() == []", FRAMES, path=file)
+def test_any_command_can_create_frames(name: str, file: Path) -> None:
+    program(RUN, f"command({name!r}, '--help')", USE_WRITERS, "assert loaded() == []", USE_FRAMES, path=file)
 
 
 @pytest.mark.parametrize("before", ["import pyarrow", "import pyogrio", "import pandas", "import geopandas"])
-def test_what_is_loaded_before_the_program_stays_as_it_is(before: str, file: Path) -> None:
-    program(before, RUN, "command('--help')", WRITERS_AT_WORK, FRAMES, path=file)
+def test_modules_imported_before_the_program_stay_unchanged(before: str, file: Path) -> None:
+    program(before, RUN, "command('--help')", USE_WRITERS, USE_FRAMES, path=file)
 
 
-def test_frames_may_be_the_first_thing_that_a_command_makes(file: Path) -> None:
-    program(RUN, "command('--help')", FRAMES, WRITERS_AT_WORK, path=file)
+def test_frames_can_be_created_before_anything_else(file: Path) -> None:
+    program(RUN, "command('--help')", USE_FRAMES, USE_WRITERS, path=file)
 
 
-def test_without_pandas_both_packages_know_that_it_is_absent() -> None:
+def test_pyarrow_and_pyogrio_detect_a_missing_pandas() -> None:
     absent = "sys.modules['pandas'] = sys.modules['geopandas'] = None"
     program(RUN, absent, "command('--help')", "import pyogrio", "assert not pyogrio._compat.HAS_GEOPANDAS")
 
 
 @pytest.mark.parametrize("suffix", ["gpkg", "parquet", "geojson", "shp"])
-def test_extract_loads_no_pandas(suffix: str, tmp_path: Path) -> None:
+def test_extract_does_not_import_pandas(suffix: str, tmp_path: Path) -> None:
     output = tmp_path / f"a.{suffix}"
     words = ["extract", str(QUARRY), "--range", "0.55,1", "-q", "-o", str(output)]
     program(RUN, f"command(*{words!r})", "assert loaded() == [], loaded()")

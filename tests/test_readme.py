@@ -1,4 +1,4 @@
-"""What the README shows is there, and runs."""
+"""The commands and the example of the README run."""
 
 import os
 import re
@@ -33,12 +33,12 @@ COMMANDS = [
 ]
 
 
-def test_every_command_is_shown() -> None:
+def test_the_readme_shows_every_command() -> None:
     shown = {shlex.split(line, comments=True)[1] for line in COMMANDS if line.startswith("uavseg")}
     assert shown == set(main.list_commands(click.Context(main)))
 
 
-def test_a_map_that_follows_its_scans() -> None:
+def test_the_example_of_a_live_map_runs() -> None:
     [example] = [block for block in blocks("python") if "OccupancyGrid" in block]
     seen: dict[str, object] = {}
     exec(compile(example, "README.md", "exec"), seen)
@@ -46,9 +46,9 @@ def test_a_map_that_follows_its_scans() -> None:
 
 
 @pytest.mark.slow
-def test_the_commands_run_as_they_are_shown(tmp_path: Path) -> None:
-    put_inputs(tmp_path)
-    # rio finds only plugins that are installed: see test_rio.py
+def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
+    write_inputs(tmp_path)
+    # rio finds installed plugins only: see test_rio.py
     script = ["set -eu", 'uavseg() { "$PYTHON" -m uavseg "$@"; }', "rio() { :; }", *COMMANDS]
     how = os.environ | {"PYTHON": sys.executable, "PYTHONPATH": str(ROOT)}
     ran = subprocess.run(
@@ -66,8 +66,8 @@ def test_the_commands_run_as_they_are_shown(tmp_path: Path) -> None:
         assert (tmp_path / written).stat().st_size > 0
 
 
-def put_inputs(folder: Path) -> None:
-    """The files that the commands speak of: parts of the quarry, a field with rows in it, an empty room."""
+def write_inputs(folder: Path) -> None:
+    """Write the input files of the commands: parts of the quarry, a field with crop rows, an empty room."""
     shutil.copy(ROOT / "samples" / "quarry.tif", folder / "tile.tif")
     (folder / "mosaic").mkdir()
     with rasterio.open(folder / "tile.tif") as quarry:

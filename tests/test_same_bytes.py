@@ -1,4 +1,4 @@
-"""The same input gives the same bytes: how a raster is cut, who works on it and when change nothing."""
+"""Reproducibility: tiles, workers, order and storage do not change a byte of the output."""
 
 import os
 import subprocess
@@ -33,7 +33,7 @@ HOME = ["--altitude", "60", "--home", "auto"]
 
 @pytest.fixture(scope="session")
 def fresh(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Empty folders, one after the other."""
+    """An iterator of new, empty folders."""
     base = tmp_path_factory.mktemp("bytes")
 
     def folder(number: int) -> Path:
@@ -77,8 +77,8 @@ def scene(seed: int, shape: tuple[int, int], kind: str) -> NDArray[Any]:
     return image.astype(kind)
 
 
-def answers(raster: Path, folder: Path, *options: object) -> dict[str, bytes]:
-    """Everything that can be written of a raster."""
+def outputs(raster: Path, folder: Path, *options: object) -> dict[str, bytes]:
+    """All output files of a raster."""
     running = [
         value
         for k, word in enumerate(options)
@@ -89,7 +89,7 @@ def answers(raster: Path, folder: Path, *options: object) -> dict[str, bytes]:
         for extension in FORMATS:
             labels = ["--labels", "labels.tif"] if extension == "kml" else []
             run("extract", raster, *RANGE, "-o", f"out.{extension}", "-q", *labels, *options)
-    with chdir(raster.parent):  # a block map knows the folder that it was made in
+    with chdir(raster.parent):  # a block map holds the path of its raster
         run("divide", raster.name, "-o", folder / "blocks.tif", "-q", *running)
     return contents(folder)
 
@@ -105,23 +105,23 @@ def answers(raster: Path, folder: Path, *options: object) -> dict[str, bytes]:
     refine=st.sampled_from(["none", "scan", "smooth", "tv"]),
     method=st.sampled_from(["paper", "adaptive"]),
 )
-def test_tiles_and_threads_change_no_byte(
+def test_tiles_and_threads_do_not_change_the_output(
     fresh: Iterator[Path], seed: int, shape: tuple[int, int], kind: str, refine: str, method: str
 ) -> None:
     raster = write(next(fresh) / "tile.tif", scene(seed, shape, kind))
     how = ("--refine", refine, "--method", method, "--fill-holes", "30px")
-    wanted = answers(raster, next(fresh), *how, "--tile", 64, "--threads", 1)
+    wanted = outputs(raster, next(fresh), *how, "--tile", 64, "--threads", 1)
     for k, tile in enumerate(TILES):
-        assert_same(wanted, answers(raster, next(fresh), *how, "--tile", tile, "--threads", 1 + (k + 1) % 2))
+        assert_same(wanted, outputs(raster, next(fresh), *how, "--tile", tile, "--threads", 1 + (k + 1) % 2))
 
 
-def test_a_real_raster_gives_the_same_bytes_for_every_tile(fresh: Iterator[Path]) -> None:
-    wanted = answers(QUARRY, next(fresh))
+def test_the_output_of_a_sample_is_the_same_for_every_tile_size(fresh: Iterator[Path]) -> None:
+    wanted = outputs(QUARRY, next(fresh))
     for k, tile in enumerate(TILES):
-        assert_same(wanted, answers(QUARRY, next(fresh), "--tile", tile, "--threads", 1 + k % 2))
+        assert_same(wanted, outputs(QUARRY, next(fresh), "--tile", tile, "--threads", 1 + k % 2))
 
 
-def test_processes_give_the_same_bytes_whatever_their_hashes(fresh: Iterator[Path]) -> None:
+def test_the_output_does_not_depend_on_the_hash_seed(fresh: Iterator[Path]) -> None:
     found = []
     for seed in ("1", "2"):
         folder = next(fresh)
@@ -134,7 +134,7 @@ def test_processes_give_the_same_bytes_whatever_their_hashes(fresh: Iterator[Pat
     assert len(found[0]) == 3
 
 
-def test_missions_are_the_same_too(fresh: Iterator[Path]) -> None:
+def test_missions_do_not_depend_on_the_tile_size(fresh: Iterator[Path]) -> None:
     found = []
     for tile in (64, 4096):
         with chdir(next(fresh)):
@@ -144,7 +144,7 @@ def test_missions_are_the_same_too(fresh: Iterator[Path]) -> None:
     assert_same(*found)
 
 
-def test_a_file_is_replaced_by_the_same_bytes(fresh: Iterator[Path]) -> None:
+def test_overwriting_gives_the_same_bytes(fresh: Iterator[Path]) -> None:
     with chdir(next(fresh)):
         for _ in range(2):
             run("extract", QUARRY, *RANGE, "-o", "a.gpkg", "--labels", "a.tif", "-q", "--overwrite")
@@ -153,7 +153,7 @@ def test_a_file_is_replaced_by_the_same_bytes(fresh: Iterator[Path]) -> None:
         assert_same(before, contents(Path()))
 
 
-def test_block_maps_answer_with_the_same_bytes_as_their_rasters(fresh: Iterator[Path]) -> None:
+def test_a_block_map_gives_the_same_bytes_as_its_raster(fresh: Iterator[Path]) -> None:
     with chdir(next(fresh)):
         run("divide", QUARRY, "-o", "blocks.tif", "-q", "--tile", 128)
         for source, name in ((QUARRY, "raster"), ("blocks.tif", "blocks")):
@@ -163,12 +163,12 @@ def test_block_maps_answer_with_the_same_bytes_as_their_rasters(fresh: Iterator[
     assert found["raster.labels.tif"] == found["blocks.labels.tif"]
 
 
-# How a raster is stored, and cut into files
+# Storage and mosaics
 
 
 @settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 10**6), kind=st.sampled_from(["uint8", "uint16", "float32"]), data=st.data())
-def test_pieces_in_any_order_are_the_whole(
+def test_a_mosaic_in_any_order_equals_the_whole_raster(
     fresh: Iterator[Path], seed: int, kind: str, data: st.DataObject
 ) -> None:
     rows, cols = data.draw(st.tuples(st.integers(2, 200), st.integers(2, 200)))
@@ -195,7 +195,7 @@ def parts(cuts: list[int], end: int) -> list[tuple[int, int]]:
     return list(pairwise([0, *sorted(cuts), end]))
 
 
-def test_overlaps_that_agree_change_nothing(fresh: Iterator[Path]) -> None:
+def test_consistent_overlaps_do_not_change_the_result(fresh: Iterator[Path]) -> None:
     folder, image = next(fresh), scene(3, (150, 160), "uint8")
     whole = write(folder / "whole.tif", image)
     pieces = [write(folder / "a.tif", image[:100]), write(folder / "b.tif", image[40:, 30:], 40, 30),
@@ -215,10 +215,12 @@ def test_overlaps_that_agree_change_nothing(fresh: Iterator[Path]) -> None:
     ],
     ids=str,
 )
-def test_how_a_file_is_stored_changes_no_byte(fresh: Iterator[Path], stored: dict[str, Any]) -> None:
+def test_the_storage_of_a_file_does_not_change_the_output(
+    fresh: Iterator[Path], stored: dict[str, Any]
+) -> None:
     image = scene(8, (180, 210), "uint16")
-    plain = answers(write(next(fresh) / "tile.tif", image), next(fresh))
-    other = answers(write(next(fresh) / "tile.tif", image, **stored), next(fresh))
+    plain = outputs(write(next(fresh) / "tile.tif", image), next(fresh))
+    other = outputs(write(next(fresh) / "tile.tif", image, **stored), next(fresh))
     for found in (plain, other):
-        found.pop("blocks.tif")  # it says where its raster is
+        found.pop("blocks.tif")  # it holds the path of its raster
     assert_same(plain, other)

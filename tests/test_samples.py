@@ -1,4 +1,4 @@
-"""The samples are what their script draws, small, and what their README says."""
+"""The samples equal the output of their script, are small, and match their README."""
 
 import subprocess
 import sys
@@ -32,7 +32,7 @@ def test_the_script_draws_the_committed_pixels(name: str, redrawn: Path) -> None
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_a_sample_is_of_the_kind_its_readme_says(name: str) -> None:
+def test_a_sample_has_the_type_and_georeference_of_the_readme(name: str) -> None:
     dtypes, nodata, epsg, metres = KINDS[name]
     with rasterio.open(SAMPLES / name) as file:
         assert (file.dtypes, file.nodata, file.crs.to_epsg()) == (dtypes, nodata, epsg)
@@ -41,7 +41,7 @@ def test_a_sample_is_of_the_kind_its_readme_says(name: str) -> None:
         assert f"{file.width} x {file.height}, {metres:g} m" in (SAMPLES / "README.md").read_text("utf-8")
 
 
-def test_no_other_samples_and_each_is_small() -> None:
+def test_there_are_only_these_samples_and_they_are_small() -> None:
     sizes = {path.name: path.stat().st_size for path in SAMPLES.glob("*.tif")}
     assert set(sizes) == set(KINDS)
     assert max(sizes.values()) < 400_000
@@ -51,12 +51,12 @@ def test_the_quarry_is_bright_in_a_dark_forest() -> None:
     with rasterio.open(SAMPLES / "quarry.tif") as file:
         v = file.read(1) / 255
     assert 0.25 < (v >= 0.55).mean() < 0.4
-    assert ((v > 0.5) & (v < 0.6)).mean() < 0.05  # hardly anything lies between the two
+    assert ((v > 0.5) & (v < 0.6)).mean() < 0.05  # few pixels have intermediate values
 
 
 @pytest.mark.parametrize("name, band", [("fields_rgb.tif", 4), ("thermal.tif", 1)])
-def test_a_drone_leaves_a_ragged_collar(name: str, band: int) -> None:
+def test_drone_mosaics_have_an_irregular_outline(name: str, band: int) -> None:
     with rasterio.open(SAMPLES / name) as file:
         seen = file.read(band) > 0
     assert 0.6 < seen.mean() < 0.95
-    assert len(set(seen.argmax(axis=1))) > 10  # the left edge is no straight line
+    assert len(set(seen.argmax(axis=1))) > 10  # the left edge is irregular

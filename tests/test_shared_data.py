@@ -1,7 +1,7 @@
-"""Real and odd rasters: each gives a right answer or one clear sentence.
+"""Real and unusual rasters: each gives a correct result or a one-line error.
 
-What each of them gives was looked at by hand, and what is right is worked out here by other means: pixels are
-read with rasterio, sums come from numpy, and every label from the slow reference.
+The expected numbers of regions, warnings and errors were inspected by hand. Pixels, sums and labels are
+checked against independent computations: rasterio, numpy and the slow reference implementation.
 """
 
 import warnings
@@ -31,7 +31,7 @@ NOTHING = "no region has a mean v in 0.55..1"
 
 @dataclass(frozen=True)
 class Case:
-    """What a raster gives: an error, or regions (how many by default, with scans, by the paper's method)."""
+    """Expected result: an error, or the number of regions (default, with scans, by the paper's method)."""
 
     regions: tuple[int, int, int] = (0, 0, 0)
     warnings: tuple[str, ...] = ()
@@ -79,7 +79,7 @@ CASES: dict[str, Case] = {
     "labelled/pond3.tif": Case((76, 71, 13)),
     **{f"labelled/{name}_truth.tif": Case() for name in ("cloud", "pond0", "pond1", "pond2", "pond3")},
 }
-WAYS = {
+SETTINGS = {
     "default": [],
     "scan": ["--refine", "scan"],
     "paper": ["--refine", "none", "--method", "paper"],
@@ -99,12 +99,12 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(main, ["extract", *map(str, arguments)])
 
 
-def told(result: Result) -> list[str]:
-    said = "uavseg: warning: "
-    return [line.removeprefix(said) for line in result.stderr.splitlines() if line.startswith(said)]
+def warnings_of(result: Result) -> list[str]:
+    prefix = "uavseg: warning: "
+    return [line.removeprefix(prefix) for line in result.stderr.splitlines() if line.startswith(prefix)]
 
 
-# The same pixels by other means
+# Independent reading of the pixels
 
 
 def luminance(red: NDArray[Any], green: NDArray[Any], blue: NDArray[Any]) -> NDArray[Any]:
@@ -144,7 +144,7 @@ READERS: dict[str, Read] = {
 
 
 def limits(values: NDArray[Any], valid: NDArray[np.bool_], file: Any, stretch: str) -> tuple[float, float]:
-    """What becomes black and white: the whole type, or nearest ranks at 2 and 98 percent."""
+    """Limits of the stretch: the range of the type, or nearest ranks at 2 and 98 percent."""
     if stretch == "dtype":
         return 0, 127 if file.dtypes[0] == "int8" else 255
     ordered = np.sort(values[valid])
@@ -162,13 +162,13 @@ def grey(path: Path, case: Case) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]
 
 
 def labels_of_reference(
-    reference: ModuleType, plain: ModuleType, g: NDArray[np.uint16], valid: NDArray[np.bool_], way: str
+    reference: ModuleType, plain: ModuleType, g: NDArray[np.uint16], valid: NDArray[np.bool_], setting: str
 ) -> NDArray[np.uint32]:
-    leaves = reference.divide(g, valid, 1.2, None if way == "paper" else 0.05)
-    cells = reference.paint(leaves, g.shape, lambda op: int(RANGE[0] <= op <= RANGE[1]))
-    if way == "paper":
+    leaves = reference.divide(g, valid, 1.2, None if setting == "paper" else 0.05)
+    cells = reference.classify_cells(leaves, g.shape, lambda op: int(RANGE[0] <= op <= RANGE[1]))
+    if setting == "paper":
         labels = reference.by_size(reference.pixels(reference.connected(cells), valid))
-    elif way == "scan":
+    elif setting == "scan":
         mask = reference.in_range(leaves, g.shape, valid, *RANGE)
         labels = reference.components(reference.refine_scan_by_lines(mask, g, valid, *RANGE))
     else:
@@ -180,37 +180,37 @@ def labels_of_reference(
 # Every raster
 
 
-def test_every_raster_has_its_expectation(shared_data: Path) -> None:
+def test_every_raster_has_an_expected_result(shared_data: Path) -> None:
     found = {
         f"{p.parent.name}/{p.name}" for p in shared_data.rglob("*.tif*") if p.suffix in (".tif", ".tiff")
     }
-    assert found <= set(CASES), "look at these by hand and say what is right"
+    assert found <= set(CASES), "rasters without an expected result: inspect them and add one"
 
 
-@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("setting", SETTINGS)
 @pytest.mark.parametrize("name", CASES)
-def test_a_raster_gives_a_right_answer_or_one_sentence(
+def test_a_raster_gives_a_correct_result_or_a_one_line_error(
     shared_data: Path,
     reference: ModuleType,
     plain_variation: ModuleType,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     name: str,
-    way: str,
+    setting: str,
 ) -> None:
     path, case = raster_of(shared_data, name), CASES[name]
     monkeypatch.chdir(tmp_path)
-    output = "out.geojson" if way == "default" and not case.geojson_error else "out.gpkg"
+    output = "out.geojson" if setting == "default" and not case.geojson_error else "out.gpkg"
     labelled = [] if case.read == "nothing" else ["--labels", "labels.tif"]
-    result = run(path, "--range", "0.55,1", *WAYS[way], "-o", output, *labelled)
+    result = run(path, "--range", "0.55,1", *SETTINGS[setting], "-o", output, *labelled)
     if case.error:
         assert_refused(result, case.error)
         return
     assert result.exit_code == 0, result.output
-    count = case.regions[list(WAYS).index(way)]
-    wanted = [*case.warnings, *([NOTHING] if count == 0 and NOTHING not in case.warnings else [])]
-    assert len(told(result)) == len(wanted)
-    assert all(part in line for part, line in zip(wanted, told(result), strict=True))
+    count = case.regions[list(SETTINGS).index(setting)]
+    expected = [*case.warnings, *([NOTHING] if count == 0 and NOTHING not in case.warnings else [])]
+    assert len(warnings_of(result)) == len(expected)
+    assert all(part in line for part, line in zip(expected, warnings_of(result), strict=True))
     frame = geopandas.read_file(output)
     assert len(frame) == count
     if case.read == "nothing":
@@ -222,7 +222,7 @@ def test_a_raster_gives_a_right_answer_or_one_sentence(
     if count:
         assert_regions(frame, labels)
         assert_means(frame, labels, g, valid)
-    assert np.array_equal(labels, labels_of_reference(reference, plain_variation, g, valid, way))
+    assert np.array_equal(labels, labels_of_reference(reference, plain_variation, g, valid, setting))
 
 
 def assert_refused(result: Result, message: str) -> None:
@@ -233,7 +233,7 @@ def assert_refused(result: Result, message: str) -> None:
 
 
 def assert_regions(frame: geopandas.GeoDataFrame, labels: NDArray[np.uint32]) -> None:
-    """Outlines are valid and fit the labels; every measure is a number."""
+    """Outlines are valid and match the labels; all attributes are finite."""
     assert list(frame["id"]) == list(range(1, len(frame) + 1))
     assert list(frame["pixels"]) == np.bincount(labels.reshape(-1))[1:].tolist()
     assert frame.is_valid.all() and (frame.area > 0).all()
@@ -255,11 +255,11 @@ def assert_means(
     assert frame["std"].to_numpy() == pytest.approx(deviation, abs=2e-5)
 
 
-# What is particular
+# Special cases
 
 
 @pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.geojson_error])
-def test_what_is_not_on_earth_is_no_geojson(
+def test_a_raster_outside_the_earth_cannot_be_written_as_geojson(
     shared_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -267,7 +267,9 @@ def test_what_is_not_on_earth_is_no_geojson(
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name.startswith("imagery/")])
-def test_imagery_is_told_where_it_is(shared_data: Path, tmp_path: Path, name: str) -> None:
+def test_regions_of_imagery_have_correct_coordinates_and_areas(
+    shared_data: Path, tmp_path: Path, name: str
+) -> None:
     path, output = raster_of(shared_data, name), tmp_path / "out.gpkg"
     assert run(path, "--range", "0.55,1", "-o", output, "-q").exit_code == 0
     frame = geopandas.read_file(output)
@@ -283,15 +285,15 @@ def test_imagery_is_told_where_it_is(shared_data: Path, tmp_path: Path, name: st
 
 
 def geodesic_area(polygon: Any) -> float:
-    """Area on the ellipsoid."""
+    """Geodesic area on the ellipsoid, in m²."""
     import pyproj
 
     area: float = pyproj.Geod(ellps="WGS84").geometry_area_perimeter(polygon)[0]
     return area
 
 
-def test_bright_snow_is_found_and_dark_forest_is_not(shared_data: Path, tmp_path: Path) -> None:
-    """The clearing in the preview is one region of a third of the picture; what is left is mostly dark."""
+def test_bright_snow_is_extracted_and_dark_forest_is_not(shared_data: Path, tmp_path: Path) -> None:
+    """The snow clearing is one region of about a third of the image; the rest is mostly dark."""
     path = raster_of(shared_data, "imagery/uav_forest_snow_clearing_mask.tif")
     assert (
         run(path, "--range", "0.55,1", "-o", tmp_path / "a.gpkg", "--labels", tmp_path / "a.tif").exit_code

@@ -185,7 +185,7 @@ def test_what_cannot_be_is_refused(raster: Path, wrong: dict[str, Any], error: t
 def test_a_raster_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RasterReadError, match=r"missing\.tif"):
         uavseg.extract(tmp_path / "missing.tif", RANGE)
-    with pytest.raises(ParameterError, match="name at least one"):
+    with pytest.raises(ParameterError, match="give at least one"):
         uavseg.extract([], RANGE)
 
 

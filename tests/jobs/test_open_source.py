@@ -121,7 +121,7 @@ def test_the_file_of_a_block_map_is_a_raster_where_that_is_asked_for() -> None:
         (SCENE, {"nodata": 0}, "an array has one band and no nodata"),
         (SCENE > 3, {}, "expected a 2-D array of numbers, got bool of shape"),
         (SCENE[None], {}, "expected a 2-D array of numbers, got uint8 of shape"),
-        ([], {}, "name at least one"),
+        ([], {}, "give at least one"),
     ],
 )
 def test_options_that_do_not_apply_are_refused(source: Any, options: dict[str, Any], refusal: str) -> None:

@@ -198,7 +198,7 @@ def test_states_are_those_of_the_reference(
         grid.refit()
         grey = to_grey(grid.probabilities[np.newaxis], 0.0, 1.0)
         leaves = reference.divide(grey, np.ones(grey.shape, bool))
-        states = reference.paint(leaves, grey.shape, lambda op: int(StateLimits().of(op)))
+        states = reference.classify_cells(leaves, grey.shape, lambda op: int(StateLimits().of(op)))
         states[-(-grey.shape[0] // 8) :] = states[:, -(-grey.shape[1] // 8) :] = 0
         assert (grid.segmentation.intervals == states).all()
         assert {1, 2, 3} <= set(np.unique(states).tolist())

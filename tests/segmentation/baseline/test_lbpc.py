@@ -26,7 +26,7 @@ def g_of(one: Histogram, other: Histogram) -> float:
 
 def plain(reference: ModuleType, grey: np.ndarray, valid: np.ndarray, params: LbpcParams) -> np.ndarray:
     """The whole algorithm with dictionaries and loops."""
-    picture = reference.Picture(grey, valid)
+    picture = reference.PaddedImage(grey, valid)
     rows, cols = grey.shape
     symbols = {
         (r, c): int(picture.symbols[r, c]) for r in range(rows) for c in range(cols) if picture.counted[r, c]
