@@ -79,9 +79,9 @@ def scores(seeds: int = SEEDS) -> Iterator[Score]:
     """Every method on both maps."""
     import numpy as np
 
-    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
+    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 
-    for scene, build in BUILT_IN.items():
+    for scene, build in BUILT_IN_SCENES.items():
         simulation = build()
         truth = simulation.truth().states
         maps = [simulation.run(seed) for seed in range(seeds)]
@@ -105,7 +105,7 @@ def overlaps(states: Any, truth: Any) -> list[float]:
 
 def by_threshold(grid: Any) -> Any:
     """Threshold each cell by its own v."""
-    from uavseg.segmentation.intervals import StateLimits
+    from uavseg.segmentation.params import StateLimits
 
     return StateLimits().of(grid.probabilities)
 
@@ -115,7 +115,7 @@ def by_lbpc(grid: Any) -> Any:
     import numpy as np
 
     from uavseg.segmentation.baseline.lbpc import segment_lbpc
-    from uavseg.segmentation.intervals import StateLimits
+    from uavseg.segmentation.params import StateLimits
 
     labels = segment_lbpc(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
     sums = np.bincount(labels.ravel(), grid.probabilities.ravel())

@@ -17,7 +17,7 @@ from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.formats import export
-from uavseg.segmentation.intervals import StateLimits
+from uavseg.segmentation.params import StateLimits
 
 BOX = GeoBox((100, 150), Affine(0.05, 0, -2, 0, -0.05, 6), None)
 MODES = ["trinary", "scale", "raw"]
@@ -252,7 +252,7 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
         (["nothing.tif"], "nothing.tif has no valid cell: all of it is nodata or NaN"),
         (["high.tif"], "a map of probabilities lies in 0..1 and this one holds 7"),
         (["stretched.tif", "-o", "s.yaml"], "square cells"),
-        (["lone.yaml"], "lone.yaml names the picture lone.pgm, and there is no such file"),
+        (["lone.yaml"], "lone.yaml names the image lone.pgm, and there is no such file"),
         (["overlap.yaml"], "free_thresh (0.7) lies below occupied_thresh (0.6)"),
         (["negative.yaml"], "resolution is metres per cell, a number above 0, not -0.05"),
         (["nan.yaml"], "resolution is metres per cell, a number above 0, not nan"),

@@ -108,7 +108,7 @@ def _flight(options: dict[str, Any]) -> PlanRequest:
     from uavseg.cli._mission import plan_request
     from uavseg.flight import files
 
-    files.check_format(options["mission"])
+    files.check_mission_format(options["mission"])
     return plan_request(options)
 
 

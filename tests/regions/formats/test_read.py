@@ -130,7 +130,7 @@ def test_what_holds_no_regions_is_refused_in_one_line(tmp_path: Path, text: str,
         assert "\n" not in str(refused.value) and "vsimem" not in str(refused.value)
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RegionError, match="does not exist"):
         load(tmp_path / "none.gpkg")
 
