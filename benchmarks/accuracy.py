@@ -105,7 +105,7 @@ def overlaps(states: Any, truth: Any) -> list[float]:
 
 def by_threshold(grid: Any) -> Any:
     """Threshold each cell by its own v."""
-    from uavseg.segmentation.intervals import StateLimits
+    from uavseg.segmentation.params import StateLimits
 
     return StateLimits().of(grid.probabilities)
 
@@ -115,7 +115,7 @@ def by_lbpc(grid: Any) -> Any:
     import numpy as np
 
     from uavseg.segmentation.baseline.lbpc import segment_lbpc
-    from uavseg.segmentation.intervals import StateLimits
+    from uavseg.segmentation.params import StateLimits
 
     labels = segment_lbpc(np.floor(65535 * grid.probabilities.astype(np.float64) + 0.5).astype(np.uint16))
     sums = np.bincount(labels.ravel(), grid.probabilities.ravel())

@@ -71,9 +71,8 @@ def _cases() -> Iterator[_Case]:
     from uavseg.segmentation.blocks.block_map import cell_sums
     from uavseg.segmentation.blocks.division import block_ratios
     from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram, lbp_symbols
-    from uavseg.segmentation.intervals import IntensityRange
-    from uavseg.segmentation.labels.component_sums import component_sums
-    from uavseg.segmentation.labels.components import label_components
+    from uavseg.segmentation.components import component_sums, label_components
+    from uavseg.segmentation.params import IntensityRange
     from uavseg.segmentation.refine.range_scans import refine_by_scans
     from uavseg.segmentation.refine.tv import refine_by_tv
 
@@ -117,9 +116,7 @@ def _cases() -> Iterator[_Case]:
     refined = refine_by_scans(inside.copy(), valid_pixels, in_range)
     labels, count = label_components(refined)
     yield _Case("`components.label_components`", lambda: label_components(refined), (refined, labels))
-    yield _Case(
-        "`component_sums.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner)
-    )
+    yield _Case("`components.component_sums`", lambda: component_sums(labels, count, inner), (labels, inner))
 
     sizes = np.bincount(labels.ravel())
     labels[sizes[labels] < MIN_PIXELS] = 0

@@ -18,15 +18,15 @@ TIMED_FUNCTIONS = (
     ("raster/intensity/stretch.py", "apply", "8 to 16 bit: `Stretch.apply`"),
     ("segmentation/blocks/block_map.py", "cell_sums", "`block_map.cell_sums`"),
     ("segmentation/blocks/lbp.py", "contrast_histogram", "`lbp.contrast_histogram`"),
-    ("segmentation/blocks/block_cache.py", "put", "mixed blocks cached: `BlockCache.put`"),
+    ("segmentation/source.py", "put", "mixed blocks cached: `BlockCache.put`"),
     ("segmentation/blocks/division.py", "selected_ratios", "`division.selected_ratios`"),
     ("segmentation/blocks/leaves.py", "cells_in_range", "`leaves.cells_in_range`"),
     ("segmentation/blocks/leaves.py", "pixels_in_range", "`leaves.pixels_in_range`"),
     ("segmentation/blocks/leaves.py", "cells_to_pixels", "`leaves.cells_to_pixels`"),
-    ("segmentation/blocks/mixed_cells.py", "mixed_cells", "`mixed_cells.mixed_cells`"),
+    ("segmentation/blocks/leaves.py", "mixed_cells", "`leaves.mixed_cells`"),
     ("segmentation/refine/tv.py", "refine_by_tv", "total variation: `tv.refine_by_tv`"),
-    ("segmentation/labels/components.py", "label_components", "`components.label_components`"),
-    ("segmentation/labels/component_sums.py", "component_sums", "`component_sums.component_sums`"),
+    ("segmentation/components.py", "label_components", "`components.label_components`"),
+    ("segmentation/components.py", "component_sums", "`components.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
     ("regions/outline/trace.py", "link", "`trace.link`"),
     ("regions/table.py", "make", "areas, lengths, interior points: `table.make`"),
@@ -64,7 +64,7 @@ def _measure(raster: str) -> list[tuple[str, float]]:
     from uavseg.jobs.open_source import open_source
     from uavseg.regions.edit.small import Area
     from uavseg.regions.formats import export
-    from uavseg.segmentation.intervals import IntensityRange
+    from uavseg.segmentation.params import IntensityRange
 
     profile = cProfile.Profile()
     imported = time.perf_counter()

@@ -121,10 +121,8 @@ def _update(title: str, scene: Any, forget: bool, remark: str) -> Step:
 def _whole_map(scene: Any) -> Iterator[Step]:
     """Segmentation of the whole map, with only the R that states need and with all R."""
     from uavseg.occupancy.probability_map import stretch_of
-    from uavseg.raster.tile_pass import TilePass
-    from uavseg.raster.tiling import tiles
-    from uavseg.segmentation.intervals import StateLimits
-    from uavseg.segmentation.params import SegmentParams
+    from uavseg.raster.tiling import TilePass, tiles
+    from uavseg.segmentation.params import SegmentParams, StateLimits
     from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
     from uavseg.segmentation.source import GreySource
 

@@ -157,8 +157,7 @@ def _measure_reuse(raster: str, blocks: str) -> tuple[float, float]:
     from uavseg.jobs.extract import ExtractRequest, extract
     from uavseg.jobs.open_source import open_source
     from uavseg.jobs.work import Work
-    from uavseg.segmentation.intervals import IntensityRange
-    from uavseg.segmentation.params import SegmentParams
+    from uavseg.segmentation.params import IntensityRange, SegmentParams
 
     saved, source = open_source(blocks), open_source(raster)
     segment = SegmentParams(refine="none")
@@ -179,10 +178,9 @@ def _measure_segmentation(raster: str, count: str) -> tuple[float]:
     from uavseg.execution.executors import threads
     from uavseg.raster.dataset import Dataset
     from uavseg.raster.intensity.stretch import fit_stretch
-    from uavseg.raster.tile_pass import TilePass
+    from uavseg.raster.tiling import TilePass
     from uavseg.regions.tiles.range_tiles import outline_regions
-    from uavseg.segmentation.intervals import IntensityRange
-    from uavseg.segmentation.params import SegmentParams
+    from uavseg.segmentation.params import IntensityRange, SegmentParams
     from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
     from uavseg.segmentation.source import GreySource
 

@@ -78,8 +78,7 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     from uavseg.jobs.path import PathRequest, free_cells
     from uavseg.occupancy.paths.find_path import find_path
     from uavseg.occupancy.probability_map import stretch_of
-    from uavseg.segmentation.intervals import IntensityRange
-    from uavseg.segmentation.params import SegmentParams
+    from uavseg.segmentation.params import IntensityRange, SegmentParams
 
     dataset, interval = grid.dataset(), IntensityRange(*RANGE)
     source = ProbabilityMap(dataset, stretch_of(dataset))

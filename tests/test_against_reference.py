@@ -21,14 +21,12 @@ from uavseg.jobs.work import Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 

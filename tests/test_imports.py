@@ -103,39 +103,30 @@ MAY_IMPORT = {
 # Within segmentation, the phases take arrays: they import neither raster nor each other, except for these.
 
 PHASES = {
-    "blocks.lbp": set(),
-    "blocks.division": {
-        "blocks.lbp",
-        "blocks.g_statistic",
-    },  # its kernel makes symbols
-    "blocks.g_statistic": set(),
-    "blocks.block_map": {"blocks.division", "params"},
-    "intervals": set(),
-    "blocks.leaves": {"blocks.block_map", "intervals", "params"},
-    "blocks.mixed_cells": {"blocks.block_map"},
+    "params": set(),
+    "components": set(),
     "dilation": set(),
+    "blocks.lbp": set(),
+    "blocks.g_statistic": set(),
+    "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
+    "blocks.block_map": {"blocks.division", "params"},
+    "blocks.leaves": {"blocks.block_map", "params"},
     "refine.noise": {"dilation"},
-    "refine.specks": set(),
     "refine.total_variation": set(),
-    "refine.tv": {"dilation", "refine.noise", "refine.specks", "refine.total_variation"},
-    "blocks.leaf_means": {"blocks.block_map", "params"},
+    "refine.tv": {"dilation", "refine.noise", "refine.total_variation"},
     "refine.range_scans": set(),
     "states.state_scans": set(),
-    "labels.components": set(),
-    "labels.component_sums": set(),
     "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
     "sample.pixel_decision": {"dilation", "sample.g_scores", "blocks.lbp"},
     "sample.coarse_lbp": {"blocks.lbp"},
     "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
-    "params": set(),
 }
 EVERY_PHASE = set(PHASES)
 PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks
-PHASES["baseline.merging"] = {"blocks.g_statistic", "blocks.lbp", "labels.components"}
+PHASES["baseline.merging"] = {"blocks.g_statistic", "blocks.lbp", "components"}
 PHASES["baseline.lbpc"] = EVERY_PHASE | {"in_memory", "baseline.merging"}  # a method of its own, made of them
 ON_RASTERS = {  # these may import raster, and all phases
     "source",
-    "blocks.block_cache",
     "pipeline",
     "blocks.block_file",
     "states.state_image",
@@ -224,7 +215,7 @@ def test_commands_import_only_click_before_they_are_called() -> None:
 def test_the_imports_are_seen() -> None:
     seen = {(found.importer, found.imported) for found in imports()}
     assert ("uavseg.cli.info", "uavseg.jobs.info") in seen  # in a function
-    assert ("uavseg.raster.tile_pass", "uavseg.execution.executors") in seen
+    assert ("uavseg.raster.tiling", "uavseg.execution.executors") in seen
     assert (
         "uavseg.raster.intensity.stretch",
         "uavseg.raster.intensity.histogram",

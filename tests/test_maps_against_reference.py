@@ -21,8 +21,7 @@ from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.segmentation.intervals import Levels
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import Levels, SegmentParams
 from uavseg.segmentation.states import classify_strips
 
 MAPS = 220

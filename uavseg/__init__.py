@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from uavseg.raster.dataset import Dataset as Dataset
     from uavseg.raster.geobox import GeoBox as GeoBox
     from uavseg.regions.outline.trace import trace as trace
-    from uavseg.segmentation.intervals import IntensityRange as IntensityRange
-    from uavseg.segmentation.intervals import StateLimits as StateLimits
+    from uavseg.segmentation.params import IntensityRange as IntensityRange
+    from uavseg.segmentation.params import StateLimits as StateLimits
 
 _HOMES = {
     "extract": "uavseg.api.rasters",
@@ -41,8 +41,8 @@ _HOMES = {
     "PlanParams": "uavseg.flight.params",
     "Dataset": "uavseg.raster.dataset",
     "GeoBox": "uavseg.raster.geobox",
-    "IntensityRange": "uavseg.segmentation.intervals",
-    "StateLimits": "uavseg.segmentation.intervals",
+    "IntensityRange": "uavseg.segmentation.params",
+    "StateLimits": "uavseg.segmentation.params",
     "OccupancyGrid": "uavseg.occupancy.mapping.grid",
     "Pose": "uavseg.occupancy.mapping.scan",
     "Scan": "uavseg.occupancy.mapping.scan",

@@ -14,8 +14,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import StretchSpec
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import Painter
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 DEFAULT = "default"
 SETTINGS = {

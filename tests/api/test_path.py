@@ -19,7 +19,7 @@ from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import IntensityRange
 
 CELL = 0.25
 RANGE = (0, 0.45)

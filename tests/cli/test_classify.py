@@ -17,7 +17,7 @@ from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.formats import export
-from uavseg.segmentation.intervals import StateLimits
+from uavseg.segmentation.params import StateLimits
 
 BOX = GeoBox((100, 150), Affine(0.05, 0, -2, 0, -0.05, 6), None)
 MODES = ["trinary", "scale", "raw"]

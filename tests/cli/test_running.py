@@ -15,7 +15,8 @@ from click.testing import CliRunner
 
 from uavseg.cli import _run, main
 from uavseg.cli._run import Amount, Reporter, bar
-from uavseg.raster.dataset import Dataset, windows_of
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.tiling import windows_of
 
 QUARRY = Path(__file__).resolve().parents[2] / "samples" / "quarry.tif"
 

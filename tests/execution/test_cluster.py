@@ -26,7 +26,7 @@ from uavseg.jobs.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import local_geobox
-from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import IntensityRange
 
 ROOT = Path(__file__).resolve().parents[2]
 QUARRY = ROOT / "samples" / "quarry.tif"

@@ -18,7 +18,7 @@ from hypothesis.extra import numpy as arrays
 from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import Chains
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 KINDS = ["u1", "b1", "<u4", ">i2", "<i8", "<f4", "<f8"]
 plain = st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text())

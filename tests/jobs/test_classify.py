@@ -17,8 +17,7 @@ from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.intervals import StateLimits
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import SegmentParams, StateLimits
 
 SCAN, NONE = (ClassifyRequest(segment=SegmentParams("paper", refine=refine)) for refine in ("scan", "none"))
 FREE, UNKNOWN, OCCUPIED = 1, 2, 3

@@ -23,15 +23,14 @@ from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.open_source import Blocks, Raster
 from uavseg.jobs.result import Extraction
 from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.dataset import Dataset, windows_of
+from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import parse_stretch
-from uavseg.raster.tiling import tiles
+from uavseg.raster.tiling import tiles, windows_of
 from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.label_raster import painted
 from uavseg.segmentation.blocks.block_file import Origin
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 Image = NDArray[Any]
 Opened = Callable[..., Dataset]

@@ -21,8 +21,7 @@ from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.segmentation.blocks.block_file import is_block_map
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.range_candidates import RangeCandidates
 
 NONE = SegmentParams(refine="none")

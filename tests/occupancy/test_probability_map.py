@@ -16,8 +16,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.formats.png import write_png
 from uavseg.raster.geobox import local_geobox
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.tiling import TilePass, Window, tiles
 from uavseg.segmentation.pipeline import GreySource, fill_ratios, measure_cells
 
 Write = Callable[..., Path]

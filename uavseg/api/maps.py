@@ -15,7 +15,7 @@ from uavseg.jobs.path import path as run_path
 from uavseg.jobs.words import area, segment_params
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.regions.drawing import Drawing
-from uavseg.segmentation.intervals import IntensityRange, StateLimits
+from uavseg.segmentation.params import IntensityRange, StateLimits
 
 
 def classify(

@@ -13,8 +13,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.open_source import ReadOptions
     from uavseg.regions.drawing import Drawing
     from uavseg.regions.edit.small import Area
-    from uavseg.segmentation.intervals import IntensityRange
-    from uavseg.segmentation.params import SegmentParams
+    from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -130,7 +129,7 @@ def area(text: str | None) -> Area | None:
 
 def parsed_range(text: str) -> IntensityRange:
     """LO,HI of --range as a range of v."""
-    from uavseg.segmentation.intervals import IntensityRange
+    from uavseg.segmentation.params import IntensityRange
 
     try:
         low, high = (float(part) for part in text.split(","))

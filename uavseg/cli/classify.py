@@ -23,7 +23,7 @@ from uavseg.errors import OutputError
 if TYPE_CHECKING:
     from uavseg.jobs.classify import Classification, ClassifyRequest
     from uavseg.raster.geobox import GeoBox
-    from uavseg.segmentation.intervals import StateLimits
+    from uavseg.segmentation.params import StateLimits
 
 
 @click.command("classify", short_help="Find what is free, unknown and occupied in a map of probabilities.")
@@ -112,7 +112,7 @@ def command(**options: Any) -> None:
 
 def _request(options: dict[str, Any]) -> ClassifyRequest:
     from uavseg.jobs.classify import ClassifyRequest
-    from uavseg.segmentation.intervals import StateLimits
+    from uavseg.segmentation.params import StateLimits
 
     return ClassifyRequest(
         StateLimits(options["free_below"], options["occupied_above"]),

@@ -90,7 +90,7 @@ def command(**options: Any) -> None:
 
 def _request(options: dict[str, Any]) -> LevelsRequest:
     from uavseg.jobs.levels import LevelsRequest
-    from uavseg.segmentation.intervals import Levels
+    from uavseg.segmentation.params import Levels
 
     return LevelsRequest(
         Levels(options["width"]),

@@ -12,14 +12,13 @@ from uavseg.jobs.open_source import Blocks, ProbabilityMap
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.tile_pass import TilePass
+from uavseg.raster.tiling import TilePass
 from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.small import Area, without_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_states
-from uavseg.segmentation.intervals import StateLimits
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.classify_strips import (

@@ -10,15 +10,14 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.open_source import Blocks, Pixels, Raster, Source, raster_of
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.tile_pass import TilePass
+from uavseg.raster.tiling import TilePass
 from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 

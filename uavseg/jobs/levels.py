@@ -18,8 +18,7 @@ from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.tiles.block_map_regions import outline_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.blocks.leaves import cell_levels
-from uavseg.segmentation.intervals import Levels
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import Levels, SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.units import CELL
 

@@ -20,7 +20,7 @@ from uavseg.jobs.extract import filled
 from uavseg.jobs.open_source import Source, raster_of
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.tile_pass import TilePass
+from uavseg.raster.tiling import TilePass
 from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.small import Area, without_small_regions
 from uavseg.regions.outline.stitch import Outlined

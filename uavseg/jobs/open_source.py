@@ -15,7 +15,7 @@ from uavseg.raster.array_source import is_array
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
-from uavseg.raster.tile_pass import TilePass
+from uavseg.raster.tiling import TilePass
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map, read_block_map
 from uavseg.segmentation.source import GreySource
 

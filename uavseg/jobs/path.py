@@ -9,8 +9,7 @@ from uavseg.jobs.open_source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
 from uavseg.occupancy.paths.free_cells import FreeCells
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.source import GreySource
 
 

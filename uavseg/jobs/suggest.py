@@ -12,8 +12,7 @@ from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.tiles.block_map_regions import count_segments
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
-from uavseg.segmentation.blocks.leaves import cell_intervals
+from uavseg.segmentation.blocks.leaves import cell_intervals, histogram_of_means, means_among
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.range_candidates import (
     MAX_CLASSES,

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window
+from uavseg.raster.tiling import TilePass, Window
 
 if TYPE_CHECKING:
     from uavseg.jobs.open_source import Pixels

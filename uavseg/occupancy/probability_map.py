@@ -8,11 +8,11 @@ import numpy as np
 
 from uavseg.errors import MapError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
+from uavseg.raster.bands import Valid, Values
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.grey import Grey
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.validity import Valid, Values
+from uavseg.raster.tiling import TilePass
 
 
 @dataclass(frozen=True, slots=True)

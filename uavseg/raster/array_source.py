@@ -8,10 +8,9 @@ from affine import Affine
 from rasterio.crs import CRS
 
 from uavseg.errors import ParameterError, RasterError
-from uavseg.raster.bands import BandChoice, BandLayout
+from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, sample_positions
-from uavseg.raster.validity import Valid, Values, valid_pixels
 
 
 @dataclass(frozen=True, slots=True, eq=False)

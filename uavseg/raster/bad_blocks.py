@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import Item, Map, Progress, Result
-from uavseg.raster.bands import BandChoice
+from uavseg.raster.bands import BandChoice, Valid, Values
 from uavseg.raster.opening import OpenFiles, gdal_read_errors
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, sample_positions
-from uavseg.raster.validity import Valid, Values
 
 Indices = NDArray[np.int64]
 Slices = tuple[slice, slice]

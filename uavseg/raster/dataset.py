@@ -15,14 +15,13 @@ from uavseg.raster.bad_blocks import (
     read_skipping_bad_blocks,
     record_bad_block,
 )
-from uavseg.raster.bands import BandChoice, choose_bands
+from uavseg.raster.bands import BandChoice, Valid, Values, choose_bands, usable_nodata
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.inspect_file import inspect_file
 from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
-from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
-from uavseg.raster.validity import Valid, Values, usable_nodata
+from uavseg.raster.tiling import Window
 
 Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
@@ -273,9 +272,3 @@ def _with_nodata(
                 warnings.append(f"{file.name}: {warning}")
         found.append(replace(file, nodatas=tuple(values)))
     return tuple(found), tuple(dict.fromkeys(warnings))
-
-
-def windows_of(dataset: Dataset, tile: int | None) -> list[Window]:
-    """The tiles of a dataset in reading order: squares of this side, or a size that suits its files."""
-    shape = dataset.geobox.shape
-    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))

@@ -18,8 +18,7 @@ from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.mosaic import RasterSource
 from uavseg.raster.overview import DatasetOverview
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, tile_side, tiles
+from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
 from uavseg.units import GREY_LEVELS
 
 EXACT_PIXELS = 100_000_000  # larger rasters are downsampled before counting

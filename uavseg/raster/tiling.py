@@ -1,16 +1,22 @@
 """Tiling: windows, halos, and a window's blocks and cells; integer arithmetic only."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
+from uavseg.execution.executors import Map, Progress, serial, split_progress
 from uavseg.units import BLOCK, CELL
 
 PANEL = 8192  # columns of a panel
+
+if TYPE_CHECKING:
+    from uavseg.raster.dataset import Dataset
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,3 +153,58 @@ def window_cells(window: Window) -> tuple[slice, slice]:
 def _in_units(window: Window, unit: int) -> tuple[slice, slice]:
     rows, cols = whole_blocks(window.rows), whole_blocks(window.cols)
     return Window(window.row // unit, window.col // unit, rows // unit, cols // unit).slices
+
+
+def windows_of(dataset: "Dataset", tile: int | None) -> list[Window]:
+    """The tiles of a dataset in reading order: squares of this side, or a size that suits its files."""
+    shape = dataset.geobox.shape
+    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))
+
+
+@dataclass(frozen=True, slots=True)
+class TilePass:
+    """One pass over the tiles of a raster.
+
+    Parameters
+    ----------
+    windows : sequence of Window
+        Tiles that cover the raster, each after those above it and to its left in its panel.
+    map : Map
+        The executor.
+    progress : callable, optional
+        Called with (done, total).
+    """
+
+    windows: Sequence[Window]
+    map: Map = serial
+    progress: Progress | None = None
+
+    @classmethod
+    def over(
+        cls, dataset: "Dataset", tile: int | None = None, map: Map = serial, progress: Progress | None = None
+    ) -> "TilePass":
+        """A pass over a dataset, in tiles of this side or of one that suits its files.
+
+        Raises
+        ------
+        ParameterError
+            If the side is not a positive multiple of 64.
+        """
+        return cls(windows_of(dataset, tile), map, progress)
+
+    def run(
+        self, function: Callable[[Any], Result], items: Sequence[Any] | None = None
+    ) -> Generator[Result, None, None]:
+        """Results of a function for each window, or for each of some other items, in their order."""
+        return self.map(function, self.windows if items is None else items, self.progress)
+
+    def stages(self, count: int) -> list["TilePass"]:
+        """The pass `count` times, each of which reports its share of the progress."""
+        if self.progress is None:
+            return [self] * count
+        return [replace(self, progress=progress) for progress in split_progress(self.progress, count)]
+
+    @property
+    def silent(self) -> "TilePass":
+        """The pass without progress."""
+        return replace(self, progress=None)

@@ -1,6 +1,6 @@
 """Morphological dilation of cells by a square."""
 
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,12 +22,12 @@ def dilate(cells: NDArray[T], reach: int = 1) -> NDArray[T]:
     >>> dilate(np.array([[0, 0, 0, 1]], np.uint8))
     array([[0, 0, 1, 1]], dtype=uint8)
     """
-    dilated: NDArray[Any] = cells
-    for axis in (0, 1):
-        line = np.moveaxis(dilated, axis, 0)
-        wide = line.copy()
-        for k in range(1, reach + 1):
-            np.maximum(wide[k:], line[:-k], out=wide[k:])
-            np.maximum(wide[:-k], line[k:], out=wide[:-k])
-        dilated = np.moveaxis(wide, 0, axis)
-    return np.ascontiguousarray(dilated)
+    rows = cells.copy()
+    for k in range(1, reach + 1):
+        np.maximum(rows[k:], cells[:-k], out=rows[k:])
+        np.maximum(rows[:-k], cells[k:], out=rows[:-k])
+    dilated = rows.copy()
+    for k in range(1, reach + 1):
+        np.maximum(dilated[:, k:], rows[:, :-k], out=dilated[:, k:])
+        np.maximum(dilated[:, :-k], rows[:, k:], out=dilated[:, :-k])
+    return dilated

@@ -6,12 +6,9 @@ from numpy.typing import NDArray
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
-from uavseg.segmentation.blocks.mixed_cells import mixed_cells
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.labels.component_sums import component_sums
-from uavseg.segmentation.labels.components import label_components
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, mixed_cells, pixels_in_range
+from uavseg.segmentation.components import component_sums, label_components
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.refine.range_scans import refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.units import BLOCK

@@ -1,10 +1,15 @@
-"""Parameters of the segmentation, checked when they are made."""
+"""Parameters of the segmentation: intervals of v, and how blocks are divided."""
 
+import math
 from dataclasses import dataclass
 from math import inf
-from typing import Literal
+from typing import Any, Literal, Protocol
 
-from uavseg.errors import ParameterError
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import IntensityRangeError, ParameterError
+from uavseg.units import FREE, GREY_LEVELS, GREY_MAX
 
 Method = Literal["paper", "adaptive"]
 Refinement = Literal["none", "scan", "smooth", "tv"]
@@ -70,3 +75,146 @@ class SegmentParams:
     def division(self) -> DivisionParams:
         """X, and tau as the method applies it: the paper's method has no intensity test."""
         return DivisionParams(self.threshold, self.intensity_step if self.method == "adaptive" else inf)
+
+
+_MAX_LEVELS = GREY_MAX  # v has 65536 values
+
+
+class Intervals(Protocol):
+    """A partition of 0..1 into intervals."""
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Edges between the intervals, increasing; an edge belongs to the interval below it."""
+
+
+@dataclass(frozen=True, slots=True)
+class IntensityRange:
+    """A closed interval of v: both ends belong to it.
+
+    Raises
+    ------
+    IntensityRangeError
+        If not 0 <= low < high <= 1.
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.low < self.high <= 1:
+            raise IntensityRangeError(
+                f"expected an intensity range with 0 <= low < high <= 1, got {self.low:g},{self.high:g}"
+            )
+
+    @property
+    def edges(self) -> tuple[float, float]:
+        """Edges of the three intervals: below the range, in it and above it."""
+        return math.nextafter(self.low, -1.0), self.high
+
+    @property
+    def greys(self) -> tuple[int, int]:
+        """The smallest and the largest grey g whose v = g / 65535 lies in the range."""
+        low = max(math.ceil(self.low * GREY_MAX) - 1, 0)
+        high = min(math.floor(self.high * GREY_MAX) + 1, GREY_MAX)
+        while low / GREY_MAX < self.low:
+            low += 1
+        while high / GREY_MAX > self.high:
+            high -= 1
+        return low, high
+
+
+@dataclass(frozen=True, slots=True)
+class StateLimits:
+    """Probabilities of occupancy that separate free, unknown and occupied cells.
+
+    The defaults are the paper's.
+
+    Parameters
+    ----------
+    free_below : float
+        A cell is free at this probability and below.
+    occupied_above : float
+        A cell is occupied above this probability, and unknown at it and down to the other limit.
+
+    Raises
+    ------
+    ParameterError
+        If not 0 <= free_below < occupied_above <= 1.
+
+    Examples
+    --------
+    >>> StateLimits().of([0.2, 0.498, 0.5, 0.502, 0.503])
+    array([1, 1, 2, 2, 3], dtype=uint8)
+    """
+
+    free_below: float = 0.498
+    occupied_above: float = 0.502
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.free_below < self.occupied_above <= 1:
+            raise ParameterError(
+                "expected limits of states with 0 <= free below < occupied above <= 1, "
+                f"got {self.free_below:g} and {self.occupied_above:g}"
+            )
+
+    @property
+    def edges(self) -> tuple[float, float]:
+        """The two limits."""
+        return self.free_below, self.occupied_above
+
+    def of(self, v: Any) -> NDArray[np.uint8]:
+        """The state of each probability: 1 free, 2 unknown, 3 occupied."""
+        states: NDArray[np.uint8] = (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
+        return states
+
+    @property
+    def table(self) -> NDArray[np.uint8]:
+        """The state of every grey g, whose v = g / 65535: a (65536,) uint8 array."""
+        return self.of(np.arange(GREY_LEVELS) / GREY_MAX)
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """Levels of equal width over 0..1; the last may be narrower.
+
+    Parameters
+    ----------
+    width : float
+        P. Level k, from 0, holds the values above k P up to (k + 1) P; level 0 also holds 0.
+
+    Raises
+    ------
+    ParameterError
+        If the width is not above 0 and at most 1, or so small that there are more levels than greys.
+
+    Examples
+    --------
+    >>> Levels(0.3).bounds
+    (0.0, 0.3, 0.6, 0.9, 1.0)
+    """
+
+    width: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.width <= 1:
+            raise ParameterError(f"the width of a level is above 0 and at most 1, not {self.width:g}")
+        if 1 / self.width > _MAX_LEVELS:
+            raise ParameterError(
+                f"levels of {self.width:g} are finer than the {_MAX_LEVELS + 1} greys; give a larger width"
+            )
+
+    @property
+    def count(self) -> int:
+        """Number of levels."""
+        return math.ceil(1 / self.width - 1e-9)
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """The edges between levels."""
+        return tuple(round(k * self.width, 12) for k in range(1, self.count))
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """The edges with 0 and 1 at the ends: level k lies between bounds k and k + 1."""
+        return (0.0, *self.edges, 1.0)

@@ -12,19 +12,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, window_blocks, window_cells
-from uavseg.segmentation.blocks.block_cache import CACHED_SIDE, BlockCache
+from uavseg.raster.tiling import TilePass, Window, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
-from uavseg.segmentation.blocks.mixed_cells import mixed_cells
-from uavseg.segmentation.intervals import IntensityRange, Intervals
-from uavseg.segmentation.params import DivisionParams, Refinement, SegmentParams
+from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, mixed_cells, pixels_in_range
+from uavseg.segmentation.params import DivisionParams, IntensityRange, Intervals, Refinement, SegmentParams
 from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
-from uavseg.segmentation.source import GreySource, GreyTile
+from uavseg.segmentation.source import CACHED_SIDE, BlockCache, GreySource, GreyTile
 from uavseg.units import BLOCK, CELLS, GREY_LEVELS
 
 IN_RANGE, MIXED = np.uint8(1), np.uint8(2)  # bits of `cells_to_refine`

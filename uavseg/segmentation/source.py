@@ -1,6 +1,8 @@
 """GreySource: windowed reads of a dataset as 16-bit grey."""
 
+import threading
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +10,7 @@ from numpy.typing import NDArray
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import Window, whole_blocks
+from uavseg.units import BLOCK
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,3 +63,70 @@ class GreySource:
         grey[inner.slices] = pixels
         valid[inner.slices] = 1 if mask is None else mask
         return GreyTile(grey, valid, False)
+
+
+CAPACITY = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
+CACHED_SIDE = BLOCK + 2  # a block with a border of one pixel
+
+
+@dataclass(frozen=True, slots=True)
+class CachedBlocks:
+    """Blocks of one tile, stacked vertically.
+
+    Parameters
+    ----------
+    grey : (66 k, 66) uint16 array
+        Each block with a border of one pixel.
+    valid : (66 k, 66) uint8 array or None
+        1 where a pixel is valid; None where all are.
+    """
+
+    grey: NDArray[np.uint16]
+    valid: NDArray[np.uint8] | None
+
+
+class BlockCache:
+    """Cached blocks by tile; thread-safe. A pickled copy is empty and caches nothing."""
+
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self._free = capacity
+        self._tiles: dict[Window, CachedBlocks] = {}
+        self._lock = threading.Lock()
+
+    def __reduce__(self) -> tuple[type["BlockCache"], tuple[int]]:
+        return BlockCache, (0,)
+
+    def fingerprint(self) -> tuple[()]:
+        """Empty: no result depends on the cache."""
+        return ()
+
+    def put(self, window: Window, tile: GreyTile, corners: NDArray[np.int64]) -> None:
+        """Cache the blocks of a tile that begin at `corners`, if there is room for them.
+
+        Parameters
+        ----------
+        window : Window
+        tile : GreyTile
+            Grey with a margin of one pixel.
+        corners : (k, 2) int64 array
+            Row and column of each block's first pixel within the window.
+        """
+        size = len(corners) * CACHED_SIDE * CACHED_SIDE * (2 if tile.all_valid else 3)
+        with self._lock:
+            if size == 0 or size > self._free:
+                return
+            self._free -= size
+        valid = None if tile.all_valid else _crop_blocks(tile.valid, corners)
+        self._tiles[window] = CachedBlocks(_crop_blocks(tile.grey, corners), valid)
+
+    def take(self, window: Window) -> CachedBlocks | None:
+        """Remove and return the cached blocks of a tile; None if there are none."""
+        return self._tiles.pop(window, None)
+
+
+def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any]:
+    """The blocks that begin at `corners` of an array with a border of one pixel, stacked vertically."""
+    blocks = np.empty((len(corners), CACHED_SIDE, CACHED_SIDE), image.dtype)
+    for block, (row, col) in zip(blocks, corners, strict=True):
+        block[:] = image[row : row + CACHED_SIDE, col : col + CACHED_SIDE]
+    return blocks.reshape(-1, CACHED_SIDE)

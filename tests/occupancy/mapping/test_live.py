@@ -25,8 +25,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_r
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
 from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in_range
-from uavseg.segmentation.intervals import IntensityRange, Intervals, Levels, StateLimits
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, Intervals, Levels, SegmentParams, StateLimits
 
 PAPER = SegmentParams(method="paper")
 CUTS: list[Intervals] = [StateLimits(), IntensityRange(0.0, 0.45), IntensityRange(0.3, 0.7), Levels(0.1)]

@@ -17,7 +17,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.regions.outline.trace import trace
-from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.source import GreySource
 
 CELL = 0.25

@@ -17,7 +17,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import fit_stretch
-from uavseg.raster.tile_pass import TilePass
+from uavseg.raster.tiling import TilePass
 from uavseg.segmentation import in_memory
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, write_block_map
 from uavseg.segmentation.blocks.block_map import find_leaves

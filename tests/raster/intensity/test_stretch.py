@@ -12,8 +12,7 @@ from uavseg.execution.executors import serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.histogram import rank_of
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch, parse_stretch
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import tiles
+from uavseg.raster.tiling import TilePass, tiles
 
 PERCENTS = [0, 0.5, 2, 25, 50, 98, 99.9, 100]
 

@@ -21,7 +21,7 @@ from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.outline.trace import trace
-from uavseg.segmentation.labels.component_sums import component_sums
+from uavseg.segmentation.components import component_sums
 
 Image = NDArray[np.integer]
 

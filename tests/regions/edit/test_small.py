@@ -16,7 +16,7 @@ from uavseg.regions.edit.small import Area, parse_area, without_small_holes, wit
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.outline.trace import trace
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 Labels = NDArray[np.uint32]
 

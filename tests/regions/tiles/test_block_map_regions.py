@@ -13,8 +13,7 @@ from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.tiles.block_map_regions import outline_cells
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 
 def block_map_of(seed: int, shape: tuple[int, int]) -> BlockMap:

@@ -18,8 +18,7 @@ from uavseg.errors import RasterError
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, tiles
+from uavseg.raster.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.stitch import Outlined
@@ -27,7 +26,7 @@ from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import outline_regions, summed
-from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.pipeline import MIXED, measure_cells
 from uavseg.segmentation.source import GreySource
 

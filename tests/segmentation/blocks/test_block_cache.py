@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.blocks.block_cache import CACHED_SIDE, BlockCache
-from uavseg.segmentation.source import GreyTile
+from uavseg.segmentation.source import CACHED_SIDE, BlockCache, GreyTile
 
 HERE = Window(0, 0, 128, 192)
 CORNERS = np.array([[0, 0], [64, 128], [64, 0]])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from uavseg.segmentation.blocks import block_map
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
-from uavseg.segmentation.blocks.leaf_means import histogram_of_means, means_among
+from uavseg.segmentation.blocks.leaves import histogram_of_means, means_among
 from uavseg.segmentation.in_memory import block_map_of_array
 from uavseg.segmentation.params import DivisionParams
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.mixed_cells import mixed_cells
+from uavseg.segmentation.blocks.leaves import mixed_cells
 
 
 def blocks_of(v: NDArray[np.float64]) -> BlockMap:

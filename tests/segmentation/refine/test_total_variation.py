@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, threshold_tv
 
 seeds = st.integers(0, 100_000)

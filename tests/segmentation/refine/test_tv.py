@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.refine import total_variation
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.refine.tv import refine_by_tv

@@ -18,8 +18,7 @@ from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox, check_metres, local_geobox
 from uavseg.raster.tiling import Window
-from uavseg.segmentation.intervals import Intervals
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import Intervals, SegmentParams
 
 
 @dataclass(frozen=True, slots=True, eq=False)

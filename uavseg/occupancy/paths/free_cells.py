@@ -18,7 +18,7 @@ from uavseg.raster.geodesy.ground import ground_steps
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import Painter
 from uavseg.regions.outline.rings import Rings
-from uavseg.segmentation.intervals import IntensityRange
+from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 

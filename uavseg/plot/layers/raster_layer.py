@@ -12,8 +12,7 @@ from uavseg.plot.frame import Frame
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.overview import DatasetOverview
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window
+from uavseg.raster.tiling import TilePass, Window
 
 
 def draw_raster(ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str) -> str:

@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
+from uavseg.raster.bands import Valid, Values
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity import histogram
 from uavseg.raster.intensity.grey import Grey, luminance_f4, to_grey
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window
-from uavseg.raster.validity import Valid, Values
+from uavseg.raster.tiling import TilePass, Window
 
 FORMS = "auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH"
 AUTO_PERCENTILES = (Fraction(2), Fraction(98))

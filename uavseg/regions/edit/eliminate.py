@@ -13,7 +13,7 @@ from uavseg.regions.edit.small import Area, region_areas
 from uavseg.regions.outline.rasterise import Canvas, Painter
 from uavseg.regions.outline.stitch import Outlined, merged_sums, taken
 from uavseg.regions.outline.trace import trace
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 Integers = NDArray[np.int64]
 

@@ -11,7 +11,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.stitch import Outlined, taken
-from uavseg.segmentation.labels.component_sums import Sums
+from uavseg.segmentation.components import Sums
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.segmentation.labels.components import WORD, view_as_words
+from uavseg.segmentation.components import WORD, view_as_words
 
 OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table
 

@@ -11,8 +11,7 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import Chains, trace_tile
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import link
-from uavseg.segmentation.labels.component_sums import Sums, component_sums
-from uavseg.segmentation.labels.components import label_equal_values, union_roots
+from uavseg.segmentation.components import Sums, component_sums, label_equal_values, union_roots
 from uavseg.units import CELL
 
 

@@ -13,7 +13,7 @@ from uavseg.execution.executors import Map, serial
 from uavseg.regions.outline.chains import OWNER, START, Chains, trace_tile
 from uavseg.regions.outline.linking import joined_chains, simple_rings
 from uavseg.regions.outline.rings import Rings, gathered
-from uavseg.segmentation.labels.components import component_values, label_equal_values, union_roots
+from uavseg.segmentation.components import component_values, label_equal_values, union_roots
 
 STRIP = 256  # rows of a label image that are traced at a time: what that takes is used again and again
 

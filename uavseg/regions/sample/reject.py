@@ -5,8 +5,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, window_cells
+from uavseg.raster.tiling import TilePass, Window, window_cells
 from uavseg.regions.sample.model import names_of
 from uavseg.regions.sample.scores import Criterion, Scored
 from uavseg.regions.tiles.kind_tiles import CellJobs

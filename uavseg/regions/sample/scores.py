@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, window_cells
+from uavseg.raster.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import Sketch, Sketches
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.regions.sample.model import Sample
@@ -17,7 +16,7 @@ from uavseg.regions.tiles.kind_tiles import CellJobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.labels.components import label_components
+from uavseg.segmentation.components import label_components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.g_scores import (

@@ -12,8 +12,7 @@ from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.labels.component_sums import Sums
-from uavseg.segmentation.labels.components import label_equal_values
+from uavseg.segmentation.components import Sums, label_equal_values
 from uavseg.units import CELL
 
 

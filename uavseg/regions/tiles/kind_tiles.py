@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, cells_around, whole_blocks
+from uavseg.raster.tiling import TilePass, Window, cells_around, whole_blocks
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.labels.components import label_components, label_equal_values
+from uavseg.segmentation.components import label_components, label_equal_values
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.segmentation.states.state_scans import decode_states

@@ -9,15 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, cells_around, window_cells
+from uavseg.raster.tiling import TilePass, Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import Sketch, Sketches
 from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
-from uavseg.segmentation.intervals import IntensityRange
-from uavseg.segmentation.labels.component_sums import Sums, component_sums
-from uavseg.segmentation.labels.components import label_components
-from uavseg.segmentation.params import Refinement
+from uavseg.segmentation.components import Sums, component_sums, label_components
+from uavseg.segmentation.params import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource

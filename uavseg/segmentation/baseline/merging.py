@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.g_statistic import g_of_region, n_ln_n_table
 from uavseg.segmentation.blocks.lbp import SYMBOLS
-from uavseg.segmentation.labels.components import union_roots
+from uavseg.segmentation.components import union_roots
 
 
 def merge_regions(

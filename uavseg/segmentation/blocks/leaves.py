@@ -1,4 +1,4 @@
-"""Classification of leaves by range, state or level, and upsampling of cells to pixels."""
+"""Leaves by interval: cells in a range, state or level; mixed cells; leaf means."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
-from uavseg.segmentation.intervals import IntensityRange, Levels, StateLimits
-from uavseg.segmentation.params import DivisionParams
+from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip, mean_v
+from uavseg.segmentation.params import DivisionParams, IntensityRange, Levels, StateLimits
+from uavseg.units import GREY_LEVELS, GREY_MAX
 
 
 def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams) -> NDArray[np.uint8]:
@@ -158,3 +158,92 @@ def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyp
     maximum = np.uint16(max(high, 0))
     for i in range(grey.size):
         in_range[i] = np.uint8(grey[i] >= minimum) & np.uint8(grey[i] <= maximum) & valid[i]
+
+
+_MARGIN = 2.0  # part of a cell may lie this many times farther from the mean than the cells around it
+
+
+def mixed_cells(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: float) -> NDArray[np.uint8]:
+    """Cells whose pixels may lie on both sides of a bound of the range.
+
+    A cell is not mixed where its leaf and the leaves of its eight neighbours are on the same side, and the
+    means of these nine cells lie on that side too, farther from the bound than `_MARGIN` times their range:
+    a road of 3 pixels shifts the mean of a cell by a third of the road's contrast.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    inside : (8 B, 8 C) uint8 array
+        1 where a cell's leaf is in range.
+    low, high : float
+        The range of v.
+
+    Returns
+    -------
+    mixed : (8 B, 8 C) uint8 array
+    """
+    mixed = np.zeros_like(inside)
+    bounds = np.array([bound for bound in (low, high) if 0 < bound < 1])  # nothing lies beyond 0 and 1
+    _mixed_cells(blocks.sums, blocks.counts, inside, low, high, bounds, _MARGIN, mixed)
+    return mixed
+
+
+@kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], f8, f8, f8[::1], f8, u1[:,::1])")
+def _mixed_cells(sums, counts, inside, low, high, bounds, margin, mixed):  # type: ignore[no-untyped-def]
+    rows, cols = counts.shape
+    for row in range(rows):
+        for col in range(cols):
+            own = mean_v(sums, counts, row, col, 1)
+            if own < 0.0:
+                continue
+            differs = (low <= own and own <= high) != (inside[row, col] != 0)
+            minimum = own
+            maximum = own
+            for r in range(max(row - 1, 0), min(row + 2, rows)):
+                for c in range(max(col - 1, 0), min(col + 2, cols)):
+                    mean = mean_v(sums, counts, r, c, 1)
+                    if mean >= 0.0:
+                        minimum = min(minimum, mean)
+                        maximum = max(maximum, mean)
+                        differs |= inside[r, c] != inside[row, col]
+            distance = margin * (maximum - minimum)
+            for k in range(bounds.shape[0]):
+                differs |= minimum - distance <= bounds[k] and bounds[k] <= maximum + distance
+            mixed[row, col] = differs
+
+
+def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np.int64]:
+    """Number of valid pixels by the mean grey of their leaf.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    division : DivisionParams
+
+    Returns
+    -------
+    histogram : (65536,) int64 array
+        By the grey that is nearest to the mean. Histograms of parts of a raster merge by adding.
+    """
+    histogram = np.zeros(GREY_LEVELS, np.int64)
+    for rows, mean in leaf_means_by_strip(blocks, division):
+        greys = np.floor(np.maximum(mean, 0.0) * GREY_MAX + 0.5).astype(np.int64)
+        counts = np.bincount(greys.reshape(-1), blocks.counts[rows].reshape(-1), GREY_LEVELS)
+        histogram += counts.astype(np.int64)
+    return histogram
+
+
+def means_among(blocks: BlockMap, values: Sequence[float], division: DivisionParams) -> set[float]:
+    """The values that are exactly equal to the mean of a leaf.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    values : sequence of float
+        Values of v.
+    division : DivisionParams
+    """
+    found: set[float] = set()
+    for _, mean in leaf_means_by_strip(blocks, division):
+        found.update(value for value in values if value not in found and (mean == value).any())
+    return found

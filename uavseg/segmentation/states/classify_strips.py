@@ -20,10 +20,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tile_pass import TilePass
-from uavseg.raster.tiling import Window, tile_side, tiles, whole_blocks, window_cells
+from uavseg.raster.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.intervals import StateLimits
+from uavseg.segmentation.params import StateLimits
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 from uavseg.segmentation.states.state_scans import (

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from skimage import measure
 
-from uavseg.segmentation.labels.components import (
+from uavseg.segmentation.components import (
     label_components,
     label_equal_values,
     union_roots,

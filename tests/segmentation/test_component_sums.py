@@ -5,8 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.labels.component_sums import component_sums
-from uavseg.segmentation.labels.components import label_components
+from uavseg.segmentation.components import component_sums, label_components
 
 seeds = st.integers(0, 100_000)
 shapes = st.tuples(st.integers(1, 45), st.integers(1, 45))

@@ -1,1 +1,0 @@
-"""Connected components and their sums."""
