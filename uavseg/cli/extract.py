@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._mission import mission_options
 from uavseg.cli._options import (
     area,
     drawing,
     drawing_options,
+    mission_options,
     parsed_range,
     read_options,
     reading_options,
@@ -84,7 +84,7 @@ def command(**options: Any) -> None:
     if labels is not None:
         write_labels(found, labels, work, run.overwrite)
     if planned is not None:
-        from uavseg.cli._mission import write_and_report
+        from uavseg.cli._options import write_and_report
 
         write_and_report(planned, mission, run.overwrite, run.reporter.quiet)
     rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
@@ -105,7 +105,7 @@ def _request(options: dict[str, Any]) -> ExtractRequest:
 
 def _flight(options: dict[str, Any]) -> PlanRequest:
     """How to fly, checked before any work is done."""
-    from uavseg.cli._mission import plan_request
+    from uavseg.cli._options import plan_request
     from uavseg.flight import files
 
     files.check_mission_format(options["mission"])
