@@ -79,9 +79,9 @@ def scores(seeds: int = SEEDS) -> Iterator[Score]:
     """Every method on both maps."""
     import numpy as np
 
-    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
+    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 
-    for scene, build in BUILT_IN.items():
+    for scene, build in BUILT_IN_SCENES.items():
         simulation = build()
         truth = simulation.truth().states
         maps = [simulation.run(seed) for seed in range(seeds)]

@@ -50,9 +50,11 @@ def tasks() -> list[Task]:
 
 def measured(runs: int = RUNS) -> list[Task]:
     """Medians of every task on both maps."""
-    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
+    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 
-    found = [_medians(_calls(BUILT_IN[scene]().run(), *ENDS[scene]), runs) for scene in ("lens", "circles")]
+    found = [
+        _medians(_calls(BUILT_IN_SCENES[scene]().run(), *ENDS[scene]), runs) for scene in ("lens", "circles")
+    ]
     return [Task(title, 1e3 * found[0][title], 1e3 * found[1][title]) for title in found[0]]
 
 
@@ -74,7 +76,7 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
     from uavseg.jobs.classify import ClassifyRequest, classify
     from uavseg.jobs.open_source import ProbabilityMap
     from uavseg.jobs.path import PathRequest, free_cells
-    from uavseg.occupancy.paths.find_path import find_way
+    from uavseg.occupancy.paths.find_path import find_path
     from uavseg.occupancy.probability_map import stretch_of
     from uavseg.segmentation.params import IntensityRange, SegmentParams
 
@@ -87,7 +89,7 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
             grid, RANGE, start, goal, threads=1
         ),
         "uavseg: segment by a range": lambda: free_cells(source, request),
-        "uavseg: plan a path": lambda: find_way(free, start, goal),
+        "uavseg: plan a path": lambda: find_path(free, start, goal),
         "uavseg: states, refined": lambda: classify(source, ClassifyRequest(objects=False)),
         "uavseg: states, refined, and objects": lambda: classify(source),
         "scikit-image: felzenszwalb, no path": lambda: felzenszwalb(

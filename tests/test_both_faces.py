@@ -25,7 +25,7 @@ from uavseg.jobs.open_source import ReadOptions, open_raster, open_source
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.simulate import SimulateRequest
 from uavseg.jobs.simulate import simulate as simulate_job
-from uavseg.occupancy.paths.path_geojson import geojson
+from uavseg.occupancy.paths.path_geojson import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states
 from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
@@ -165,7 +165,7 @@ def written(write_to: Callable[[str], object], name: str) -> bytes:
 
 def geojson_of(frame: geopandas.GeoDataFrame) -> bytes:
     stream = BytesIO()
-    export.write(regions_of(frame), stream)
+    export.write_regions(regions_of(frame), stream)
     return stream.getvalue()
 
 
@@ -395,7 +395,7 @@ ON_UTM = {"range": (0, 0.45), "start": (4e5 + 21, 5e6 - 21), "goal": (4e5 + 301,
 def test_paths(source: str, words: Words) -> None:
     arguments = [source, *options(words), "-o", "out.geojson"]
     expected = on_the_command_line("path", arguments, "out.geojson")
-    assert_equal(in_python(lambda: geojson(uavseg.path(source, **words)).encode()), expected)
+    assert_equal(in_python(lambda: path_to_geojson(uavseg.path(source, **words)).encode()), expected)
 
 
 FLIGHT: Words = {"altitude": 60, "home": "auto"}
@@ -433,7 +433,7 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
 
     def planned() -> bytes:
         mission = uavseg.plan(source, **words)
-        return written(lambda path: files.write(mission, path), f"python{suffix}")
+        return written(lambda path: files.write_mission(mission, path), f"python{suffix}")
 
     assert_equal(in_python(planned), expected)
 

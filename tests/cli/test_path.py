@@ -137,7 +137,7 @@ def test_a_mission_flies_along_the_path() -> None:
     fly = ("--altitude", "12", "--home", "auto", "--speed", "3")
     for name in ("path.waypoints", "path.plan"):
         found("rooms.tif", *RANGE, *ENDS, "--smooth", *fly, "-o", name)
-        mission = missions.read(name)
+        mission = missions.read_mission(name)
         places = [(item.lon, item.lat) for item in mission.items if item.command == 16]
         assert np.array(places) == pytest.approx(np.array(lonlat), abs=1e-7)
         assert {item.altitude_m for item in mission.items if item.command == 16} == {12}

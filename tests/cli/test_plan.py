@@ -32,7 +32,7 @@ def flown(regions: Path, *options: object, suffix: str = ".plan") -> Mission:
     output = regions.with_suffix(suffix)
     done = run(regions, "-o", output, "--altitude", 60, "--home", HOME, "--overwrite", *options)
     assert done.exception is None, done.output
-    return files.read(output)
+    return files.read_mission(output)
 
 
 def error(regions: Path, *options: object, output: str = "mission.plan") -> UavsegError:
@@ -84,7 +84,7 @@ def test_regions_may_come_from_standard_input(regions: Path) -> None:
     output = regions.with_name("piped.plan")
     done = run("-", "-o", output, "--altitude", 60, "--home", HOME, text=regions.read_bytes())
     assert done.exception is None
-    assert waypoints(files.read(output)) == 3
+    assert waypoints(files.read_mission(output)) == 3
 
 
 def test_the_summary_is_on_stderr_and_can_be_silenced(regions: Path) -> None:
@@ -150,7 +150,7 @@ def test_an_unknown_format_is_refused_before_anything_is_read(tmp_path: Path) ->
     assert ".plan or .waypoints" in str(refused)
 
 
-def test_a_mission_is_not_replaced_unasked(regions: Path) -> None:
+def test_a_mission_is_not_replaced_without_overwrite(regions: Path) -> None:
     output = regions.with_suffix(".plan")
     output.write_text("mine")
     assert isinstance(run(regions, "-o", output, *FLY).exception, OutputExistsError)

@@ -117,7 +117,7 @@ def test_the_sensor_can_be_changed(scene: str) -> None:
     [
         (["none.json"], "none.json: there is no such file"),
         (["lens", "--sigma", "-1"], "deviation of ranges is a number above 0, not -1"),
-        (["lens", "--max-range", "nan"], "maximal range is a number above 0, not nan"),
+        (["lens", "--max-range", "nan"], "maximum range is a number above 0, not nan"),
         (["lens", "--fov", "400"], "field of view is more than 0 and at most 360 degrees, not 400"),
         (["lens", "--step", "0"], "angular step is a number above 0, not 0"),
         (["lens", "--poses", "9"], "lens has 5 poses, and 9 are asked for"),

@@ -1,6 +1,4 @@
-"""A reader of missions that knows nothing of this project: MAVSDK, told by a heartbeat that a vehicle is
-there.
-"""
+"""MAVSDK as an independent reader of missions, connected by the heartbeat of a simulated vehicle."""
 
 import socket
 import time
@@ -15,7 +13,7 @@ TRIES = 50
 
 @pytest.fixture(scope="session")
 def mavsdk_reader() -> Iterator[Any]:
-    """MAVSDK's `MissionRaw`, connected on the loopback to heartbeats of a vehicle of no special make."""
+    """MAVSDK's `MissionRaw`, connected on the loopback to heartbeats of a generic vehicle."""
     mavsdk = pytest.importorskip("mavsdk", reason="mavsdk, the independent reader, is not installed")
     raw = pytest.importorskip("mavsdk.plugins.mission_raw", reason="this mavsdk has no mission_raw")
     from pymavlink import mavutil

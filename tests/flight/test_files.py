@@ -1,3 +1,5 @@
+"""Mission files: round trips, independent readers, one line for each fault."""
+
 import json
 import math
 from pathlib import Path
@@ -10,20 +12,20 @@ from pymavlink import mavwp
 
 from uavseg.errors import MissionError, OutputExistsError
 from uavseg.flight import files
-from uavseg.flight.items import AMSL, NO_PLACE, RELATIVE, RETURN, TERRAIN, Home, Item
+from uavseg.flight.items import FRAME_AMSL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN, RETURN, Home, Item
 from uavseg.flight.mission import Mission
 
 HOME = Home(-33.856784123, 151.215296987, 12.5)
-WAYPOINT = Item(16, RELATIVE, (0.0, 0.0, 0.0, None), -33.8561234567, 151.2151234567, 40.25)
+WAYPOINT = Item(16, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), -33.8561234567, 151.2151234567, 40.25)
 MISSION = Mission(
     HOME,
     (
-        Item(22, RELATIVE, (0.0, 0.0, 0.0, None), HOME.lat, HOME.lon, 60.0),
-        Item(178, NO_PLACE, (1.0, 7.5, -1.0, 0.0)),
+        Item(22, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), HOME.lat, HOME.lon, 60.0),
+        Item(178, FRAME_MISSION, (1.0, 7.5, -1.0, 0.0)),
         WAYPOINT,
-        Item(16, TERRAIN, (3.0, 0.0, 0.0, 90.0), -33.8, 151.2, 55.0),
-        Item(19, AMSL, (20.0, 0.0, 0.0, 0.0), -33.80000001, 151.20000001, 99.125),
-        Item(RETURN, NO_PLACE),
+        Item(16, FRAME_TERRAIN, (3.0, 0.0, 0.0, 90.0), -33.8, 151.2, 55.0),
+        Item(19, FRAME_AMSL, (20.0, 0.0, 0.0, 0.0), -33.80000001, 151.20000001, 99.125),
+        Item(RETURN, FRAME_MISSION),
     ),
 )
 
@@ -32,13 +34,13 @@ headings = st.none() | st.floats(-360, 360).filter(bool)
 places = st.builds(
     Item,
     st.sampled_from([16, 17, 21]),
-    st.sampled_from([RELATIVE, TERRAIN]),
+    st.sampled_from([FRAME_RELATIVE, FRAME_TERRAIN]),
     st.tuples(numbers, numbers, numbers, headings),
     st.floats(-33.9, -33.8),
     st.floats(151.1, 151.3),
     st.floats(0.01, 1000),
 )
-orders = st.builds(Item, st.sampled_from([20, 178, 206]), st.just(NO_PLACE), st.tuples(*[numbers] * 4))
+orders = st.builds(Item, st.sampled_from([20, 178, 206]), st.just(FRAME_MISSION), st.tuples(*[numbers] * 4))
 missions = st.builds(
     Mission, st.just(HOME), st.tuples(places, orders, places), st.just("ardupilot")
 ) | st.lists(st.one_of(places, orders), max_size=9).map(lambda items: Mission(HOME, (WAYPOINT, *items)))
@@ -46,22 +48,22 @@ missions = st.builds(
 
 def written(mission: Mission, folder: Path, suffix: str) -> Path:
     path = folder / f"flight{suffix}"
-    files.write(mission, path, overwrite=True)
+    files.write_mission(mission, path, overwrite=True)
     return path
 
 
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
 @given(mission=missions)
 @settings(max_examples=40, deadline=None)
-def test_a_mission_comes_back_equal(
+def test_a_mission_written_is_read_equal(
     mission: Mission, suffix: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    assert files.read(written(mission, tmp_path_factory.getbasetemp(), suffix)) == mission
+    assert files.read_mission(written(mission, tmp_path_factory.getbasetemp(), suffix)) == mission
 
 
 def test_a_plan_holds_the_firmware(tmp_path: Path) -> None:
-    mission = Mission(HOME, (WAYPOINT, Item(RETURN, NO_PLACE)), "px4")
-    assert files.read(written(mission, tmp_path, ".plan")) == mission
+    mission = Mission(HOME, (WAYPOINT, Item(RETURN, FRAME_MISSION)), "px4")
+    assert files.read_mission(written(mission, tmp_path, ".plan")) == mission
 
 
 @pytest.mark.parametrize(("suffix", "homes"), [(".plan", 0), (".waypoints", 1)])
@@ -99,7 +101,7 @@ def test_mavwp_reads_every_row(tmp_path: Path) -> None:
         assert (row.x, row.y, row.z) == (item.lat, item.lon, item.altitude_m)
 
 
-def test_a_plan_has_every_key_that_some_reader_requires() -> None:
+def test_a_plan_has_every_key_that_any_reader_requires() -> None:
     plan = json.loads(files.plan_text(MISSION), parse_constant=pytest.fail)
     assert set(plan) == {"fileType", "groundStation", "version", "mission", "geoFence", "rallyPoints"}
     assert (plan["fileType"], plan["version"], plan["mission"]["version"]) == ("Plan", 1, 2)
@@ -128,19 +130,19 @@ def test_waypoints_are_tabs_and_line_feeds_with_home_first(tmp_path: Path) -> No
 
 
 def test_the_extension_chooses_and_another_is_refused(tmp_path: Path) -> None:
-    files.write(MISSION, tmp_path / "UPPER.PLAN")
+    files.write_mission(MISSION, tmp_path / "UPPER.PLAN")
     for name in ("mission.txt", "mission", "mission.kml"):
         with pytest.raises(MissionError, match=r"\.plan or \.waypoints"):
-            files.write(MISSION, tmp_path / name)
+            files.write_mission(MISSION, tmp_path / name)
         with pytest.raises(MissionError, match=r"\.plan or \.waypoints"):
-            files.read(tmp_path / name)
+            files.read_mission(tmp_path / name)
 
 
-def test_a_mission_is_not_replaced_unasked(tmp_path: Path) -> None:
+def test_a_mission_is_not_replaced_without_overwrite(tmp_path: Path) -> None:
     path = written(MISSION, tmp_path, ".plan")
     before = path.read_bytes()
     with pytest.raises(OutputExistsError):
-        files.write(Mission(HOME, (WAYPOINT,)), path)
+        files.write_mission(Mission(HOME, (WAYPOINT,)), path)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["flight.plan"]
 
@@ -172,11 +174,11 @@ def changed_item(**changes: Any) -> str:
         (changed_item(command="fly"), "not a mission"),
     ],
 )
-def test_a_plan_that_is_none_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
+def test_an_invalid_plan_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "odd.plan"
     path.write_text(text)
     with pytest.raises(MissionError, match=words) as refused:
-        files.read(path)
+        files.read_mission(path)
     assert "odd.plan" in str(refused.value) and "\n" not in str(refused.value)
 
 
@@ -191,19 +193,19 @@ def test_a_plan_that_is_none_is_refused_by_name(tmp_path: Path, text: str, words
         ("151.21512", "351.21512", "-180..180"),
     ],
 )
-def test_waypoints_that_are_none_are_refused_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_invalid_waypoints_are_refused_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
     path = tmp_path / "odd.waypoints"
     path.write_text(files.waypoints_text(MISSION).replace(old, new))
     with pytest.raises(MissionError, match=words):
-        files.read(path)
+        files.read_mission(path)
 
 
-def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(MissionError, match=r"none\.plan cannot be read"):
-        files.read(tmp_path / "none.plan")
+        files.read_mission(tmp_path / "none.plan")
 
 
-def test_a_fence_that_is_not_read_is_said(tmp_path: Path) -> None:
+def test_a_fence_that_is_not_read_gives_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "fenced.plan"
     path.write_text(changed(geoFence={"version": 2, "circles": [{}], "polygons": []}))
-    assert "fence" in files.read(path).warnings[0]
+    assert "fence" in files.read_mission(path).warnings[0]

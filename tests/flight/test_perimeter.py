@@ -1,3 +1,5 @@
+"""Perimeters: within the tolerance, without the stairs of pixels."""
+
 import numpy as np
 import pytest
 import shapely

@@ -1,3 +1,5 @@
+"""The local plane: distances compared with geodesics."""
+
 import numpy as np
 import pytest
 import shapely
@@ -37,6 +39,6 @@ def test_boxes_on_both_sides_of_the_antimeridian_are_neighbours() -> None:
 
 
 def test_an_edge_that_is_straight_in_degrees_stays_where_it_was() -> None:
-    (flat,) = Plane(60, 8.25).flattened([shapely.box(8, 60, 8.5, 60.2)])
+    (flat,) = Plane(60, 8.25).project_polygons([shapely.box(8, 60, 8.5, 60.2)])
     x, y = Plane(60, 8.25).xy_from_lonlat(8.25, 60)
     assert flat.exterior.distance(shapely.Point(float(x), float(y))) < 0.02

@@ -1,3 +1,5 @@
+"""The planner: complete missions over regions, on the ground and near the antimeridian."""
+
 import math
 from typing import Any
 
@@ -8,35 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
+from tests.flight.small_regions import HOME, box, degrees, inside, planned, waypoints
 from uavseg.errors import MissionError, ParameterError, UavsegError
-from uavseg.flight.items import CHANGE_SPEED, NO_PLACE, RELATIVE, RETURN, TAKEOFF, WAYPOINT
-from uavseg.flight.mission import Mission
+from uavseg.flight.items import CHANGE_SPEED, FRAME_MISSION, FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from uavseg.flight.plane import Plane
 from uavseg.flight.planner import PlanParams, plan
 
 GEOD = Geod(ellps="WGS84")
-HOME = (47.0, 8.0, 430.0)
-
-
-def box(east_m: float, north_m: float, width_m: float, height_m: float) -> shapely.Polygon:
-    """A box, so many metres from home."""
-    return degrees(shapely.box(east_m, north_m, east_m + width_m, north_m + height_m))
-
-
-def degrees(polygon: shapely.Polygon, plane: Plane = Plane(47.0, 8.0)) -> shapely.Polygon:  # noqa: B008
-    return shapely.transform(polygon, lambda xy: np.column_stack(plane.lonlat_from_xy(*xy.T)))
-
-
-def inside(polygons: list[shapely.Polygon]) -> list[tuple[float, float]]:
-    return [tuple(shapely.point_on_surface(polygon).coords[0]) for polygon in polygons]
-
-
-def planned(polygons: list[shapely.Polygon], home: tuple[float, ...] = HOME, **params: Any) -> Mission:
-    return plan(polygons, inside(polygons), PlanParams(**{"altitude_m": 60} | params), home)
-
-
-def waypoints(mission: Mission) -> list[tuple[float, float]]:
-    return [(item.lon, item.lat) for item in mission.items if item.command == WAYPOINT]
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
@@ -48,32 +28,18 @@ def test_a_mission_takes_off_at_home_sets_its_speed_and_returns(
     start, speed, *flight, end = mission.items
     assert (start.command, start.frame, start.lat, start.lon, start.altitude_m) == (
         TAKEOFF,
-        RELATIVE,
+        FRAME_RELATIVE,
         47,
         8,
         60,
     )
-    assert (speed.command, speed.frame, speed.params) == (CHANGE_SPEED, NO_PLACE, (1, 7.5, -1, 0))
-    assert (end.command, end.frame) == (RETURN, NO_PLACE)
+    assert (speed.command, speed.frame, speed.params) == (CHANGE_SPEED, FRAME_MISSION, (1, 7.5, -1, 0))
+    assert (end.command, end.frame) == (RETURN, FRAME_MISSION)
     assert {(i.command, i.frame, i.altitude_m, i.params) for i in flight} == {
-        (WAYPOINT, RELATIVE, 60, (0, 0, 0, None))
+        (WAYPOINT, FRAME_RELATIVE, 60, (0, 0, 0, None))
     }
     assert mission.firmware == firmware
     assert (mission.home.lat, mission.home.lon, mission.home.altitude_m) == HOME
-
-
-def test_a_visit_goes_to_the_point_of_every_region_once() -> None:
-    polygons = [box(x, y, 30, 30) for x, y in [(0, 900), (50, 0), (0, 300), (50, 600)]]
-    found = np.array(sorted(waypoints(planned(polygons))))
-    assert np.allclose(found, sorted(inside(polygons)), rtol=0, atol=1e-8)
-
-
-def test_a_perimeter_is_the_outline_and_closed() -> None:
-    polygons = [box(100, 100, 80, 60)]
-    found = waypoints(planned(polygons, pattern="perimeter"))
-    assert len(found) == 5 and found[0] == found[-1]
-    assert shapely.Polygon(found).symmetric_difference(polygons[0]).area < 1e-3 * polygons[0].area
-    assert "1 m" in planned(polygons, pattern="perimeter").warnings[0]
 
 
 @given(st.floats(-80, 80), st.floats(-180, 180), st.floats(0, 180), st.floats(8, 60))
@@ -111,7 +77,7 @@ def test_each_part_of_a_region_is_flown() -> None:
     assert np.isclose(found, inside(parts)[0], atol=1e-8, rtol=0).all(axis=1).any()
 
 
-def test_two_surveys_begin_where_that_is_near() -> None:
+def test_two_surveys_are_joined_at_near_ends() -> None:
     mission = planned(
         [box(500, 0, 200, 100), box(0, 0, 200, 100)], pattern="survey", spacing_m=20, angle_deg=90
     )
@@ -119,21 +85,6 @@ def test_two_surveys_begin_where_that_is_near() -> None:
     metres = np.abs(GEOD.inv(*xy[:-1].T, *xy[1:].T)[2])
     assert len(xy) == 20
     assert np.sort(metres)[-1] == pytest.approx(300, abs=25)
-
-
-def test_legs_outside_of_a_region_and_what_no_line_reaches_are_said() -> None:
-    around = shapely.box(0, 0, 300, 200) - shapely.box(100, 50, 200, 150)
-    said = planned([degrees(around)], pattern="survey", spacing_m=30, angle_deg=45).warnings
-    assert any("outside of their regions" in warning for warning in said)
-    arm = shapely.box(0, 0, 100, 120) | shapely.box(100, 55, 250, 65)  # between the lines, and no line in it
-    said = planned([degrees(arm)], pattern="survey", spacing_m=60, angle_deg=90).warnings
-    assert any("farther than half a spacing" in warning for warning in said)
-    plain = planned([box(0, 0, 100, 100)], pattern="survey", spacing_m=20)
-    assert plain.warnings == ()
-
-
-def test_an_unknown_altitude_of_home_is_said() -> None:
-    assert "written as 0" in planned([box(0, 0, 50, 50)], home=(47.0, 8.0)).warnings[0]
 
 
 @pytest.mark.parametrize(
@@ -159,30 +110,6 @@ def test_a_survey_with_too_many_items_is_refused() -> None:
         planned([box(0, 0, 9000, 9000)], pattern="survey", spacing_m=0.2)
 
 
-@pytest.mark.parametrize(
-    "params",
-    [
-        {"altitude_m": 0},
-        {"altitude_m": -5},
-        {"altitude_m": 1001},
-        {"altitude_m": math.nan},
-        {"speed_m_s": 0},
-        {"speed_m_s": 51},
-        {"pattern": "spiral"},
-        {"firmware": "dji"},
-        {"pattern": "survey"},
-        {"spacing_m": 10},
-        {"angle_deg": 10},
-        {"pattern": "survey", "spacing_m": 0},
-        {"pattern": "survey", "spacing_m": 10, "angle_deg": math.inf},
-        {"tolerance_m": -1},
-    ],
-)
-def test_parameters_check_themselves(params: dict[str, Any]) -> None:
-    with pytest.raises(ParameterError):
-        PlanParams(**{"altitude_m": 60} | params)
-
-
 def test_a_region_that_touches_itself_is_flown() -> None:
     pinched = shapely.Polygon([(0, 0), (60, 0), (30, 30), (60, 60), (0, 60), (30, 30)])
     assert not pinched.is_valid
@@ -190,5 +117,5 @@ def test_a_region_that_touches_itself_is_flown() -> None:
     assert len(waypoints(mission)) > 10
 
 
-def test_every_error_is_one_that_the_user_can_mend() -> None:
+def test_errors_descend_from_those_of_users() -> None:
     assert issubclass(MissionError, UavsegError) and issubclass(ParameterError, ValueError)

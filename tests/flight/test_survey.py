@@ -1,3 +1,5 @@
+"""Surveys: every piece once, short legs, cells flown one after another."""
+
 import numpy as np
 import pytest
 import shapely
@@ -6,16 +8,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from shapely.affinity import rotate
 
-from uavseg.flight.legs import between, leaving_hull, lengths_m, outside_m
-from uavseg.flight.survey import backwards, survey
+from tests.flight.survey_regions import HOLES, RING, U
+from uavseg.flight.legs import leaving_hull, legs_between, lengths_m, outside_m
+from uavseg.flight.survey import reverse_path, survey
 from uavseg.flight.sweep import sweep
 
-U = shapely.box(0, 0, 200, 200) - shapely.box(60, 60, 140, 200)
 COMB = shapely.union_all(
     [shapely.box(0, 0, 260, 40), *(shapely.box(x, 0, x + 30, 150) for x in range(0, 260, 57))]
 )
-RING = shapely.Point(0, 0).buffer(100) - shapely.Point(10, 5).buffer(45)
-HOLES = shapely.box(0, 0, 300, 200) - shapely.box(60, 60, 110, 140) - shapely.Point(200, 100).buffer(30)
+
+
 SHAPES = [U, COMB, RING, HOLES, shapely.box(0, 0, 50, 400)]
 
 
@@ -33,7 +35,7 @@ def test_every_piece_is_flown_once_and_no_leg_leaves_the_hull(
     flown = survey(region, spacing_m, angle_deg)
     for path in flown.paths:
         assert rows(path) == rows(sweep(region, spacing_m, flown.angle_deg).segments)
-        assert len(leaving_hull(region, between(path), spacing_m)) == 0
+        assert len(leaving_hull(region, legs_between(path), spacing_m)) == 0
 
 
 def test_a_convex_region_is_flown_to_and_fro() -> None:
@@ -51,16 +53,16 @@ def test_little_is_flown_between_pieces_and_hardly_outside(
 ) -> None:
     turned = rotate(region, turn_deg, origin=(0, 0))
     path = survey(turned, 15, -turn_deg).paths[0]
-    assert outside_m(turned, between(path)).sum() <= most + 1e-6
+    assert outside_m(turned, legs_between(path)).sum() <= most + 1e-6
     least = 15 * (len(path) - 1)
-    assert lengths_m(between(path)).sum() <= 2 * least
+    assert lengths_m(legs_between(path)).sum() <= 2 * least
 
 
 def test_a_long_step_to_the_next_line_is_avoided() -> None:
     """Flying the arms to and fro with the bottom would step from the top of an arm down to the bottom."""
     wide = shapely.box(0, 0, 200, 200) - shapely.box(50, 60, 150, 200)
     path = survey(wide, 20, 0).paths[0]
-    assert lengths_m(between(path)).sum() <= 20 * len(path) + 25
+    assert lengths_m(legs_between(path)).sum() <= 20 * len(path) + 25
 
 
 def test_the_arms_of_a_u_are_flown_one_after_the_other() -> None:
@@ -74,7 +76,7 @@ def test_the_arms_of_a_u_are_flown_one_after_the_other() -> None:
         assert (np.diff(where) == 1).all()
 
 
-def test_a_small_hole_does_not_part_a_survey() -> None:
+def test_a_small_hole_does_not_split_a_survey() -> None:
     region = shapely.box(0, 0, 200, 100) - shapely.box(96, 0.5, 104, 99.5)
     flown = survey(region, 10, 90)
     assert flown.cells == 1
@@ -85,33 +87,7 @@ def test_a_survey_is_the_same_every_time() -> None:
     assert np.array_equal(survey(HOLES, 7).paths[0], survey(HOLES, 7).paths[0])
 
 
-def test_backwards_twice_is_forwards() -> None:
+def test_a_path_reversed_twice_is_the_path() -> None:
     path = survey(U, 15).paths[0]
-    assert np.array_equal(backwards(backwards(path)), path)
-    assert np.array_equal(backwards(path)[0], path[-1, ::-1])
-
-
-@given(
-    st.lists(st.tuples(*[st.integers(-120_000, 320_000)] * 4), min_size=1, max_size=8),
-    st.sampled_from([U, RING, HOLES]),
-)
-@settings(max_examples=40, deadline=None)
-def test_metres_outside_agree_with_geos(
-    ends: list[tuple[int, int, int, int]], region: shapely.Polygon
-) -> None:
-    legs = np.array(ends).reshape(-1, 2, 2) / 1000  # GEOS loses lines whose ends are 1e-222 m from a corner
-    lines = shapely.linestrings(legs)
-    ours = outside_m(region, legs)
-    assert (ours <= shapely.length(shapely.difference(lines, region)) + 1e-6).all()
-    assert (ours >= shapely.length(shapely.difference(lines, region.buffer(0.02))) - 1e-6).all()
-
-
-def test_a_leg_along_an_edge_is_not_outside() -> None:
-    turned = rotate(U, 33.3, origin=(0, 0))
-    edges = shapely.get_coordinates(turned.exterior)
-    assert outside_m(turned, np.stack((edges[:-1], edges[1:]), axis=1)).sum() == 0
-
-
-def test_a_leg_out_of_the_hull_is_found() -> None:
-    legs = np.array([[[0.0, 0], [200, 200]], [[0, 0], [-20, 0]]])
-    assert np.array_equal(leaving_hull(U, legs, 15), legs[1:])
+    assert np.array_equal(reverse_path(reverse_path(path)), path)
+    assert np.array_equal(reverse_path(path)[0], path[-1, ::-1])

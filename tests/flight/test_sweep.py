@@ -1,3 +1,5 @@
+"""Sweep lines: spacing, coverage and angle, compared with GEOS."""
+
 import math
 
 import numpy as np
@@ -137,12 +139,12 @@ def test_a_line_along_an_edge_is_not_lost_or_doubled() -> None:
 
 
 @pytest.mark.parametrize("spacing_m", [0.0, -1.0, math.nan, math.inf])
-def test_a_spacing_that_is_none_is_refused(spacing_m: float) -> None:
+def test_an_invalid_spacing_is_refused(spacing_m: float) -> None:
     with pytest.raises(ParameterError, match="spacing"):
         sweep(SHAPES["box"], spacing_m, 0)
 
 
-def test_an_angle_that_is_none_is_refused() -> None:
+def test_an_invalid_angle_is_refused() -> None:
     with pytest.raises(ParameterError, match="azimuth"):
         sweep(SHAPES["box"], 10, math.nan)
 

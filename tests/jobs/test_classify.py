@@ -13,7 +13,7 @@ from uavseg.execution.executors import serial, threads
 from uavseg.jobs.classify import Classification, ClassifyRequest, classify
 from uavseg.jobs.open_source import ProbabilityMap, open_probability_map
 from uavseg.jobs.work import Work
-from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
+from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
@@ -110,7 +110,7 @@ def iou(found: Classification, truth: NDArray[np.uint8], state: int) -> float:
 
 @pytest.mark.parametrize("name", ["lens", "circles"])
 def test_refinement_brings_free_and_unknown_closer_to_the_truth(name: str) -> None:
-    simulation = BUILT_IN[name]()
+    simulation = BUILT_IN_SCENES[name]()
     truth = simulation.truth().states
     source = opened(simulation.run())
     blocks, refined = classify(source, NONE), classify(source, SCAN)

@@ -1,4 +1,4 @@
-"""Beams merged one cell after the other, in plain Python, as the package did before it counted."""
+"""Reference for beams: merged cell by cell in plain Python, without pending updates."""
 
 from math import erf, exp, floor, inf, log, radians, sqrt
 
@@ -11,7 +11,7 @@ from uavseg.occupancy.mapping.scan import Scan
 P_PEAK, P_MIN, P_MAX = 0.9, 0.1, 0.95
 
 
-def says(d: float, measured: float, sigma: float) -> float:
+def log_odds_of(d: float, measured: float, sigma: float) -> float:
     if d <= measured - 2.5 * sigma:
         return log(P_MIN / (1 - P_MIN))
     x = (d - measured) / sigma
@@ -27,13 +27,13 @@ def crossing(place: float, step: float, length: int) -> tuple[float, float]:
 
 
 def merge(grid: OccupancyGrid, log_odds: NDArray[np.float32], scan: Scan) -> set[tuple[int, int]]:
-    """Merge a scan into log-odds on the cells of a grid; gives the cells that were touched."""
+    """Merge a scan into log-odds on the cells of a grid; returns the updated cells."""
     a, b, c, d, e, f = tuple(~grid.geobox.transform)[:6]
     x, y = scan.pose.x, scan.pose.y
     touched = set()
-    heard = ~np.isnan(scan.ranges)
-    angles = radians(scan.pose.heading_deg) + scan.angles[heard]
-    for cos, sin, measured in zip(np.cos(angles), np.sin(angles), scan.ranges[heard], strict=True):
+    known = ~np.isnan(scan.ranges)
+    angles = radians(scan.pose.heading_deg) + scan.angles[known]
+    for cos, sin, measured in zip(np.cos(angles), np.sin(angles), scan.ranges[known], strict=True):
         step = [
             0.0 if abs(number) < 1e-100 else float(number)
             for number in (a * cos + b * sin, d * cos + e * sin)
@@ -41,7 +41,7 @@ def merge(grid: OccupancyGrid, log_odds: NDArray[np.float32], scan: Scan) -> set
         reach = scan.max_range_m if measured == inf else float(measured) + 3 * scan.sigma_m
         place = (a * x + b * y + c, d * x + e * y + f)
         for row, col, distance in walk(place, (step[0], step[1]), reach, log_odds.shape):
-            said = float(log_odds[row, col]) + says(distance, float(measured), scan.sigma_m)
+            said = float(log_odds[row, col]) + log_odds_of(distance, float(measured), scan.sigma_m)
             log_odds[row, col] = min(max(said, -6.0), 6.0)
             touched.add((row, col))
     return touched
@@ -50,7 +50,7 @@ def merge(grid: OccupancyGrid, log_odds: NDArray[np.float32], scan: Scan) -> set
 def walk(
     place: tuple[float, float], step: tuple[float, float], reach: float, shape: tuple[int, ...]
 ) -> list[tuple[int, int, float]]:
-    """Row and column of each cell that a beam crosses, and at what distance."""
+    """Row, column and distance of each cell that a beam crosses."""
     (u, v), (du, dv), (rows, cols) = place, step, shape
     (in_col, out_col), (in_row, out_row) = crossing(u, du, cols), crossing(v, dv, rows)
     t, t_end = max(0.0, in_col, in_row), min(reach, out_col, out_row)

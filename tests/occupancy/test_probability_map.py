@@ -1,4 +1,4 @@
-"""Maps of probabilities as the phases of segmentation read them."""
+"""Maps of probabilities, as the segmentation reads them."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -42,7 +42,7 @@ def greys(v: object) -> np.ndarray:
     return np.floor(65535 * np.asarray(v, np.float64) + 0.5)
 
 
-def test_floats_are_taken_as_they_are(write: Write) -> None:
+def test_floats_are_not_stretched(write: Write) -> None:
     values = np.array([[0.2, 0.5, 0.3]], np.float32)
     assert (grey_of(write(values)) == greys(values)).all()
 
@@ -55,13 +55,13 @@ def test_integers_are_divided_by_the_largest_of_their_type(write: Write, dtype: 
 
 @pytest.mark.parametrize("bad", [1.5, -0.25])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_a_float_that_is_no_probability_is_refused(write: Write, bad: float, dtype: type) -> None:
+def test_a_float_outside_of_0_to_1_is_refused(write: Write, bad: float, dtype: type) -> None:
     path = write(np.array([[0.5, bad, np.nan]], dtype))
     with pytest.raises(MapError, match=rf"lies in 0\.\.1 and this one holds {bad:g}"):
         grey_of(path)
 
 
-def test_what_is_not_valid_may_be_any_number(write: Write) -> None:
+def test_invalid_cells_may_hold_any_number(write: Write) -> None:
     path = write(np.array([[0.5, -9999.0, np.nan, np.inf]], np.float32), nodata=-9999.0)
     assert grey_of(path).tolist() == [[32768, 0, 0, 0]]
     bare = write(np.array([[0.5, 7.0]], np.float32))
@@ -102,7 +102,7 @@ def test_a_ros_map_divides_like_the_same_raster(tmp_path: Path, write: Write) ->
     np.testing.assert_array_equal(blocks[0].ratios, blocks[1].ratios)
 
 
-def test_a_grid_is_a_dataset_that_later_scans_show_in() -> None:
+def test_a_grid_is_a_dataset_and_later_scans_show_in_it() -> None:
     simulation = lens()
     grid = OccupancyGrid(simulation.geobox)
     dataset = grid.dataset()
@@ -115,7 +115,7 @@ def test_a_grid_is_a_dataset_that_later_scans_show_in() -> None:
     assert dataset.read_coarse(100)[0].shape == (1, 100, 100)
 
 
-def test_a_picture_without_yaml_is_a_raster(tmp_path: Path) -> None:
+def test_an_image_without_yaml_is_a_raster(tmp_path: Path) -> None:
     grey = np.array([[0, 128, 255]], np.uint8)
     write_png(tmp_path / "map.png", grey)
     assert (grey_of(tmp_path / "map.png") == greys(grey / 255)).all()
@@ -128,7 +128,7 @@ def test_values_in_memory_are_not_copied() -> None:
     assert dataset.read(Window(2, 3, 1, 1))[0] == 0.75 and dataset.source == "mine"
 
 
-def test_a_missing_map_is_told(tmp_path: Path) -> None:
+def test_a_missing_map_is_refused(tmp_path: Path) -> None:
     for name in ("none.tif", "none.yaml"):
         with pytest.raises(RasterReadError, match="there is no file"):
             open_map(tmp_path / name)

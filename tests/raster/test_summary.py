@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.execution.executors import threads
-from uavseg.plot.summary_text import EIGHTHS, bar, summary_text
+from uavseg.plot.summary_text import _EIGHTHS, summary_text, text_bar
 from uavseg.raster import summary
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.summary import summarize
@@ -124,7 +124,7 @@ def test_of_two_modes_the_rarer_is_suggested(tmp_path: Path) -> None:
 
 @given(st.floats(0, 1), st.integers(1, 60))
 def test_a_bar_is_as_long_as_its_share(share: float, width: int) -> None:
-    eighths = sum(EIGHTHS.index(letter) for letter in bar(share, width))
+    eighths = sum(_EIGHTHS.index(letter) for letter in text_bar(share, width))
     assert abs(eighths - 8 * share * width) <= 0.5
 
 

@@ -13,7 +13,7 @@ from uavseg.jobs.open_source import ReadOptions, open_probability_map
 from uavseg.jobs.path import PathRequest
 from uavseg.jobs.path import path as run_path
 from uavseg.jobs.words import area, segment_params
-from uavseg.occupancy.paths.find_path import Way, WayParams
+from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.regions.drawing import Drawing
 from uavseg.segmentation.params import IntensityRange, StateLimits
 
@@ -106,7 +106,7 @@ def path(
     threads: int | None = None,
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
-) -> Way:
+) -> PlannedPath:
     """The shortest path between two places of one region of a map.
 
     It leads from cell to cell in eight directions, cuts no corner, and never enters a cell whose own value is
@@ -140,7 +140,7 @@ def path(
 
     Returns
     -------
-    way : Way
+    way : PlannedPath
         Its corners are `way.xy` on the map; its length is `way.length_m`, in units of the map where that has
         no CRS; `way.warnings` are warnings too.
 
@@ -164,7 +164,7 @@ def path(
         IntensityRange(*range),
         start,
         goal,
-        WayParams(clearance, smooth),
+        PathParams(clearance, smooth),
         segment_params(method, threshold, intensity_step, "scan"),
     )
     opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))

@@ -66,7 +66,7 @@ def plan(
     Returns
     -------
     mission : Mission
-        `uavseg.flight.files.write(mission, "fly.plan")` writes it. Its `warnings` are warnings too.
+        `uavseg.flight.files.write_mission(mission, "fly.plan")` writes it. Its `warnings` are warnings too.
 
     Raises
     ------
@@ -80,10 +80,10 @@ def plan(
     Examples
     --------
     >>> import uavseg
-    >>> from uavseg.flight.files import write
+    >>> from uavseg.flight.files import write_mission
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     >>> mission = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
-    >>> write(mission, "fly.plan")  # doctest: +SKIP
+    >>> write_mission(mission, "fly.plan")  # doctest: +SKIP
     """
     flight = flight_params(
         altitude,

@@ -119,7 +119,7 @@ def write_mission(planned: Planned, path: str, overwrite: bool, quiet: bool) -> 
     """Write a mission, and report it unless the command is quiet."""
     from uavseg.flight import files
 
-    files.write(planned.mission, path, overwrite)
+    files.write_mission(planned.mission, path, overwrite)
     if not quiet:
         report(planned.mission, planned.regions, path)
 

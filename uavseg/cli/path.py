@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
     from uavseg.flight.params import PlanParams
     from uavseg.jobs.path import PathFound, PathRequest
-    from uavseg.occupancy.paths.find_path import Way
+    from uavseg.occupancy.paths.find_path import PlannedPath
     from uavseg.raster.geobox import GeoBox
 
 _LINES = (".geojson", ".json")
@@ -92,14 +92,14 @@ def command(**options: Any) -> None:
 
 def _request(options: dict[str, Any]) -> PathRequest:
     from uavseg.jobs.path import PathRequest
-    from uavseg.occupancy.paths.find_path import WayParams
+    from uavseg.occupancy.paths.find_path import PathParams
 
     start, goal = (_parsed_place(f"--{name}", options[name]) for name in ("start", "goal"))
     return PathRequest(
         parsed_range(options["interval"]),
         start,
         goal,
-        WayParams(options["clearance"], options["smooth"]),
+        PathParams(options["clearance"], options["smooth"]),
         segment_params(options, "scan"),
     )
 
@@ -122,7 +122,7 @@ def _flight(output: str, options: dict[str, Any]) -> PlanParams | None:
     from uavseg.flight.params import PlanParams
 
     try:
-        files.check_format(output)
+        files.check_mission_format(output)
     except MissionError:
         raise OutputError(f"{output}: a path is written to .geojson, .json, .waypoints or .plan") from None
     if options["altitude"] is None:
@@ -142,34 +142,34 @@ def _check_place(geobox: GeoBox, flight: PlanParams | None) -> None:
     """Nothing is computed that has no place where it is to be written or flown."""
     from uavseg.occupancy.paths import path_geojson
 
-    path_geojson.check_crs(geobox)
+    path_geojson.check_path_crs(geobox)
     if flight is not None and geobox.crs is None:
         raise MissionError(
             "the map has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
         )
 
 
-def _flown(way: Way, flight: PlanParams, home: str | None) -> Mission:
+def _flown(way: PlannedPath, flight: PlanParams, home: str | None) -> Mission:
     from uavseg.flight.along import fly_along
-    from uavseg.occupancy.paths.path_geojson import lonlat
+    from uavseg.occupancy.paths.path_geojson import path_lonlat
 
-    lon, lat = lonlat(way)
+    lon, lat = path_lonlat(way)
     position = parse_home(home)
     return fly_along(lon, lat, flight, (float(lat[0]), float(lon[0])) if position == "auto" else position)
 
 
-def _write(way: Way, mission: Mission | None, output: str, overwrite: bool) -> None:
+def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bool) -> None:
     from uavseg.atomic import atomic_file
     from uavseg.flight import files
-    from uavseg.occupancy.paths.path_geojson import geojson
+    from uavseg.occupancy.paths.path_geojson import path_to_geojson
 
     if mission is not None:
-        files.write(mission, output, overwrite)
+        files.write_mission(mission, output, overwrite)
     elif output == "-":
-        sys.stdout.write(geojson(way))
+        sys.stdout.write(path_to_geojson(way))
     else:
         with atomic_file(output, overwrite) as temporary:
-            temporary.write_text(geojson(way), encoding="utf-8", newline="\n")
+            temporary.write_text(path_to_geojson(way), encoding="utf-8", newline="\n")
 
 
 def _rows(found: PathFound, output: str) -> dict[str, str]:

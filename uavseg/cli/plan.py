@@ -35,7 +35,7 @@ def command(**options: Any) -> None:
     from uavseg.jobs.plan import open_regions, plan
 
     output, regions = options["output"], options["regions"]
-    files.check_format(output)
+    files.check_mission_format(output)
     check_target(output, options["overwrite"])
     request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions

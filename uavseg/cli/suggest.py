@@ -60,9 +60,9 @@ def command(**options: Any) -> None:
     request = SuggestRequest(options["classes"], segment_params(options, "none"))
     read = read_options(options)
     if output is not None:
-        from uavseg.plot.page import check_picture
+        from uavseg.plot.page import check_png_target
 
-        check_picture(output, run.overwrite)
+        check_png_target(output, run.overwrite)
     source = open_source(rasters, read)
     found = suggest(source, request, run.work())
     if output is not None:
@@ -92,7 +92,7 @@ def _suffix(found: Suggestions) -> str:
     from uavseg.regions.formats import export
 
     try:
-        export.check_crs("regions.geojson", found.source.geobox.wkt)
+        export.check_region_crs("regions.geojson", found.source.geobox.wkt)
     except OutputError:
         return ".gpkg"
     return ".geojson"

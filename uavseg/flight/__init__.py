@@ -1,1 +1,1 @@
-"""Polygons become a mission that flies."""
+"""Mission planning: polygons to waypoints, as .plan and .waypoints files."""

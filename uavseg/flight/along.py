@@ -1,4 +1,4 @@
-"""A flight along a line: take off at home, fly from place to place, return."""
+"""Missions along a line: takeoff at home, a waypoint for each position, return."""
 
 from typing import Any
 
@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from uavseg.flight.items import (
     CHANGE_SPEED,
-    NO_PLACE,
-    RELATIVE,
+    FRAME_MISSION,
+    FRAME_RELATIVE,
     RETURN,
     TAKEOFF,
     WAYPOINT,
@@ -18,21 +18,22 @@ from uavseg.flight.items import (
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 
-DECIMALS = 8  # of degrees: a millimetre
+_DECIMALS = 8  # of degrees: a millimetre
 
 
 def fly_along(
     lon: NDArray[np.float64], lat: NDArray[np.float64], params: PlanParams, home: tuple[float, ...]
 ) -> Mission:
-    """The mission that flies along a line.
+    """Make the mission that flies along a line.
 
     Parameters
     ----------
     lon, lat : (n,) float64 arrays
         Degrees, WGS 84; a waypoint for each.
     params : PlanParams
-        Height, speed and autopilot; its pattern plays no part.
+        Height, speed and autopilot; the pattern is not used.
     home : (lat, lon) or (lat, lon, altitude_m)
+        Degrees, and metres above the sea.
 
     Raises
     ------
@@ -41,24 +42,24 @@ def fly_along(
     """
     start = Home(*home)
     items = items_along(lon, lat, start, params)
-    return Mission(start, items, params.firmware, params.name, tuple(notes_of_home(home)))
+    return Mission(start, items, params.firmware, params.name, tuple(home_notes(home)))
 
 
 def items_along(lon: Any, lat: Any, home: Home, params: PlanParams) -> tuple[Item, ...]:
-    """Takeoff, speed, a waypoint for each place (degrees), return."""
-    places = zip(np.round(lat, DECIMALS).tolist(), np.round(lon, DECIMALS).tolist(), strict=True)
+    """Items of a flight along a line in degrees: takeoff, speed, waypoints, return."""
+    positions = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
     any_heading = (0.0, 0.0, 0.0, None)
-    high = float(params.altitude_m)
+    height = float(params.altitude_m)
     return (
-        Item(TAKEOFF, RELATIVE, any_heading, home.lat, home.lon, high),
-        Item(CHANGE_SPEED, NO_PLACE, (1.0, float(params.speed_m_s), -1.0, 0.0)),
-        *(Item(WAYPOINT, RELATIVE, any_heading, *place, high) for place in places),
-        Item(RETURN, NO_PLACE),
+        Item(TAKEOFF, FRAME_RELATIVE, any_heading, home.lat, home.lon, height),
+        Item(CHANGE_SPEED, FRAME_MISSION, (1.0, float(params.speed_m_s), -1.0, 0.0)),
+        *(Item(WAYPOINT, FRAME_RELATIVE, any_heading, *position, height) for position in positions),
+        Item(RETURN, FRAME_MISSION),
     )
 
 
-def notes_of_home(home: tuple[float, ...]) -> list[str]:
-    """What to tell whoever did not say how high home lies."""
+def home_notes(home: tuple[float, ...]) -> list[str]:
+    """Note that the altitude of home is missing, if it is."""
     if len(home) > 2:
         return []
     return ["the altitude of home above the sea is not given and written as 0; all heights are above home"]

@@ -1,4 +1,4 @@
-"""Missions in files: QGroundControl's .plan and the .waypoints of Mission Planner, there and back."""
+"""Mission files: read and write QGroundControl's .plan and Mission Planner's .waypoints."""
 
 import json
 import os
@@ -10,47 +10,60 @@ import numpy as np
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import MissionError
-from uavseg.flight.items import AMSL, FIRMWARES, HEADINGS, RELATIVE, TERRAIN, WAYPOINT, Home, Item
+from uavseg.flight.items import (
+    FIRMWARES,
+    FRAME_AMSL,
+    FRAME_RELATIVE,
+    FRAME_TERRAIN,
+    HEADING_COMMANDS,
+    WAYPOINT,
+    Home,
+    Item,
+)
 from uavseg.flight.mission import Mission
 
-Path_ = str | os.PathLike[str]
+MissionPath = str | os.PathLike[str]
 
-ALTITUDE_MODES = {RELATIVE: 1, AMSL: 2, TERRAIN: 4}  # QGroundControl's own enum, by MAV_FRAME
-QUADROTOR = 2  # MAV_TYPE
-PLANE_SPEED_M_S = 15  # .plan wants a speed of fixed wings too; nothing here uses it
-HEADER = "QGC WPL 110"
+ALTITUDE_MODES = {
+    FRAME_RELATIVE: 1,
+    FRAME_AMSL: 2,
+    FRAME_TERRAIN: 4,
+}  # QGroundControl's own enum, by MAV_FRAME
+_QUADROTOR = 2  # MAV_TYPE
+_PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
+WAYPOINTS_HEADER = "QGC WPL 110"
 
 
-def write(mission: Mission, path: Path_, overwrite: bool = False) -> None:
+def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) -> None:
     """Write a mission to a file, whole or not at all.
 
     Parameters
     ----------
     mission : Mission
     path : path
-        Its extension says the format: .plan (QGroundControl, MAVSDK) or .waypoints (Mission Planner,
-        mavwp, QGroundControl). A .waypoints file holds neither the firmware nor parameters that are not
-        set: those are written as 0.
+        Its extension selects the format: .plan (QGroundControl, MAVSDK) or .waypoints (Mission Planner,
+        mavwp, QGroundControl). A .waypoints file does not store the firmware; parameters that are not set
+        are written as 0.
     overwrite : bool
-        Whether a file that is there may be replaced.
+        Whether an existing file may be replaced.
 
     Raises
     ------
     MissionError
-        If the extension is another one.
+        If the extension is not one of these.
     OutputError
-        If the file is there already, or cannot be written.
+        If the file exists, or cannot be written.
     """
-    text = _WRITERS[check_format(path)](mission)
+    text = _WRITERS[check_mission_format(path)](mission)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def read(path: Path_) -> Mission:
+def read_mission(path: MissionPath) -> Mission:
     """Read a mission of simple items from a .plan or .waypoints file.
 
-    What `write` wrote comes back equal. A .waypoints file is taken to be for ArduPilot, and a heading
-    (param4) of 0 in it as not set.
+    A mission from `write_mission` is read back equal. A .waypoints file is read as one for ArduPilot, and a
+    heading (param4) of 0 in it as not set.
 
     Raises
     ------
@@ -58,7 +71,7 @@ def read(path: Path_) -> Mission:
         If the file cannot be read, is not what its extension says, holds survey or other complex items,
         or holds a mission that would not be safe.
     """
-    reader = _READERS[check_format(path)]
+    reader = _READERS[check_mission_format(path)]
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -71,8 +84,14 @@ def read(path: Path_) -> Mission:
         raise MissionError(f"{path} is not a mission that can be read: {_cause(error)}") from error
 
 
-def check_format(path: Path_) -> str:
-    """The extension of a mission file, if missions can be written so: ".plan" or ".waypoints"."""
+def check_mission_format(path: MissionPath) -> str:
+    """Check the extension of a mission file and return it: ".plan" or ".waypoints".
+
+    Raises
+    ------
+    MissionError
+        If it is neither.
+    """
     suffix = Path(path).suffix.lower()
     if suffix not in _WRITERS:
         raise MissionError(f"a mission is written as .plan or .waypoints, not as {Path(path).name!r}")
@@ -80,7 +99,7 @@ def check_format(path: Path_) -> str:
 
 
 def plan_text(mission: Mission) -> str:
-    """A mission as the text of a .plan file: every key that some reader requires."""
+    """A mission as the text of a .plan file, with every key that any reader requires."""
     home = mission.home
     plan = {
         "fileType": "Plan",
@@ -89,10 +108,10 @@ def plan_text(mission: Mission) -> str:
         "mission": {
             "version": 2,
             "firmwareType": FIRMWARES[mission.firmware],
-            "vehicleType": QUADROTOR,
-            "cruiseSpeed": PLANE_SPEED_M_S,
+            "vehicleType": _QUADROTOR,
+            "cruiseSpeed": _PLANE_SPEED_M_S,
             "hoverSpeed": max(round(mission.speed_m_s), 1),  # Mission Planner reads integers only
-            "globalPlanAltitudeMode": ALTITUDE_MODES[RELATIVE],
+            "globalPlanAltitudeMode": ALTITUDE_MODES[FRAME_RELATIVE],
             "plannedHomePosition": [home.lat, home.lon, home.altitude_m],
             "items": [_simple_item(number, item) for number, item in enumerate(mission.items, start=1)],
         },
@@ -109,26 +128,28 @@ def _simple_item(number: int, item: Item) -> dict[str, Any]:
         "command": item.command,
         "doJumpId": number,
         "frame": item.frame,
-        "params": [*map(_short, item.params), item.lat, item.lon, _short(item.altitude_m)],
+        "params": [*map(_integral, item.params), item.lat, item.lon, _integral(item.altitude_m)],
     }
-    if item.is_place:
+    if item.has_position:
         mode = ALTITUDE_MODES[item.frame]
-        written |= {"AltitudeMode": mode, "Altitude": _short(item.altitude_m), "AMSLAltAboveTerrain": None}
+        written |= {"AltitudeMode": mode, "Altitude": _integral(item.altitude_m), "AMSLAltAboveTerrain": None}
     return written
 
 
-def _short(value: float | None) -> float | int | None:
-    """3.0 as 3: what people expect to read, and the same number."""
+def _integral(value: float | None) -> float | int | None:
+    """3.0 as 3: shorter to read, and the same number."""
     return int(value) if value is not None and value.is_integer() and abs(value) < 2**53 else value
 
 
 def waypoints_text(mission: Mission) -> str:
     """A mission as the text of a .waypoints file (QGC WPL 110), home in row 0."""
     home = mission.home
-    start = Item(WAYPOINT, RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0)  # as a check of the place only
-    rows = [_row(0, 1, AMSL, start, home.altitude_m)]
+    start = Item(
+        WAYPOINT, FRAME_RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0
+    )  # altitude 1: only the position is checked
+    rows = [_row(0, 1, FRAME_AMSL, start, home.altitude_m)]
     rows += [_row(n, 0, item.frame, item, item.altitude_m) for n, item in enumerate(mission.items, start=1)]
-    return "\n".join([HEADER, *rows]) + "\n"
+    return "\n".join([WAYPOINTS_HEADER, *rows]) + "\n"
 
 
 def _row(number: int, current: int, frame: int, item: Item, altitude_m: float) -> str:
@@ -137,9 +158,9 @@ def _row(number: int, current: int, frame: int, item: Item, altitude_m: float) -
     return "\t".join(map(str, [*fields, _decimal(altitude_m, 6), 1]))
 
 
-def _decimal(value: float, least: int) -> str:
-    """A number without exponent that reads back as the same number, with at least so many decimals."""
-    return np.format_float_positional(value, unique=True, min_digits=least, trim="k")
+def _decimal(value: float, min_decimals: int) -> str:
+    """A number without exponent that is read back equal, with at least `min_decimals` decimals."""
+    return np.format_float_positional(value, unique=True, min_digits=min_decimals, trim="k")
 
 
 def _mission_of_plan(text: str, name: str) -> Mission:
@@ -155,7 +176,7 @@ def _mission_of_plan(text: str, name: str) -> Mission:
             f"its firmwareType is {mission['firmwareType']}; expected 3 (ArduPilot) or 12 (PX4)"
         )
     home = Home(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
-    return Mission(home, tuple(map(_item_of_plan, mission["items"])), firmware, name, _unread(plan))
+    return Mission(home, tuple(map(_item_of_plan, mission["items"])), firmware, name, _unread_warnings(plan))
 
 
 def _item_of_plan(item: Mapping[str, Any]) -> Item:
@@ -170,7 +191,7 @@ def _item_of_plan(item: Mapping[str, Any]) -> Item:
     )
 
 
-def _unread(plan: Mapping[str, Any]) -> tuple[str, ...]:
+def _unread_warnings(plan: Mapping[str, Any]) -> tuple[str, ...]:
     fence, rally = plan.get("geoFence") or {}, plan.get("rallyPoints") or {}
     found = [*(fence.get("polygons") or []), *(fence.get("circles") or []), *(rally.get("points") or [])]
     return ("the fence and rally points of the file were not read",) if found else ()
@@ -178,8 +199,8 @@ def _unread(plan: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _mission_of_waypoints(text: str, name: str) -> Mission:
     header, *rows = text.splitlines()
-    if header.split() != HEADER.split():
-        raise MissionError(f"its first line is {header[:40]!r}; expected {HEADER!r}")
+    if header.split() != WAYPOINTS_HEADER.split():
+        raise MissionError(f"its first line is {header[:40]!r}; expected {WAYPOINTS_HEADER!r}")
     home, *items = (_item_of_row(number, row) for number, row in enumerate(rows))
     assert isinstance(home, Home)
     return Mission(home, tuple(item for item in items if isinstance(item, Item)), name=name)
@@ -188,12 +209,12 @@ def _mission_of_waypoints(text: str, name: str) -> Mission:
 def _item_of_row(number: int, row: str) -> Home | Item:
     fields = row.split("\t")
     if len(fields) != 12 or int(fields[0]) != number:
-        raise MissionError(f"line {number + 2} is not item {number} with 12 fields parted by TAB")
+        raise MissionError(f"line {number + 2} is not item {number} with 12 fields separated by TAB")
     frame, command = int(fields[2]), int(fields[3])
     first, second, third, fourth, lat, lon, altitude_m = map(float, fields[4:11])
     if number == 0:
         return Home(lat, lon, altitude_m)
-    heading = None if command in HEADINGS and fourth == 0 else fourth
+    heading = None if command in HEADING_COMMANDS and fourth == 0 else fourth
     return Item(command, frame, (first, second, third, heading), lat, lon, altitude_m)
 
 

@@ -1,4 +1,4 @@
-"""Items of a mission, the place where it starts, and the checks of each by itself."""
+"""MAVLink mission items and the home position, each with its own checks."""
 
 import math
 from dataclasses import dataclass
@@ -7,27 +7,43 @@ from uavseg.errors import MissionError
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 # MAV_CMD
-WAYPOINT, LOITER_TURNS, LOITER_TIME, RETURN, LAND, TAKEOFF = 16, 18, 19, 20, 21, 22
-VTOL_TAKEOFF, VTOL_LAND, CHANGE_SPEED = 84, 85, 178
-PLACES = frozenset({16, 17, 18, 19, 21, 22, 31, 82, 84, 85})  # commands the vehicle flies to
-HEADINGS = frozenset({16, 17, 21, 22, 84})  # places whose param4 is a heading that may be left open
+WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, RETURN, LAND, TAKEOFF = 16, 17, 18, 19, 20, 21, 22
+LOITER_TO_ALTITUDE, SPLINE_WAYPOINT, VTOL_TAKEOFF, VTOL_LAND = 31, 82, 84, 85
+CHANGE_SPEED, CAMERA_DISTANCE, CAMERA_INTERVAL, CONDITION_GATE = 178, 206, 214, 4501
 TAKEOFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 LANDINGS = frozenset({LAND, VTOL_LAND})
+HEADING_COMMANDS = frozenset({WAYPOINT, LOITER, LAND, *TAKEOFFS})  # param4 is a heading that may be unset
+POSITION_COMMANDS = frozenset(  # the vehicle flies to a position
+    {*HEADING_COMMANDS, *LANDINGS, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALTITUDE, SPLINE_WAYPOINT}
+)
 # MAV_FRAME
-AMSL, NO_PLACE, RELATIVE, TERRAIN = 0, 2, 3, 10
+FRAME_AMSL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN = 0, 2, 3, 10
 
 FIRMWARES = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT
-MOST_ITEMS = 65534  # the link counts in 16 bits, and the home of ArduPilot takes one
-HIGHEST_M = 1000.0  # above home: more is nearly always a height above the sea, or feet
-FIRST_LEG_M = 20_000.0
-FARTHEST_M = 100_000.0
+MAX_ITEMS = 65534  # the link counts in 16 bits, and the home of ArduPilot takes one
+MAX_HEIGHT_M = 1000.0  # above home: more is nearly always a height above the sea, or feet
+MAX_FIRST_LEG_M = 20_000.0
+MAX_DISTANCE_M = 100_000.0
 
-Params = tuple[float | None, float | None, float | None, float | None]
+ItemParams = tuple[float | None, float | None, float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True)
 class Home:
-    """Where the vehicle starts and returns to: degrees (WGS 84), and metres above the sea."""
+    """Home position, where the vehicle starts and returns to.
+
+    Parameters
+    ----------
+    lat, lon : float
+        Degrees, WGS 84.
+    altitude_m : float
+        Metres above the sea, -500 to 9000.
+
+    Raises
+    ------
+    MissionError
+        If the position is not on Earth.
+    """
 
     lat: float
     lon: float
@@ -46,18 +62,24 @@ class Item:
     Parameters
     ----------
     command, frame : int
-        MAV_CMD and MAV_FRAME: 3 relative to home, 0 above the sea, 10 above the terrain, 2 no place.
+        MAV_CMD and MAV_FRAME: 3 relative to home, 0 above the sea, 10 above the terrain, 2 without
+        position.
     params : four floats or None
         param1 to param4; None means "not set" (NaN on the link).
     lat, lon : float
-        Degrees, WGS 84. Nothing of a command that is no place.
+        Degrees, WGS 84. Not used by commands without position.
     altitude_m : float
-        Metres in the sense of `frame`.
+        Metres, relative to what `frame` says.
+
+    Raises
+    ------
+    MissionError
+        If a number is not finite, or the position is not on Earth, at or below home, or too high.
     """
 
     command: int
     frame: int
-    params: Params = (0.0, 0.0, 0.0, 0.0)
+    params: ItemParams = (0.0, 0.0, 0.0, 0.0)
     lat: float = 0.0
     lon: float = 0.0
     altitude_m: float = 0.0
@@ -70,41 +92,41 @@ class Item:
                 f"an item of command {self.command} lies at lat {self.lat}, lon {self.lon}, "
                 f"altitude {self.altitude_m}; these must be finite numbers"
             )
-        if self.is_place:
-            _check_place(self)
+        if self.has_position:
+            _check_item_position(self)
 
     @property
-    def is_place(self) -> bool:
-        """Whether the vehicle flies to where this item says."""
-        return self.command in PLACES
+    def has_position(self) -> bool:
+        """Whether the vehicle flies to the position of this item."""
+        return self.command in POSITION_COMMANDS
 
     @property
-    def is_here(self) -> bool:
-        """Whether the item means "where the vehicle is": a takeoff or landing at 0, 0."""
-        return self.command in {TAKEOFF, VTOL_TAKEOFF, *LANDINGS} and self.lat == 0 and self.lon == 0
+    def is_at_vehicle(self) -> bool:
+        """Whether the item is at the vehicle's own position: a takeoff or landing at 0, 0."""
+        return self.command in {*TAKEOFFS, *LANDINGS} and self.lat == 0 and self.lon == 0
 
 
-def _check_place(item: Item) -> None:
+def _check_item_position(item: Item) -> None:
     check_position(item.lat, item.lon, f"an item of command {item.command}")
-    if item.frame not in {AMSL, RELATIVE, TERRAIN}:
+    if item.frame not in {FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN}:
         raise MissionError(
-            f"a place is in frame 3 (above home), 0 (the sea) or 10 (the terrain), not in {item.frame}"
+            f"an item with a position has frame 3 (above home), 0 (the sea) or 10 (terrain), not {item.frame}"
         )
-    if item.frame == AMSL:
+    if item.frame == FRAME_AMSL:
         return
     if item.altitude_m < 0 or (item.altitude_m == 0 and item.command not in LANDINGS):
         raise MissionError(
             f"altitude is {item.altitude_m:g} m; the flight must be above home: give more than 0"
         )
-    if item.altitude_m > HIGHEST_M:
+    if item.altitude_m > MAX_HEIGHT_M:
         raise MissionError(
-            f"altitude is {item.altitude_m:g} m above home, more than {HIGHEST_M:g} m: "
+            f"altitude is {item.altitude_m:g} m above home, more than {MAX_HEIGHT_M:g} m: "
             "is it above the sea, or in feet? Give metres above home"
         )
 
 
 def check_position(lat: float, lon: float, what: str) -> None:
-    """Raise MissionError unless this is a place on Earth."""
+    """Raise MissionError unless a position is on Earth; `what` names it in the message."""
     if not (math.isfinite(lat) and math.isfinite(lon)):
         raise MissionError(f"{what} lies at lat {lat}, lon {lon}; both must be finite numbers")
     if not (-90 <= lat <= 90 and -180 <= lon <= 180):
@@ -115,42 +137,44 @@ def check_position(lat: float, lon: float, what: str) -> None:
 
 
 def check_firmware(item: Item, firmware: str) -> None:
-    """Refuse what the autopilot is known to refuse, or to fly otherwise than it says."""
+    """Raise MissionError for items that the autopilot refuses or is known to fly differently."""
     unset = {number for number, value in enumerate(item.params, start=1) if value is None}
     if firmware == "ardupilot":
-        may_be_unset = {VTOL_LAND: {3, 4}}.get(item.command, {4} if item.command in HEADINGS else set())
+        may_be_unset = {VTOL_LAND: {3, 4}}.get(
+            item.command, {4} if item.command in HEADING_COMMANDS else set()
+        )
         if unset - may_be_unset:
             raise MissionError(
                 f"ArduPilot refuses command {item.command} with param{min(unset - may_be_unset)} unset"
             )
-        if item.command in {214, 4501}:
+        if item.command in {CAMERA_INTERVAL, CONDITION_GATE}:
             raise MissionError(f"ArduPilot does not know command {item.command}")
         return
-    if item.frame == TERRAIN:
+    if item.frame == FRAME_TERRAIN:
         raise MissionError("PX4 has no heights above the terrain (frame 10); give them above home")
     if item.command == LOITER_TURNS:
         raise MissionError("PX4 does not fly LOITER_TURNS (18) in a mission")
-    if item.command in {RETURN, CHANGE_SPEED, 206} and item.frame != NO_PLACE:
+    if item.command in {RETURN, CHANGE_SPEED, CAMERA_DISTANCE} and item.frame != FRAME_MISSION:
         raise MissionError(f"PX4 takes command {item.command} in frame 2 only, not {item.frame}")
 
 
 def check_near(home: Home, lat: float, lon: float) -> None:
-    """Raise MissionError if the first place to fly to is more than 20 km from home."""
+    """Raise MissionError if the first position to fly to is more than 20 km from home."""
     away = distance_m(home.lat, home.lon, lat, lon)
-    if away <= FIRST_LEG_M:
+    if away <= MAX_FIRST_LEG_M:
         return
-    swapped = abs(home.lon) <= 90 and distance_m(home.lon, home.lat, lat, lon) <= FARTHEST_M
+    swapped = abs(home.lon) <= 90 and distance_m(home.lon, home.lat, lat, lon) <= MAX_DISTANCE_M
     hint = (
         "home's latitude and longitude look swapped"
         if swapped
         else "is its latitude first, then its longitude?"
     )
     raise MissionError(
-        f"home ({home.lat:.6f},{home.lon:.6f}) is {away / 1000:.0f} km from the first place to fly to "
-        f"({lat:.6f},{lon:.6f}), farther than {FIRST_LEG_M / 1000:.0f} km: {hint}"
+        f"home ({home.lat:.6f},{home.lon:.6f}) is {away / 1000:.0f} km from the first position to fly to "
+        f"({lat:.6f},{lon:.6f}), farther than {MAX_FIRST_LEG_M / 1000:.0f} km: {hint}"
     )
 
 
 def distance_m(lat: float, lon: float, other_lat: float, other_lon: float) -> float:
-    """Geodesic distance over ground between two places, in metres."""
+    """Geodesic distance between two positions in metres."""
     return float(geod_wgs84().inv(lon, lat, other_lon, other_lat)[2])

@@ -1,4 +1,4 @@
-"""Straight legs between pieces of a survey: how long they are, and where they leave the region."""
+"""Straight legs between the pieces of a survey: their lengths, and their lengths outside of the region."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,24 +10,24 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-ALONG_EDGE_M = 0.01  # a leg this near to a region is not outside of it
+ALONG_EDGE_M = 0.01  # a leg this close to a region is not outside of it
 
 
-def between(path: Floats) -> Floats:
+def legs_between(path: Floats) -> Floats:
     """The legs (N - 1, 2, 2) from each end of the pieces (N, 2, 2) of a path to the next start."""
     return np.stack((path[:-1, 1], path[1:, 0]), axis=1)
 
 
 def lengths_m(legs: Floats) -> Floats:
-    """Lengths of legs (N, 2, 2)."""
+    """Lengths of legs (N, 2, 2) in metres."""
     lengths: Floats = np.hypot(*(legs[:, 1] - legs[:, 0]).T)
     return lengths
 
 
 def outside_m(region: Any, legs: Floats) -> Floats:
-    """How many metres of each leg lie outside of a region, by more than a centimetre.
+    """Length of each leg outside of a region, by more than a centimetre, in metres.
 
-    Each leg is cut where it meets an edge; a piece is outside if its middle is.
+    Each leg is split where it crosses an edge; a piece is outside if its middle is.
 
     Parameters
     ----------
@@ -41,20 +41,20 @@ def outside_m(region: Any, legs: Floats) -> Floats:
     >>> outside_m(ring, np.array([[[1.0, 1], [9, 1]], [[1, 5], [9, 5]]])).round(6).tolist()
     [0.0, 1.98]
     """
-    grown = _grown(region)
-    leg, part = _cuts(grown, legs)
+    buffered = _buffer_region(region)
+    leg, part = _crossings(buffered, legs)
     same = leg[1:] == leg[:-1]
     leg, begin, end = leg[:-1][same], part[:-1][same], part[1:][same]
     middles = legs[leg, 0] + ((begin + end) / 2)[:, None] * (legs[leg, 1] - legs[leg, 0])
-    outside = ~shapely.contains_xy(grown.region, middles[:, 0], middles[:, 1])
+    outside = ~shapely.contains_xy(buffered.region, middles[:, 0], middles[:, 1])
     pieces_m = (end - begin) * lengths_m(legs)[leg] * outside
     metres: Floats = np.bincount(leg, weights=pieces_m, minlength=len(legs)).astype(np.float64)
     return metres
 
 
 @dataclass(frozen=True, slots=True)
-class _Grown:
-    """A region that is a little larger, and its edges (N, 2, 2) in a tree."""
+class _BufferedRegion:
+    """A region buffered by a centimetre, and its edges (N, 2, 2) in a spatial index."""
 
     region: Any
     edges: Floats
@@ -62,21 +62,21 @@ class _Grown:
 
 
 @lru_cache(maxsize=2)
-def _grown(region: Any) -> _Grown:
+def _buffer_region(region: Any) -> _BufferedRegion:
     region = shapely.buffer(region, ALONG_EDGE_M, join_style="mitre")
     shapely.prepare(region)
     coordinates, ring = shapely.get_coordinates(shapely.get_rings(region), return_index=True)
     same_ring = ring[1:] == ring[:-1]
     edges = np.stack((coordinates[:-1][same_ring], coordinates[1:][same_ring]), axis=1)
-    return _Grown(region, edges, shapely.STRtree(shapely.linestrings(edges)))
+    return _BufferedRegion(region, edges, shapely.STRtree(shapely.linestrings(edges)))
 
 
-def _cuts(grown: _Grown, legs: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Where legs meet edges: the leg, and how far along it (0 to 1); sorted, each from 0 to 1."""
-    leg, edge = grown.tree.query(shapely.linestrings(legs))
+def _crossings(buffered: _BufferedRegion, legs: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Crossings of legs with edges: the leg, and the position along it (0 to 1); sorted, with both ends."""
+    leg, edge = buffered.tree.query(shapely.linestrings(legs))
     start, along = legs[leg, 0], legs[leg, 1] - legs[leg, 0]
-    corner = grown.edges[edge, 0]
-    step = grown.edges[edge, 1] - corner
+    corner = buffered.edges[edge, 0]
+    step = buffered.edges[edge, 1] - corner
     with np.errstate(divide="ignore", invalid="ignore"):
         part = _cross(corner - start, step) / _cross(along, step)
         on_edge = _cross(corner - start, along) / _cross(along, step)

@@ -1,4 +1,4 @@
-"""Mission: the flight as values, what it will take, and the checks that keep it from harm."""
+"""Missions: home and items, their length and duration, safety checks and warnings."""
 
 from dataclasses import dataclass, field
 
@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.items import (
-    AMSL,
     CHANGE_SPEED,
-    FARTHEST_M,
     FIRMWARES,
-    HIGHEST_M,
+    FRAME_AMSL,
     LANDINGS,
     LOITER_TIME,
-    MOST_ITEMS,
+    MAX_DISTANCE_M,
+    MAX_HEIGHT_M,
+    MAX_ITEMS,
     RETURN,
     TAKEOFF,
     TAKEOFFS,
@@ -29,8 +29,8 @@ from uavseg.raster.geodesy.globe import geod_wgs84
 
 __all__ = ["LANDINGS", "RETURN", "TAKEOFF", "VTOL_TAKEOFF", "Home", "Item", "Mission"]
 
-CAPACITY = {"ardupilot": 650, "px4": 500}  # items that common boards hold
-USUAL_HIGHEST_M = 120.0  # what most countries allow without a permit
+BOARD_CAPACITY = {"ardupilot": 650, "px4": 500}  # items that common boards store
+USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
 LONG_FLIGHT_S = 30 * 60.0
 CRUISE_M_S, CLIMB_M_S, DESCENT_M_S = 5.0, 2.5, 1.5
 
@@ -39,9 +39,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Mission:
-    """A flight that was checked: home, then the items in order.
+    """A checked flight: home, then the items in order.
 
-    A mission that would not be safe cannot be made: see Raises.
+    A mission that would not be safe cannot be made, see Raises.
 
     Parameters
     ----------
@@ -51,16 +51,16 @@ class Mission:
     firmware : "ardupilot" or "px4"
         The autopilot the mission is for.
     name : str
-        For people; not part of what makes two missions equal, and in no file.
+        Not compared, and not written to files.
     notes : tuple of str
-        What the person who flies it should be told, from whoever made the mission; not compared.
+        Warnings from the planner for the pilot; not compared.
 
     Raises
     ------
     MissionError
-        Without items or with more than a link can count, with a place that does not exist, lies more than
-        20 km (the first) or 100 km (any) from home, lies at or below the ground or above 1000 m over home,
-        or with an item that the firmware is known to refuse.
+        If there are no items to fly to or more than a link can count; if a position is not on Earth, is more
+        than 20 km (the first) or 100 km (any) from home, at or below home, or more than 1000 m above it; or
+        if the firmware is known to refuse an item.
     """
 
     home: Home
@@ -72,11 +72,11 @@ class Mission:
     def __post_init__(self) -> None:
         if self.firmware not in FIRMWARES:
             raise MissionError(f"a mission is for ardupilot or px4, not for {self.firmware!r}")
-        if not any(item.is_place and item.command not in TAKEOFFS for item in self.items):
+        if not any(item.has_position and item.command not in TAKEOFFS for item in self.items):
             raise MissionError("a mission needs an item to fly to; this one has none")
-        if len(self.items) > MOST_ITEMS:
+        if len(self.items) > MAX_ITEMS:
             raise MissionError(
-                f"the mission has {len(self.items)} items and a link carries {MOST_ITEMS}; "
+                f"the mission has {len(self.items)} items and a link carries {MAX_ITEMS}; "
                 "choose fewer regions, a wider spacing or a larger tolerance"
             )
         for item in self.items:
@@ -92,15 +92,15 @@ class Mission:
 
     @property
     def path(self) -> tuple[Floats, Floats, Floats]:
-        """Where the flight leads: lat and lon (degrees) and height above home (metres), home first.
+        """Positions of the flight, home first: lat and lon in degrees, height above home in metres.
 
-        A return adds home, at the height it is flown at. Heights above the terrain are taken as above home.
+        A return adds home, at the height of the return. Heights above the terrain count as above home.
         """
         places = [(self.home.lat, self.home.lon, 0.0)]
         for item in self.items:
-            if item.is_place:
-                lat, lon = places[-1][:2] if item.is_here else (item.lat, item.lon)
-                sea_m = self.home.altitude_m if item.frame == AMSL else 0.0
+            if item.has_position:
+                lat, lon = places[-1][:2] if item.is_at_vehicle else (item.lat, item.lon)
+                sea_m = self.home.altitude_m if item.frame == FRAME_AMSL else 0.0
                 places.append((lat, lon, item.altitude_m - sea_m))
             elif item.command == RETURN:
                 places.append((self.home.lat, self.home.lon, places[-1][2]))
@@ -109,35 +109,36 @@ class Mission:
 
     @property
     def distance_m(self) -> float:
-        """Length of the flight over ground, with the return where there is one."""
+        """Length of the flight over ground in metres, including a return."""
         lat, lon, _ = self.path
-        return float(_lengths(lat, lon).sum())
+        return float(_leg_lengths(lat, lon).sum())
 
     @property
     def duration_s(self) -> float:
-        """Least time of the flight: at constant speed, climbing at 2.5 and descending at 1.5 m/s.
+        """Shortest duration of the flight in seconds: constant speed, climb at 2.5 and descent at 1.5 m/s.
 
-        Slowing down for turns comes on top of it.
+        Slowing down for turns is not included.
         """
         lat, lon, height = self.path
         climb = np.diff(height)
         vertical = np.where(climb > 0, climb / CLIMB_M_S, -climb / DESCENT_M_S)
-        legs = np.maximum(_lengths(lat, lon) / self.speed_m_s, vertical)
+        legs = np.maximum(_leg_lengths(lat, lon) / self.speed_m_s, vertical)
         holds = sum(i.params[0] or 0.0 for i in self.items if i.command in {WAYPOINT, LOITER_TIME})
         returns = any(i.command == RETURN for i in self.items)
         return float(legs.sum() + holds + (max(height[-1], 0.0) / DESCENT_M_S if returns else 0.0))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the person who flies this should know first: the notes, and what the numbers say."""
+        """Warnings for the pilot: the notes, too many items, great height, long duration."""
         found = list(self.notes)
-        if len(self.items) > CAPACITY[self.firmware]:
+        capacity = BOARD_CAPACITY[self.firmware]
+        if len(self.items) > capacity:
             found.append(
-                f"{len(self.items)} items: many boards with {self.firmware} hold {CAPACITY[self.firmware]}; "
+                f"{len(self.items)} items: many boards with {self.firmware} hold {capacity}; "
                 "split the mission or choose fewer regions"
             )
         highest = float(self.path[2].max())
-        if highest > USUAL_HIGHEST_M:
+        if highest > USUAL_MAX_HEIGHT_M:
             found.append(
                 f"{highest:g} m above home is more than most countries allow without a permit (120 m)"
             )
@@ -151,24 +152,26 @@ class Mission:
 def _check_distances(mission: Mission) -> None:
     home, (lat, lon, height) = mission.home, mission.path
     first = next(
-        (i for i in mission.items if i.is_place and i.command not in TAKEOFFS and not i.is_here), None
+        (i for i in mission.items if i.has_position and i.command not in TAKEOFFS and not i.is_at_vehicle),
+        None,
     )
     if first is not None:
         check_near(home, first.lat, first.lon)
     home_lon, home_lat = np.full_like(lon, home.lon), np.full_like(lat, home.lat)
     farthest = float(geod_wgs84().inv(home_lon, home_lat, lon, lat)[2].max())
-    if farthest > FARTHEST_M:
+    if farthest > MAX_DISTANCE_M:
         raise MissionError(
-            f"an item lies {farthest / 1000:.0f} km from home; at most {FARTHEST_M / 1000:.0f} km are flown"
+            f"an item lies {farthest / 1000:.0f} km from home; "
+            f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed"
         )
     extreme = float(height[np.abs(height).argmax()])
-    if abs(extreme) > HIGHEST_M:
+    if abs(extreme) > MAX_HEIGHT_M:
         raise MissionError(
-            f"an item lies {extreme:g} m above home, which is not within {HIGHEST_M:g} m: "
+            f"an item lies {extreme:g} m above home, which is not within {MAX_HEIGHT_M:g} m: "
             "check the altitude of home above the sea"
         )
 
 
-def _lengths(lat: Floats, lon: Floats) -> Floats:
+def _leg_lengths(lat: Floats, lon: Floats) -> Floats:
     lengths: Floats = geod_wgs84().inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2]
     return np.asarray(lengths, dtype=np.float64)

@@ -1,28 +1,28 @@
-"""How to fly regions, as one value that checks itself."""
+"""Parameters of a mission over regions, checked when they are made."""
 
 import math
 from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
-from uavseg.flight.items import FARTHEST_M, FIRMWARES, HIGHEST_M
+from uavseg.flight.items import FIRMWARES, MAX_DISTANCE_M, MAX_HEIGHT_M
 from uavseg.flight.mission import CRUISE_M_S
 
 PATTERNS = ("visit", "perimeter", "survey")
-FASTEST_M_S = 50.0
+MAX_SPEED_M_S = 50.0
 
 
 @dataclass(frozen=True, slots=True)
 class PlanParams:
-    """How to fly regions.
+    """Parameters of a mission over regions.
 
     Parameters
     ----------
     altitude_m : float
         Height of the whole flight above home, above 0 and at most 1000.
     pattern : "visit", "perimeter" or "survey"
-        Fly to a point inside each region, along its outline, or to and fro over it.
+        Fly to a point inside each region, along its outline, or in parallel lines over it.
     spacing_m : float, optional
-        Distance between the lines of a survey, which needs it.
+        Distance between the lines of a survey; required for one.
     angle_deg : float, optional
         Azimuth of the lines of a survey, clockwise from north; by default, for each region, the one that
         needs the fewest.
@@ -30,15 +30,15 @@ class PlanParams:
         Over ground, above 0 and at most 50.
     firmware : "ardupilot" or "px4"
     tolerance_m : float, optional
-        How far an outline may be moved to have fewer corners; by default a metre, or a pixel where the
-        pixels of a region are larger.
+        Distance by which an outline may be simplified; by default a metre, or a pixel if the pixels of a
+        region are larger.
     name : str
-        Of the mission, for people.
+        Name of the mission.
 
     Raises
     ------
     ParameterError
-        If a value is outside of these.
+        If a value is out of bounds.
     """
 
     altitude_m: float
@@ -51,8 +51,8 @@ class PlanParams:
     name: str = ""
 
     def __post_init__(self) -> None:
-        _check_number("altitude", self.altitude_m, HIGHEST_M, "m above home")
-        _check_number("speed", self.speed_m_s, FASTEST_M_S, "m/s")
+        _check_number("altitude", self.altitude_m, MAX_HEIGHT_M, "m above home")
+        _check_number("speed", self.speed_m_s, MAX_SPEED_M_S, "m/s")
         if self.pattern not in PATTERNS:
             raise ParameterError(f"a pattern is one of {', '.join(PATTERNS)}, not {self.pattern!r}")
         if self.firmware not in FIRMWARES:
@@ -62,13 +62,13 @@ class PlanParams:
         if self.pattern != "survey" and (self.spacing_m, self.angle_deg) != (None, None):
             raise ParameterError(f"spacing and angle are for a survey, not for the pattern {self.pattern}")
         if self.spacing_m is not None:
-            _check_number("spacing", self.spacing_m, FARTHEST_M, "m")
+            _check_number("spacing", self.spacing_m, MAX_DISTANCE_M, "m")
         if self.angle_deg is not None and not math.isfinite(self.angle_deg):
             raise ParameterError(f"the angle of lines is a number of degrees, not {self.angle_deg}")
         if self.tolerance_m is not None:
-            _check_number("tolerance", self.tolerance_m, FARTHEST_M, "m")
+            _check_number("tolerance", self.tolerance_m, MAX_DISTANCE_M, "m")
 
 
-def _check_number(what: str, value: float, most: float, unit: str) -> None:
-    if not 0 < value <= most:
-        raise ParameterError(f"the {what} is above 0 and at most {most:g} {unit}, not {value:g}")
+def _check_number(what: str, value: float, maximum: float, unit: str) -> None:
+    if not 0 < value <= maximum:
+        raise ParameterError(f"the {what} is above 0 and at most {maximum:g} {unit}, not {value:g}")

@@ -1,4 +1,4 @@
-"""Outlines of regions that an autopilot can follow: without the stairs of their pixels."""
+"""Perimeters: outlines of regions simplified (Douglas-Peucker) to remove the stairs of pixels."""
 
 from typing import Any
 
@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-LEAST_TOLERANCE_M = 1.0  # what satellite positioning does not tell apart anyway
-FEWEST_STEPS = 12  # edges below which right angles are corners, not stairs
-STRAIGHT_M = 1e-3  # corners that stick out less lie on straight edges
-CHANGED = 0.1  # of its area, by which an outline is another shape: there were no stairs
-RIGHT_ANGLE = 0.02  # radians by which the corners of pixels may lean in another projection
+MIN_TOLERANCE_M = 1.0  # below the accuracy of satellite positioning
+MIN_STEPS = 12  # with fewer edges, right angles are corners, not stairs
+COLLINEAR_M = 1e-3  # corners that deviate less lie on a straight edge
+MAX_AREA_CHANGE = 0.1  # share of the area; with a larger change, the right angles were not stairs
+RIGHT_ANGLE_TOLERANCE = 0.02  # radians by which reprojection may turn the corners of pixels
 
 
 def perimeter(region: Any, tolerance_m: float) -> Floats:
@@ -43,7 +43,7 @@ def _farthest(points: Floats, place: Floats) -> int:
 
 
 def default_tolerance_m(region: Any) -> float:
-    """One metre, or one pixel where the outline follows the edges of larger pixels.
+    """Default tolerance: a metre, or a pixel if the outline follows the edges of larger pixels.
 
     Examples
     --------
@@ -51,14 +51,14 @@ def default_tolerance_m(region: Any) -> float:
     >>> round(default_tolerance_m(stairs), 6), default_tolerance_m(shapely.box(0, 0, 50, 90))
     (10.0, 1.0)
     """
-    corners = shapely.get_coordinates(shapely.simplify(region.exterior, STRAIGHT_M))
+    corners = shapely.get_coordinates(shapely.simplify(region.exterior, COLLINEAR_M))
     steps = np.diff(corners, axis=0)
-    if len(steps) < FEWEST_STEPS:
-        return LEAST_TOLERANCE_M
+    if len(steps) < MIN_STEPS:
+        return MIN_TOLERANCE_M
     before, length = np.roll(steps, 1, axis=0), np.hypot(*steps.T)
     leaning = np.abs((before * steps).sum(axis=1)) / (length * np.roll(length, 1))
-    pixel_m = _pixel_m(steps, length) if np.mean(leaning < RIGHT_ANGLE) > 0.9 else 0.0
-    return pixel_m if pixel_m > LEAST_TOLERANCE_M and _keeps_shape(region, pixel_m) else LEAST_TOLERANCE_M
+    pixel_m = _pixel_m(steps, length) if np.mean(leaning < RIGHT_ANGLE_TOLERANCE) > 0.9 else 0.0
+    return pixel_m if pixel_m > MIN_TOLERANCE_M and _keeps_shape(region, pixel_m) else MIN_TOLERANCE_M
 
 
 def _keeps_shape(region: Any, tolerance_m: float) -> bool:
@@ -66,7 +66,7 @@ def _keeps_shape(region: Any, tolerance_m: float) -> bool:
     if len(ring) < 4:
         return False
     simple = shapely.make_valid(shapely.Polygon(ring))
-    return bool(shapely.symmetric_difference(outline, simple).area < CHANGED * outline.area)
+    return bool(shapely.symmetric_difference(outline, simple).area < MAX_AREA_CHANGE * outline.area)
 
 
 def _pixel_m(steps: Floats, length: Floats) -> float:

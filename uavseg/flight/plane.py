@@ -1,4 +1,4 @@
-"""A flat piece of ground: metres east and north of a centre, and degrees, there and back."""
+"""Local plane (azimuthal equidistant projection): metres east and north of a centre, and degrees."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from uavseg.raster.geodesy.globe import wrap_lon
 
 Floats = NDArray[np.float64]
 
-LONGEST_EDGE_DEG = 0.005  # an edge that is straight in degrees bends by less than a centimetre over it
+LONGEST_EDGE_DEG = 0.005  # a straight edge in degrees bends by less than a centimetre over it
 
 
 @dataclass(frozen=True, slots=True)
 class Plane:
-    """Azimuthal equidistant plane (WGS 84) around a centre: true to 5e-5 within 100 km of it."""
+    """Azimuthal equidistant projection (WGS 84) around a centre: accurate to 5e-5 within 100 km of it."""
 
     lat: float
     lon: float
@@ -33,20 +33,20 @@ class Plane:
         lon, lat = _projection(self.lat, self.lon)(np.asarray(x, float), np.asarray(y, float), inverse=True)
         return lon, lat
 
-    def flattened(self, polygons: Sequence[Any]) -> NDArray[np.object_]:
-        """Polygons in degrees (lon, lat) as polygons in metres."""
+    def project_polygons(self, polygons: Sequence[Any]) -> NDArray[np.object_]:
+        """Densify polygons in degrees (lon, lat) and project them to metres."""
         dense = shapely.segmentize(shapely.force_2d(np.array(polygons, dtype=object)), LONGEST_EDGE_DEG)
-        flat = [shapely.transform(polygon, self._flatten) for polygon in dense]
+        flat = [shapely.transform(polygon, self._project_points) for polygon in dense]
         return np.array([*flat, None], dtype=object)[:-1]
 
-    def _flatten(self, lonlat: Floats) -> Floats:
+    def _project_points(self, lonlat: Floats) -> Floats:
         return np.column_stack(self.xy_from_lonlat(lonlat[:, 0], lonlat[:, 1]))
 
 
 def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:
-    """The plane in the middle of boxes (N, 4: west, south, east, north in degrees).
+    """The plane around the middle of bounding boxes (N, 4: west, south, east, north in degrees).
 
-    Longitudes are counted from `lon`, so that boxes on both sides of the antimeridian are neighbours.
+    Longitudes are relative to `lon`, so boxes on both sides of the antimeridian are neighbours.
     """
     east = wrap_lon(bounds[:, [0, 2]] - lon)
     middle = lon + (east.min() + east.max()) / 2

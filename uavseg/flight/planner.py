@@ -1,4 +1,4 @@
-"""Polygons become a mission: read this first."""
+"""Mission planner: polygons to a mission. Read this first."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight import patterns, route
-from uavseg.flight.along import items_along, notes_of_home
-from uavseg.flight.items import FARTHEST_M, Home, Item, check_near, check_position, distance_m
+from uavseg.flight.along import home_notes, items_along
+from uavseg.flight.items import MAX_DISTANCE_M, Home, Item, check_near, check_position, distance_m
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
-from uavseg.flight.patterns import Part
+from uavseg.flight.patterns import RegionPart
 from uavseg.flight.plane import Plane, plane_around
 
 __all__ = ["PlanParams", "plan"]
 
 Floats = NDArray[np.float64]
 
-PATTERNS = {"visit": patterns.visits, "perimeter": patterns.perimeters, "survey": patterns.surveys}
+_PATTERN_FUNCTIONS = {"visit": patterns.visits, "perimeter": patterns.perimeters, "survey": patterns.surveys}
 
 
 def plan(
@@ -35,12 +35,12 @@ def plan(
     ----------
     polygons : sequence of shapely Polygon or MultiPolygon
         The regions in degrees (lon, lat; WGS 84). The parts of a region are flown one by one; parts that
-        touch, as at the antimeridian, are one.
+        touch, as at the antimeridian, are merged.
     points : sequence of (lon, lat)
         A point inside each region.
     params : PlanParams
     home : (lat, lon) or (lat, lon, altitude_m)
-        Where the vehicle starts; its altitude is above the sea, in metres.
+        Where the vehicle starts; its altitude is in metres above the sea.
 
     Raises
     ------
@@ -51,15 +51,15 @@ def plan(
         raise MissionError("there is no region to fly to; choose at least one")
     start = Home(*home)
     plane = _plane(polygons, points, start)
-    parts = _parts(plane.flattened(polygons), plane, points)
-    ways, notes = PATTERNS[params.pattern](parts, params)
-    paths = _ordered(ways, plane, start)
-    notes = [*notes_of_home(home), *notes]
+    parts = _parts(plane.project_polygons(polygons), plane, points)
+    candidates, notes = _PATTERN_FUNCTIONS[params.pattern](parts, params)
+    paths = _order_paths(candidates, plane, start)
+    notes = [*home_notes(home), *notes]
     return Mission(start, _items(paths, plane, start, params), params.firmware, params.name, tuple(notes))
 
 
 def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: Home) -> Plane:
-    """The plane of regions that are on Earth and near home."""
+    """The local plane of regions; checks that they are on Earth and near home."""
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
     check_position(south, west, "a region")
@@ -70,27 +70,27 @@ def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home:
     x, y = plane.xy_from_lonlat(bounds[:, [0, 2, 0, 2]], bounds[:, [1, 1, 3, 3]])
     home_x, home_y = plane.xy_from_lonlat(home.lon, home.lat)
     farthest = float(np.hypot(x - home_x, y - home_y).max())
-    if not farthest <= FARTHEST_M:
+    if not farthest <= MAX_DISTANCE_M:
         raise MissionError(
-            f"the regions reach {farthest / 1000:.0f} km from home and at most {FARTHEST_M / 1000:.0f} km "
-            "are flown: choose regions that are nearer"
+            f"the regions reach {farthest / 1000:.0f} km from home; "
+            f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed: choose regions that are nearer"
         )
     return plane
 
 
-def _parts(regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]) -> list[Part]:
-    """The connected parts of regions; the point of a part is the one given, if that is in it."""
+def _parts(regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]) -> list[RegionPart]:
+    """The connected parts of regions, with the given point if it lies inside, else another one."""
     parts = []
     for region, lonlat in zip(regions, points, strict=True):
         x, y = map(float, plane.xy_from_lonlat(*lonlat))
-        for polygon in _connected(region):
+        for polygon in _connected_parts(region):
             inside = shapely.contains_xy(polygon, x, y)
             own = shapely.get_coordinates(shapely.point_on_surface(polygon))[0]
-            parts.append(Part(polygon, (x, y) if inside else (float(own[0]), float(own[1]))))
+            parts.append(RegionPart(polygon, (x, y) if inside else (float(own[0]), float(own[1]))))
     return parts
 
 
-def _connected(region: Any) -> list[Any]:
+def _connected_parts(region: Any) -> list[Any]:
     if region.geom_type == "MultiPolygon":
         region = shapely.union_all(shapely.get_parts(region), grid_size=1e-3)
     if not shapely.is_valid(region):
@@ -98,16 +98,16 @@ def _connected(region: Any) -> list[Any]:
     return [part for part in shapely.get_parts(region) if part.geom_type == "Polygon" and part.area > 0]
 
 
-def _ordered(ways: Sequence[Sequence[Floats]], plane: Plane, home: Home) -> list[Floats]:
-    """The path through each region, in a short order from home and back."""
-    ends = np.concatenate([[way[[0, -1]] for way in region] for region in ways])
+def _order_paths(candidates: Sequence[Sequence[Floats]], plane: Plane, home: Home) -> list[Floats]:
+    """One path for each region, in an order that makes a short tour from home and back."""
+    ends = np.concatenate([[path[[0, -1]] for path in region] for region in candidates])
     points = np.concatenate(
         (np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat])), ends.reshape(-1, 2))
     )
     pairs = np.arange(1, len(points)).reshape(-1, 2)
-    options = np.split(pairs, np.cumsum([len(region) for region in ways])[:-1])
-    tour = route.order(options, route.distances(points), home=0)
-    return [ways[region][way] for region, way in tour]
+    options = np.split(pairs, np.cumsum([len(region) for region in candidates])[:-1])
+    tour = route.order_stops(options, route.straight_distance(points), home=0)
+    return [candidates[region][option] for region, option in tour]
 
 
 def _items(paths: Sequence[Floats], plane: Plane, home: Home, params: PlanParams) -> tuple[Item, ...]:

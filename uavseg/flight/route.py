@@ -1,4 +1,4 @@
-"""In which order, and from which end, to fly things so that little is flown between them."""
+"""Route order (generalised travelling salesman): a short tour over stops, each with several options."""
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -11,15 +11,18 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Cost = Callable[[Any, Any], Any]  # of flying between points, given by index; broadcasts
 
-EFFORT = 3e7  # passes times stops squared, until a route is good enough
-STARTS = 30, 1000  # a route without home is tried from so many stops, times stops
-LEAST_GAIN = 1e-6  # metres
-MANY_STOPS = 1500  # no vehicle holds more: their parts are turned round, but not moved
-LONGEST_PART = 3  # stops that are moved together
+MAX_EFFORT = 3e7  # passes times stops squared, after which a route is good enough
+MAX_START_TRIALS = (
+    30,
+    1000,
+)  # starts of a route without home: at most, and at most divided by the number of stops
+MIN_GAIN = 1e-6  # metres
+MANY_STOPS = 1500  # more than any vehicle stores: 2-opt only
+MAX_PART = 3  # stops that Or-opt moves together
 
 
-def distances(points: Floats) -> Cost:
-    """The cost that is the straight distance between points (N, 2)."""
+def straight_distance(points: Floats) -> Cost:
+    """Cost function: the straight distance between points (N, 2), given by index."""
 
     def cost(here: Any, there: Any) -> Any:
         return np.hypot(points[here, 0] - points[there, 0], points[here, 1] - points[there, 1])
@@ -27,21 +30,21 @@ def distances(points: Floats) -> Cost:
     return cost
 
 
-def order(options: Sequence[Ints], cost: Cost, home: int | None = None) -> list[tuple[int, int]]:
-    """A short tour over stops, each of which can be flown in several ways.
+def order_stops(options: Sequence[Ints], cost: Cost, home: int | None = None) -> list[tuple[int, int]]:
+    """A short tour over stops, each of which has several options.
 
-    Nearest neighbour, then parts turned round (2-opt) or moved (Or-opt) and the best option of each stop
-    for the order (exact, by dynamic programming), until nothing helps. Equal input gives equal output.
+    Nearest neighbour, then 2-opt (reverse parts), Or-opt (move parts) and the best option of each stop for
+    the order (exact, by dynamic programming), until nothing improves. Equal input gives equal output.
 
     Parameters
     ----------
     options : sequence of (K, 2) int arrays
-        For each stop, the points where one may enter and then leaves it. With every pair its reverse must
-        be there.
+        For each stop, the pairs of points at which a path enters and leaves it. The reverse of every pair
+        must be an option too.
     cost : callable
         Cost of flying from one point to another; symmetric.
     home : int, optional
-        The point where the tour starts and ends; without it, it starts and ends anywhere.
+        The point where the tour starts and ends; by default it starts and ends anywhere.
 
     Returns
     -------
@@ -52,37 +55,37 @@ def order(options: Sequence[Ints], cost: Cost, home: int | None = None) -> list[
     --------
     >>> points = np.array([[0.0, 0.0], [9, 0], [1, 0], [5, 0]])
     >>> stops = [np.array([[n, n]]) for n in (1, 2, 3)]
-    >>> [stop for stop, option in order(stops, distances(points))]
+    >>> [stop for stop, option in order_stops(stops, straight_distance(points))]
     [0, 2, 1]
     """
     if not options:
         return []
     if home is not None:
-        return _improved(options, cost, home, _nearest(options, cost, home))[1]
+        return _improve(options, cost, home, _nearest_neighbour(options, cost, home))[1]
     fly = _with_free_ends(cost)
-    starts = range(min(len(options), STARTS[0], max(STARTS[1] // len(options), 1)))
-    return min(_improved(options, fly, -1, _nearest(options, fly, -1, start)) for start in starts)[1]
+    starts = range(min(len(options), MAX_START_TRIALS[0], max(MAX_START_TRIALS[1] // len(options), 1)))
+    return min(_improve(options, fly, -1, _nearest_neighbour(options, fly, -1, start)) for start in starts)[1]
 
 
-def _improved(
+def _improve(
     options: Sequence[Ints], fly: Cost, end: int, tour: tuple[Ints, Ints]
 ) -> tuple[float, list[tuple[int, int]]]:
-    """The cost of the tour when nothing helps any more, and its stops with their options."""
+    """The cost of the improved tour, and its stops with their options."""
     stops, pairs = tour
-    for _ in range(1 + int(EFFORT / len(stops) ** 2)):
+    for _ in range(1 + int(MAX_EFFORT / len(stops) ** 2)):
         total, chosen = _best_options([options[stop] for stop in stops], fly, end)
         pairs = np.array([options[stop][k] for stop, k in zip(stops, chosen, strict=True)])
         found = [(int(stop), k) for stop, k in zip(stops, chosen, strict=True)]
-        gained = _turn_parts(stops, pairs, fly, end)
+        gained = _two_opt(stops, pairs, fly, end)
         if len(stops) <= MANY_STOPS:
-            gained |= _move_parts(stops, pairs, fly, end)
+            gained |= _or_opt(stops, pairs, fly, end)
         if not gained:
             break
     return total, found
 
 
 def _with_free_ends(cost: Cost) -> Cost:
-    """The cost, where flying from or to the point -1 costs nothing."""
+    """A cost function in which legs from or to the point -1 cost nothing."""
 
     def fly(here: Any, there: Any) -> Any:
         here, there = np.asarray(here), np.asarray(there)
@@ -91,8 +94,10 @@ def _with_free_ends(cost: Cost) -> Cost:
     return fly
 
 
-def _nearest(options: Sequence[Ints], fly: Cost, end: int, start: int | None = None) -> tuple[Ints, Ints]:
-    """Stops and their (entry, exit) pairs, going to the nearest entry of a stop not yet flown."""
+def _nearest_neighbour(
+    options: Sequence[Ints], fly: Cost, end: int, start: int | None = None
+) -> tuple[Ints, Ints]:
+    """Nearest-neighbour tour: the stops and their (entry, exit) pairs."""
     stop_of = np.repeat(np.arange(len(options)), [len(option) for option in options])
     pairs = np.concatenate(options)
     stops, chosen = np.empty(len(options), np.int64), np.empty((len(options), 2), np.int64)
@@ -120,8 +125,8 @@ def _best_options(options: Sequence[Ints], fly: Cost, end: int) -> tuple[float, 
     return float(total.min()), chosen[::-1]
 
 
-def _turn_parts(stops: Ints, pairs: Ints, fly: Cost, end: int) -> bool:
-    """Turn parts of the tour round, in place, wherever that shortens it: one pass of 2-opt."""
+def _two_opt(stops: Ints, pairs: Ints, fly: Cost, end: int) -> bool:
+    """One pass of 2-opt: reverse parts of the tour, in place, wherever that shortens it."""
     gained = False
     for first in range(len(stops)):
         before = pairs[first - 1, 1] if first else end
@@ -129,7 +134,7 @@ def _turn_parts(stops: Ints, pairs: Ints, fly: Cost, end: int) -> bool:
         now = fly(before, pairs[first, 0]) + fly(lasts, after)
         turned = fly(before, lasts) + fly(pairs[first, 0], after)
         best = int(np.argmax(now - turned))
-        if now[best] - turned[best] > LEAST_GAIN:
+        if now[best] - turned[best] > MIN_GAIN:
             part = slice(first, first + best + 1)
             stops[part] = stops[part][::-1]
             pairs[part] = pairs[part][::-1, ::-1]
@@ -137,16 +142,17 @@ def _turn_parts(stops: Ints, pairs: Ints, fly: Cost, end: int) -> bool:
     return gained
 
 
-def _move_parts(stops: Ints, pairs: Ints, fly: Cost, end: int) -> bool:
-    """Move one to three stops in a row elsewhere, in place, wherever that shortens the tour: Or-opt."""
+def _or_opt(stops: Ints, pairs: Ints, fly: Cost, end: int) -> bool:
+    """One pass of Or-opt: move one to three consecutive stops, in place, wherever that shortens the tour."""
     gained = False
-    for length in range(1, min(LONGEST_PART, len(stops) - 1) + 1):
+    for length in range(1, min(MAX_PART, len(stops) - 1) + 1):
         for first in range(len(stops) - length + 1):
-            gained |= _move_part(stops, pairs, first, first + length, fly, end)
+            gained |= _or_opt_part(stops, pairs, first, first + length, fly, end)
     return gained
 
 
-def _move_part(stops: Ints, pairs: Ints, first: int, stop: int, fly: Cost, end: int) -> bool:
+def _or_opt_part(stops: Ints, pairs: Ints, first: int, stop: int, fly: Cost, end: int) -> bool:
+    """Move the stops [first, stop), possibly reversed, to the best place; True if that shortens the tour."""
     rest = np.delete(pairs, slice(first, stop), axis=0)
     befores, afters = np.append(end, rest[:, 1]), np.append(rest[:, 0], end)
     gaps = fly(befores, afters)
@@ -154,7 +160,7 @@ def _move_part(stops: Ints, pairs: Ints, first: int, stop: int, fly: Cost, end: 
     inserted = np.stack((fly(befores, entry) + fly(leave, afters), fly(befores, leave) + fly(entry, afters)))
     longer = inserted - gaps
     turned, place = np.unravel_index(int(np.argmin(longer)), longer.shape)
-    if longer[turned, place] > longer[0, first] - LEAST_GAIN:
+    if longer[turned, place] > longer[0, first] - MIN_GAIN:
         return False
     part, which = pairs[first:stop], stops[first:stop]
     if turned:

@@ -1,4 +1,4 @@
-"""Parallel lines over a polygon, cut where it is concave or has holes; and the angle that needs fewest."""
+"""Sweep lines: parallel lines clipped to a polygon, and the angle that needs the fewest."""
 
 import math
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.items import MOST_ITEMS
+from uavseg.flight.items import MAX_ITEMS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-JOINED = 1 / 20  # of the spacing: shorter gaps are flown through, shorter pieces left out
-SLACK = 0.01  # spacings, by which a polygon may be wider before it needs one line more
+MIN_PIECE = 1 / 20  # of the spacing: shorter gaps are flown through, shorter pieces are dropped
+WIDTH_SLACK = 0.01  # spacings by which a polygon may be wider before it needs another line
 
 
 @dataclass(frozen=True, slots=True)
-class Lines:
+class SweepLines:
     """Pieces of parallel lines inside a polygon, line by line, along each line in its direction.
 
     Parameters
@@ -27,13 +27,13 @@ class Lines:
     angle_deg : float
         Azimuth of the lines, clockwise from north, in [0, 180).
     count : int
-        How many parallel lines there are, exactly one spacing apart.
+        Number of parallel lines, exactly one spacing apart.
     line : (N,) int array
-        Which line each piece lies on.
+        The line that each piece lies on.
     start, end : (N,) float arrays
-        Where each piece starts and ends along its line, in metres.
+        Position of the ends of each piece along its line, in metres.
     offset : (N,) float array
-        Where its line lies across, in metres.
+        Position of its line across the lines, in metres.
     """
 
     angle_deg: float
@@ -53,12 +53,12 @@ class Lines:
         return np.stack((self.xy(self.start, self.offset), self.xy(self.end, self.offset)), axis=1)
 
 
-def sweep(region: Any, spacing_m: float, angle_deg: float) -> Lines:
-    """Cut parallel lines to the inside of a polygon.
+def sweep(region: Any, spacing_m: float, angle_deg: float) -> SweepLines:
+    """Clip parallel lines to a polygon.
 
     The lines are centred over the polygon: the outermost ones lie at most half a spacing (and half a
     hundredth of it) inside its edge, and a polygon narrower than the spacing gets one line through its
-    middle. Gaps and pieces shorter than a twentieth of the spacing are not kept.
+    middle. Gaps and pieces shorter than a twentieth of the spacing are dropped.
 
     Parameters
     ----------
@@ -87,18 +87,18 @@ def sweep(region: Any, spacing_m: float, angle_deg: float) -> Lines:
     angle_deg = normal_azimuth(angle_deg)
     start, end = _edges(region, angle_deg)
     low, high = start[:, 1].min(), start[:, 1].max()
-    count = _lines_over(high - low, spacing_m)
+    count = _line_count(high - low, spacing_m)
     first = (low + high) / 2 - (count - 1) / 2 * spacing_m
     line, along = _crossings(start, end, first, spacing_m, count)
-    pieces = _joined(line[::2], along[::2], along[1::2], spacing_m * JOINED)
-    return Lines(angle_deg, count, *pieces, first + pieces[0] * spacing_m)
+    pieces = _merge_pieces(line[::2], along[::2], along[1::2], spacing_m * MIN_PIECE)
+    return SweepLines(angle_deg, count, *pieces, first + pieces[0] * spacing_m)
 
 
 def best_angle(region: Any, spacing_m: float) -> float:
-    """Azimuth, among those of the edges of the convex hull, whose lines have the fewest pieces.
+    """Azimuth of the edge of the convex hull along which the lines have the fewest pieces.
 
-    The narrowest extent of a convex shape lies across one of its edges, so that no other direction needs
-    fewer lines. Ties go to fewer lines, then to the narrower extent, then to the smaller azimuth.
+    A convex shape is narrowest across one of its edges, so no other direction needs fewer lines. Ties go to
+    fewer lines, then to the narrower extent, then to the smaller azimuth.
     """
     hull = shapely.get_coordinates(shapely.convex_hull(region))
     steps = np.diff(hull, axis=0)
@@ -109,7 +109,7 @@ def best_angle(region: Any, spacing_m: float) -> float:
         return 0.0
     ranked: list[tuple[int, int, float, float]] = []
     for width, azimuth in sorted(zip(widths.tolist(), azimuths.tolist(), strict=True)):
-        if ranked and _lines_over(width, spacing_m) > min(ranked)[0]:
+        if ranked and _line_count(width, spacing_m) > min(ranked)[0]:
             break  # every line has at least one piece
         lines = sweep(region, spacing_m, azimuth)
         ranked.append((lines.line.size, lines.count, round(width, 6), azimuth))
@@ -130,9 +130,9 @@ def _axes(angle_deg: float) -> Floats:
     return np.array([[sine, cosine], [cosine, -sine]])
 
 
-def _lines_over(width_m: float, spacing_m: float) -> int:
-    count = max(math.ceil(width_m / spacing_m - SLACK), 1)
-    if 2 * count > MOST_ITEMS:
+def _line_count(width_m: float, spacing_m: float) -> int:
+    count = max(math.ceil(width_m / spacing_m - WIDTH_SLACK), 1)
+    if 2 * count > MAX_ITEMS:
         raise MissionError(
             f"{width_m:.0f} m at a spacing of {spacing_m:g} m make {count} lines, more than a mission holds; "
             "use a wider spacing"
@@ -150,10 +150,10 @@ def _edges(region: Any, angle_deg: float) -> tuple[Floats, Floats]:
 
 
 def _crossings(start: Floats, end: Floats, first: float, spacing_m: float, count: int) -> tuple[Ints, Floats]:
-    """Where lines cross edges: the line and the position along it, sorted; every line is crossed evenly.
+    """Crossings of lines with edges: the line and the position along it, sorted; an even number for each.
 
-    An edge owns its lower end and not its upper one, so that a line through a vertex crosses a ring once
-    or twice or not at all, as it must.
+    An edge includes its lower end and not its upper one, so a line through a vertex crosses a ring the right
+    number of times: never, once or twice.
     """
     lower, upper = np.minimum(start[:, 1], end[:, 1]), np.maximum(start[:, 1], end[:, 1])
     begin = np.clip(np.ceil((lower - first) / spacing_m), 0, count).astype(np.int64)
@@ -167,12 +167,12 @@ def _crossings(start: Floats, end: Floats, first: float, spacing_m: float, count
     return line[order], along[order]
 
 
-def _joined(line: Ints, start: Floats, end: Floats, shortest_m: float) -> tuple[Ints, Floats, Floats]:
-    """Pieces without short gaps between them, and without the short ones; the longest always stays."""
+def _merge_pieces(line: Ints, start: Floats, end: Floats, shortest_m: float) -> tuple[Ints, Floats, Floats]:
+    """Merge pieces across short gaps and drop short pieces; the longest always stays."""
     if line.size == 0:
         return line, start, end
-    parted = (line[1:] != line[:-1]) | (start[1:] - end[:-1] >= shortest_m)
-    first, last = np.r_[True, parted], np.r_[parted, True]
+    is_gap = (line[1:] != line[:-1]) | (start[1:] - end[:-1] >= shortest_m)
+    first, last = np.r_[True, is_gap], np.r_[is_gap, True]
     line, start, end = line[first], start[first], end[last]
     long = end - start >= shortest_m
     long[np.argmax(end - start)] = True

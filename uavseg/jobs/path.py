@@ -7,7 +7,7 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, regions_of_pixels
 from uavseg.jobs.open_source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
-from uavseg.occupancy.paths.find_path import Way, WayParams, find_way
+from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
 from uavseg.occupancy.paths.free_cells import FreeCells
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.source import GreySource
@@ -23,7 +23,7 @@ class PathRequest:
         The range of v that is passable.
     start, goal : (float, float)
         x and y on the map.
-    params : WayParams
+    params : PathParams
         Clearance, and whether the path is pulled tight.
     segment : SegmentParams
     """
@@ -31,7 +31,7 @@ class PathRequest:
     interval: IntensityRange
     start: tuple[float, float]
     goal: tuple[float, float]
-    params: WayParams = WayParams()
+    params: PathParams = PathParams()
     segment: SegmentParams = SegmentParams(refine="scan")
 
 
@@ -41,7 +41,7 @@ class PathFound:
 
     Parameters
     ----------
-    path : Way
+    path : PlannedPath
     in_metres : bool
         Whether its length is in metres rather than in units of the map.
     search_s : float
@@ -49,7 +49,7 @@ class PathFound:
     warnings : tuple of str
     """
 
-    path: Way
+    path: PlannedPath
     in_metres: bool
     search_s: float
     warnings: tuple[str, ...]
@@ -79,7 +79,7 @@ def path(source: ProbabilityMap | Blocks, request: PathRequest, work: Work = SER
         )
     free = free_cells(source, request, work)
     start = time.perf_counter()
-    way = find_way(free, request.start, request.goal, request.params, work.local)
+    way = find_path(free, request.start, request.goal, request.params, work.local)
     return work.finished(PathFound(way, source.in_metres, time.perf_counter() - start, way.warnings))
 
 

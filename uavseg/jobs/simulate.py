@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.simulation.paper_scenes import BUILT_IN
+from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene_file import load_scene
 from uavseg.occupancy.simulation.simulate import Simulation
 
@@ -71,7 +71,7 @@ def simulate(scene: str, request: SimulateRequest = SimulateRequest()) -> Simula
     SceneError
         If the scene cannot be read or has not so many poses.
     """
-    found = BUILT_IN[scene]() if scene in BUILT_IN else load_scene(scene)
+    found = BUILT_IN_SCENES[scene]() if scene in BUILT_IN_SCENES else load_scene(scene)
     wanted = request.poses or len(found.poses)
     if wanted > len(found.poses):
         raise SceneError(f"{scene} has {len(found.poses)} poses, and {wanted} are asked for")

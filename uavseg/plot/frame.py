@@ -1,4 +1,4 @@
-"""Frame: the sheet a picture is drawn on, north-up where the map is, with equal units along and across."""
+"""Plot coordinates: north up where there is a CRS, centred on the raster, with equal units in x and y."""
 
 import math
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Frame:
-    """From map coordinates to a sheet around the middle of a raster.
+    """Transforms from map coordinates to plot coordinates.
 
-    Map coordinates are large numbers and, in degrees, longer up than across. On the sheet the middle of the
-    raster is (0, 0), x points right, y up, and one unit is as long in both directions.
+    Map coordinates are large numbers and, in degrees, not equally long in x and y. In plot coordinates the
+    middle of the raster is (0, 0), x points right, y up, and one unit is equally long in both directions.
 
     Parameters
     ----------
@@ -31,37 +31,38 @@ class Frame:
     geobox: GeoBox
 
     @cached_property
-    def affine(self) -> Affine:
-        """From the map to the sheet."""
+    def plot_from_map(self) -> Affine:
+        """From map to plot coordinates."""
         rows, cols = self.geobox.shape
         x, y = self.geobox.transform * (cols / 2, rows / 2)
-        return Affine.scale(*self._stretch(y)) * Affine.translation(-x, -y)
+        return Affine.scale(*self._scale(y)) * Affine.translation(-x, -y)
 
-    def _stretch(self, y: float) -> tuple[float, float]:
+    def _scale(self, y: float) -> tuple[float, float]:
         wkt, transform = self.geobox.wkt, self.geobox.transform
         if wkt is None:
             return 1.0, -1.0 if transform.e > 0 else 1.0  # rows that count downwards: pixels, not a map
         return max(math.cos(math.radians(y)), 0.1) if is_geographic(wkt) else 1.0, 1.0
 
     @property
-    def pixels(self) -> Affine:
-        """From pixel corners (col, row) to the sheet."""
-        return self.affine * self.geobox.transform
+    def plot_from_pixel(self) -> Affine:
+        """From pixel corners (col, row) to plot coordinates."""
+        return self.plot_from_map * self.geobox.transform
 
     @property
     def corners(self) -> Floats:
-        """The raster's corners on the sheet, a (4, 2) array."""
+        """The raster's corners in plot coordinates, a (4, 2) array."""
         rows, cols = self.geobox.shape
-        return np.array([self.pixels * corner for corner in ((0, 0), (cols, 0), (cols, rows), (0, rows))])
+        pixels = ((0, 0), (cols, 0), (cols, rows), (0, rows))
+        return np.array([self.plot_from_pixel * corner for corner in pixels])
 
-    def sheet_from_xy(self, xy: ArrayLike) -> Floats:
-        """Places on the sheet of map coordinates, (n, 2) to (n, 2)."""
-        points, t = np.asarray(xy, np.float64), self.affine
+    def plot_from_xy(self, xy: ArrayLike) -> Floats:
+        """Plot coordinates of map coordinates, (n, 2) to (n, 2)."""
+        points, t = np.asarray(xy, np.float64), self.plot_from_map
         placed: Floats = points * (t.a, t.e) + (t.c, t.f)
         return placed
 
-    def sheet_from_lonlat(self, lon: ArrayLike, lat: ArrayLike) -> Floats:
-        """Places on the sheet of degrees (WGS 84), an (n, 2) array.
+    def plot_from_lonlat(self, lon: ArrayLike, lat: ArrayLike) -> Floats:
+        """Plot coordinates of degrees (WGS 84), an (n, 2) array.
 
         Raises
         ------
@@ -73,40 +74,40 @@ class Frame:
                 "a mission has a place on the globe and this raster has none; "
                 "give the raster a CRS (gdal_edit.py -a_srs), or leave the mission out"
             )
-        x, y = self._from_lonlat(np.asarray(lon, np.float64), np.asarray(lat, np.float64))
-        return self.sheet_from_xy(np.column_stack([x, y]))
+        x, y = self._map_from_lonlat(np.asarray(lon, np.float64), np.asarray(lat, np.float64))
+        return self.plot_from_xy(np.column_stack([x, y]))
 
     @cached_property
-    def _from_lonlat(self) -> Transform:
+    def _map_from_lonlat(self) -> Transform:
         return transform_between(WGS84, self.geobox.wkt)
 
     @cached_property
-    def metres(self) -> float | None:
-        """Ground metres of one unit across the middle of the sheet; None where there is no CRS."""
+    def metres_per_unit(self) -> float | None:
+        """Ground metres of one unit in x at the middle of the plot; None without a CRS."""
         wkt = self.geobox.wkt
         if wkt is None:
             return None
-        lon, lat = self._around
+        lon, lat = self._neighbourhood
         _, _, metres = geod_of(wkt).inv(lon[0], lat[0], lon[1], lat[1])
-        return float(metres) / self._step if math.isfinite(metres) and metres > 0 else None
+        return float(metres) / self._offset if math.isfinite(metres) and metres > 0 else None
 
     @cached_property
     def north(self) -> tuple[float, float] | None:
-        """Direction of true north on the sheet, of length 1; None where there is no CRS."""
+        """Unit vector towards true north in plot coordinates; None without a CRS."""
         if self.geobox.crs is None:
             return None
-        _, lat = self._around
+        _, lat = self._neighbourhood
         right, up = float(lat[1] - lat[0]), float(lat[2] - lat[0])
         length = math.hypot(right, up)
         return (right / length, up / length) if math.isfinite(length) and length > 0 else None
 
     @property
-    def _step(self) -> float:
+    def _offset(self) -> float:
         return float(np.abs(self.corners).max()) / 100
 
     @cached_property
-    def _around(self) -> tuple[Floats, Floats]:
-        """Degrees of the middle of the sheet, of a place to its right and of one above it."""
-        places = [~self.affine * place for place in ((0, 0), (self._step, 0), (0, self._step))]
-        x, y = np.array(places).T
+    def _neighbourhood(self) -> tuple[Floats, Floats]:
+        """Longitude and latitude of the middle of the plot, of a point to its right and of one above it."""
+        points = [~self.plot_from_map * point for point in ((0, 0), (self._offset, 0), (0, self._offset))]
+        x, y = np.array(points).T
         return self.geobox.lonlat_from_xy(x, y)

@@ -1,4 +1,4 @@
-"""What tells a map's reader where he is: the scale bar and the arrow to the north."""
+"""Map furniture: scale bar and north arrow, with readable lengths and areas."""
 
 import math
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 from uavseg.plot.frame import Frame
 
-INK, PAPER = "#1a1a1a", "#ffffff"
+TEXT_COLOR, PAPER_COLOR = "#1a1a1a", "#ffffff"
 
 
 def bar_length(span: float) -> float:
@@ -24,7 +24,7 @@ def bar_length(span: float) -> float:
 
 
 def length_text(length: float, unit: str) -> str:
-    """A length for people.
+    """A length with a readable unit.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def length_text(length: float, unit: str) -> str:
 
 
 def area_text(area_m2: float) -> str:
-    """An area for people.
+    """An area with a readable unit.
 
     Examples
     --------
@@ -51,47 +51,63 @@ def area_text(area_m2: float) -> str:
     return f"{area_m2 / 1e4:.3g} ha" if area_m2 < 1e7 else f"{area_m2 / 1e6:.3g} km²"
 
 
-def draw_scale_bar(ax: Any, frame: Frame, unit: float) -> None:
-    """A bar of black and white in the lower left corner; ground metres, or the units of a map without CRS.
+def draw_scale_bar(ax: Any, frame: Frame, point: float) -> None:
+    """Draw a scale bar in the lower left corner: in ground metres, or in map units without a CRS.
 
-    `unit` is the length on the sheet of one point (1/72 inch).
+    Parameters
+    ----------
+    ax : matplotlib Axes
+    frame : Frame
+    point : float
+        Length of one point (1/72 inch) in plot coordinates.
     """
     from matplotlib.patches import Rectangle
 
     (left, right), bottom = ax.get_xlim(), ax.get_ylim()[0]
-    metres, name = (frame.metres, "m") if frame.metres else (1.0, _local_unit(frame))
-    length = bar_length((right - left) * metres)
-    width, height, room = length / metres, 5 * unit, 7 * unit
+    metres_per_unit, name = (
+        (frame.metres_per_unit, "m") if frame.metres_per_unit else (1.0, _local_unit(frame))
+    )
+    length = bar_length((right - left) * metres_per_unit)
+    width, height, room = length / metres_per_unit, 5 * point, 7 * point
     x, y = left + 2.4 * room, bottom + 2.4 * room
     back = Rectangle(
-        (x - room, y - room), width + 2 * room, 4.3 * room, color=PAPER, alpha=0.78, lw=0, zorder=8
+        (x - room, y - room), width + 2 * room, 4.3 * room, color=PAPER_COLOR, alpha=0.78, lw=0, zorder=8
     )
     ax.add_patch(back)
     for quarter in range(4):
-        color = INK if quarter % 2 == 0 else PAPER
+        color = TEXT_COLOR if quarter % 2 == 0 else PAPER_COLOR
         corner = (x + quarter * width / 4, y)
-        ax.add_patch(Rectangle(corner, width / 4, height, fc=color, ec=INK, lw=0.6, zorder=9))
+        ax.add_patch(Rectangle(corner, width / 4, height, fc=color, ec=TEXT_COLOR, lw=0.6, zorder=9))
     text = length_text(length, name)
-    ax.text(x + width / 2, y + 8 * unit, text, ha="center", va="bottom", size=7.5, color=INK, zorder=9)
+    ax.text(
+        x + width / 2, y + 8 * point, text, ha="center", va="bottom", size=7.5, color=TEXT_COLOR, zorder=9
+    )
 
 
 def _local_unit(frame: Frame) -> str:
     return "px" if frame.geobox.transform.is_identity else "units"
 
 
-def draw_north(ax: Any, frame: Frame, unit: float) -> None:
-    """An arrow to the north in the upper right corner, if there is a north."""
+def draw_north_arrow(ax: Any, frame: Frame, point: float) -> None:
+    """Draw a north arrow in the upper right corner if there is a CRS; `point` as in `draw_scale_bar`."""
     if frame.north is None:
         return
     from matplotlib.patches import Circle, Polygon
 
-    radius = 17 * unit
+    radius = 17 * point
     middle = np.array([ax.get_xlim()[1] - 1.5 * radius, ax.get_ylim()[1] - 1.5 * radius])
     ahead = np.array(frame.north) * radius
     aside = np.array([-ahead[1], ahead[0]]) * 0.34
     tip, notch, tail = middle + 0.16 * ahead, middle - 0.5 * ahead, middle - 0.8 * ahead
-    ax.add_patch(Circle(tuple(middle), radius, color=PAPER, alpha=0.78, lw=0, zorder=8))
-    ax.add_patch(Polygon([tip, tail + aside, notch, tail - aside], color=INK, lw=0, zorder=9))
+    ax.add_patch(Circle(tuple(middle), radius, color=PAPER_COLOR, alpha=0.78, lw=0, zorder=8))
+    ax.add_patch(Polygon([tip, tail + aside, notch, tail - aside], color=TEXT_COLOR, lw=0, zorder=9))
     ax.text(
-        *(middle + 0.5 * ahead), "N", ha="center", va="center", size=7, weight="bold", color=INK, zorder=9
+        *(middle + 0.5 * ahead),
+        "N",
+        ha="center",
+        va="center",
+        size=7,
+        weight="bold",
+        color=TEXT_COLOR,
+        zorder=9,
     )

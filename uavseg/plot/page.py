@@ -1,4 +1,4 @@
-"""What pages of pictures have in common: their target, the map on them, and the line at the foot."""
+"""Page layout shared by all pictures: target file, figure, axes of the map, caption."""
 
 import os
 from pathlib import Path
@@ -11,16 +11,16 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_resolution
 
 POINTS = 72  # per inch
-QUIET = "#666666"
+CAPTION_COLOR = "#666666"
 
 
-def check_picture(path: str | os.PathLike[str], overwrite: bool) -> Path:
-    """The path, if a picture may be written there.
+def check_png_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
+    """Check that a picture may be written to a path, and return the path.
 
     Raises
     ------
     OutputError
-        If it is there already, cannot be written there, or is not called .png.
+        If the file exists, cannot be written there, or does not end in .png.
     """
     if Path(path).suffix.lower() != ".png":
         raise OutputError(f"a preview is a PNG picture; call it {Path(path).stem}.png, not {Path(path).name}")
@@ -28,7 +28,7 @@ def check_picture(path: str | os.PathLike[str], overwrite: bool) -> Path:
 
 
 def new_figure(width: float, height: float, dpi: float) -> Any:
-    """A white page of so many inches."""
+    """A white page of `width` x `height` inches."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -38,25 +38,39 @@ def new_figure(width: float, height: float, dpi: float) -> Any:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a page as PNG; the same page gives the same bytes."""
+    """Write a page as PNG; equal pages give equal bytes."""
     figure.savefig(path, metadata={"Software": "uavseg"})
 
 
 def fit_axes(ax: Any, view: tuple[float, float, float, float], width: float, height: float) -> float:
-    """Show left, right, bottom and top of the sheet on so many inches; gives the length of one point."""
+    """Fit the axes to a view, with equal units in x and y.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+    view : (float, float, float, float)
+        left, right, bottom, top in plot coordinates.
+    width, height : float
+        Of the axes in inches.
+
+    Returns
+    -------
+    point : float
+        Length of one point (1/72 inch) in plot coordinates.
+    """
     left, right, bottom, top = view
-    unit = max((right - left) / width, (top - bottom) / height) / POINTS
+    point = max((right - left) / width, (top - bottom) / height) / POINTS
     x, y = (left + right) / 2, (bottom + top) / 2
-    ax.set_xlim(x - unit * POINTS * width / 2, x + unit * POINTS * width / 2)
-    ax.set_ylim(y - unit * POINTS * height / 2, y + unit * POINTS * height / 2)
+    ax.set_xlim(x - point * POINTS * width / 2, x + point * POINTS * width / 2)
+    ax.set_ylim(y - point * POINTS * height / 2, y + point * POINTS * height / 2)
     ax.set(xticks=[], yticks=[], autoscale_on=False)
     for side in ax.spines.values():
         side.set(color="#bbbbbb", lw=0.6)
-    return unit
+    return point
 
 
-def about_raster(box: GeoBox, band_names: str, grey_name: str) -> str:
-    """What a raster is, in one line."""
+def raster_caption(box: GeoBox, band_names: str, grey_name: str) -> str:
+    """Size, CRS, resolution, bands and grey of a raster in one line."""
     rows, cols = box.shape
     found = [f"{cols} x {rows} pixels"]
     if box.crs is None:

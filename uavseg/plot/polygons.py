@@ -1,4 +1,4 @@
-"""Polygons for pictures: from a file or from memory to the sheet, and to what matplotlib draws."""
+"""Polygons for pictures: read from a file or from memory, projected, converted to matplotlib paths."""
 
 import os
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
-from uavseg.regions.formats.read import load
+from uavseg.regions.formats.read import read_regions
 from uavseg.regions.table import Regions
 
-Polygons = NDArray[np.object_]
+PolygonArray = NDArray[np.object_]
 
-DRAWN = ("id", "area_m2", "level", "range_low", "range_high")  # the attributes that a picture shows
+_DRAWN_COLUMNS = ("id", "area_m2", "level", "range_low", "range_high")  # the attributes that pictures use
 
 
 @dataclass(frozen=True)
-class Shapes:
-    """Polygons with their attributes; none of them is missing or empty.
+class PolygonTable:
+    """Polygons with their attributes; none is missing or empty.
 
     Parameters
     ----------
@@ -32,58 +32,59 @@ class Shapes:
     columns : dict of (n,) arrays
     """
 
-    polygons: Polygons
+    polygons: PolygonArray
     crs: Any
     columns: dict[str, NDArray[Any]]
 
     @classmethod
-    def of(cls, source: Any) -> "Shapes":
-        """Polygons of a file, of Regions or of a GeoDataFrame.
+    def of(cls, source: Any) -> "PolygonTable":
+        """Polygons of a file, of `Regions` or of a GeoDataFrame.
 
         Raises
         ------
         RegionError
             If the file cannot be read.
         """
-        found = _of_file(os.fspath(source)) if isinstance(source, str | os.PathLike) else _of_memory(source)
-        there = ~(shapely.is_missing(found.polygons) | shapely.is_empty(found.polygons))
-        columns = {name: values[there] for name, values in found.columns.items()}
-        return cls(found.polygons[there], found.crs, columns)
+        is_file = isinstance(source, str | os.PathLike)
+        found = _table_of_file(os.fspath(source)) if is_file else _table_of_memory(source)
+        present = ~(shapely.is_missing(found.polygons) | shapely.is_empty(found.polygons))
+        columns = {name: values[present] for name, values in found.columns.items()}
+        return cls(found.polygons[present], found.crs, columns)
 
-    def on_sheet(self, frame: Frame) -> Polygons:
-        """The polygons on a sheet; as they are where they or the raster have no CRS."""
+    def in_plot(self, frame: Frame) -> PolygonArray:
+        """The polygons in plot coordinates; not reprojected if they or the raster have no CRS."""
         polygons, wkt = self.polygons, frame.geobox.wkt
         if self.crs is not None and wkt is not None:
             project = transform_between(self.crs, wkt)
             polygons = shapely.transform(polygons, lambda x, y: project(x, y), interleaved=False)
-        return np.asarray(shapely.transform(polygons, frame.sheet_from_xy), dtype=object)
+        return np.asarray(shapely.transform(polygons, frame.plot_from_xy), dtype=object)
 
 
-def outlines(shapes: Polygons) -> list[Any]:
-    """A matplotlib path of each polygon with its holes, or of each group of polygons."""
-    from matplotlib.path import Path as Outline
+def polygon_paths(shapes: PolygonArray) -> list[Any]:
+    """A matplotlib path for each polygon or multipolygon, with its holes."""
+    from matplotlib.path import Path as DrawnPath
 
     parts, shape_of_part = shapely.get_parts(shapes, return_index=True)
     rings, part_of_ring = shapely.get_rings(parts, return_index=True)
     xy, ring = shapely.get_coordinates(rings, return_index=True)
-    codes = np.full(len(xy), Outline.LINETO, np.uint8)
+    codes = np.full(len(xy), DrawnPath.LINETO, np.uint8)
     first = np.flatnonzero(np.diff(ring, prepend=-1))
-    codes[first] = Outline.MOVETO
-    codes[np.append(first[1:], len(xy)) - 1] = Outline.CLOSEPOLY
+    codes[first] = DrawnPath.MOVETO
+    codes[np.append(first[1:], len(xy)) - 1] = DrawnPath.CLOSEPOLY
     ends = np.searchsorted(shape_of_part[part_of_ring[ring]], np.arange(len(shapes) + 1))
-    return [Outline(xy[a:b], codes[a:b]) for a, b in pairwise(ends)]
+    return [DrawnPath(xy[a:b], codes[a:b]) for a, b in pairwise(ends)]
 
 
-def _of_memory(regions: Any) -> Shapes:
+def _table_of_memory(regions: Any) -> PolygonTable:
     if isinstance(regions, Regions):
-        return Shapes(np.asarray(regions.polygons, dtype=object), regions.wkt, dict(regions.columns))
+        return PolygonTable(np.asarray(regions.polygons, dtype=object), regions.wkt, dict(regions.columns))
     names = [str(name) for name in regions.columns if name != regions.geometry.name]
     columns = {name: np.asarray(regions[name]) for name in names}
-    return Shapes(np.asarray(regions.geometry.values, dtype=object), regions.crs, columns)
+    return PolygonTable(np.asarray(regions.geometry.values, dtype=object), regions.crs, columns)
 
 
-def _of_file(name: str) -> Shapes:
-    """Polygons as they lie in a file, in its own CRS: for a picture nothing needs mending."""
+def _table_of_file(name: str) -> PolygonTable:
+    """Polygons of a file, in its own CRS and without repair, which a picture does not need."""
     from pyogrio.errors import DataSourceError
     from pyogrio.raw import read
 
@@ -91,19 +92,21 @@ def _of_file(name: str) -> Shapes:
     if not Path(name).exists():
         raise RegionError(f"there is no file {name} with regions; uavseg extract makes one")
     if suffix in {".kml", ".kmz"}:
-        return _of_memory(load(name))
+        return _table_of_memory(read_regions(name))
     if suffix in {".parquet", ".geoparquet"}:
-        return _of_parquet(name)
+        return _table_of_parquet(name)
     try:
-        about, _, geometry, columns = read(name)
+        metadata, _, geometry, columns = read(name)
     except (DataSourceError, ValueError) as error:
         raise RegionError(f"{name} has no regions that can be read ({error})") from error
     if geometry is None:
         raise RegionError(f"{name} is a table without geometry; give a file of polygons")
-    return Shapes(shapely.from_wkb(geometry), about["crs"], dict(zip(about["fields"], columns, strict=True)))
+    return PolygonTable(
+        shapely.from_wkb(geometry), metadata["crs"], dict(zip(metadata["fields"], columns, strict=True))
+    )
 
 
-def _of_parquet(name: str) -> Shapes:
+def _table_of_parquet(name: str) -> PolygonTable:
     import json
 
     from pyarrow import ArrowInvalid
@@ -111,13 +114,13 @@ def _of_parquet(name: str) -> Shapes:
 
     try:
         table = read_table(name)
-        about = json.loads(table.schema.metadata[b"geo"])
+        metadata = json.loads(table.schema.metadata[b"geo"])
     except (ArrowInvalid, KeyError, TypeError) as error:
         raise RegionError(f"{name} is not GeoParquet; give a file that uavseg extract wrote") from error
-    column = about["primary_column"]
-    crs = about["columns"][column].get("crs", "OGC:CRS84")
-    return Shapes(
+    column = metadata["primary_column"]
+    crs = metadata["columns"][column].get("crs", "OGC:CRS84")
+    return PolygonTable(
         shapely.from_wkb(table[column].to_numpy()),
         crs if isinstance(crs, str | None) else json.dumps(crs),
-        {key: table[key].to_numpy() for key in DRAWN if key in table.column_names},
+        {key: table[key].to_numpy() for key in _DRAWN_COLUMNS if key in table.column_names},
     )

@@ -1,4 +1,4 @@
-"""Preview: one picture of a raster with what was found in it drawn over it."""
+"""Preview: a raster in grey with the results drawn over it as layers, written as PNG."""
 
 import os
 from collections.abc import Sequence
@@ -14,18 +14,25 @@ from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.mission_layer import MissionLayer
 from uavseg.plot.layers.raster_layer import draw_raster
-from uavseg.plot.layers.stack import File, Layer, layers_over
-from uavseg.plot.map_furniture import INK, draw_north, draw_scale_bar
-from uavseg.plot.page import QUIET, about_raster, check_picture, fit_axes, new_figure, save_figure
+from uavseg.plot.layers.stack import File, Layer, LayerSources, make_layers
+from uavseg.plot.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
+from uavseg.plot.page import (
+    CAPTION_COLOR,
+    check_png_target,
+    fit_axes,
+    new_figure,
+    raster_caption,
+    save_figure,
+)
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
-    from uavseg.occupancy.paths.find_path import Way
+    from uavseg.occupancy.paths.find_path import PlannedPath
 
-WIDTH_IN, HEAD_IN, FOOT_IN, MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
-LEAST_HEIGHT_IN, MOST_HEIGHT_IN = 2.6, 13.0
+_WIDTH_IN, _HEAD_IN, _FOOT_IN, _MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
+_MIN_HEIGHT_IN, _MAX_HEIGHT_IN = 2.6, 13.0
 
 
 def preview(
@@ -37,20 +44,20 @@ def preview(
     levels: Any = None,
     states: Dataset | File | None = None,
     leaves: File | None = None,
-    path: "Way | File | None" = None,
+    path: "PlannedPath | File | None" = None,
     stretch: Stretch | StretchSpec | str = "auto",
     width_px: int = 1400,
     overwrite: bool = False,
 ) -> Path:
-    """Draw a raster in grey, with whatever was found in it, and write it as a PNG.
+    """Draw a raster in grey with results over it, and write the picture as PNG.
 
     However large the raster is, no more of it is read than the picture can show, and the stretch is
-    fitted on that. A map of probabilities has free cells black and occupied ones white.
+    fitted on that. In a map of probabilities free cells are black and occupied cells white.
 
     Parameters
     ----------
     raster : Dataset, path or sequence of paths
-        Many paths are one mosaic; the YAML file of a ROS map is a raster too.
+        Several paths form one mosaic; the YAML file of a ROS map is a raster too.
     out : path
         The picture, .png.
     regions : path or GeoDataFrame, optional
@@ -61,15 +68,15 @@ def preview(
     states : Dataset or path, optional
         A raster of states (1 free, 2 unknown, 3 occupied, 0 nothing), or a ROS map of them.
     leaves : path, optional
-        The block map of this raster, of which the leaves are outlined.
-    path : Way or path, optional
+        The block map of this raster; its leaves are outlined.
+    path : PlannedPath or path, optional
         A .geojson, .plan or .waypoints file.
     stretch : Stretch, StretchSpec or str
-        With "auto", what states or a path are drawn over is a map of probabilities, and never stretched.
+        With "auto", a raster under states or a path is a map of probabilities, which is not stretched.
     width_px : int
         Width of the picture, 200 to 8000 pixels.
     overwrite : bool
-        Whether a picture that is there may be replaced.
+        Whether an existing picture may be replaced.
 
     Returns
     -------
@@ -78,26 +85,27 @@ def preview(
     Raises
     ------
     OutputError
-        If the picture is there already, cannot be written there, or is not called .png.
+        If the picture exists, cannot be written there, or does not end in .png.
     ParameterError, RasterError, RegionError, PathError, MissionError
-        If what is to be drawn cannot be.
+        If an input cannot be read or does not belong to the raster.
     """
     if not 200 <= width_px <= 8000:
         raise ParameterError(f"a picture is 200 to 8000 pixels wide, not {width_px}")
-    target = check_picture(out, overwrite)
-    dataset, grey = _opened(raster, stretch, states is not None or path is not None)
+    target = check_png_target(out, overwrite)
+    dataset, grey = _open_raster(raster, stretch, states is not None or path is not None)
     frame = Frame(dataset.geobox)
-    layers = layers_over(frame, 2 * width_px, levels, states, leaves, regions, path, mission)
-    figure = _figure(dataset, frame, grey, layers, width_px / WIDTH_IN)
+    sources = LayerSources(levels, states, leaves, regions, path, mission)
+    layers = make_layers(sources, frame, max_side=2 * width_px)
+    figure = _figure(dataset, frame, grey, layers, width_px / _WIDTH_IN)
     with atomic_file(target, overwrite) as temporary:
         save_figure(figure, temporary)
     return target
 
 
-def _opened(
+def _open_raster(
     raster: Any, stretch: Stretch | StretchSpec | str, is_map: bool
 ) -> tuple[Dataset, Stretch | StretchSpec | str]:
-    """The raster, and its stretch: maps of probabilities have their own unless another one is named."""
+    """The raster and its stretch: that of a map of probabilities, unless another one is given."""
     if isinstance(raster, str | os.PathLike) and is_ros_map(raster):
         dataset, own = open_map(raster)
     else:
@@ -112,24 +120,24 @@ def _figure(
     dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str, layers: Sequence[Layer], dpi: float
 ) -> Any:
     view = _view(frame, layers)
-    width, height = WIDTH_IN - 2 * MARGIN_IN, _height(view)
-    page = height + HEAD_IN + FOOT_IN
-    figure = new_figure(WIDTH_IN, page, dpi)
-    ax = figure.add_axes((MARGIN_IN / WIDTH_IN, FOOT_IN / page, width / WIDTH_IN, height / page))
-    unit = fit_axes(ax, view, width, height)
+    width, height = _WIDTH_IN - 2 * _MARGIN_IN, _height(view)
+    page = height + _HEAD_IN + _FOOT_IN
+    figure = new_figure(_WIDTH_IN, page, dpi)
+    ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page, width / _WIDTH_IN, height / page))
+    point = fit_axes(ax, view, width, height)
     grey_name = draw_raster(ax, dataset, frame, stretch)
     for layer in layers:
-        layer.draw(ax, unit)
-    draw_scale_bar(ax, frame, unit)
-    draw_north(ax, frame, unit)
+        layer.draw(ax, point)
+    draw_scale_bar(ax, frame, point)
+    draw_north_arrow(ax, frame, point)
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="lower right", fontsize=7, framealpha=0.8, borderpad=0.6).set_zorder(10)
-    _write_around(figure, dataset, grey_name, layers)
+    _write_title_and_caption(figure, dataset, grey_name, layers)
     return figure
 
 
 def _view(frame: Frame, layers: Sequence[Layer]) -> tuple[float, float, float, float]:
-    """left, right, bottom, top on the sheet: the raster, and a mission up to half a raster beyond it."""
+    """left, right, bottom, top in plot coordinates: the raster, and a mission up to half a raster beyond."""
     corners = frame.corners
     low, high = corners.min(axis=0), corners.max(axis=0)
     for flight in (layer for layer in layers if isinstance(layer, MissionLayer)):
@@ -143,33 +151,33 @@ def _view(frame: Frame, layers: Sequence[Layer]) -> tuple[float, float, float, f
 
 def _height(view: tuple[float, float, float, float]) -> float:
     left, right, bottom, top = view
-    height = (WIDTH_IN - 2 * MARGIN_IN) * (top - bottom) / (right - left)
-    return min(max(height, LEAST_HEIGHT_IN), MOST_HEIGHT_IN)
+    height = (_WIDTH_IN - 2 * _MARGIN_IN) * (top - bottom) / (right - left)
+    return min(max(height, _MIN_HEIGHT_IN), _MAX_HEIGHT_IN)
 
 
-def _write_around(figure: Any, dataset: Dataset, grey_name: str, layers: Sequence[Layer]) -> None:
-    """Title above, what the raster is below."""
+def _write_title_and_caption(figure: Any, dataset: Dataset, grey_name: str, layers: Sequence[Layer]) -> None:
+    """Write the title above the map and the caption below."""
     page = figure.get_figheight()
-    x, more = MARGIN_IN / WIDTH_IN, len(dataset.paths) - 1
+    x, more = _MARGIN_IN / _WIDTH_IN, len(dataset.paths) - 1
     title = dataset.source + (f" and {more} more" if more else "")
-    figure.text(x, 1 - 0.14 / page, title, size=12, weight="bold", color=INK, va="top")
+    figure.text(x, 1 - 0.14 / page, title, size=12, weight="bold", color=TEXT_COLOR, va="top")
     figure.text(
         x,
         1 - 0.37 / page,
-        " · ".join(_told(layers, dataset.geobox.crs is not None)),
+        " · ".join(_title_parts(layers, dataset.geobox.crs is not None)),
         size=9,
-        color=INK,
+        color=TEXT_COLOR,
         va="top",
     )
     figure.text(
         x,
         0.12 / page,
-        about_raster(dataset.geobox, dataset.band_names, grey_name),
+        raster_caption(dataset.geobox, dataset.band_names, grey_name),
         size=7.5,
-        color=QUIET,
+        color=CAPTION_COLOR,
         va="bottom",
     )
 
 
-def _told(layers: Sequence[Layer], on_globe: bool) -> list[str]:
-    return [text for layer in layers for text in layer.told(on_globe)] or ["the raster alone"]
+def _title_parts(layers: Sequence[Layer], has_crs: bool) -> list[str]:
+    return [text for layer in layers for text in layer.title_parts(has_crs)] or ["the raster alone"]

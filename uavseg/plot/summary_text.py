@@ -1,15 +1,15 @@
-"""A summary as a block of text, with the histogram drawn in bars."""
+"""Text report of a raster summary, with a bar chart of the histogram."""
 
 from pathlib import PurePath
 
 from uavseg.raster.summary import HISTOGRAM_BINS, Summary
 
-EIGHTHS = " ▏▎▍▌▋▊▉█"
-WIDTH = 40  # characters of the longest bar
+_EIGHTHS = " ▏▎▍▌▋▊▉█"
+_WIDTH = 40  # characters of the longest bar
 
 
 def summary_text(summary: Summary) -> str:
-    """A summary for people, one fact a line."""
+    """A summary as text, one fact per line."""
     rows = [
         ("file", _files(summary)),
         ("size", f"{summary.cols} x {summary.rows} pixels, {_megapixels(summary)}; {summary.driver}"),
@@ -27,26 +27,26 @@ def summary_text(summary: Summary) -> str:
     return "\n".join([*facts, *notes, "", *_bars(summary), "", f"try        {summary.command}"])
 
 
-def bar(share: float, width: int = WIDTH) -> str:
-    """A bar as long as a share of `width` characters, to an eighth of one.
+def text_bar(share: float, width: int = _WIDTH) -> str:
+    """A bar of block characters whose length is a share of `width`, to an eighth of a character.
 
     Examples
     --------
-    >>> bar(0.5, 4), bar(0.28125, 4), bar(0.0, 4)
+    >>> text_bar(0.5, 4), text_bar(0.28125, 4), text_bar(0.0, 4)
     ('██', '█▏', '')
     """
     eighths = round(share * width * 8)
-    return "█" * (eighths // 8) + EIGHTHS[eighths % 8].strip()
+    return "█" * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
 
 
 def _bars(summary: Summary) -> list[str]:
-    """One line for each step of v."""
-    most, total = max(*summary.histogram, 1), max(summary.valid, 1)
+    """One line for each bin of v."""
+    largest, total = max(*summary.histogram, 1), max(summary.valid, 1)
     lines = []
     for n, count in enumerate(summary.histogram):
-        drawn = bar(count / most) or ("▏" if count else "")
+        drawn = text_bar(count / largest) or ("▏" if count else "")
         label = f"{n / HISTOGRAM_BINS:.2f}-{(n + 1) / HISTOGRAM_BINS:.2f}"
-        lines.append(f"{label:<10} {drawn:<{WIDTH}} {100 * count / total:5.1f} %")
+        lines.append(f"{label:<10} {drawn:<{_WIDTH}} {100 * count / total:5.1f} %")
     return lines
 
 

@@ -1,4 +1,4 @@
-"""A segmentation that follows its map: at any time it is that of the whole map segmented afresh."""
+"""Incremental segmentation: after any changes it equals the whole map segmented from scratch."""
 
 import math
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tests.occupancy.mapping.test_apply_pending import random_scan
+from tests.occupancy.random_scans import random_scan
 from uavseg.errors import ParameterError, SceneError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.live import LiveSegmentation
@@ -39,18 +39,18 @@ def framed(grid: OccupancyGrid) -> tuple[Grey, NDArray[np.uint8]]:
     return np.pad(grey, beyond), np.pad(np.ones(grey.shape, np.uint8), beyond)
 
 
-def afresh(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> BlockMap:
-    """The block map of the whole map, with the cuts as they are."""
+def from_scratch(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> BlockMap:
+    """The block map of the whole map, with the current bin edges."""
     grey, valid = framed(grid)
     sums, counts = cell_sums(grey, valid, 1)
     blocks = BlockMap(grid.geobox.shape, sums, counts, BlockMap.empty(grid.geobox.shape).ratios)
     rows, cols = np.indices(blocks.blocks).reshape(2, -1)
     corners = np.stack([rows, cols], 1) * 64
     if every:
-        ratios = block_ratios(grey, valid, live.cuts, corners)
+        ratios = block_ratios(grey, valid, live.bin_edges, corners)
     else:
         wanted = required_ratios(sums, counts, live.cut.edges, live.params.division.step)[rows, cols]
-        ratios = selected_ratios(grey, valid, live.cuts, corners, wanted, live.params.threshold)
+        ratios = selected_ratios(grey, valid, live.bin_edges, corners, wanted, live.params.threshold)
     blocks.ratios[rows, cols] = ratios
     return blocks
 
@@ -64,8 +64,8 @@ def intervals_of(blocks: BlockMap, cut: Intervals, params: SegmentParams) -> NDA
     return cells_in_range(blocks, cut, params.division)
 
 
-def assert_as_afresh(live: LiveSegmentation, grid: OccupancyGrid) -> None:
-    lazy, full = afresh(live, grid, every=False), afresh(live, grid, every=True)
+def assert_as_from_scratch(live: LiveSegmentation, grid: OccupancyGrid) -> None:
+    lazy, full = from_scratch(live, grid, every=False), from_scratch(live, grid, every=True)
     shown = live.intervals if not isinstance(live.cut, IntensityRange) else live.inside
     for blocks in (lazy, full):
         expected = intervals_of(blocks, live.cut, live.params)
@@ -104,7 +104,7 @@ steps = st.lists(
     st.booleans(),
     steps,
 )
-def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
+def test_after_any_updates_it_is_the_whole_map_segmented_from_scratch(
     seed: int, rows: int, cols: int, cut: Intervals, params: SegmentParams, known: bool, sequence: list[str]
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -113,11 +113,11 @@ def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
         patches = rng.random((rows // 9 + 1, cols // 9 + 1)).repeat(9, 0).repeat(9, 1)[:rows, :cols]
         grid = OccupancyGrid.from_probabilities(patches, grid.geobox)
     live = grid.segment(cut, params)
-    assert_as_afresh(live, grid)
+    assert_as_from_scratch(live, grid)
     scan = random_scan(rng, (rows, cols), 0.5)
     waiting = False
     for step in sequence:
-        cuts = live.cuts.copy()
+        bin_edges = live.bin_edges.copy()
         before, _ = framed(grid)
         if step in ("scan", "merge"):
             scan = random_scan(rng, (rows, cols), 0.5)
@@ -128,18 +128,20 @@ def test_after_any_updates_it_is_the_whole_map_segmented_afresh(
         elif step in ("reset", "refit"):
             getattr(grid, step)()
         else:
-            told = grid.update(scan)
+            update = grid.update(scan)
             seen = blocks_that_see(before, framed(grid)[0])
-            assert (told.blocks >= seen).all() and (waiting or (told.blocks == seen).all())
-            assert waiting or step != "away" or (told.window == Window(0, 0, 0, 0) and not told.blocks.any())
+            assert (update.blocks >= seen).all() and (waiting or (update.blocks == seen).all())
+            assert (
+                waiting or step != "away" or (update.window == Window(0, 0, 0, 0) and not update.blocks.any())
+            )
         if step == "refit":
-            assert (live.cuts == contrast_bin_edges(contrast_histogram(*framed(grid)))).all()
+            assert (live.bin_edges == contrast_bin_edges(contrast_histogram(*framed(grid)))).all()
         else:
-            assert (live.cuts == cuts).all()
+            assert (live.bin_edges == bin_edges).all()
         waiting = step == "merge"  # for the next step, or the end
         if not waiting:
-            assert_as_afresh(live, grid)
-    assert_as_afresh(live, grid)
+            assert_as_from_scratch(live, grid)
+    assert_as_from_scratch(live, grid)
 
 
 @pytest.fixture
@@ -165,9 +167,11 @@ def test_only_what_a_scan_changes_is_divided_again(
     asked: list[NDArray[np.int64]] = []
     measuring = module.selected_ratios
 
-    def spy(grey: Grey, valid: object, cuts: object, corners: NDArray[np.int64], *rest: object) -> object:
+    def spy(
+        grey: Grey, valid: object, bin_edges: object, corners: NDArray[np.int64], *rest: object
+    ) -> object:
         asked.append(corners // 64)
-        return measuring(grey, valid, cuts, corners, *rest)  # type: ignore[arg-type]
+        return measuring(grey, valid, bin_edges, corners, *rest)  # type: ignore[arg-type]
 
     grid, scans = drive
     grid.update(scans[0])
@@ -175,15 +179,15 @@ def test_only_what_a_scan_changes_is_divided_again(
     for scan in scans[1:]:
         asked.clear()
         before, _ = framed(grid)
-        told = grid.update(scan)
+        update = grid.update(scan)
         seen = blocks_that_see(before, framed(grid)[0])
-        assert (told.blocks == seen).all() and not seen.all()
+        assert (update.blocks == seen).all() and not seen.all()
         places = np.concatenate([np.zeros((0, 2), np.int64), *asked])
         assert seen[tuple(places.T)].all() and len(np.unique(places, axis=0)) == len(places)
     asked.clear()
     for _ in range(20):  # until nothing changes any more
-        told = grid.update(Scan(Pose(7.0, 8.0), np.zeros(1), np.array([math.inf]), 2.0, 0.03))
-    assert not told.blocks.any() and told.window.cols > 0
+        update = grid.update(Scan(Pose(7.0, 8.0), np.zeros(1), np.array([math.inf]), 2.0, 0.03))
+    assert not update.blocks.any() and update.window.cols > 0
 
 
 def test_states_are_those_of_the_reference(
@@ -208,13 +212,13 @@ def test_several_segmentations_of_one_map_follow_it(drive: tuple[OccupancyGrid, 
     several = [grid.segment(cut, PAPER) for cut in CUTS]
     for first, second in pairwise(scans[:5]):
         grid.merge(first)
-        assert_as_afresh(several[0], grid)
+        assert_as_from_scratch(several[0], grid)
         grid.update(second)
         for live in several:
-            assert_as_afresh(live, grid)
+            assert_as_from_scratch(live, grid)
 
 
-def test_pixels_that_agree_are_in_a_leaf_and_in_the_interval_themselves(
+def test_agreeing_pixels_lie_in_the_interval_as_their_leaves_do(
     drive: tuple[OccupancyGrid, list[Scan]],
 ) -> None:
     grid, scans = drive
@@ -228,19 +232,19 @@ def test_pixels_that_agree_are_in_a_leaf_and_in_the_interval_themselves(
     assert ((leaves == 1) & (own == 3)).any()  # walls that a path must not cross
 
 
-def test_cuts_stay_until_they_are_asked_for_again(drive: tuple[OccupancyGrid, list[Scan]]) -> None:
+def test_bin_edges_stay_until_they_are_refitted(drive: tuple[OccupancyGrid, list[Scan]]) -> None:
     grid = OccupancyGrid.from_probabilities(
         np.random.default_rng(0).random((100, 90)), local_geobox((100, 90), 0.1, (0, 0))
     )
-    cuts = grid.segmentation.cuts.copy()
-    assert cuts[1:].all()
+    bin_edges = grid.segmentation.bin_edges.copy()
+    assert bin_edges[1:].all()
     grid.reset()
-    assert (grid.segmentation.cuts == cuts).all()
+    assert (grid.segmentation.bin_edges == bin_edges).all()
     grid.refit()
-    assert not grid.segmentation.cuts.any()
+    assert not grid.segmentation.bin_edges.any()
 
 
-def test_what_is_shown_is_not_to_be_written_to(drive: tuple[OccupancyGrid, list[Scan]]) -> None:
+def test_results_are_read_only_views_or_copies(drive: tuple[OccupancyGrid, list[Scan]]) -> None:
     grid, scans = drive
     shown = grid.segmentation.intervals
     with pytest.raises(ValueError, match="read-only"):
@@ -254,7 +258,7 @@ def test_what_is_shown_is_not_to_be_written_to(drive: tuple[OccupancyGrid, list[
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         (lambda grid: grid.segment(Levels(0.001)), "at most 255 intervals, not 1000; give a larger width"),
         (lambda grid: grid.segmentation.agreeing(4), "intervals are 1 to 3 here, not 4"),
@@ -262,12 +266,12 @@ def test_what_is_shown_is_not_to_be_written_to(drive: tuple[OccupancyGrid, list[
         (lambda grid: grid.segmentation.inside, "only a range has an inside"),
     ],
 )
-def test_wrong_questions_are_told(wrong: Callable[[OccupancyGrid], object], told: str) -> None:
-    with pytest.raises(ParameterError, match=told):
+def test_invalid_queries_are_refused(wrong: Callable[[OccupancyGrid], object], message: str) -> None:
+    with pytest.raises(ParameterError, match=message):
         wrong(OccupancyGrid.empty((10, 10), 0.1))
 
 
-def test_a_scan_that_does_not_fit_together_changes_nothing() -> None:
+def test_an_invalid_scan_changes_nothing() -> None:
     grid = OccupancyGrid.empty((70, 70), 0.1)
     with pytest.raises(SceneError, match="one range for each angle"):
         grid.update(Scan(Pose(1, 1), np.zeros(3), np.ones(4), 5.0, 0.1))
@@ -276,8 +280,8 @@ def test_a_scan_that_does_not_fit_together_changes_nothing() -> None:
     assert (grid.probabilities == 0.5).all()
 
 
-def test_a_sensor_outside_the_map_tells_what_its_beams_reach() -> None:
+def test_a_sensor_outside_the_map_updates_the_cells_that_its_beams_reach() -> None:
     grid = OccupancyGrid.empty((70, 130), 0.1)
-    told = grid.update(Scan(Pose(-3.0, 3.55), np.zeros(1), np.array([math.inf]), 5.0, 0.1))
-    assert told.window == Window(34, 0, 1, 20)
-    assert told.blocks.tolist() == [[True, False, False], [False, False, False]]
+    update = grid.update(Scan(Pose(-3.0, 3.55), np.zeros(1), np.array([math.inf]), 5.0, 0.1))
+    assert update.window == Window(34, 0, 1, 20)
+    assert update.blocks.tolist() == [[True, False, False], [False, False, False]]

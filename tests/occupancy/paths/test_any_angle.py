@@ -1,4 +1,4 @@
-"""Tight strings: no longer than the path, from end to end, and never off the mask."""
+"""String pulling: no longer than the path, with the same ends, over passable cells only."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from uavseg.errors import PathError
-from uavseg.occupancy.paths.any_angle import is_visible, length, tightened
+from uavseg.occupancy.paths.any_angle import is_visible, path_length, pull_string
 from uavseg.occupancy.paths.astar import shortest_path
 
 Cell = tuple[int, int]
@@ -42,28 +42,28 @@ def touched(one: Cell, other: Cell) -> set[Cell]:
 
 @given(MASKS, st.data())
 @settings(max_examples=300, deadline=None)
-def test_a_leg_is_allowed_where_all_cells_that_it_touches_are_passable(
+def test_a_leg_is_allowed_if_all_cells_that_it_touches_are_passable(
     mask: np.ndarray, data: st.DataObject
 ) -> None:
-    cells = st.tuples(*(st.integers(0, length - 1) for length in mask.shape))
+    cells = st.tuples(*(st.integers(0, path_length - 1) for path_length in mask.shape))
     one, other = data.draw(cells), data.draw(cells)
     assert is_visible(mask, one, other) == all(mask[cell] for cell in touched(one, other))
     assert is_visible(mask, other, one) == is_visible(mask, one, other)
 
 
 def check(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[float, float] | None:
-    """Cost and tightened length of a path, after looking at every leg."""
+    """Cost of a path, and its length after string pulling; checks every leg."""
     try:
         path = shortest_path(mask, start, goal)
     except PathError:
         return None
-    corners = tightened(mask, path.cells)
+    corners = pull_string(mask, path.cells)
     line = [tuple(corner) for corner in corners.tolist()]
     assert line[0] == start and line[-1] == goal
     assert all(is_visible(mask, *leg) for leg in pairwise(line))
-    assert length(corners) <= path.cost + 1e-9
-    assert length(corners) >= np.hypot(goal[0] - start[0], goal[1] - start[1]) - 1e-9
-    return path.cost, length(corners)
+    assert path_length(corners) <= path.cost + 1e-9
+    assert path_length(corners) >= np.hypot(goal[0] - start[0], goal[1] - start[1]) - 1e-9
+    return path.cost, path_length(corners)
 
 
 @given(MASKS, st.data())
@@ -84,13 +84,13 @@ def test_around_a_wall_the_string_touches_its_two_corners() -> None:
     mask[:30, 30] = False
     mask[10:, 45] = False
     path = shortest_path(mask, (0, 0), (40, 60))
-    corners = tightened(mask, path.cells).tolist()
+    corners = pull_string(mask, path.cells).tolist()
     assert corners == [[0, 0], [30, 29], [30, 31], [9, 44], [9, 46], [40, 60]]
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_shortest_string_over_all_corners_is_hardly_shorter(seed: int) -> None:
-    """Against the shortest path in the graph of all pairs of cells that see each other, on small maps."""
+    """Compared with the shortest path in the visibility graph of all cells, on small maps."""
     from scipy.sparse.csgraph import dijkstra
 
     rng = np.random.default_rng(seed)

@@ -1,9 +1,9 @@
-"""A*: the shortest path is as short as others find it, and cuts no corner."""
+"""A*: costs compared with Dijkstra's algorithm and scikit-image; no corner is cut."""
 
 import heapq
 from itertools import pairwise
 from math import sqrt
-from pathlib import Path as File
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from skimage.graph import MCP, route_through_array
 
 from uavseg.errors import PathError
-from uavseg.occupancy.paths.astar import Path, shortest_path
+from uavseg.occupancy.paths.astar import CellPath, shortest_path
 from uavseg.occupancy.paths.jump_points import DIAGONAL, STRAIGHT
 
 Cell = tuple[int, int]
@@ -26,7 +26,7 @@ def picture(text: str) -> np.ndarray:
 
 
 def steps_from(mask: np.ndarray, cell: Cell) -> list[Cell]:
-    """The neighbours that may be entered, as the definition has it."""
+    """The neighbours that may be entered, by definition."""
     rows, cols = mask.shape
     found = []
     for down, right in STEPS:
@@ -43,7 +43,7 @@ def steps_from(mask: np.ndarray, cell: Cell) -> list[Cell]:
 
 
 def dijkstra(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[int, int] | None:
-    """Straight and diagonal steps of a shortest path, by the plainest program there is."""
+    """Straight and diagonal steps of a shortest path, by Dijkstra's algorithm."""
     best = {start: 0.0}
     queue: list[tuple[float, int, int, Cell]] = [(0.0, 0, 0, start)]
     while queue:
@@ -62,7 +62,7 @@ def dijkstra(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[int, int] | Non
 
 
 def by_skimage(mask: np.ndarray, start: Cell, goal: Cell) -> float:
-    """The least cost as scikit-image finds it in a graph that has no cut corners.
+    """The smallest cost as scikit-image finds it in a graph that has no cut corners.
 
     Its own eight-connected metric cuts them. So each step of ours becomes two of its steps in space: from a
     cell (level 1, both coordinates even) down to the middle of an edge (level 0), or up to the middle of four
@@ -81,8 +81,8 @@ def by_skimage(mask: np.ndarray, start: Cell, goal: Cell) -> float:
     return float(search.find_costs([(1, 2 * start[0], 2 * start[1])], [end])[0][end])
 
 
-def found(mask: np.ndarray, start: Cell, goal: Cell) -> Path | None:
-    """The path, after looking at every step of it; None where there is none."""
+def found(mask: np.ndarray, start: Cell, goal: Cell) -> CellPath | None:
+    """The path, or None; checks every step."""
     try:
         path = shortest_path(mask, start, goal)
     except PathError:
@@ -95,7 +95,7 @@ def found(mask: np.ndarray, start: Cell, goal: Cell) -> Path | None:
     return path
 
 
-def agreed(mask: np.ndarray, start: Cell, goal: Cell) -> Path | None:
+def agreed(mask: np.ndarray, start: Cell, goal: Cell) -> CellPath | None:
     """The path, whose steps are as many of either kind as Dijkstra's, and whose cost is skimage's."""
     path, expected = found(mask, start, goal), dijkstra(mask, start, goal)
     assert (None if path is None else (path.straight, path.diagonal)) == expected
@@ -129,17 +129,17 @@ def test_the_shortest_path_goes_round_a_wall_without_touching_its_corner() -> No
     assert path is not None and (path.straight, path.diagonal) == (4, 2)
 
 
-def test_between_two_corners_there_is_no_way() -> None:
+def test_no_path_leads_between_two_corners() -> None:
     assert agreed(picture(".# #."), (0, 0), (1, 1)) is None
     assert agreed(picture(".# .."), (0, 0), (1, 1)).cost == 2  # type: ignore[union-attr]
 
 
-def test_a_path_to_where_one_is_has_one_cell() -> None:
+def test_a_path_to_its_start_has_one_cell() -> None:
     path = agreed(picture("#.#"), (0, 1), (0, 1))
     assert path is not None and path.cells.tolist() == [[0, 1]] and path.cost == 0
 
 
-def test_on_an_open_field_nothing_but_the_goal_is_looked_for() -> None:
+def test_on_an_open_field_only_the_start_is_expanded() -> None:
     path = shortest_path(np.ones((700, 900), bool), (3, 5), (650, 890))
     assert path.cost == 238 + 647 * sqrt(2) and path.expanded == 1
 
@@ -238,7 +238,7 @@ def test_costs_are_compared_as_real_numbers_are() -> None:
 
 
 @pytest.mark.parametrize("cell", [(-1, 0), (0, -1), (2, 0), (0, 3), (1, 1)])
-def test_a_start_or_goal_that_is_no_passable_cell_is_told(cell: Cell) -> None:
+def test_a_start_or_goal_that_is_not_passable_is_refused(cell: Cell) -> None:
     mask = picture("... .#.")
     with pytest.raises(PathError, match="start"):
         shortest_path(mask, cell, (0, 0))
@@ -252,7 +252,7 @@ def test_no_path_is_an_error_in_one_line() -> None:
 
 
 @pytest.mark.parametrize("name", ["willow-full.pgm", "turtlebot3_map.pgm", "depot.pgm"])
-def test_real_maps(name: str, shared_data: File) -> None:
+def test_real_maps(name: str, shared_data: Path) -> None:
     from skimage.io import imread
 
     mask = imread(shared_data / "maps" / name) > 250

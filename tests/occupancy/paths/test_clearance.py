@@ -1,4 +1,4 @@
-"""Distances to what is impassable: exact, from the centre of a cell to the nearest point."""
+"""Clearance: exact distances from the centre of a cell to the nearest point of an impassable one."""
 
 import numpy as np
 import pytest
@@ -7,13 +7,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from scipy.ndimage import distance_transform_edt
 
-from uavseg.occupancy.paths.clearance import clearance, reaches
+from uavseg.occupancy.paths.clearance import clearance, is_at_least
 
 MASKS = arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=15))
 
 
 def plain(mask: np.ndarray, width: float, height: float) -> np.ndarray:
-    """The least distance to any impassable rectangle, and a ring of those around the map."""
+    """Smallest distance to any impassable cell, including a ring of them around the map."""
     around = np.pad(mask, 1)
     blocked = np.argwhere(~around) - 1
     distance = np.zeros(mask.shape)
@@ -23,9 +23,9 @@ def plain(mask: np.ndarray, width: float, height: float) -> np.ndarray:
     return distance
 
 
-def kept_clear(mask: np.ndarray, metres: float, width: float = 1, height: float = 1) -> np.ndarray:
-    """Cells that are at least so far from every impassable cell and from the edge of the map."""
-    return np.asarray(mask & reaches(clearance(mask, width, height), metres))
+def cells_with_clearance(mask: np.ndarray, metres: float, width: float = 1, height: float = 1) -> np.ndarray:
+    """Cells that keep a distance from every impassable cell and from the edge of the map."""
+    return np.asarray(mask & is_at_least(clearance(mask, width, height), metres))
 
 
 @given(MASKS)
@@ -44,7 +44,7 @@ def test_cells_may_be_longer_than_wide(mask: np.ndarray, width: float, height: f
 
 @pytest.mark.parametrize("seed", range(5))
 def test_scipy_agrees_on_large_maps(seed: int) -> None:
-    """On a grid twice as fine: centres of cells are odd, what is impassable is drawn with its edges."""
+    """On a grid twice as fine: centres of cells are odd, impassable cells are drawn with their edges."""
     mask = np.random.default_rng(seed).random((150, 211)) < 0.999 - 0.05 * seed
     fine = np.ones((2 * 150 + 1, 2 * 211 + 1), bool)
     fine[[0, -1]] = fine[:, [0, -1]] = False
@@ -55,8 +55,8 @@ def test_scipy_agrees_on_large_maps(seed: int) -> None:
     assert clearance(mask) == pytest.approx(expected, rel=1e-12)
 
 
-def test_the_edge_of_the_map_is_kept_clear_of() -> None:
-    assert kept_clear(np.ones((5, 6), bool), 1.5).tolist() == [
+def test_clearance_is_kept_from_the_edge_of_the_map() -> None:
+    assert cells_with_clearance(np.ones((5, 6), bool), 1.5).tolist() == [
         [False] * 6,
         *([False, *[True] * 4, False] for _ in range(3)),
         [False] * 6,
@@ -68,13 +68,13 @@ def test_a_distance_that_is_met_exactly_is_met() -> None:
     mask[100, 100] = False
     for cells in range(1, 60):
         metres = (cells - 0.5) * 0.05  # to the edge of the impassable cell
-        assert kept_clear(mask, metres, 0.05, 0.05)[100, 100 + cells]
-        assert not kept_clear(mask, metres * (1 + 1e-6), 0.05, 0.05)[100, 100 + cells]
+        assert cells_with_clearance(mask, metres, 0.05, 0.05)[100, 100 + cells]
+        assert not cells_with_clearance(mask, metres * (1 + 1e-6), 0.05, 0.05)[100, 100 + cells]
 
 
 @given(MASKS, st.floats(0, 5))
 @settings(max_examples=50, deadline=None)
 def test_more_distance_leaves_fewer_cells(mask: np.ndarray, metres: float) -> None:
-    near, far = kept_clear(mask, metres), kept_clear(mask, metres + 0.7)
+    near, far = cells_with_clearance(mask, metres), cells_with_clearance(mask, metres + 0.7)
     assert not (far & ~near).any() and not (near & ~mask).any()
-    assert np.array_equal(kept_clear(mask, 0.5), mask)  # what half a cell is nearer than
+    assert np.array_equal(cells_with_clearance(mask, 0.5), mask)  # what half a cell is nearer than

@@ -1,130 +1,138 @@
-"""Evidence taken into a map: log-odds, probability and grey of each cell, in step.
+"""Apply pending updates of an occupancy map: log-odds, probability and grey of each cell change together.
 
-Beams mark the cells that they touch, see `beams`: with how often a cell was said to be free, or with the word
-that its log-odds are up to date already. Here the marks are cleared and everything follows them, and it is
-noted which blocks of the segmentation see a change.
+The beams leave a pending update on each cell that they cross, see `pending`: a count of free observations, or
+the note that the log-odds are up to date. Here the pending updates are cleared, the cells follow, and the
+blocks of the segmentation that a changed grey affects are recorded.
 """
 
 import numpy as np
 
 from uavseg._jit import inlined, kernel
-from uavseg.occupancy.mapping.grey_map import SELF, Ground
-from uavseg.occupancy.mapping.log_odds import Singles, grey_of, probability, usual
-from uavseg.occupancy.mapping.pending import TOLD, Marks, free_once, pick_up
+from uavseg.occupancy.mapping.grey_map import SELF, GreyMap
+from uavseg.occupancy.mapping.log_odds import Float32s, free_only_values, grey_of_probability, logistic
+from uavseg.occupancy.mapping.pending import UP_TO_DATE, PendingUpdates, add_one_free, pop_row
 from uavseg.raster.tiling import Window
 from uavseg.units import BLOCK
 
 
-def take(
-    marks: Marks,
-    log_odds: Singles,
-    probabilities: Singles | None,
-    ground: Ground,
+def apply_pending(
+    pending: PendingUpdates,
+    log_odds: Float32s,
+    probabilities: Float32s | None,
+    grey_map: GreyMap,
     window: Window,
 ) -> None:
-    """Bring all cells up to date that are marked, and clear their marks.
+    """Bring all cells with a pending update up to date, in place, and clear the pending updates.
 
     Parameters
     ----------
-    marks : (B, C, 8, 8, 8, 8) uint8 array
-        See `marks.marks_of`; from `beams.merge_beams`.
+    pending : (B, C, 8, 8, 8, 8) uint8 array
+        See `pending.empty_pending`; filled by `beams.merge_beams`.
     log_odds : (rows, cols) float32 array
     probabilities : (rows, cols) float32 array or None
-        None where nobody wants to know them.
-    ground : Ground
-        Its grey, sums and what has changed follow.
+        None where they are not kept.
+    grey_map : GreyMap
+        Its grey, sums and changes follow.
     window : Window
-        All marked cells lie in it.
+        Holds all cells with a pending update.
     """
     if window.rows:
         first = (window.row, window.col // BLOCK)
         end = (window.row + window.rows, -(-(window.col + window.cols) // BLOCK))
         line, column = np.empty(BLOCK, np.uint8), np.empty(BLOCK, np.uint32)
-        kept = probabilities is not None
+        is_kept = probabilities is not None
         p = probabilities if probabilities is not None else np.empty((0, 0), np.float32)
         state = (
-            marks.reshape(-1).view(np.uint64),
+            pending.reshape(-1).view(np.uint64),
             log_odds,
             p,
-            kept,
-            ground.grey,
-            ground.sums,
-            ground.changed,
+            is_kept,
+            grey_map.grey,
+            grey_map.sums,
+            grey_map.changed,
         )
-        _take(*state, *first, *end, *usual(), line, line.view(np.uint64), column)
+        _apply(*state, *first, *end, *free_only_values(), line, line.view(np.uint64), column)
 
 
 @inlined
-def add_free(marks, odds, most):  # type: ignore[no-untyped-def]
-    """Add to the log-odds of a line of pixels how often, `most` times, they were said to be free."""
-    for k in range(most):
+def add_free_counts(counts, odds, largest):  # type: ignore[no-untyped-def]
+    """Add the counted free observations, `largest` at most, to the log-odds of a line of pixels."""
+    for k in range(largest):
         for c in range(odds.size):
-            told = odds[c]
-            odds[c] = free_once(told) if (marks[c] & np.uint8(TOLD - 1)) > np.uint8(k) else told
+            old = odds[c]
+            odds[c] = add_one_free(old) if (counts[c] & np.uint8(UP_TO_DATE - 1)) > np.uint8(k) else old
 
 
 @inlined
-def are_usual(odds, usual):  # type: ignore[no-untyped-def]
-    """Whether nothing but free was ever said of any pixel of a line."""
-    strange = np.int32(0)
+def are_free_only(odds, free_odds):  # type: ignore[no-untyped-def]
+    """Whether every pixel of a line has only had free observations, see `log_odds.free_only_values`."""
+    others = np.int32(0)
     for c in range(odds.size):
-        one = (odds[c] == usual[0]) | (odds[c] == usual[1]) | (odds[c] == usual[2]) | (odds[c] == usual[3])
-        strange |= np.int32(not one)
-    return strange == 0
+        one = (
+            (odds[c] == free_odds[0])
+            | (odds[c] == free_odds[1])
+            | (odds[c] == free_odds[2])
+            | (odds[c] == free_odds[3])
+        )
+        others |= np.int32(not one)
+    return others == 0
 
 
 @inlined
-def chosen(odds, usual, values):  # type: ignore[no-untyped-def]
-    """What goes with usual log-odds."""
+def value_of_free_only(odds, free_odds, values):  # type: ignore[no-untyped-def]
+    """The value that belongs to one of the four log-odds of free observations."""
     value = values[3]
-    value = values[2] if odds == usual[2] else value
-    value = values[1] if odds == usual[1] else value
-    return values[0] if odds == usual[0] else value
+    value = values[2] if odds == free_odds[2] else value
+    value = values[1] if odds == free_odds[1] else value
+    return values[0] if odds == free_odds[0] else value
 
 
 @inlined
-def show(odds, grey, usual, values, plain):  # type: ignore[no-untyped-def]
-    """Grey of a line of pixels from their log-odds; gives whether it has changed."""
+def update_grey(odds, grey, free_odds, values, free_only):  # type: ignore[no-untyped-def]
+    """Set the grey of a line of pixels from their log-odds; True if it has changed."""
     change = np.uint16(0)
-    if plain:
+    if free_only:
         for c in range(odds.size):
-            after = chosen(odds[c], usual, values)
+            after = value_of_free_only(odds[c], free_odds, values)
             change |= grey[c] ^ after
             grey[c] = after
     else:
         for c in range(odds.size):
-            after = grey_of(probability(np.float64(odds[c])))
+            after = grey_of_probability(logistic(np.float64(odds[c])))
             change |= grey[c] ^ after
             grey[c] = after
     return change != 0
 
 
 @inlined
-def tell(odds, probabilities, usual, values, plain):  # type: ignore[no-untyped-def]
-    """Probabilities of a line of pixels from their log-odds."""
-    if plain:
+def update_probabilities(odds, probabilities, free_odds, values, free_only):  # type: ignore[no-untyped-def]
+    """Set the probabilities of a line of pixels from their log-odds."""
+    if free_only:
         for c in range(odds.size):
-            probabilities[c] = chosen(odds[c], usual, values)
+            probabilities[c] = value_of_free_only(odds[c], free_odds, values)
     else:
         for c in range(odds.size):
-            probabilities[c] = probability(np.float64(odds[c]))
+            probabilities[c] = logistic(np.float64(odds[c]))
 
 
 @inlined
-def who_sees(row, first, last):  # type: ignore[no-untyped-def]
-    """Bits of the blocks that see a change in a row of a block, in its first column or in its last."""
+def affected_blocks(row, first, last):  # type: ignore[no-untyped-def]
+    """Bits of the 3 x 3 blocks that a change in one row of the middle block affects, see `GreyMap`.
+
+    `first` and `last` say whether the first and the last column of the row have changed.
+    """
     across = np.int64(2) | np.int64(first) | np.int64(last) << 2
-    seen = across << 3
+    affected = across << 3
     if row == 0:
-        seen |= across
+        affected |= across
     if row == BLOCK - 1:
-        seen |= across << 6
-    return np.uint16(seen)
+        affected |= across << 6
+    return np.uint16(affected)
 
 
 @inlined
 def sum_cells(grey, row, col, column, sums):  # type: ignore[no-untyped-def]
-    """Sums of the cells of 8 x 8 of one block; `column` is scratch."""
+    """Grey sums of the 8 x 8 cells of one block; `column` is scratch."""
     for cell in range(8):
         for c in range(BLOCK):
             column[c] = 0
@@ -139,18 +147,18 @@ def sum_cells(grey, row, col, column, sums):  # type: ignore[no-untyped-def]
             sums[8 * row + cell, 8 * col + k] = total
 
 
-_TAKE = (
+_APPLY = (
     "void(u8[::1], f4[:,::1], f4[:,::1], b1, u2[:,::1], u4[:,::1], u2[:,::1], i8, i8, i8, i8, "
     "f4[::1], f4[::1], u2[::1], u1[::1], u8[::1], u4[::1])"
 )
 
 
-@kernel(_TAKE)
-def _take(  # type: ignore[no-untyped-def]
+@kernel(_APPLY)
+def _apply(  # type: ignore[no-untyped-def]
     words,
     log_odds,
     probabilities,
-    kept,
+    is_kept,
     grey,
     sums,
     changed,
@@ -161,29 +169,31 @@ def _take(  # type: ignore[no-untyped-def]
     odds,
     p,
     greys,
-    marks,
+    counts,
     line,
     column,
 ):
-    usual = (odds[0], odds[1], odds[2], odds[3])
-    usual_p = (p[0], p[1], p[2], p[3])
-    usual_grey = (greys[0], greys[1], greys[2], greys[3])
-    for band in range(top // BLOCK, (bottom - 1) // BLOCK + 1):  # while it is in the processor's cache
+    free_odds = (odds[0], odds[1], odds[2], odds[3])
+    free_p = (p[0], p[1], p[2], p[3])
+    free_grey = (greys[0], greys[1], greys[2], greys[3])
+    for band in range(top // BLOCK, (bottom - 1) // BLOCK + 1):  # one row of blocks stays in the cache
         for row in range(max(top, BLOCK * band), min(bottom, BLOCK * band + BLOCK)):
             for block in range(left, right):
-                together = pick_up(words, band * changed.shape[1] + block, row % BLOCK, line)
-                if together == 0:
+                combined = pop_row(words, band * changed.shape[1] + block, row % BLOCK, line)
+                if combined == 0:
                     continue
                 start = BLOCK * block
                 stop = min(start + BLOCK, log_odds.shape[1])
-                here, shown = log_odds[row, start:stop], grey[row + 1, start + 1 : stop + 1]
-                add_free(marks, here, together & np.uint8(TOLD - 1))
-                plain = are_usual(here, usual)
-                first, last = shown[0], shown[-1]
-                if show(here, shown, usual, usual_grey, plain):
-                    changed[band, block] |= who_sees(row % BLOCK, shown[0] != first, shown[-1] != last)
-                if kept:
-                    tell(here, probabilities[row, start:stop], usual, usual_p, plain)
+                own, own_grey = log_odds[row, start:stop], grey[row + 1, start + 1 : stop + 1]
+                add_free_counts(counts, own, combined & np.uint8(UP_TO_DATE - 1))
+                free_only = are_free_only(own, free_odds)
+                first, last = own_grey[0], own_grey[-1]
+                if update_grey(own, own_grey, free_odds, free_grey, free_only):
+                    changed[band, block] |= affected_blocks(
+                        row % BLOCK, own_grey[0] != first, own_grey[-1] != last
+                    )
+                if is_kept:
+                    update_probabilities(own, probabilities[row, start:stop], free_odds, free_p, free_only)
         for block in range(left, right):
             if changed[band, block] >> SELF & 1:
                 sum_cells(grey, max(band, 0), max(block, 0), column, sums)

@@ -1,14 +1,12 @@
-"""What beams say about cells: the beam model, along every cell that a beam crosses once.
+"""Inverse sensor model of range beams, applied by ray traversal to each cell that a beam crosses.
 
-The beam model is Elfes-shaped: a cell at distance d along a beam that returned range r, with standard
+The model has the shape of Elfes': a cell at distance d along a beam that returned range r, with standard
 deviation σ, has P(d) = clip(0.5 Φ((d - r)/σ) + (p_peak - 0.25) exp(-(d - r)²/2σ²), p_min, p_max) for d <= r +
-3σ and is left as it was beyond. A beam without a return says p_min as far as the sensor sees. The cells that
-a beam crosses are found by Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing",
-Eurographics 1987.
+3σ and does not change beyond. A beam without a return observes p_min up to the maximum range. The crossed
+cells are found by Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", Eurographics 1987.
 
-Most of what beams say is p_min. That is only counted here, see `marks`, and added once for each cell;
-where a beam says anything else, what was counted before is added first, so that every cell hears its beams in
-their order.
+Most observations are p_min. These are only counted here, see `pending`, and added once for each cell. Where a
+beam observes anything else, the counted ones are added first, so updates are applied in beam order.
 """
 
 from math import erf, exp, floor, inf, log, sqrt
@@ -17,65 +15,64 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.occupancy.mapping.beam_columns import is_straight, stride
+from uavseg.occupancy.mapping.beam_columns import can_step_by_column, mark_free_columns
+from uavseg.occupancy.mapping.log_odds import Float32s
 from uavseg.occupancy.mapping.pending import (
+    MAX_FREE_COUNT,
     MAX_LOG_ODDS,
-    OFTEN,
     P_MIN,
-    TOLD,
-    Marks,
-    free_once,
-    mark_of_col,
-    mark_of_row,
+    UP_TO_DATE,
+    PendingUpdates,
+    add_one_free,
+    col_offset,
+    row_offset,
 )
 from uavseg.raster.tiling import Window
 
 P_PEAK, P_MAX = 0.9, 0.95
-REACH_SIGMAS = 3.0  # how far behind a return a beam still says something
+REACH_SIGMAS = 3.0  # σ behind a return up to which a beam updates cells
 FREE_SIGMAS = -2.5  # nearer than this, the model is p_min: the clip is already reached at -2σ
 
-_NOTHING = 1e-100  # one divided by less than this may be infinite
-_NOWHERE = -9
+_MIN_STEP = 1e-100  # the inverse of a smaller number may be infinite
+_NO_STOP = -9  # a row or column that no beam enters
 
 Floats = NDArray[np.float64]
-Singles = NDArray[np.float32]
 
 
 def merge_beams(
-    log_odds: Singles,
-    marks: Marks,
+    log_odds: Float32s,
+    pending: PendingUpdates,
     origin: tuple[float, float],
     beams: Floats,
     sigma: float,
 ) -> Window:
-    """Hear what beams from one place say about cells, beam by beam.
+    """Update cells by the beams from one position, in beam order.
 
     Parameters
     ----------
     log_odds : (rows, cols) float32 array
-        Changed in place where a beam says something other than p_min; |log-odds| never leaves 6.
-    marks : (B, C, 8, 8, 8, 8) uint8 array
-        See `marks.marks_of`. What remains to be done for `evidence.take`; 0 where that is nothing.
+        Changed in place where a beam observes something other than p_min; clamped to -6..6.
+    pending : (B, C, 8, 8, 8, 8) uint8 array
+        See `pending.empty_pending`. Changed in place: the updates that `apply_pending` has yet to apply.
     origin : (float, float)
         Column and row of the sensor, in cells from the grid's outer corner.
     beams : (n, 4) float64 array
-        Steps in columns and in rows of one metre along the beam, the range returned (infinite for none), and
-        how far the beam says something, in metres.
+        Steps in columns and in rows of one metre along the beam, the returned range in metres (infinite for
+        none), and the distance in metres up to which the beam updates cells.
     sigma : float
         Standard deviation of ranges in metres.
 
     Returns
     -------
     Window
-        The smallest one with all cells that were touched; it may be empty.
+        The smallest one with all updated cells; it may be empty.
     """
     rows, cols = log_odds.shape
     box = np.array([rows, cols, -1, -1], np.int64)
-    beams = np.where(np.abs(beams) < _NOTHING, 0.0, beams)
-    lines = np.empty((3, 2 * max(rows, cols) + 2), np.uint64)
-    _merge(
-        log_odds.reshape(-1), marks.reshape(-1), rows, cols, origin[0], origin[1], beams, sigma, lines, box
-    )
+    beams = np.where(np.abs(beams) < _MIN_STEP, 0.0, beams)
+    offsets = np.empty((3, 2 * max(rows, cols) + 2), np.uint64)
+    grid = (log_odds.reshape(-1), pending.reshape(-1), rows, cols, origin[0], origin[1])
+    _merge_each(*grid, beams, sigma, offsets, box)
     top, left, bottom, right = (int(edge) for edge in box)
     return Window(top, left, bottom - top + 1, right - left + 1) if bottom >= 0 else Window(0, 0, 0, 0)
 
@@ -88,47 +85,47 @@ def _model(x):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _tell(odds, marks, row, col, cols, d, measured, sigma):  # type: ignore[no-untyped-def]
-    """Tell a cell what a beam says about it at distance d; no logarithm where the model is p_min."""
-    i = mark_of_row(row, cols) + mark_of_col(col)
-    mark = marks[i]
-    if d <= measured + FREE_SIGMAS * sigma and mark < TOLD:  # the former always, where nothing returned
-        marks[i] = mark + np.uint8(mark < OFTEN)
+def _update_cell(odds, pending, row, col, cols, d, measured, sigma):  # type: ignore[no-untyped-def]
+    """Update a cell at distance d along a beam; no logarithm where the model is p_min."""
+    i = row_offset(row, cols) + col_offset(col)
+    update = pending[i]
+    if d <= measured + FREE_SIGMAS * sigma and update < UP_TO_DATE:  # without a return, the former is true
+        pending[i] = update + np.uint8(update < MAX_FREE_COUNT)
         return
     cell = row * cols + col
-    said = odds[cell]
+    own = odds[cell]
     if d <= measured + FREE_SIGMAS * sigma:
-        odds[cell] = free_once(said)
+        odds[cell] = add_one_free(own)
         return
-    for _ in range(mark & np.uint8(TOLD - 1)):
-        said = free_once(said)
+    for _ in range(update & np.uint8(UP_TO_DATE - 1)):
+        own = add_one_free(own)
     p = _model((d - measured) / sigma)
-    odds[cell] = np.float32(min(max(said + log(p / (1.0 - p)), -MAX_LOG_ODDS), MAX_LOG_ODDS))
-    marks[i] = TOLD
+    odds[cell] = np.float32(min(max(own + log(p / (1.0 - p)), -MAX_LOG_ODDS), MAX_LOG_ODDS))
+    pending[i] = UP_TO_DATE
 
 
 @inlined
-def _crossing(place, step, length):  # type: ignore[no-untyped-def]
-    """Where along a beam one axis of it enters and leaves a grid; nowhere is (inf, -inf)."""
+def _clip_axis(origin, step, length):  # type: ignore[no-untyped-def]
+    """Distances at which a beam enters and leaves a grid along one axis; (inf, -inf) if it misses it."""
     if step == 0.0:
-        return (-inf, inf) if 0.0 <= place < length else (inf, -inf)
-    first, last = -place / step, (length - place) / step
+        return (-inf, inf) if 0.0 <= origin < length else (inf, -inf)
+    first, last = -origin / step, (length - origin) / step
     return min(first, last), max(first, last)
 
 
 @inlined
-def _walk(cells, beam, sigma, t_end, stop, state, ends):  # type: ignore[no-untyped-def]
-    """Walk along a beam from a cell, to the beam's end or until a column or row in `stop` is entered.
+def _traverse(cells, beam, sigma, t_end, stop, state, ends):  # type: ignore[no-untyped-def]
+    """Traverse a beam cell by cell, to its end or until it enters a column or row in `stop`.
 
-    `state` is (column, row, how far along the beam it is entered); `ends` are the first and the last cell
-    that were told something, -1 for none. Both come back, and whether the beam goes on.
+    `state` is (column, row, distance at which the cell is entered); `ends` are the first and the last updated
+    cell, -1 for none. Returns both, and whether the beam goes on.
     """
-    odds, marks, rows, cols, u0, v0 = cells
+    odds, pending, rows, cols, u0, v0 = cells
     du, dv, measured, reach = beam
     col, row, t_in = state
     first, last = ends
-    # The next edges as doubles, so that no integer is converted on the way. Along an axis on which the beam
-    # does not move, the next edge is infinitely far.
+    # The next edges are doubles, so the loop converts no integer. Along an axis on which the beam does not
+    # move, the next edge is infinitely far.
     step_u, step_v = -1.0 if du < 0.0 else 1.0, -1.0 if dv < 0.0 else 1.0
     per_col, per_row = 1.0 / du if du != 0.0 else inf, 1.0 / dv if dv != 0.0 else inf
     edge_u, edge_v = np.float64(col + (du >= 0.0)), np.float64(row + (dv >= 0.0))
@@ -137,13 +134,13 @@ def _walk(cells, beam, sigma, t_end, stop, state, ends):  # type: ignore[no-unty
         if col == stop[0] or row == stop[1]:
             return (col, row, t_in), (first, last), True
         t_out = min(t_col, t_row)
-        if t_out > t_in:  # not a cell that is only touched at a corner or an edge
+        if t_out > t_in:  # a cell that the beam only touches at a corner or an edge is not crossed
             d = 0.5 * (t_in + t_out)
             if d > reach:
                 break
             last = row * cols + col
             first = last if first < 0 else first
-            _tell(odds, marks, row, col, cols, d, measured, sigma)
+            _update_cell(odds, pending, row, col, cols, d, measured, sigma)
             t_in = t_out
         if t_out >= t_end:
             break
@@ -161,35 +158,34 @@ def _walk(cells, beam, sigma, t_end, stop, state, ends):  # type: ignore[no-unty
 
 
 @kernel("void(f4[::1], u1[::1], i8, i8, f8, f8, f8[:,::1], f8, u8[:,::1], i8[::1])")
-def _merge(odds, marks, rows, cols, u0, v0, beams, sigma, lines, box):  # type: ignore[no-untyped-def]
+def _merge_each(odds, pending, rows, cols, u0, v0, beams, sigma, offsets, box):  # type: ignore[no-untyped-def]
     for i in range(beams.shape[0]):
         beam = (beams[i, 0], beams[i, 1], beams[i, 2], beams[i, 3])
         du, dv, _, reach = beam
-        in_col, out_col = _crossing(u0, du, cols)
-        in_row, out_row = _crossing(v0, dv, rows)
+        in_col, out_col = _clip_axis(u0, du, cols)
+        in_row, out_row = _clip_axis(v0, dv, rows)
         t_in = max(0.0, in_col, in_row)
         t_end = min(reach, out_col, out_row)
         if not t_in < t_end:
             continue
         col = min(max(np.int64(floor(u0 + t_in * du)), 0), cols - 1)
         row = min(max(np.int64(floor(v0 + t_in * dv)), 0), rows - 1)
-        cells = (odds, marks, rows, cols, u0, v0)
+        cells = (odds, pending, rows, cols, u0, v0)
         state, ends, goes_on = (col, row, t_in), (np.int64(-1), np.int64(-1)), True
-        if is_straight(u0, v0, du, dv):
-            steep = abs(dv) > abs(
-                du
-            )  # two columns on foot, so that it does not matter where the sensor stands
-            stop = (col + (2 if du > 0.0 else -2), _NOWHERE)
+        if can_step_by_column(u0, v0, du, dv):
+            steep = abs(dv) > abs(du)
+            # Two columns step by step, so that the position of the sensor within its cell does not matter.
+            stop = (col + (2 if du > 0.0 else -2), _NO_STOP)
             if steep:
-                stop = (_NOWHERE, row + (2 if dv > 0.0 else -2))
-            state, ends, goes_on = _walk(cells, beam, sigma, t_end, stop, state, ends)
+                stop = (_NO_STOP, row + (2 if dv > 0.0 else -2))
+            state, ends, goes_on = _traverse(cells, beam, sigma, t_end, stop, state, ends)
             if goes_on:
                 t_sure = min(t_end, beams[i, 2] + FREE_SIGMAS * sigma) - 1e-6 / max(abs(du), abs(dv))
-                state, ends = stride(cells, beam, steep, t_sure, lines, state, ends)
+                state, ends = mark_free_columns(cells, beam, steep, t_sure, offsets, state, ends)
         if goes_on:
-            stop = (_NOWHERE, _NOWHERE)
-            _, ends, _ = _walk(cells, beam, sigma, t_end, stop, state, ends)
-        for end in ends:  # a beam is straight: its first and last cells bound it
+            stop = (_NO_STOP, _NO_STOP)
+            _, ends, _ = _traverse(cells, beam, sigma, t_end, stop, state, ends)
+        for end in ends:  # a beam is straight, so its first and last cells bound it
             if end >= 0:
                 box[0], box[1] = min(box[0], end // cols), min(box[1], end % cols)
                 box[2], box[3] = max(box[2], end // cols), max(box[3], end % cols)

@@ -1,4 +1,4 @@
-"""Ground: the grey of a map that changes, and for everybody who watches it, what has changed."""
+"""Grey map: the 16-bit grey of an occupancy map, its cell sums, and a log of the blocks that changed."""
 
 from dataclasses import dataclass, field
 from weakref import WeakSet
@@ -11,21 +11,33 @@ from uavseg.segmentation.blocks.block_map import cell_sums
 from uavseg.units import BLOCK
 
 Mask = NDArray[np.bool_]
-Bits = NDArray[np.uint16]
+NeighbourBits = NDArray[np.uint16]
 
-NEIGHBOURS = 9  # bits of what has changed in a block: who of the 3 x 3 blocks around sees it, in raster order
-SELF = 4  # the one in the middle
+NEIGHBOURS = 9  # bits of a changed block: the 3 x 3 blocks around that the change affects, in raster order
+SELF = 4  # the block itself, in the middle
 _ALL = (1 << NEIGHBOURS) - 1
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
-class Watch:
-    """What has changed since somebody looked, as in `Ground`."""
+class ChangeLog:
+    """Changes of a grey map that one observer has not read yet.
 
-    changed: Bits
+    Parameters
+    ----------
+    changed : (B, C) uint16 array
+        As in `GreyMap`.
+    """
 
-    def taken(self) -> tuple[Mask, Mask]:
-        """The blocks whose grey has changed, and those that see a change; from now on they count as seen."""
+    changed: NeighbourBits
+
+    def pop(self) -> tuple[Mask, Mask]:
+        """Read the changes and clear them.
+
+        Returns
+        -------
+        changed, affected : (B, C) bool arrays
+            Blocks whose grey has changed, and blocks with a changed pixel in them or next to them.
+        """
         rows, cols = self.changed.shape
         around = np.zeros((rows + 2, cols + 2), bool)
         if self.changed.any():
@@ -37,7 +49,7 @@ class Watch:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ground:
+class GreyMap:
     """The grey of a map that changes.
 
     Parameters
@@ -45,14 +57,14 @@ class Ground:
     shape : (int, int)
         Rows and columns of the map in pixels.
     grey : (M + 2, N + 2) uint16 array
-        Up to whole blocks of 64, with a border of one pixel; 0 outside the map.
+        Padded to whole blocks of 64, with a border of one pixel; 0 outside the map.
     valid : (M + 2, N + 2) uint8 array
         1 in the map.
     sums, counts : (8 B, 8 C) uint32 and uint8 arrays
         Of the valid grey of cells of 8 x 8, as in a `BlockMap`.
     changed : (B, C) uint16 array
-        What has changed in each block since it was handed to those who watch. A bit is set for each block
-        among the 3 x 3 around, in raster order, which a pixel whose grey has changed lies in or next to.
+        Changes of each block since they were last copied to the change logs. A bit is set for each of the
+        3 x 3 blocks around, in raster order, in which or next to which a pixel has changed its grey.
     """
 
     shape: tuple[int, int]
@@ -60,12 +72,12 @@ class Ground:
     valid: NDArray[np.uint8]
     sums: NDArray[np.uint32]
     counts: NDArray[np.uint8]
-    changed: Bits
-    _watches: "WeakSet[Watch]" = field(default_factory=WeakSet, repr=False)
+    changed: NeighbourBits
+    _logs: "WeakSet[ChangeLog]" = field(default_factory=WeakSet, repr=False)
 
     @classmethod
-    def of(cls, shape: tuple[int, int]) -> "Ground":
-        """The ground of a map whose grey was not shown yet."""
+    def empty(cls, shape: tuple[int, int]) -> "GreyMap":
+        """A map of so many rows and columns, 0 everywhere."""
         rows, cols = (whole_blocks(length) for length in shape)
         valid = np.zeros((rows + 2, cols + 2), np.uint8)
         valid[1 : shape[0] + 1, 1 : shape[1] + 1] = 1
@@ -73,21 +85,21 @@ class Ground:
         grey = np.zeros(valid.shape, np.uint16)
         return cls(shape, grey, valid, *cell_sums(grey, valid, 1), changed)
 
-    def show(self, grey: NDArray[np.uint16]) -> None:
-        """Take the grey of the whole map."""
+    def set_grey(self, grey: NDArray[np.uint16]) -> None:
+        """Set the grey of the whole map, a (rows, cols) array; all blocks count as changed."""
         self.grey[1 : self.shape[0] + 1, 1 : self.shape[1] + 1] = grey
         self.sums[:] = cell_sums(self.grey, self.valid, 1)[0]
         self.changed[:] = _ALL
 
-    def watch(self) -> Watch:
-        """Begin to watch: what has changed up to now is not told."""
-        self.hand_out()
-        watch = Watch(np.zeros(self.changed.shape, np.uint16))
-        self._watches.add(watch)
-        return watch
+    def new_log(self) -> ChangeLog:
+        """A log of the changes from now on, kept for as long as the caller holds it."""
+        self.flush_changes()
+        log = ChangeLog(np.zeros(self.changed.shape, np.uint16))
+        self._logs.add(log)
+        return log
 
-    def hand_out(self) -> None:
-        """Tell those who watch what has changed."""
-        for watch in self._watches:
-            watch.changed[:] |= self.changed
+    def flush_changes(self) -> None:
+        """Copy the changes to all logs and clear them here."""
+        for log in self._logs:
+            log.changed[:] |= self.changed
         self.changed[:] = 0

@@ -1,4 +1,4 @@
-"""OccupancyGrid: the probability that each cell of a map is occupied, and evidence merged into it."""
+"""Occupancy grid: the probability that each cell is occupied, updated by range scans in log-odds."""
 
 import math
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import MapError
-from uavseg.occupancy.mapping.apply_pending import take
+from uavseg.occupancy.mapping.apply_pending import apply_pending
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
-from uavseg.occupancy.mapping.grey_map import Ground
+from uavseg.occupancy.mapping.grey_map import GreyMap
 from uavseg.occupancy.mapping.live import LiveSegmentation
-from uavseg.occupancy.mapping.log_odds import Singles, probabilities_of
-from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS, marks_of
+from uavseg.occupancy.mapping.log_odds import Float32s, probabilities_and_grey
+from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS, empty_pending
 from uavseg.occupancy.mapping.scan import Scan
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox, check_metres, local_geobox
@@ -23,15 +23,15 @@ from uavseg.segmentation.params import Intervals, SegmentParams
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Update:
-    """What a scan changed.
+    """The changes that a scan made.
 
     Parameters
     ----------
     window : Window
-        The smallest one with every cell that the scan touched, empty if it touched none.
+        The smallest one with every cell that the scan updated, empty if it updated none.
     blocks : (B, C) bool array
         The blocks of 64 x 64 cells that were measured or divided again: those with a cell whose grey has
-        changed, and neighbours that look at such a cell.
+        changed, and those next to such a cell.
     """
 
     window: Window
@@ -39,17 +39,16 @@ class Update:
 
 
 class OccupancyGrid:
-    """Probabilities of cells, which merge evidence by adding log-odds.
+    """Probabilities of cells, updated by adding log-odds.
 
-    A grid begins with 0.5 everywhere; a cell that was never seen stays at exactly 0.5. Every update of a cell
-    adds to its log-odds, which are then clamped to -6..6, so that what stands still is never believed so
-    firmly that a change goes unnoticed. Hence the order of scans matters only where a cell has reached the
-    clamp.
+    A grid begins with 0.5 everywhere; a cell without observations stays at exactly 0.5. Every update of a
+    cell adds to its log-odds, which are then clamped to -6..6, so that a cell that was observed often can
+    still change. Hence the order of scans matters only where a cell has reached the clamp.
 
     Parameters
     ----------
     geobox : GeoBox
-        Where the cells lie, in metres.
+        Position of the cells, in metres.
 
     Attributes
     ----------
@@ -73,18 +72,18 @@ class OccupancyGrid:
         check_metres(geobox)
         self.geobox = geobox
         self.log_odds = np.zeros(geobox.shape, np.float32)
-        self._probabilities: Singles | None = None
-        self._marks = marks_of(geobox.shape)
-        self._ground = Ground.of(geobox.shape)
-        self._lives: WeakSet[LiveSegmentation] = WeakSet()
-        self._states: LiveSegmentation | None = None
-        self._show_all()
+        self._probabilities: Float32s | None = None
+        self._pending = empty_pending(geobox.shape)
+        self._grey_map = GreyMap.empty(geobox.shape)
+        self._segmentations: WeakSet[LiveSegmentation] = WeakSet()
+        self._default_segmentation: LiveSegmentation | None = None
+        self._recompute()
 
     @classmethod
     def empty(
         cls, shape: tuple[int, int], cell_m: float, origin: tuple[float, float] = (0.0, 0.0)
     ) -> "OccupancyGrid":
-        """A grid of square cells about which nothing is known.
+        """A grid of square cells without observations, 0.5 everywhere.
 
         Parameters
         ----------
@@ -99,16 +98,17 @@ class OccupancyGrid:
 
     @classmethod
     def from_probabilities(cls, probabilities: ArrayLike, geobox: GeoBox) -> "OccupancyGrid":
-        """A grid that believes a map already made; beyond log-odds of 6 (0.0025 and 0.9975) it is clamped.
+        """A grid that begins with a given map; log-odds are clamped to -6..6 (0.0025 and 0.9975).
 
         Parameters
         ----------
         probabilities : (rows, cols) array
+            In 0..1.
 
         Raises
         ------
         MapError
-            If the shape is not that of the geobox, or a number is not a probability.
+            If the shape is not that of the geobox, or a number lies outside 0..1.
         """
         given = np.asarray(probabilities, np.float64)
         if given.shape != geobox.shape:
@@ -119,114 +119,113 @@ class OccupancyGrid:
         with np.errstate(divide="ignore"):
             odds = np.log(given) - np.log1p(-given)
         grid.log_odds[...] = np.clip(odds, -MAX_LOG_ODDS, MAX_LOG_ODDS)
-        grid._show_all()
+        grid._recompute()
         return grid
 
     @property
-    def probabilities(self) -> Singles:
-        """1 / (1 + exp(-log_odds)) of each cell: a (rows, cols) float32 array, not to be written to.
+    def probabilities(self) -> Float32s:
+        """1 / (1 + exp(-log_odds)) of each cell: a (rows, cols) float32 array; do not write to it.
 
-        Once somebody has looked at it, it is kept in step with what is merged.
+        It is made on first use; from then on, later scans show in it.
         """
         if self._probabilities is None:
-            self._probabilities, _ = probabilities_of(self.log_odds)
+            self._probabilities, _ = probabilities_and_grey(self.log_odds)
         return self._probabilities
 
     def merge(self, scan: Scan) -> Window:
-        """Take in what a scan says about the cells that its beams cross.
+        """Update the cells that the beams of a scan cross.
 
         Returns
         -------
         Window
-            The smallest one with every cell that the scan touched, empty if it touched none: nothing
-            outside it has changed.
+            The smallest one with every cell that the scan updated, empty if it updated none.
         """
-        heard = ~np.isnan(scan.ranges)
-        ranges = scan.ranges[heard]
+        known = ~np.isnan(scan.ranges)
+        ranges = scan.ranges[known]
         reach = np.where(np.isinf(ranges), scan.max_range_m, ranges + REACH_SIGMAS * scan.sigma_m)
-        angles = math.radians(scan.pose.heading_deg) + scan.angles[heard]
+        angles = math.radians(scan.pose.heading_deg) + scan.angles[known]
         along_x, along_y = np.cos(angles), np.sin(angles)
         a, b, c, d, e, f = tuple(~self.geobox.transform)[:6]  # from metres to cells
         beams = np.column_stack([a * along_x + b * along_y, d * along_x + e * along_y, ranges, reach])
         x, y = scan.pose.x, scan.pose.y
         origin = (a * x + b * y + c, d * x + e * y + f)
-        window = merge_beams(self.log_odds, self._marks, origin, beams, scan.sigma_m)
-        take(self._marks, self.log_odds, self._probabilities, self._ground, window)
+        window = merge_beams(self.log_odds, self._pending, origin, beams, scan.sigma_m)
+        apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
         return window
 
     def segment(self, cut: Intervals | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
-        """Segment the map, and keep its segments in step with what is merged for as long as they are held.
+        """Segment the map; the segments follow later scans for as long as the caller holds the result.
 
         Parameters
         ----------
-        cut : StateLimits, IntensityRange or Levels
-            What is asked of the segments; the paper's states if left out.
-        params : SegmentParams
-            The paper's method if left out.
+        cut : StateLimits, IntensityRange or Levels, optional
+            Intervals of v by which the segments are classified; by default the paper's states.
+        params : SegmentParams, optional
+            By default the paper's method.
 
         Returns
         -------
         LiveSegmentation
-            There may be several of one map, for the states and for a range, say.
+            A map may have several, for example one by states and one by a range.
         """
-        live = LiveSegmentation(self._ground, cut, params)
-        self._lives.add(live)
+        live = LiveSegmentation(self._grey_map, cut, params)
+        self._segmentations.add(live)
         return live
 
     @property
     def segmentation(self) -> LiveSegmentation:
-        """The segmentation by the paper's states and method, made when it is first asked for."""
-        if self._states is None:
-            self._states = self.segment()
-        return self._states
+        """The segmentation by the paper's states and method, made on first use."""
+        if self._default_segmentation is None:
+            self._default_segmentation = self.segment()
+        return self._default_segmentation
 
     def update(self, scan: Scan) -> Update:
-        """Merge a scan and divide again those blocks of all segmentations that see a change, and no others.
+        """Merge a scan and divide again only those blocks that the change affects, in all segmentations.
 
-        Without any, there is from now on that by states, `segmentation`.
+        If there is no segmentation yet, the one by states is made, see `segmentation`.
 
         Returns
         -------
         Update
-            The cells that the scan touched, and the blocks that were divided again.
+            The cells that the scan updated, and the blocks that were divided again.
 
         Examples
         --------
         >>> grid = OccupancyGrid.empty((64, 128), cell_m=0.1)
-        >>> from uavseg.occupancy.simulation.range_finder import Pose
+        >>> from uavseg.occupancy.mapping.scan import Pose
         >>> scan = Scan(Pose(0, 3.2), np.zeros(1), np.array([1.05]), max_range_m=5.0, sigma_m=0.05)
         >>> grid.update(scan).blocks
         array([[ True, False]])
         """
-        lives = list(self._lives) or [self.segmentation]
+        segmentations = list(self._segmentations) or [self.segmentation]
         window = self.merge(scan)
-        blocks = np.zeros(self._ground.changed.shape, bool)
-        for live in lives:
+        blocks = np.zeros(self._grey_map.changed.shape, bool)
+        for live in segmentations:
             blocks |= live.settle()
         return Update(window, blocks)
 
     def refit(self) -> None:
-        """Fit all contrast cuts to the map as it is now, and divide every block again."""
-        for live in list(self._lives) or [self.segmentation]:
+        """Fit the contrast bin edges of all segmentations to the map as it is now, and divide every block."""
+        for live in list(self._segmentations) or [self.segmentation]:
             live.refit()
 
     def reset(self) -> None:
-        """Forget everything: all cells are at 0.5 again. Segmentations follow and keep their cuts."""
+        """Set all cells to 0.5. Segmentations follow and keep their contrast bin edges."""
         self.log_odds[...] = 0
-        self._show_all()
+        self._recompute()
 
-    def _show_all(self) -> None:
-        """Probabilities and grey of all cells, from their log-odds."""
-        p, grey = probabilities_of(self.log_odds)
+    def _recompute(self) -> None:
+        """Compute probabilities and grey of all cells from their log-odds."""
+        p, grey = probabilities_and_grey(self.log_odds)
         if self._probabilities is not None:
             self._probabilities[...] = p
-        self._ground.show(grey)
+        self._grey_map.set_grey(grey)
 
     def dataset(self, name: str = "occupancy grid") -> Dataset:
-        """The probabilities as a dataset that is read by window; later scans show in it."""
+        """The probabilities as a dataset for windowed reads; later scans show in it."""
         return Dataset.of_values(self.probabilities, self.geobox, name)
 
 
 def grey_picture(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Probabilities as a picture, floor(255 p + 0.5): free black, unknown grey, occupied white."""
+    """Probabilities as 8-bit grey, floor(255 p + 0.5): free black, unknown grey, occupied white."""
     return np.floor(255 * probabilities.astype(np.float64) + 0.5).astype(np.uint8)

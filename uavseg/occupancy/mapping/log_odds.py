@@ -1,4 +1,4 @@
-"""Log-odds to probability, and on to grey: the same on every machine, and many at a time."""
+"""Log-odds to probability (logistic function) and to 16-bit grey, vectorised and equal on every machine."""
 
 from functools import cache
 
@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.occupancy.mapping.pending import free_once
+from uavseg.occupancy.mapping.pending import add_one_free
+from uavseg.units import GREY_MAX
 
-Singles = NDArray[np.float32]
+Float32s = NDArray[np.float32]
 
 
-def probabilities_of(log_odds: Singles) -> tuple[Singles, NDArray[np.uint16]]:
-    """1 / (1 + exp(-log-odds)), and its grey floor(65535 p + 0.5).
+def probabilities_and_grey(log_odds: Float32s) -> tuple[Float32s, NDArray[np.uint16]]:
+    """Probability p = 1 / (1 + exp(-log-odds)), and its grey floor(65535 p + 0.5).
 
     Parameters
     ----------
@@ -26,30 +27,36 @@ def probabilities_of(log_odds: Singles) -> tuple[Singles, NDArray[np.uint16]]:
 
     Examples
     --------
-    >>> p, grey = probabilities_of(np.array([-6, 0, 6], np.float32))
+    >>> p, grey = probabilities_and_grey(np.array([-6, 0, 6], np.float32))
     >>> p.round(4).tolist(), grey.tolist()
     ([0.0024999999441206455, 0.5, 0.9975000023841858], [162, 32768, 65373])
     """
     probabilities, grey = np.empty(log_odds.shape, np.float32), np.empty(log_odds.shape, np.uint16)
-    _probabilities(log_odds.reshape(-1), probabilities.reshape(-1), grey.reshape(-1))
+    _convert(log_odds.reshape(-1), probabilities.reshape(-1), grey.reshape(-1))
     return probabilities, grey
 
 
 @cache
-def usual() -> tuple[Singles, Singles, NDArray[np.uint16]]:
-    """Log-odds of cells that were called free never, once, twice or more often, and what follows."""
+def free_only_values() -> tuple[Float32s, Float32s, NDArray[np.uint16]]:
+    """Log-odds, probability and grey of cells with 0, 1, 2 or at least 3 observations, all of them free.
+
+    Returns
+    -------
+    log_odds, probabilities : (4,) float32 arrays
+    grey : (4,) uint16 array
+    """
     odds = np.zeros(4, np.float32)
     for k in range(3):
-        odds[k + 1 :] = free_once(odds[k])
-    return odds, *probabilities_of(odds)
+        odds[k + 1 :] = add_one_free(odds[k])
+    return odds, *probabilities_and_grey(odds)
 
 
 @inlined
-def probability(odds):  # type: ignore[no-untyped-def]
+def logistic(odds):  # type: ignore[no-untyped-def]
     """1 / (1 + exp(-odds)) for odds in -6..6, the same on every machine.
 
-    exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times: no call,
-    so that a loop of it is vectorised.
+    exp(-odds / 16) is a Taylor polynomial whose next term is below 1e-16, then squared four times. There is
+    no call, so the compiler vectorises a loop of it.
     """
     x = odds * -0.0625
     e = 1.0 + x / 13.0
@@ -63,14 +70,14 @@ def probability(odds):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def grey_of(p):  # type: ignore[no-untyped-def]
-    """Grey of a probability, as of `raster.grey`."""
-    return np.uint16(np.int32(65535.0 * np.float64(p) + 0.5))
+def grey_of_probability(p):  # type: ignore[no-untyped-def]
+    """16-bit grey of a probability, as in `raster.intensity.grey`."""
+    return np.uint16(np.int32(np.float64(GREY_MAX) * np.float64(p) + 0.5))
 
 
 @kernel("void(f4[::1], f4[::1], u2[::1])")
-def _probabilities(log_odds, probabilities, grey):  # type: ignore[no-untyped-def]
+def _convert(log_odds, probabilities, grey):  # type: ignore[no-untyped-def]
     for i in range(log_odds.size):
-        p = probability(np.float64(log_odds[i]))
+        p = logistic(np.float64(log_odds[i]))
         probabilities[i] = p
-        grey[i] = grey_of(p)
+        grey[i] = grey_of_probability(p)

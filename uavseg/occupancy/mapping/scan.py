@@ -1,4 +1,4 @@
-"""Range scans: the pose of a sensor and what its beams return."""
+"""Range scans: the pose of a sensor, and the angles and ranges of its beams."""
 
 import math
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ MAX_BEAMS = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where a sensor stands and looks, in map coordinates.
+    """Position and heading of a sensor, in map coordinates.
 
     Parameters
     ----------
     x, y : float
         In metres.
     heading_deg : float
-        Of the middle of its field of view, counterclockwise from the x axis.
+        Direction of the middle of its field of view, counterclockwise from the x axis.
 
     Raises
     ------
@@ -37,7 +37,7 @@ class Pose:
     def __post_init__(self) -> None:
         if not all(math.isfinite(number) for number in (self.x, self.y, self.heading_deg)):
             raise SceneError(
-                f"a pose wants finite x, y and heading, not {self.x}, {self.y}, {self.heading_deg}"
+                f"a pose has finite x, y and heading, not {self.x}, {self.y}, {self.heading_deg}"
             )
 
 
@@ -51,16 +51,17 @@ class Scan:
     angles : (n,) float64 array
         Of the beams in radians, counterclockwise from the heading.
     ranges : (n,) float64 array
-        In metres; infinite where nothing returned, NaN where the sensor cannot tell.
+        In metres; infinite without a return, NaN where the measurement is missing.
     max_range_m : float
-        How far a beam without a return has seen that there is nothing.
+        Distance up to which a beam without a return observes free cells.
     sigma_m : float
         Standard deviation of ranges.
 
     Raises
     ------
     SceneError
-        If the arrays do not fit together, a range is negative, or the sensor is not one.
+        If the arrays differ in shape, a range is negative, an angle is not finite, or the maximum range or
+        the standard deviation is not positive.
     """
 
     pose: Pose
@@ -70,16 +71,17 @@ class Scan:
     sigma_m: float
 
     def __post_init__(self) -> None:
-        check_positive("a maximal range", self.max_range_m)
+        check_positive("a maximum range", self.max_range_m)
         check_positive("a standard deviation of ranges", self.sigma_m)
         if self.angles.ndim != 1 or self.angles.shape != self.ranges.shape:
             raise SceneError(
-                f"a scan wants one range for each angle, not {self.angles.shape} and {self.ranges.shape}"
+                f"a scan has one range for each angle, not {self.angles.shape} and {self.ranges.shape}"
             )
         if not np.isfinite(self.angles).all() or (self.ranges < 0).any():
-            raise SceneError("a scan wants finite angles, and ranges that are not negative")
+            raise SceneError("a scan has finite angles, and ranges that are not negative")
 
 
 def check_positive(name: str, value: float) -> None:
+    """Raise SceneError unless a number is finite and above 0."""
     if not (math.isfinite(value) and value > 0):
         raise SceneError(f"{name} is a number above 0, not {value:g}")

@@ -1,7 +1,7 @@
-"""Masks with 64 cells to a word: what a search scans a word at a time, and what it need not look at.
+"""Bitmaps: masks with 64 cells per word, which a search scans by words; dead-end filling.
 
-A bitmap has a frame of cells that cannot be entered. Cell (row, col) of the mask is bit col + 1, counted from
-the lowest, of the words of line row + 1.
+A bitmap has a frame of impassable cells. Cell (row, col) of the mask is bit col + 1, counted from the lowest,
+of the words of line row + 1.
 """
 
 import numpy as np
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 
-Bits = NDArray[np.uint64]
+Bitmap = NDArray[np.uint64]
 
 
-def packed(mask: NDArray[np.bool_]) -> Bits:
+def pack_mask(mask: NDArray[np.bool_]) -> Bitmap:
     """The bitmap of a mask.
 
     Parameters
@@ -25,7 +25,7 @@ def packed(mask: NDArray[np.bool_]) -> Bits:
 
     Examples
     --------
-    >>> packed(np.array([[True, False, True]])).tolist()
+    >>> pack_mask(np.array([[True, False, True]])).tolist()
     [[0], [10], [0]]
     """
     rows, cols = mask.shape
@@ -34,31 +34,42 @@ def packed(mask: NDArray[np.bool_]) -> Bits:
     return np.packbits(framed, axis=1, bitorder="little").view("<u8").astype(np.uint64, copy=False)
 
 
-def transposed(bits: Bits, cols: int) -> Bits:
-    """The bitmap of the transposed mask, whose lines are the `cols` columns with their frame."""
-    turned = np.zeros((bits.shape[1] * 64, -(-len(bits) // 64)), np.uint64)
-    _transpose(bits, np.empty(64, np.uint64), turned)
-    return turned[: cols + 2]
+def transpose_bitmap(bits: Bitmap, cols: int) -> Bitmap:
+    """The bitmap of the transposed mask.
+
+    Parameters
+    ----------
+    bits : (M + 2, w) uint64 array
+    cols : int
+        Columns of the mask.
+
+    Returns
+    -------
+    transposed : (cols + 2, ceil((M + 2) / 64)) uint64 array
+    """
+    transposed = np.zeros((bits.shape[1] * 64, -(-len(bits) // 64)), np.uint64)
+    _transpose(bits, np.empty(64, np.uint64), transposed)
+    return transposed[: cols + 2]
 
 
-def fill_dead_ends(bits: Bits, start: tuple[int, int], goal: tuple[int, int]) -> None:
-    """Take away, again and again, every cell with at most one neighbour that shares an edge.
+def fill_dead_ends(bits: Bitmap, start: tuple[int, int], goal: tuple[int, int]) -> None:
+    """Dead-end filling, in place: remove every cell with at most one edge neighbour, until none is left.
 
-    No diagonal step touches such a cell, for that needs two, so that a path between others cannot lead
-    through it. Start and goal (framed row and column) stay.
+    No diagonal step touches such a cell, because that takes two edge neighbours, so no path between other
+    cells leads through it. Start and goal (row and column with the frame) stay.
     """
     _fill_dead_ends(bits, *start, *goal)
 
 
 @inlined
 def is_open(bits, line, at):  # type: ignore[no-untyped-def]
-    """1 where a cell is passable."""
+    """1 if a cell is passable, else 0."""
     return (bits[line, at >> 6] >> np.uint64(at & 63)) & np.uint64(1)
 
 
 @inlined
-def ones(word):  # type: ignore[no-untyped-def]
-    """How many bits are set."""
+def popcount(word):  # type: ignore[no-untyped-def]
+    """Number of bits that are set."""
     word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
     word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -66,28 +77,28 @@ def ones(word):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def lowest(word):  # type: ignore[no-untyped-def]
-    """Index of the lowest bit that is set; a word of 0 has none."""
-    return ones(~word & (word - np.uint64(1)))
+def lowest_bit(word):  # type: ignore[no-untyped-def]
+    """Index of the lowest bit that is set; the word is not 0."""
+    return popcount(~word & (word - np.uint64(1)))
 
 
 @inlined
-def highest(word):  # type: ignore[no-untyped-def]
-    """Index of the highest bit that is set."""
+def highest_bit(word):  # type: ignore[no-untyped-def]
+    """Index of the highest bit that is set; the word is not 0."""
     for shift in (1, 2, 4, 8, 16, 32):
         word |= word >> np.uint64(shift)
-    return ones(word) - 1
+    return popcount(word) - 1
 
 
 @inlined
-def stop_after(bits, line, at):  # type: ignore[no-untyped-def]
-    """Where a run along a line, towards larger positions, first meets an edge.
+def next_stop(bits, line, at):  # type: ignore[no-untyped-def]
+    """First position after `at` where a jump along a line stops.
 
-    That is a blocked cell (its position comes negative), or a cell beside which the line above or below
-    opens: passable there, blocked one position before.
+    That is an impassable cell (returned negative), or a cell beside which the line above or below opens:
+    passable there, impassable one position before.
     """
     word = (at + 1) >> 6
-    wanted = ~np.uint64(0) << np.uint64((at + 1) & 63)
+    selected = ~np.uint64(0) << np.uint64((at + 1) & 63)
     before = word - 1 if word > 0 else 0  # bit 0 of a line is frame, so what comes before it does not count
     above_before = bits[line - 1, before]
     below_before = bits[line + 1, before]
@@ -97,22 +108,22 @@ def stop_after(bits, line, at):  # type: ignore[no-untyped-def]
         below = bits[line + 1, word]
         opens = above & ~(above << np.uint64(1) | above_before >> np.uint64(63))
         opens |= below & ~(below << np.uint64(1) | below_before >> np.uint64(63))
-        stops = (opens | ~own) & wanted
+        stops = (opens | ~own) & selected
         if stops:
-            bit = lowest(stops)
-            found = (word << 6) + bit
-            return found if (own >> np.uint64(bit)) & np.uint64(1) else -found
+            bit = lowest_bit(stops)
+            position = (word << 6) + bit
+            return position if (own >> np.uint64(bit)) & np.uint64(1) else -position
         above_before = above
         below_before = below
-        wanted = ~np.uint64(0)
+        selected = ~np.uint64(0)
         word += 1
 
 
 @inlined
-def stop_before(bits, line, at):  # type: ignore[no-untyped-def]
-    """The same towards smaller positions; 0, the frame, where the run ends at it."""
+def previous_stop(bits, line, at):  # type: ignore[no-untyped-def]
+    """The same before `at`, towards smaller positions; 0 if the frame stops the jump."""
     word = (at - 1) >> 6
-    wanted = ~np.uint64(0) >> np.uint64(63 - ((at - 1) & 63))
+    selected = ~np.uint64(0) >> np.uint64(63 - ((at - 1) & 63))
     after = word + 1 if word + 1 < bits.shape[1] else word
     above_after = bits[line - 1, after] if after > word else np.uint64(0)
     below_after = bits[line + 1, after] if after > word else np.uint64(0)
@@ -122,20 +133,20 @@ def stop_before(bits, line, at):  # type: ignore[no-untyped-def]
         below = bits[line + 1, word]
         opens = above & ~(above >> np.uint64(1) | above_after << np.uint64(63))
         opens |= below & ~(below >> np.uint64(1) | below_after << np.uint64(63))
-        stops = (opens | ~own) & wanted
+        stops = (opens | ~own) & selected
         if stops:
-            bit = highest(stops)
-            found = (word << 6) + bit
-            return found if (own >> np.uint64(bit)) & np.uint64(1) else -found
+            bit = highest_bit(stops)
+            position = (word << 6) + bit
+            return position if (own >> np.uint64(bit)) & np.uint64(1) else -position
         above_after = above
         below_after = below
-        wanted = ~np.uint64(0)
+        selected = ~np.uint64(0)
         word -= 1
 
 
 @inlined
-def _follow(bits, row, col, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
-    """Take away a dead end from its tip to where the way forks."""
+def _fill_dead_end(bits, row, col, start_row, start_col, goal_row, goal_col):  # type: ignore[no-untyped-def]
+    """Remove a dead end from its tip to the next fork."""
     while is_open(bits, row, col):
         if (row == start_row and col == start_col) or (row == goal_row and col == goal_col):
             return
@@ -168,14 +179,14 @@ def _fill_dead_ends(bits, start_row, start_col, goal_row, goal_col):  # type: ig
                 west |= bits[row, word - 1] >> np.uint64(63)
             dead = own & ~((north & south) | ((north | south) & (east | west)) | (east & west))
             while dead:
-                col = (word << 6) + lowest(dead)
+                col = (word << 6) + lowest_bit(dead)
                 dead &= dead - np.uint64(1)
-                _follow(bits, row, col, start_row, start_col, goal_row, goal_col)
+                _fill_dead_end(bits, row, col, start_row, start_col, goal_row, goal_col)
 
 
 @kernel("void(u8[:,::1], u8[::1], u8[:,::1])")
-def _transpose(bits, block, turned):  # type: ignore[no-untyped-def]
-    # Blocks of 64 x 64, by exchanging ever smaller squares (Warren, Hacker's Delight, 7-3).
+def _transpose(bits, block, transposed):  # type: ignore[no-untyped-def]
+    # Blocks of 64 x 64 bits, by swapping ever smaller squares (Warren, Hacker's Delight, 7-3).
     lines = bits.shape[0]
     for top in range(0, lines, 64):
         for word in range(bits.shape[1]):
@@ -194,4 +205,4 @@ def _transpose(bits, block, turned):  # type: ignore[no-untyped-def]
                 half >>= 1
                 mask ^= mask << np.uint64(half)
             for k in range(64):
-                turned[(word << 6) + k, top >> 6] = block[k]
+                transposed[(word << 6) + k, top >> 6] = block[k]

@@ -1,9 +1,9 @@
-"""How far every cell is from what is impassable: exactly, in two passes.
+"""Clearance: the exact Euclidean distance transform of a mask, in two passes.
 
 Felzenszwalb and Huttenlocher, "Distance transforms of sampled functions", Theory of Computing 8 (2012)
 415-428: along the columns first, then a lower envelope of parabolas along each row. Distances are from the
 centre of a cell to the nearest point of an impassable cell, not to its centre: a disc of that radius around
-the centre touches nothing. What lies outside of the map is impassable, since nobody knows what is there.
+the centre touches no impassable cell. Everything outside of the map is unknown, hence impassable.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import kernel
 
-_SLACK = 1e-9  # of the distance asked for, so that one that is met exactly is met
+_TOLERANCE = 1e-9  # relative, so that rounding does not fail a distance that is met exactly
 
 
 def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) -> NDArray[np.float64]:
@@ -22,7 +22,7 @@ def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) 
     Parameters
     ----------
     mask : (M, N) bool array
-        Which cells are passable.
+        The passable cells.
     width, height : float
         Of a cell, in any unit.
 
@@ -38,15 +38,15 @@ def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) 
     """
     squares = np.empty(mask.shape)
     size = mask.shape[1] + 1
-    heights, places, bounds = np.empty(size), np.empty(size, np.int64), np.empty(size + 1)
+    heights, vertices, bounds = np.empty(size), np.empty(size, np.int64), np.empty(size + 1)
     _down_columns(np.ascontiguousarray(mask).view(np.uint8), squares)
-    _along_rows((height / width) ** 2, heights, places, bounds, squares)
+    _along_rows((height / width) ** 2, heights, vertices, bounds, squares)
     return np.asarray(np.sqrt(squares, out=squares) * (width / 2))
 
 
-def reaches(distance: Any, metres: float) -> Any:
-    """Whether distances are as large as asked for; one that is so exactly is, whatever rounding says."""
-    return distance >= metres * (1 - _SLACK)
+def is_at_least(distance: Any, metres: float) -> Any:
+    """Whether distances are at least so many metres, with a tolerance for rounding."""
+    return distance >= metres * (1 - _TOLERANCE)
 
 
 @kernel("void(u1[:,::1], f8[:,::1])")
@@ -57,18 +57,18 @@ def _down_columns(mask, steps):  # type: ignore[no-untyped-def]
         steps[0, c] = mask[0, c]
     for r in range(1, rows):
         for c in range(cols):
-            beyond = steps[r - 1, c]
-            steps[r, c] = (beyond + 2.0 if beyond > 0.0 else 1.0) if mask[r, c] else 0.0
+            beside = steps[r - 1, c]
+            steps[r, c] = (beside + 2.0 if beside > 0.0 else 1.0) if mask[r, c] else 0.0
     for c in range(cols):
         steps[rows - 1, c] = mask[rows - 1, c]
     for r in range(rows - 2, -1, -1):
         for c in range(cols):
-            beyond = steps[r + 1, c]
-            steps[r, c] = min(steps[r, c], beyond + 2.0 if beyond > 0.0 else 1.0)
+            beside = steps[r + 1, c]
+            steps[r, c] = min(steps[r, c], beside + 2.0 if beside > 0.0 else 1.0)
 
 
 @kernel("void(f8, f8[::1], i8[::1], f8[::1], f8[:,::1])")
-def _along_rows(squeeze, heights, places, bounds, steps):  # type: ignore[no-untyped-def]
+def _along_rows(squeeze, heights, vertices, bounds, steps):  # type: ignore[no-untyped-def]
     # From half cells along columns to squares of half cells, of the width of a cell. A parabola stands on
     # each edge between two columns, as high as the nearer of the two; outside of the map that is 0.
     rows, cols = steps.shape
@@ -78,23 +78,25 @@ def _along_rows(squeeze, heights, places, bounds, steps):  # type: ignore[no-unt
             if 0 < k < cols:
                 nearer = min(steps[r, k - 1], steps[r, k])
             heights[k] = nearer * nearer * squeeze
-        last = 0
-        places[0] = 0
+        rightmost = 0
+        vertices[0] = 0
         bounds[0] = -np.inf
         for k in range(1, cols + 1):
             while True:
-                p = places[last]
-                meet = (heights[k] + 4.0 * k * k - heights[p] - 4.0 * p * p) / (4.0 * (k - p))
-                if meet > bounds[last]:
+                p = vertices[rightmost]
+                crossing = (heights[k] + 4.0 * k * k - heights[p] - 4.0 * p * p) / (4.0 * (k - p))
+                if crossing > bounds[rightmost]:
                     break
-                last -= 1
-            last += 1
-            places[last] = k
-            bounds[last] = meet
-        here = 0
+                rightmost -= 1
+            rightmost += 1
+            vertices[rightmost] = k
+            bounds[rightmost] = crossing
+        current = 0
         for c in range(cols):
             x = 2.0 * c + 1.0
-            while here < last and bounds[here + 1] < x:
-                here += 1
-            away = x - 2.0 * places[here]
-            steps[r, c] = min(heights[places[here]] + away * away, steps[r, c] * steps[r, c] * squeeze)
+            while current < rightmost and bounds[current + 1] < x:
+                current += 1
+            distance = x - 2.0 * vertices[current]
+            steps[r, c] = min(
+                heights[vertices[current]] + distance * distance, steps[r, c] * steps[r, c] * squeeze
+            )

@@ -1,4 +1,4 @@
-"""A way as GeoJSON (RFC 7946): one LineString with what is known of it."""
+"""A planned path as GeoJSON (RFC 7946): one LineString with its attributes, split at the antimeridian."""
 
 import json
 from typing import Any
@@ -7,29 +7,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import OutputError, RasterError
-from uavseg.occupancy.paths.find_path import Way
+from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import densify_line, split_at_antimeridian, wrap_lon_beyond_180
 from uavseg.regions.wgs84 import to_wgs84
 
 Floats = NDArray[np.float64]
 
-DECIMALS = 7  # of degrees: a centimetre
-LONGEST_LEG_M = 500.0  # a leg that is straight on the map bends by less than a centimetre over it
+_DECIMALS = 7  # of degrees: a centimetre
+_LONGEST_LEG_M = 500.0  # a straight leg on the map bends by less than a centimetre over it
 
 
-def check_crs(geobox: GeoBox) -> None:
-    """Whether a way over a map has a place where GeoJSON can say it: on the Earth, or on no globe at all.
+def check_path_crs(geobox: GeoBox) -> None:
+    """Check that a path over a map can be written as GeoJSON: in degrees, or local without a CRS.
 
     Raises
     ------
     OutputError
-        If it has not.
+        If the map has a CRS that is not on the Earth.
     """
     if geobox.crs is None:
         return
     try:
-        to_wgs84.check_crs(geobox.wkt)
+        to_wgs84.check_on_earth(geobox.wkt)
     except OutputError:
         raise OutputError(
             "the map has no place on the Earth, which a path in degrees needs; "
@@ -37,64 +37,68 @@ def check_crs(geobox: GeoBox) -> None:
         ) from None
 
 
-def lonlat(way: Way, corners: Floats | None = None) -> tuple[Floats, Floats]:
-    """Longitudes (-180..180) and latitudes of the corners of a way, in degrees.
+def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Floats, Floats]:
+    """Longitude (-180..180) and latitude of the corners of a path, in degrees (WGS 84).
 
     Parameters
     ----------
-    way : Way
+    path : PlannedPath
     corners : (n, 2) float64 array, optional
-        Other places: row and column, pixel corners are whole numbers.
+        Other positions: row and column, pixel corners are whole numbers.
+
+    Returns
+    -------
+    lon, lat : (n,) float64 arrays
 
     Raises
     ------
     RasterError
-        If the map has no CRS, or the way leaves what its projection can express.
+        If the map has no CRS, or the path leaves the area in which its projection is defined.
     """
-    rows, cols = (way.corners + 0.5 if corners is None else corners).T
-    lon, lat = way.geobox.lonlat_from_xy(*way.geobox.xy_from_pixel(rows, cols))
+    rows, cols = (path.corners + 0.5 if corners is None else corners).T
+    lon, lat = path.geobox.lonlat_from_xy(*path.geobox.xy_from_pixel(rows, cols))
     if not (np.isfinite(lon).all() and np.isfinite(lat).all()):
-        raise RasterError("the path leaves what the map's projection can express")
+        raise RasterError("the path leaves the area in which the map's projection is defined")
     return wrap_lon_beyond_180(lon), lat
 
 
-def geojson(way: Way) -> str:
-    """A FeatureCollection of one line; WGS 84 with seven decimals, local coordinates without a CRS.
+def path_to_geojson(path: PlannedPath) -> str:
+    """A FeatureCollection of one line: WGS 84 with seven decimals, local coordinates without a CRS.
 
-    A line that crosses the antimeridian is cut there, a way from a place to itself has two equal positions.
+    A line that crosses the antimeridian is split there. A path of one cell has two equal positions.
     """
     properties = {
-        "length_m": round(way.length_m, 6),
-        "cells": way.cells,
-        "expanded": way.expanded,
-        "clearance": way.clearance_m,
-        "region": way.region,
+        "length_m": round(path.length_m, 6),
+        "cells": path.cells,
+        "expanded": path.expanded,
+        "clearance": path.clearance_m,
+        "region": path.region,
     }
-    feature = {"type": "Feature", "properties": properties, "geometry": _geometry(way)}
+    feature = {"type": "Feature", "properties": properties, "geometry": _geometry(path)}
     return json.dumps({"type": "FeatureCollection", "features": [feature]}, indent=1) + "\n"
 
 
-def _geometry(way: Way) -> dict[str, Any]:
-    if way.geobox.crs is None:
-        return _line(way.xy)
-    degrees = np.stack(lonlat(way, _dense(way)), axis=1)
-    parts = [np.round(part, DECIMALS) for part in split_at_antimeridian(degrees)]
+def _geometry(path: PlannedPath) -> dict[str, Any]:
+    if path.geobox.crs is None:
+        return _line(path.xy)
+    degrees = np.stack(path_lonlat(path, _densify(path)), axis=1)
+    parts = [np.round(part, _DECIMALS) for part in split_at_antimeridian(degrees)]
     if len(parts) == 1:
         return _line(parts[0])
     return {"type": "MultiLineString", "coordinates": [part.tolist() for part in parts]}
 
 
-def _line(places: Floats) -> dict[str, Any]:
-    whole = places if len(places) > 1 else places.repeat(2, axis=0)
+def _line(positions: Floats) -> dict[str, Any]:
+    whole = positions if len(positions) > 1 else positions.repeat(2, axis=0)
     return {"type": "LineString", "coordinates": whole.tolist()}
 
 
-def _dense(way: Way) -> Floats:
-    """The corners in pixels, with more places on legs so long that they bend on the globe."""
-    corners: Floats = way.corners + np.float64(0.5)
+def _densify(path: PlannedPath) -> Floats:
+    """The corners in pixels, with points added on legs that are long enough to bend on the globe."""
+    corners: Floats = path.corners + np.float64(0.5)
     if len(corners) < 2:
         return corners
     legs = np.hypot(*np.diff(corners, axis=0).T)
-    metres = way.length_m * legs / legs.sum()
-    pieces = np.maximum(np.ceil(metres / LONGEST_LEG_M), 1).astype(np.int64)
+    metres = path.length_m * legs / legs.sum()
+    pieces = np.maximum(np.ceil(metres / _LONGEST_LEG_M), 1).astype(np.int64)
     return densify_line(corners, pieces)

@@ -1,7 +1,6 @@
-"""PGM pictures, plain (P2) and raw (P5), 8 and 16 bits: the pictures of most robot maps.
+"""PGM images, plain (P2) and raw (P5), 8 and 16 bits: the images of most robot maps.
 
-Format: http://netpbm.sourceforge.net/doc/pgm.html. GDAL reads only raw ones, and takes no notice of the
-maximum.
+Format: http://netpbm.sourceforge.net/doc/pgm.html. GDAL reads only raw ones, and ignores the maximum.
 """
 
 import os
@@ -18,7 +17,7 @@ _HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\r\n]*[\r\n])+(\d{1,20})" + rb"
 
 
 def is_pgm(path: str | os.PathLike[str]) -> bool:
-    """Whether a file begins like a PGM; an unreadable one does not."""
+    """Whether a file begins with the magic number of a PGM; False if it cannot be read."""
     try:
         with Path(path).open("rb") as file:
             return file.read(2) in MAGIC
@@ -27,58 +26,58 @@ def is_pgm(path: str | os.PathLike[str]) -> bool:
 
 
 def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.uint16], int]:
-    """Samples of a PGM, and the sample that stands for white.
+    """Read the samples of a PGM, and the sample that stands for white.
 
     Returns
     -------
     samples : (rows, cols) uint16 array
-        Those beyond the maximum are cut down to it.
+        Clipped to the maximum.
     maximum : int
 
     Raises
     ------
     RasterReadError
-        If the header is none, or there are fewer samples than it says.
+        If the header is invalid, or there are fewer samples than it says.
     """
     content = Path(path).read_bytes()
     header = _HEADER.match(content)
     if header is None:
         raise RasterReadError(
-            f"{os.fspath(path)} is no PGM: after P2 or P5 it wants its width, its height and its maximum"
+            f"{os.fspath(path)} is not a PGM: expected width, height and maximum after P2 or P5"
         )
     cols, rows, maximum = (int(number) for number in header.groups())
     if not (cols and rows and 0 < maximum < 65536):
         raise RasterReadError(
-            f"{os.fspath(path)} says that it is {cols} x {rows} pixels of up to {maximum}; "
-            "a PGM has pixels, and a maximum of 1 to 65535"
+            f"the header of {os.fspath(path)} is {cols} x {rows} pixels of up to {maximum}; "
+            "expected at least one pixel, and a maximum of 1 to 65535"
         )
     plain = content[:2] == b"P2"
     body = content[header.end() :]
-    found = _plain(body, rows * cols, os.fspath(path)) if plain else _raw(body, rows * cols, maximum)
-    if len(found) < rows * cols:
+    samples_read = _plain(body, rows * cols, os.fspath(path)) if plain else _raw(body, rows * cols, maximum)
+    if len(samples_read) < rows * cols:
         raise RasterReadError(
-            f"{os.fspath(path)} says {cols} x {rows} pixels and holds {len(found)}; it is truncated"
+            f"{os.fspath(path)} says {cols} x {rows} pixels and holds {len(samples_read)}; it is truncated"
         )
-    samples = np.minimum(found[: rows * cols], maximum).astype(np.uint16)
+    samples = np.minimum(samples_read[: rows * cols], maximum).astype(np.uint16)
     return samples.reshape(rows, cols), maximum
 
 
 def _raw(body: bytes, count: int, maximum: int) -> NDArray[np.uint16]:
-    """At most `count` samples, most significant byte first; one byte of white space comes before them."""
+    """At most `count` samples after one byte of white space, most significant byte first."""
     dtype = np.dtype(">u2" if maximum > 255 else "u1")
-    held = max(len(body) - 1, 0) // dtype.itemsize
-    return np.frombuffer(body, dtype, min(held, count), offset=1 if body else 0).astype(np.uint16)
+    available = max(len(body) - 1, 0) // dtype.itemsize
+    return np.frombuffer(body, dtype, min(available, count), offset=1 if body else 0).astype(np.uint16)
 
 
 def _plain(body: bytes, count: int, path: str) -> NDArray[np.int64]:
-    """At most `count` samples written as text."""
-    words = re.sub(rb"#[^\r\n]*", b"", body).split()[:count]
-    if not all(word.isdigit() and len(word) < 10 for word in words):
-        raise RasterReadError(f"{path} is a plain PGM (P2) and holds something else than numbers")
-    return np.array([int(word) for word in words], np.int64)
+    """At most `count` samples, written as text."""
+    tokens = re.sub(rb"#[^\r\n]*", b"", body).split()[:count]
+    if not all(word.isdigit() and len(word) < 10 for word in tokens):
+        raise RasterReadError(f"{path} is a plain PGM (P2) and holds something other than numbers")
+    return np.array([int(word) for word in tokens], np.int64)
 
 
 def pgm_bytes(grey: NDArray[np.uint8]) -> bytes:
-    """A raw 8-bit PGM of (rows, cols) numbers."""
+    """A raw 8-bit PGM of a (rows, cols) uint8 array."""
     rows, cols = grey.shape
     return b"P5\n%d %d\n255\n" % (cols, rows) + np.ascontiguousarray(grey).tobytes()

@@ -1,4 +1,4 @@
-"""The YAML file of a ROS map: how its picture becomes cells, and where they lie."""
+"""YAML metadata of a ROS map: thresholds that turn its image into cells, resolution and origin."""
 
 import math
 import os
@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError, RasterReadError
 
-Cells = NDArray[np.int8]
+RosCells = NDArray[np.int8]
 
-UNKNOWN = -1
-MODES = ("trinary", "scale", "raw")
+UNKNOWN_CELL = -1
+ROS_MODES = ("trinary", "scale", "raw")
 
-_WANTED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+_REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
-    """How a picture's grey becomes cells.
+class CellRules:
+    """The rules that turn the grey of an image into cells.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Reading:
     Raises
     ------
     MapError
-        If the mode is another, or the thresholds overlap or are not finite.
+        If the mode is unknown, or the thresholds overlap or are not finite.
     """
 
     mode: str
@@ -44,7 +44,7 @@ class Reading:
     free: float
 
     def __post_init__(self) -> None:
-        if self.mode not in MODES:
+        if self.mode not in ROS_MODES:
             raise MapError(f"mode is trinary, scale or raw, not {self.mode!r}")
         if not (math.isfinite(self.occupied) and math.isfinite(self.free)):
             raise MapError(f"thresholds are finite, not {self.occupied:g} and {self.free:g}")
@@ -54,22 +54,22 @@ class Reading:
                 "so that no cell is free and occupied at once"
             )
 
-    def cells(self, grey: NDArray[np.uint8], opaque: NDArray[np.bool_] | None = None) -> Cells:
-        """Cells of 8-bit grey; what is not quite opaque is unknown, except to the mode raw."""
+    def cells(self, grey: NDArray[np.uint8], opaque: NDArray[np.bool_] | None = None) -> RosCells:
+        """Cells of 8-bit grey; pixels that are not fully opaque are unknown, except in the mode raw."""
         cells = self.table()[grey]
         if opaque is not None and self.mode != "raw":
-            cells[~opaque] = UNKNOWN
+            cells[~opaque] = UNKNOWN_CELL
         return cells
 
-    def table(self) -> Cells:
-        """The cell of every grey, a (256,) array."""
+    def table(self) -> RosCells:
+        """Lookup table from grey to cell, a (256,) int8 array."""
         grey = np.arange(256)
         if self.mode == "raw":
-            return np.where(grey <= 100, grey, UNKNOWN).astype(np.int8)
-        light = grey.astype(np.float32) / np.float32(255)
-        occupancy = light if self.negate else np.float32(1) - light
+            return np.where(grey <= 100, grey, UNKNOWN_CELL).astype(np.int8)
+        brightness = grey.astype(np.float32) / np.float32(255)
+        occupancy = brightness if self.negate else np.float32(1) - brightness
         occupied, free = np.float32(self.occupied), np.float32(self.free)
-        between = np.full(256, UNKNOWN)
+        between = np.full(256, UNKNOWN_CELL)
         if self.mode == "scale":
             percent = (occupancy - free) / np.float32(self.occupied - self.free) * np.float32(100)
             between = np.floor(percent.astype(np.float64) + 0.5)  # halves up, exactly
@@ -78,51 +78,51 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Description:
-    """What the YAML file of a ROS map says.
+class MapDescription:
+    """The contents of the YAML file of a ROS map.
 
     Parameters
     ----------
     image : Path
-        Of the picture; a relative one is seen from the YAML file.
+        Path of the image; a relative one is relative to the YAML file.
     resolution : float
         Metres per cell.
     origin : (float, float, float)
         x and y of the lower left corner in metres, and the yaw in radians.
-    reading : Reading
+    rules : CellRules
     """
 
     image: Path
     resolution: float
     origin: tuple[float, float, float]
-    reading: Reading
+    rules: CellRules
 
 
-def read_description(path: str | os.PathLike[str]) -> Description:
-    """What a YAML file says, checked.
+def read_ros_yaml(path: str | os.PathLike[str]) -> MapDescription:
+    """Read and check the YAML file of a ROS map.
 
     Raises
     ------
     MapError
-        If it is not as ROS wants it.
+        If it does not describe a ROS map.
     RasterReadError
         If it cannot be read.
     """
     found = _read_yaml(path)
     try:
-        reading = Reading(
+        rules = CellRules(
             str(found.get("mode", "trinary")).lower(),
             _flag(found),
             _number("occupied_thresh", found["occupied_thresh"]),
             _number("free_thresh", found["free_thresh"]),
         )
-        return Description(_image(path, found["image"]), _resolution(found), _origin(found), reading)
+        return MapDescription(_image(path, found["image"]), _resolution(found), _origin(found), rules)
     except MapError as error:
         raise MapError(f"{os.fspath(path)}: {error}") from error
 
 
-def description_text(described: Mapping[str, Any]) -> str:
-    """The text of a YAML file, lists on one line."""
+def ros_yaml_text(described: Mapping[str, Any]) -> str:
+    """The text of a YAML file, with lists on one line."""
     import yaml
 
     text: str = yaml.safe_dump(dict(described), sort_keys=False, default_flow_style=None)
@@ -141,17 +141,17 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     except OSError as error:
         raise RasterReadError(f"{name} cannot be read ({error.strerror})") from error
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise MapError(f"{name} is no YAML ({' '.join(str(error).split())})") from error
+        raise MapError(f"{name} is not valid YAML ({' '.join(str(error).split())})") from error
     if not isinstance(found, dict):
-        raise MapError(f"{name} is not the YAML of a ROS map: it wants {', '.join(_WANTED)}")
-    missing = [key for key in _WANTED if key not in found]
+        raise MapError(f"{name} is not the YAML of a ROS map: it needs {', '.join(_REQUIRED)}")
+    missing = [key for key in _REQUIRED if key not in found]
     if missing:
-        raise MapError(f"{name}: a ROS map wants {', '.join(_WANTED)}; missing here: {', '.join(missing)}")
+        raise MapError(f"{name}: a ROS map needs {', '.join(_REQUIRED)}; missing here: {', '.join(missing)}")
     return found
 
 
 def _number(name: str, value: Any) -> float:
-    """A number as YAML readers in C++ take it: quoted or not, 5e-2 without a point as well."""
+    """A number as yaml-cpp reads it: quoted or not, and 5e-2 without a decimal point too."""
     try:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
@@ -182,11 +182,11 @@ def _origin(described: Mapping[str, Any]) -> tuple[float, float, float]:
         raise MapError(f"origin is a list of three numbers, x, y and yaw, not {value!r}")
     x, y, yaw = (_number("origin", part) for part in value)
     if not all(math.isfinite(part) for part in (x, y, yaw)):
-        raise MapError(f"origin wants finite x, y and yaw, not {value!r}")
+        raise MapError(f"origin is finite x, y and yaw, not {value!r}")
     return x, y, yaw
 
 
 def _image(path: str | os.PathLike[str], named: Any) -> Path:
     if not isinstance(named, str) or not named:
-        raise MapError(f"image is the name of a picture, not {named!r}")
+        raise MapError(f"image is the file name of an image, not {named!r}")
     return Path(path).parent / named

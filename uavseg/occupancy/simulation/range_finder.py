@@ -1,4 +1,4 @@
-"""A laser range finder in simulation: where it stands, how it measures, what it returns."""
+"""Simulated laser range finder: field of view, maximum range, Gaussian noise."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from uavseg.occupancy.simulation.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class RangeFinder:
-    """A laser range finder that sees as far as `max_range_m` across a field of view.
+    """A laser range finder.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ class RangeFinder:
     Raises
     ------
     SceneError
-        If one of them is not positive, or the field of view wider than 360 degrees.
+        If a value is not positive, or the field of view is wider than 360 degrees.
 
     Examples
     --------
@@ -42,7 +42,7 @@ class RangeFinder:
 
     def __post_init__(self) -> None:
         check_positive("a standard deviation of ranges", self.sigma_m)
-        check_positive("a maximal range", self.max_range_m)
+        check_positive("a maximum range", self.max_range_m)
         check_positive("an angular step", self.step_deg)
         if not 0 < self.fov_deg <= 360:
             raise SceneError(f"a field of view is more than 0 and at most 360 degrees, not {self.fov_deg:g}")
@@ -54,17 +54,17 @@ class RangeFinder:
 
     @property
     def angles(self) -> Floats:
-        """Of the beams in radians from the heading: evenly spaced, and as many as the field of view holds."""
+        """Angles of the beams in radians from the heading, (n,): evenly spaced over the field of view."""
         steps = math.floor(self.fov_deg / self.step_deg + 1e-9)
-        beams = steps if self.fov_deg == 360 else steps + 1  # the first is not cast again after a whole turn
+        beams = steps if self.fov_deg == 360 else steps + 1  # a whole turn ends where it began
         angles: Floats = np.radians((np.arange(beams) - (beams - 1) / 2) * self.step_deg)
         return angles
 
     def scan(self, scene: Scene, pose: Pose, random: np.random.Generator) -> Scan:
-        """What the sensor returns.
+        """Simulate one scan.
 
-        A beam returns where a surface lies within the maximal range: its distance with noise added, which may
-        come out a little longer than that range, but never negative.
+        A beam returns if a surface lies within the maximum range. The range is its distance with noise added:
+        it may exceed the maximum range a little, but is never negative.
         """
         angles = self.angles
         distances = scene.cast(pose.x, pose.y, math.radians(pose.heading_deg) + angles)

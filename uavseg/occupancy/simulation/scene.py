@@ -1,4 +1,4 @@
-"""Scene: solid polygons and circles, and how far a beam gets among them."""
+"""Ray casting in a scene of solid polygons and circles."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,12 +17,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Solid things on a plane, in metres.
+    """Solid polygons and circles in the plane, in metres.
 
     Parameters
     ----------
     polygons : sequence of (n, 2) arrays
-        Corners (x, y) of simple polygons; the last is joined to the first.
+        Corners (x, y) of simple polygons; the last is connected to the first.
     circles : sequence of (x, y, radius)
 
     Raises
@@ -74,7 +74,16 @@ class Scene:
         return distances
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Which points lie inside something solid; arrays of one shape."""
+        """Whether points lie inside a polygon or circle.
+
+        Parameters
+        ----------
+        x, y : arrays of one shape
+
+        Returns
+        -------
+        inside : bool array of that shape
+        """
         xs, ys = np.asarray(x, np.float64), np.asarray(y, np.float64)
         shapely.prepare(self._shapes)
         inside: NDArray[np.bool_] = shapely.contains_xy(self._shapes, xs, ys)
@@ -86,7 +95,7 @@ class Scene:
 def _checked_ring(corners: ArrayLike, number: int) -> Floats:
     ring = np.asarray(corners, np.float64)
     if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3:
-        raise SceneError(f"polygon {number} wants three or more corners [x, y], not an array of {ring.shape}")
+        raise SceneError(f"polygon {number} needs three or more corners [x, y], not an array of {ring.shape}")
     if not np.isfinite(ring).all():
         raise SceneError(f"polygon {number} has a corner that is not finite")
     shape = shapely.Polygon(ring)
@@ -102,9 +111,9 @@ def _checked_ring(corners: ArrayLike, number: int) -> Floats:
 
 def _check_circle(circle: Sequence[float], number: int) -> None:
     if len(circle) != 3 or not np.isfinite(circle).all():
-        raise SceneError(f"circle {number} wants finite x, y and radius, not {list(circle)}")
+        raise SceneError(f"circle {number} needs finite x, y and radius, not {list(circle)}")
     if not circle[2] > 0:
-        raise SceneError(f"circle {number} has a radius of {circle[2]:g}; it is more than 0")
+        raise SceneError(f"circle {number} has a radius of {circle[2]:g}; expected more than 0")
 
 
 @kernel("void(f8, f8, f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
@@ -117,10 +126,10 @@ def _cast(x, y, rays, edges, discs, distances):  # type: ignore[no-untyped-def]
             ex, ey = edges[k, 2] - edges[k, 0], edges[k, 3] - edges[k, 1]
             det = dx * ey - dy * ex
             if det == 0.0:
-                continue  # along the edge: the ones that it meets are hit instead
+                continue  # parallel to the edge: the neighbouring edges are hit instead
             t = (ax * ey - ay * ex) / det
             s = (ax * dy - ay * dx) / det
-            if 0.0 <= t < nearest and -1e-12 <= s <= 1.0 + 1e-12:  # no beam slips through a corner
+            if 0.0 <= t < nearest and -1e-12 <= s <= 1.0 + 1e-12:  # the tolerance closes the corners
                 nearest = t
         for k in range(discs.shape[0]):
             cx, cy = discs[k, 0] - x, discs[k, 1] - y

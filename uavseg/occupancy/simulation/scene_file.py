@@ -1,7 +1,7 @@
-"""Scenes as JSON files.
+"""JSON files of scenes to simulate: reading and validation.
 
 All lengths are in metres, all angles in degrees counterclockwise from the x axis; y points up. ``map`` and
-``poses`` are wanted, everything else may be left out; nothing else may be there.
+``poses`` are required, the other keys are optional, and unknown keys are refused.
 
 .. code-block:: json
 
@@ -13,9 +13,9 @@ All lengths are in metres, all angles in degrees counterclockwise from the x axi
       "poses": [{"at": [0.2, 0.2], "heading": 45}]
     }
 
-``origin`` is the lower left corner of the map ([0, 0]); ``heading`` is where the middle of the field of view
-points (0). A sensor left out, or a part of it, has σ = 0.05, a range of 2, sees 360 degrees and has beams 0.5
-degrees apart.
+``origin`` is the lower left corner of the map (default [0, 0]); ``heading`` is the direction of the middle of
+the field of view (default 0). The defaults of the sensor are σ = 0.05, a range of 2, a field of view of 360
+degrees and beams 0.5 degrees apart.
 """
 
 import json
@@ -32,29 +32,35 @@ from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
 from uavseg.raster.geobox import GeoBox, local_geobox
 
-MAX_CELLS = 1 << 28
+_MAX_SCENE_CELLS = 1 << 28
 _SENSOR = {"sigma": "sigma_m", "range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
 
 
 def load_scene(path: str | os.PathLike[str]) -> Simulation:
-    """The simulation that a JSON file describes; see the head of this module.
+    """Read a simulation from a JSON file; the module's docstring describes the format.
 
     Raises
     ------
     SceneError
-        If the file is missing, is no JSON, has other keys or values than described, or describes what cannot
-        be.
+        If the file is missing or not JSON, has unknown keys or invalid values, or describes an impossible
+        scene.
     """
     name = os.fspath(path)
     try:
-        return simulation_from(_read(path))
+        return build_simulation(_read(path))
     except SceneError as error:
         raise SceneError(f"{name}: {error}") from error
 
 
-def simulation_from(described: Any) -> Simulation:
-    """The simulation that the contents of a scene file describe, as `json` reads them."""
-    found = _object("the scene", described, ("map", "poses"), ("polygons", "circles", "sensor"))
+def build_simulation(content: Any) -> Simulation:
+    """Make a simulation from the contents of a scene file, as `json` reads them.
+
+    Raises
+    ------
+    SceneError
+        If keys are missing or unknown, values are invalid, or the scene is impossible.
+    """
+    found = _object("the scene", content, ("map", "poses"), ("polygons", "circles", "sensor"))
     polygons = _list("polygons", found.get("polygons", []))
     circles = _list("circles", found.get("circles", []))
     scene = Scene(
@@ -78,16 +84,16 @@ def _read(path: str | os.PathLike[str]) -> Any:
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"it cannot be read as text ({error})") from error
     try:
-        return json.loads(text, parse_constant=_no_number, object_pairs_hook=_once)
+        return json.loads(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
     except (json.JSONDecodeError, RecursionError) as error:
-        raise SceneError(f"it is no JSON ({error})") from error
+        raise SceneError(f"it is not valid JSON ({error})") from error
 
 
-def _no_number(word: str) -> NoReturn:
+def _reject_constant(word: str) -> NoReturn:
     raise SceneError(f"{word} is not a number that a scene can have")
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     named = dict(pairs)
     if len(named) < len(pairs):
         names = [name for name, _ in pairs]
@@ -95,60 +101,64 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return named
 
 
-def _cells(described: Any) -> GeoBox:
-    found = _object("map", described, ("rows", "cols", "cell"), ("origin",))
+def _cells(content: Any) -> GeoBox:
+    found = _object("map", content, ("rows", "cols", "cell"), ("origin",))
     rows, cols = (_count(f"map {key}", found[key]) for key in ("rows", "cols"))
     cell = _number("map cell", found["cell"])
     if not cell > 0:
         raise SceneError(f"map cell is the side of a cell in metres, more than 0, not {cell:g}")
-    if rows * cols > MAX_CELLS:
-        raise SceneError(f"a map of {rows} x {cols} cells is too large; at most {MAX_CELLS} can be simulated")
+    if rows * cols > _MAX_SCENE_CELLS:
+        raise SceneError(
+            f"a map of {rows} x {cols} cells is too large; at most {_MAX_SCENE_CELLS} can be simulated"
+        )
     return local_geobox((rows, cols), cell, _pair("map origin", found.get("origin", [0, 0])))
 
 
-def _pose(name: str, described: Any) -> Pose:
-    found = _object(name, described, ("at",), ("heading",))
+def _pose(name: str, content: Any) -> Pose:
+    found = _object(name, content, ("at",), ("heading",))
     return Pose(*_pair(f"{name} at", found["at"]), _number(f"{name} heading", found.get("heading", 0)))
 
 
-def _circle(name: str, described: Any) -> tuple[float, float, float]:
-    found = _object(name, described, ("center", "radius"), ())
+def _circle(name: str, content: Any) -> tuple[float, float, float]:
+    found = _object(name, content, ("center", "radius"), ())
     return (*_pair(f"{name} center", found["center"]), _number(f"{name} radius", found["radius"]))
 
 
-def _object(name: str, value: Any, wanted: Sequence[str], allowed: Sequence[str]) -> dict[str, Any]:
+def _object(name: str, value: Any, required: Sequence[str], optional: Sequence[str]) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise SceneError(f"{name} is an object with {_and(wanted or allowed)}, not {_shown(value)}")
-    for key in wanted:
+        raise SceneError(
+            f"{name} is an object with {_join_names(required or optional)}, not {_as_json(value)}"
+        )
+    for key in required:
         if key not in value:
-            raise SceneError(f"{name} wants {_and(wanted)}; {key} is missing")
+            raise SceneError(f"{name} needs {_join_names(required)}; {key} is missing")
     for key in value:
-        if key not in (*wanted, *allowed):
-            raise SceneError(f"{name} has no {key!r}; it has {_and((*wanted, *allowed))}")
+        if key not in (*required, *optional):
+            raise SceneError(f"{name} has no {key!r}; it has {_join_names((*required, *optional))}")
     return value
 
 
 def _list(name: str, value: Any) -> list[Any]:
     if not isinstance(value, list):
-        raise SceneError(f"{name} is a list, not {_shown(value)}")
+        raise SceneError(f"{name} is a list, not {_as_json(value)}")
     return value
 
 
 def _pair(name: str, value: Any) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
-        raise SceneError(f"{name} wants places as [x, y], not {_shown(value)}")
+        raise SceneError(f"{name} takes positions as [x, y], not {_as_json(value)}")
     return _number(name, value[0]), _number(name, value[1])
 
 
 def _number(name: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise SceneError(f"{name} wants a finite number, not {_shown(value)}")
+        raise SceneError(f"{name} is a finite number, not {_as_json(value)}")
     return float(value)
 
 
 def _count(name: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
-        raise SceneError(f"{name} is a whole number of at least 1, not {_shown(value)}")
+        raise SceneError(f"{name} is a whole number of at least 1, not {_as_json(value)}")
     return value
 
 
@@ -156,10 +166,10 @@ def _numbered(values: Iterable[Any]) -> Iterable[tuple[int, Any]]:
     return enumerate(values, start=1)
 
 
-def _and(words: Sequence[str]) -> str:
+def _join_names(words: Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _shown(value: Any) -> str:
+def _as_json(value: Any) -> str:
     text = json.dumps(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

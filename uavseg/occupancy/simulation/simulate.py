@@ -1,4 +1,4 @@
-"""Simulation: a scene, a sensor and where it stands become a map, and the truth beside it."""
+"""Simulation of range scans: a scene, a sensor and poses to an occupancy grid, with its ground truth."""
 
 import math
 from collections.abc import Sequence
@@ -21,18 +21,18 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What a scene really is, cell by cell.
+    """Ground truth of a scene for each cell.
 
     Parameters
     ----------
     states : (rows, cols) uint8 array
-        1 free and 3 occupied where the sensor could see the cell, 2 (unknown) where it could not.
+        1 free and 3 occupied where the cell is visible to the sensor, 2 (unknown) elsewhere.
     solid : (rows, cols) bool array
-        The centre of the cell lies inside something.
+        Whether the centre of the cell lies inside a polygon or circle.
     visible : (rows, cols) bool array
-        The sensor could see the cell: from some pose its centre lies within the field of view and the maximal
-        range, with nothing in between; a solid cell counts as seen as deep as a beam still says something
-        about what it has hit, 3 σ.
+        Whether from some pose the centre of the cell lies within the field of view and the maximum range, and
+        nothing hides it. A solid cell is visible up to the depth at which a beam still updates cells behind
+        its return, 3 σ.
     """
 
     states: NDArray[np.uint8]
@@ -42,21 +42,21 @@ class Truth:
 
 @dataclass(frozen=True)
 class Simulation:
-    """A range finder that looks at a scene from several poses.
+    """A range finder that scans a scene from several poses.
 
     Parameters
     ----------
     scene : Scene
     sensor : RangeFinder
     poses : sequence of Pose
-        At least one; none stands inside something solid.
+        At least one; none lies inside a polygon or circle.
     geobox : GeoBox
         The cells of the map.
 
     Raises
     ------
     SceneError
-        If a pose is inside something, or there is none.
+        If there is no pose, or one lies inside a polygon or circle.
     """
 
     scene: Scene
@@ -66,7 +66,7 @@ class Simulation:
 
     def __post_init__(self) -> None:
         if not self.poses:
-            raise SceneError("a simulation wants at least one pose")
+            raise SceneError("a simulation needs at least one pose")
         for number, pose in enumerate(self.poses, start=1):
             if self.scene.contains([pose.x], [pose.y]).any():
                 raise SceneError(
@@ -74,14 +74,14 @@ class Simulation:
                 )
 
     def run(self, seed: int = 0) -> OccupancyGrid:
-        """The map that all scans together make; the noise of each pose depends on the seed and its number."""
+        """Merge the scans of all poses into a map; the noise of each depends on the seed and its number."""
         grid = OccupancyGrid(self.geobox)
         for number, pose in enumerate(self.poses):
             grid.merge(self.sensor.scan(self.scene, pose, np.random.default_rng([seed, number])))
         return grid
 
     def truth(self) -> Truth:
-        """What is free, what is solid and what the sensor could see."""
+        """The true state of each cell, and whether the sensor could observe it."""
         row, col = np.indices(self.geobox.shape)
         x, y = self.geobox.xy_from_pixel(row + 0.5, col + 0.5)
         solid = self.scene.contains(x, y)
@@ -93,14 +93,16 @@ class Simulation:
 
     def _visible_from(self, pose: Pose, x: NDArray[np.float64], y: NDArray[np.float64], solid: Mask) -> Mask:
         sensor = self.sensor
-        skin = REACH_SIGMAS * sensor.sigma_m
+        depth_limit = REACH_SIGMAS * sensor.sigma_m
         distance = np.hypot(x - pose.x, y - pose.y)
         angle = np.arctan2(y - pose.y, x - pose.x)
-        aside = (angle - math.radians(pose.heading_deg) + math.pi) % math.tau - math.pi
-        near = (distance <= sensor.max_range_m + skin) & (np.abs(aside) <= np.abs(sensor.angles).max())
-        seen = np.zeros(x.shape, bool)
+        bearing = (angle - math.radians(pose.heading_deg) + math.pi) % math.tau - math.pi
+        near = (distance <= sensor.max_range_m + depth_limit) & (
+            np.abs(bearing) <= np.abs(sensor.angles).max()
+        )
+        visible = np.zeros(x.shape, bool)
         depth = distance[near] - self.scene.cast(pose.x, pose.y, angle[near])  # behind the first surface
         surface = distance[near] - depth
         within = np.where(solid[near], surface, distance[near]) <= sensor.max_range_m
-        seen[near] = within & np.where(solid[near], depth <= skin, depth < 0)
-        return seen
+        visible[near] = within & np.where(solid[near], depth <= depth_limit, depth < 0)
+        return visible

@@ -1,4 +1,4 @@
-"""Leaves in a picture: the blocks of the quadtree, outlined."""
+"""Layer of leaves: the outlines of the quadtree's blocks."""
 
 import os
 from dataclasses import dataclass
@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
 from uavseg.plot.frame import Frame
-from uavseg.plot.layers.raster_layer import coarse_over
+from uavseg.plot.layers.raster_layer import open_coarse
 from uavseg.raster.tiling import Window
 from uavseg.units import CELL
 
-SIDES = (64, 32, 16, 8)
-SIDE_BAND = 2  # of a block map: the side of each leaf
-COLOR = "#ffd43b"
+_SIDES = (64, 32, 16, 8)
+_SIDE_BAND = 2  # band of a block map that holds the side of each leaf
+_COLOR = "#ffd43b"
 
 
 @dataclass(frozen=True)
 class LeavesLayer:
-    """Leaves on the sheet.
+    """Leaves in plot coordinates.
 
     Parameters
     ----------
     corners : (n, 4, 2) float64 array
-        Of each leaf, on the sheet; cut off at the edge of the raster.
+        Of each leaf, clipped to the raster.
     sides : (n,) int64 array
         64, 32, 16 or 8 pixels.
     """
@@ -34,50 +34,50 @@ class LeavesLayer:
     sides: NDArray[np.int64]
 
     @classmethod
-    def of(cls, source: str | os.PathLike[str], frame: Frame, most: int) -> "LeavesLayer":
-        """Leaves of a block map that `uavseg divide` wrote, of the raster in the picture.
+    def of(cls, source: str | os.PathLike[str], frame: Frame, max_side: int) -> "LeavesLayer":
+        """Leaves of the block map that `uavseg divide` wrote for this raster.
 
         Parameters
         ----------
         most : int
-            Rows and columns of cells that may be read.
+            Largest number of rows and columns of cells that is read.
 
         Raises
         ------
         RasterError
-            If it is no block map, or that of another raster.
+            If it is not a block map, or that of another raster.
         ParameterError
-            If even the largest leaves are too small to be seen.
+            If even the largest leaves are too small to be visible.
         """
         box = frame.geobox
         cells = box.coarsen(CELL)
-        if max(cells.shape) > most:
+        if max(cells.shape) > max_side:
             raise ParameterError(
                 f"leaves of a raster of {box.shape[1]:,} x {box.shape[0]:,} pixels are too small to be seen; "
                 "give a larger --width, or draw a part of it (gdal_translate -srcwin)"
             )
-        coarse = coarse_over(source, frame, most, SIDE_BAND)
+        coarse = open_coarse(source, frame, max_side, _SIDE_BAND)
         if coarse.geobox.shape != cells.shape or not coarse.geobox.transform.almost_equals(cells.transform):
             raise RasterError(f"{coarse.source} is not the block map of this raster; uavseg divide makes one")
         values, valid = coarse.read(Window(0, 0, *cells.shape))
         sides = values[0] if valid is None else np.where(valid, values[0], 0)
-        if not np.isin(sides, SIDES).all():
+        if not np.isin(sides, _SIDES).all():
             raise RasterError(f"{coarse.source} is not a block map; uavseg divide makes one")
-        squares, lengths = squares_of(sides.astype(np.int64), box.shape)
+        squares, lengths = leaf_squares(sides.astype(np.int64), box.shape)
         xy = np.stack(box.xy_from_pixel(*squares.reshape(-1, 2).T), axis=1)
-        return cls(frame.sheet_from_xy(xy).reshape(-1, 4, 2), lengths)
+        return cls(frame.plot_from_xy(xy).reshape(-1, 4, 2), lengths)
 
-    def told(self, on_globe: bool) -> list[str]:
-        """How many leaves there are."""
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """The number of leaves."""
         return [f"{len(self.sides):,} {'leaf' if len(self.sides) == 1 else 'leaves'}"]
 
-    def draw(self, ax: Any, unit: float) -> None:
-        """Draw on axes, where `unit` is the length on the sheet of one point (1/72 inch)."""
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import PolyCollection
 
         how: dict[str, Any] = {
             "facecolor": "none",
-            "edgecolor": COLOR,
+            "edgecolor": _COLOR,
             "lw": 0.5,
             "alpha": 0.85,
             "zorder": 2.8,
@@ -85,17 +85,17 @@ class LeavesLayer:
         ax.add_collection(PolyCollection(list(self.corners), label="leaf", **how))
 
 
-def squares_of(
+def leaf_squares(
     sides: NDArray[np.int64], shape: tuple[int, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The leaves in which cells of 8 x 8 pixels lie.
+    """The leaves that cells of 8 x 8 pixels belong to.
 
     Parameters
     ----------
     sides : (m, n) int64 array
         Side of the leaf of each cell, in pixels.
     shape : (int, int)
-        Of the raster, where leaves are cut off.
+        Of the raster, to which leaves are clipped.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def squares_of(
 
     Examples
     --------
-    >>> corners, sides = squares_of(np.array([[16, 16, 8], [16, 16, 8]]), (16, 20))
+    >>> corners, sides = leaf_squares(np.array([[16, 16, 8], [16, 16, 8]]), (16, 20))
     >>> corners[:, [0, 2]].tolist(), sides.tolist()
     ([[[0, 0], [16, 16]], [[0, 16], [8, 20]], [[8, 16], [16, 20]]], [16, 8, 8])
     """

@@ -1,4 +1,4 @@
-"""Levels in a picture: every segment in the grey of its interval."""
+"""Layer of levels: each segment in the grey of its interval."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,60 +9,60 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
-from uavseg.plot.polygons import Polygons, Shapes, outlines
+from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths
 
 
 @dataclass(frozen=True)
 class LevelsLayer:
-    """Segments on the sheet, with the grey of their levels.
+    """Segments in plot coordinates, with the grey of their levels.
 
     Parameters
     ----------
     polygons : (n,) object array of shapely geometries
     levels : (n,) int64 array
-        The darkest has the least number.
+        The darkest has the smallest number.
     greys : (n,) float64 array
         0 black to 1 white.
     """
 
-    polygons: Polygons
+    polygons: PolygonArray
     levels: NDArray[np.int64]
     greys: NDArray[np.float64]
 
     @classmethod
     def of(cls, source: Any, frame: Frame) -> "LevelsLayer":
-        """Segments of a file that `uavseg levels` wrote, or of a GeoDataFrame, brought to the sheet.
+        """Segments of a file that `uavseg levels` wrote, or of a GeoDataFrame.
 
         Raises
         ------
         RegionError
-            If it cannot be read or has no levels.
+            If it cannot be read or has no column `level`.
         """
-        found = Shapes.of(source)
+        found = PolygonTable.of(source)
         if "level" not in found.columns:
             raise RegionError("the segments to draw in grey have no column level; uavseg levels makes them")
         levels = np.asarray(found.columns["level"], np.int64)
-        return cls(found.on_sheet(frame), levels, _greys(levels, found.columns))
+        return cls(found.in_plot(frame), levels, _greys(levels, found.columns))
 
-    def told(self, on_globe: bool) -> list[str]:
-        """How many segments there are, of how many levels."""
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """The number of segments and of levels."""
         count, levels = len(self.levels), len(np.unique(self.levels))
         return [f"{count:,} segment{'s' if count != 1 else ''} of {levels} level{'s' if levels != 1 else ''}"]
 
-    def draw(self, ax: Any, unit: float) -> None:
-        """Draw on axes, where `unit` is the length on the sheet of one point (1/72 inch)."""
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import PathCollection
 
-        seen = np.sqrt(shapely.area(self.polygons)) > 0.3 * unit
+        seen = np.sqrt(shapely.area(self.polygons)) > 0.3 * point
         for level in np.unique(self.levels[seen]):
             chosen = seen & (self.levels == level)
             color = str(self.greys[chosen][0])
-            paths = outlines(shapely.simplify(self.polygons[chosen], 0.2 * unit))
+            paths = polygon_paths(shapely.simplify(self.polygons[chosen], 0.2 * point))
             ax.add_collection(PathCollection(paths, facecolor=color, edgecolor=color, lw=0.3, zorder=2.2))
 
 
 def _greys(levels: NDArray[np.int64], columns: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
-    """The middle of each segment's interval; evenly spread levels where the interval is not told."""
+    """The middle of each segment's interval; evenly spaced greys if the intervals are not given."""
     if "range_low" in columns and "range_high" in columns:
         ends = [np.asarray(columns[name], np.float64) for name in ("range_low", "range_high")]
         return np.clip((ends[0] + ends[1]) / 2, 0, 1)

@@ -1,4 +1,4 @@
-"""A path in a picture: its line in white, where it begins and where it ends."""
+"""Layer of a path: its line in white, its start and its goal."""
 
 import json
 import os
@@ -10,80 +10,90 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import PathError
-from uavseg.occupancy.paths.find_path import Way
+from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.plot.frame import Frame
 
-LINE, CASING = "#ffffff", "#111111"
-START, GOAL = "#37b24d", "#f03e3e"
-MISSIONS = (".plan", ".waypoints")
+_LINE_COLOR, _CASING_COLOR = "#ffffff", "#111111"
+_START_COLOR, _GOAL_COLOR = "#37b24d", "#f03e3e"
+_MISSION_SUFFIXES = (".plan", ".waypoints")
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class PathLayer:
-    """A path on the sheet.
+    """A path in plot coordinates.
 
     Parameters
     ----------
     lines : tuple of (n, 2) float64 arrays
-        One, or several where the antimeridian cuts it.
+        One, or several if it is split at the antimeridian.
     length_m : float or None
-        As its file tells it.
+        None if the file does not contain it.
     """
 
     lines: tuple[Floats, ...]
     length_m: float | None
 
     @classmethod
-    def of(cls, source: "Way | str | os.PathLike[str]", frame: Frame) -> "PathLayer":
-        """A path that `uavseg path` found or wrote, as GeoJSON or as a mission, brought to the sheet.
+    def of(cls, source: "PlannedPath | str | os.PathLike[str]", frame: Frame) -> "PathLayer":
+        """A path of `uavseg.path`, or a file of `uavseg path`: GeoJSON or a mission.
 
         Raises
         ------
         PathError
-            If the file cannot be read or holds no line.
+            If the file cannot be read or has no line.
         """
-        if isinstance(source, Way):
-            return cls((frame.sheet_from_xy(source.xy),), source.length_m)
-        if Path(source).suffix.lower() in MISSIONS:
-            return cls((_flown(source, frame),), None)
-        lines, length = _read(Path(source))
+        if isinstance(source, PlannedPath):
+            return cls((frame.plot_from_xy(source.xy),), source.length_m)
+        if Path(source).suffix.lower() in _MISSION_SUFFIXES:
+            return cls((_read_mission_path(source, frame),), None)
+        lines, length = _read_geojson(Path(source))
         if frame.geobox.crs is None:
-            return cls(tuple(frame.sheet_from_xy(line) for line in lines), length)
+            return cls(tuple(frame.plot_from_xy(line) for line in lines), length)
         if any(np.abs(line).max() > 180 for line in lines):
             raise PathError(f"{source} has local coordinates, and this raster has a place on Earth")
-        return cls(tuple(frame.sheet_from_lonlat(*line.T) for line in lines), length)
+        return cls(tuple(frame.plot_from_lonlat(*line.T) for line in lines), length)
 
-    def told(self, on_globe: bool) -> list[str]:
-        """How long it is."""
-        unit = " m" if on_globe else ""
-        return ["path" if self.length_m is None else f"path of {self.length_m:,.5g}{unit}"]
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """The length of the path."""
+        point = " m" if has_crs else ""
+        return ["path" if self.length_m is None else f"path of {self.length_m:,.5g}{point}"]
 
-    def draw(self, ax: Any, unit: float) -> None:
-        """Draw on axes, where `unit` is the length on the sheet of one point (1/72 inch)."""
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         for line in self.lines:
-            ax.plot(*line.T, color=CASING, lw=3.2, alpha=0.8, solid_joinstyle="round", zorder=4.8)
-            ax.plot(*line.T, color=LINE, lw=1.6, solid_joinstyle="round", zorder=4.9)
-        ends = {"start": (self.lines[0][0], START, "o"), "goal": (self.lines[-1][-1], GOAL, "D")}
+            ax.plot(*line.T, color=_CASING_COLOR, lw=3.2, alpha=0.8, solid_joinstyle="round", zorder=4.8)
+            ax.plot(*line.T, color=_LINE_COLOR, lw=1.6, solid_joinstyle="round", zorder=4.9)
+        ends = {
+            "start": (self.lines[0][0], _START_COLOR, "o"),
+            "goal": (self.lines[-1][-1], _GOAL_COLOR, "D"),
+        }
         for name, (place, color, marker) in ends.items():
             ax.scatter(
-                *place, s=48, marker=marker, color=color, edgecolor=LINE, lw=1.1, zorder=4.95, label=name
+                *place,
+                s=48,
+                marker=marker,
+                color=color,
+                edgecolor=_LINE_COLOR,
+                lw=1.1,
+                zorder=4.95,
+                label=name,
             )
 
 
-def _flown(source: str | os.PathLike[str], frame: Frame) -> Floats:
+def _read_mission_path(source: str | os.PathLike[str], frame: Frame) -> Floats:
     from uavseg.flight import files
     from uavseg.flight.items import WAYPOINT
 
-    places = [item for item in files.read(source).items if item.command == WAYPOINT]
+    places = [item for item in files.read_mission(source).items if item.command == WAYPOINT]
     if not places:
         raise PathError(f"{source} has no waypoints, so there is no path to draw")
-    return frame.sheet_from_lonlat([item.lon for item in places], [item.lat for item in places])
+    return frame.plot_from_lonlat([item.lon for item in places], [item.lat for item in places])
 
 
-def _read(source: Path) -> tuple[list[Floats], float | None]:
-    """The lines of a GeoJSON file, and the length that it tells."""
+def _read_geojson(source: Path) -> tuple[list[Floats], float | None]:
+    """The lines of a GeoJSON file, and the length in its properties."""
     try:
         [feature] = json.loads(source.read_text(encoding="utf-8"))["features"]
         shape = feature["geometry"]

@@ -1,4 +1,4 @@
-"""Ranges in a picture: the cells of each in its colour, translucent over grey."""
+"""Layer of ranges: the cells of each range in its colour, translucent over grey."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,83 +8,91 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.plot.frame import Frame
-from uavseg.plot.layers.raster_layer import show
+from uavseg.plot.layers.raster_layer import draw_image
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.units import CELL
 
-COLORS = ("#3b5bdb", "#19c3f0", "#2fd05f", "#b5e61d", "#ffe119", "#ff8c1a", "#e8362e", "#f032e6")
-ALPHA = 0.42
-OVER_CELLS = 2.2  # zorder
+RANGE_COLORS = ("#3b5bdb", "#19c3f0", "#2fd05f", "#b5e61d", "#ffe119", "#ff8c1a", "#e8362e", "#f032e6")
+_ALPHA = 0.42
+_ZORDER = 2.2  # zorder
 
 
-def colors_of(count: int) -> list[str]:
-    """A colour for each of some ranges, the darkest range first.
+def range_colors(count: int) -> list[str]:
+    """Colours of `count` ranges, the darkest range first.
 
     Examples
     --------
-    >>> colors_of(2)
+    >>> range_colors(2)
     ['#3b5bdb', '#e8362e']
     """
-    last = len(COLORS) - 2 if count < len(COLORS) else len(COLORS) - 1
-    return [COLORS[round(k * last / max(count - 1, 1))] for k in range(count)]
+    last = len(RANGE_COLORS) - 2 if count < len(RANGE_COLORS) else len(RANGE_COLORS) - 1
+    return [RANGE_COLORS[round(k * last / max(count - 1, 1))] for k in range(count)]
 
 
 @dataclass(frozen=True)
 class RangeLayer:
-    """Ranges on the sheet.
+    """Ranges in plot coordinates.
 
     Parameters
     ----------
     intervals : (rows, cols) uint8 array
         The range of each pixel of the layer, counted from 1; 0 for none.
     pixels : Affine
-        From pixel corners (col, row) of the layer to the sheet.
+        From pixel corners (col, row) of the layer to plot coordinates.
     count : int
         Number of ranges.
     """
 
     intervals: NDArray[np.uint8]
-    pixels: Affine
+    plot_from_pixel: Affine
     count: int
 
     @classmethod
-    def of(cls, intervals: NDArray[np.uint8], count: int, frame: Frame, most: int) -> "RangeLayer":
-        """The ranges of cells of 8 x 8 pixels, in at most `most` rows and columns."""
-        return cls(*spread(intervals, frame, most), count)
+    def of(cls, intervals: NDArray[np.uint8], count: int, frame: Frame, max_side: int) -> "RangeLayer":
+        """The ranges of cells of 8 x 8 pixels, upsampled to at most `max_side` rows and columns."""
+        return cls(*upsample_cells(intervals, frame, max_side), count)
 
     def draw(self, ax: Any) -> None:
         """Draw on axes."""
         from matplotlib.colors import to_rgba
 
         table = np.zeros((self.count + 1, 4), np.uint8)
-        for k, color in enumerate(colors_of(self.count), start=1):
-            table[k] = np.round(255 * np.array(to_rgba(color, ALPHA)))
-        show(ax, table[self.intervals], self.pixels, zorder=OVER_CELLS)
+        for k, color in enumerate(range_colors(self.count), start=1):
+            table[k] = np.round(255 * np.array(to_rgba(color, _ALPHA)))
+        draw_image(ax, table[self.intervals], self.plot_from_pixel, zorder=_ZORDER)
 
 
-def draw_cells(ax: Any, greys: NDArray[np.uint8], known: NDArray[np.bool_], frame: Frame, most: int) -> None:
-    """Cells of 8 x 8 pixels in grey, where there is no raster to draw."""
-    shown, pixels = spread(greys, frame, most)
-    alpha, _ = spread(np.where(known, np.uint8(255), np.uint8(0)), frame, most)
-    show(ax, np.stack([shown, shown, shown, alpha], axis=-1), pixels, zorder=2)
+def draw_cells(
+    ax: Any, greys: NDArray[np.uint8], known: NDArray[np.bool_], frame: Frame, max_side: int
+) -> None:
+    """Draw cells of 8 x 8 pixels in grey, in place of a raster."""
+    grey, plot_from_pixel = upsample_cells(greys, frame, max_side)
+    alpha, _ = upsample_cells(np.where(known, np.uint8(255), np.uint8(0)), frame, max_side)
+    draw_image(ax, np.stack([grey, grey, grey, alpha], axis=-1), plot_from_pixel, zorder=2)
 
 
-def spread(cells: NDArray[np.uint8], frame: Frame, most: int) -> tuple[NDArray[np.uint8], Affine]:
-    """Cells as a picture of exactly the raster's ground: each pixel shows the cell that its middle is in.
+def upsample_cells(cells: NDArray[np.uint8], frame: Frame, max_side: int) -> tuple[NDArray[np.uint8], Affine]:
+    """Upsample cells of 8 x 8 pixels to the extent of the raster (nearest neighbour).
+
+    Parameters
+    ----------
+    cells : (m, n) uint8 array
+    frame : Frame
+    max_side : int
+        Largest number of rows and columns of the result.
 
     Returns
     -------
     picture : (rows, cols) uint8 array
-        At most `most` of both.
     pixels : Affine
-        From its pixel corners (col, row) to the sheet.
+        From its pixel corners (col, row) to plot coordinates.
     """
     box: GeoBox = frame.geobox
-    step = max(-(-max(box.shape) // most), 1)
+    step = max(-(-max(box.shape) // max_side), 1)
     rows, cols = (max(length // step, 1) for length in box.shape)
     row, col = (
         ((np.arange(n) + 0.5) * length / n).astype(np.int64) // CELL
         for n, length in zip((rows, cols), box.shape, strict=True)
     )
-    pixels = frame.affine * scaled(box.transform, box.shape[0] / rows, box.shape[1] / cols)
-    return cells[np.ix_(row, col)], pixels
+    plot_from_pixel = frame.plot_from_map * scaled(box.transform, box.shape[0] / rows, box.shape[1] / cols)
+    return cells[np.ix_(row, col)], plot_from_pixel

@@ -1,4 +1,4 @@
-"""Rasters in a picture: the one that it is of in grey, and others over it."""
+"""Raster layer: the raster of the picture in grey; coarse reads of other rasters over it."""
 
 import os
 from typing import Any
@@ -16,10 +16,10 @@ from uavseg.raster.tiling import TilePass, Window
 
 
 def draw_raster(ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str) -> str:
-    """Grey where pixels are valid, hatched where they are not; returns the name of the stretch."""
+    """Draw a raster in grey, hatched where it is invalid; returns the name of the stretch."""
     from matplotlib.patches import Polygon
 
-    coarse = DatasetOverview.of(dataset, _most_pixels(ax))
+    coarse = DatasetOverview.of(dataset, _max_side(ax))
     window = Window(0, 0, *coarse.geobox.shape)
     fitted = fit_stretch(coarse, stretch, TilePass([window]))
     values, valid = coarse.read(window)
@@ -28,12 +28,22 @@ def draw_raster(ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | Stre
     if valid is not None:
         picture[..., 3] = np.where(valid, 255, 0)
         ax.add_patch(Polygon(frame.corners, fc="#f4f4f4", ec="#cfcfcf", hatch="////", lw=0, zorder=1))
-    show(ax, picture, frame.affine * coarse.geobox.transform, zorder=2)
+    draw_image(ax, picture, frame.plot_from_map * coarse.geobox.transform, zorder=2)
     return fitted.name
 
 
-def show(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) -> None:
-    """Show (rows, cols, 4) pixels, of which `transform` tells where they lie on the sheet."""
+def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) -> None:
+    """Draw an image.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+    picture : (rows, cols, 4) uint8 array
+        Red, green, blue and alpha.
+    transform : Affine
+        From pixel corners (col, row) to plot coordinates.
+    zorder : float
+    """
     from matplotlib.transforms import Affine2D
 
     t = transform
@@ -48,35 +58,35 @@ def show(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) 
     image.set_clip_path(ax.patch)
 
 
-def coarse_over(
-    path: str | os.PathLike[str], frame: Frame, most: int, band: int | None = None
+def open_coarse(
+    path: str | os.PathLike[str], frame: Frame, max_side: int, band: int | None = None
 ) -> DatasetOverview:
-    """Another raster that lies over the one of the picture, in at most `most` rows and columns.
+    """Open another raster over that of the picture, with at most `max_side` rows and columns.
 
     Raises
     ------
     RasterError
-        If its coordinate system is another one.
+        If its coordinate system differs.
     """
-    return coarse_of(Dataset.open(path, band=band), frame, most)
+    return read_coarsely(Dataset.open(path, band=band), frame, max_side)
 
 
-def coarse_of(dataset: Dataset, frame: Frame, most: int) -> DatasetOverview:
-    """As `coarse_over`, of a dataset that is open already."""
+def read_coarsely(dataset: Dataset, frame: Frame, max_side: int) -> DatasetOverview:
+    """As `open_coarse`, for an open dataset."""
     if dataset.geobox.crs != frame.geobox.crs:
         raise RasterError(
             f"{dataset.source} has another coordinate system than the raster of the picture; "
             "draw it over the one that it was made from"
         )
-    return DatasetOverview.of(dataset, most)
+    return DatasetOverview.of(dataset, max_side)
 
 
-def _most_pixels(ax: Any) -> int:
+def _max_side(ax: Any) -> int:
     box = ax.get_window_extent()
     return int(2 * max(box.width, box.height))
 
 
 def _is_enlarged(ax: Any, transform: Affine) -> bool:
-    """Whether a pixel of the raster is larger than two of the picture."""
+    """Whether a pixel of the raster is larger than two pixels of the picture."""
     left, right = ax.get_xlim()
     return bool(abs(transform.determinant) ** 0.5 > 2 * (right - left) / ax.get_window_extent().width)

@@ -1,6 +1,7 @@
-"""What may be drawn over a raster, in the order in which it is drawn."""
+"""Stack of layers over a raster, in drawing order."""
 
 import os
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from uavseg.plot.frame import Frame
@@ -16,40 +17,45 @@ File = str | os.PathLike[str]
 
 
 class Layer(Protocol):
-    """Something drawn over a raster."""
+    """A layer over a raster, in plot coordinates."""
 
-    def draw(self, ax: Any, unit: float) -> None:
-        """Draw on axes, where `unit` is the length on the sheet of one point (1/72 inch)."""
+    def draw(self, ax: Any, point: float) -> None:
+        """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
 
-    def told(self, on_globe: bool) -> list[str]:
-        """What the title says of it; `on_globe` where the raster has a CRS, so that metres are known."""
+    def title_parts(self, has_crs: bool) -> list[str]:
+        """Parts of the title that describe the layer; lengths and areas are in metres if there is a CRS."""
 
 
-def layers_over(
-    frame: Frame,
-    most: int,
-    levels: Any = None,
-    states: Dataset | File | None = None,
-    leaves: File | None = None,
-    regions: Any = None,
-    path: Any = None,
-    mission: Any = None,
-) -> list[Layer]:
-    """The layers that are wanted, each as `uavseg.plot.preview` takes it, the lowest first.
+@dataclass(frozen=True, slots=True)
+class LayerSources:
+    """Inputs of the layers, the lowest first; each as `uavseg.plot.preview` takes it, None for no layer."""
+
+    levels: Any = None
+    states: Dataset | File | None = None
+    leaves: File | None = None
+    regions: Any = None
+    path: Any = None
+    mission: Any = None
+
+
+def make_layers(sources: LayerSources, frame: Frame, max_side: int) -> list[Layer]:
+    """The layers that have a source, the lowest first.
 
     Parameters
     ----------
+    sources : LayerSources
     frame : Frame
-        The sheet.
-    most : int
-        Rows and columns of a raster that are read at most.
+    max_side : int
+        Rasters are read with at most this many rows and columns.
     """
-    found: list[Layer | None] = [
+    levels, states, leaves = sources.levels, sources.states, sources.leaves
+    regions, path, mission = sources.regions, sources.path, sources.mission
+    layers: list[Layer | None] = [
         None if levels is None else LevelsLayer.of(levels, frame),
-        None if states is None else StatesLayer.of(states, frame, most),
-        None if leaves is None else LeavesLayer.of(leaves, frame, most),
+        None if states is None else StatesLayer.of(states, frame, max_side),
+        None if leaves is None else LeavesLayer.of(leaves, frame, max_side),
         None if regions is None else RegionLayer.of(regions, frame),
         None if path is None else PathLayer.of(path, frame),
         None if mission is None else MissionLayer.of(mission, frame),
     ]
-    return [layer for layer in found if layer is not None]
+    return [layer for layer in layers if layer is not None]

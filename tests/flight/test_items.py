@@ -1,0 +1,61 @@
+"""Mission items and home: positions on Earth, heights, frames, parameters."""
+
+import math
+from typing import Any
+
+import pytest
+
+from tests.flight.mission_items import waypoint
+from uavseg.errors import MissionError
+from uavseg.flight.items import (
+    FRAME_MISSION,
+    FRAME_RELATIVE,
+    LAND,
+    Home,
+    Item,
+)
+
+
+@pytest.mark.parametrize(
+    ("lat", "lon", "words"),
+    [
+        (math.nan, 8, "finite"),
+        (47, math.inf, "finite"),
+        (90.001, 8, "-90..90"),
+        (-91, 8, "-90..90"),
+        (47, 180.5, "-180..180"),
+        (122.3, 49.4, "swapped"),
+    ],
+)
+def test_a_position_that_is_not_on_earth_is_refused(lat: float, lon: float, words: str) -> None:
+    with pytest.raises(MissionError, match=words):
+        Home(lat, lon)
+    with pytest.raises(MissionError, match=words):
+        waypoint(lat, lon)
+
+
+@pytest.mark.parametrize("altitude_m", [-1.0, 0.0, 1000.5, math.nan, math.inf])
+def test_an_altitude_at_the_ground_or_absurd_is_refused(altitude_m: float) -> None:
+    with pytest.raises(MissionError, match="altitude"):
+        waypoint(altitude_m=altitude_m)
+
+
+def test_a_landing_may_be_at_the_ground() -> None:
+    assert Item(LAND, FRAME_RELATIVE, lat=47.0, lon=8.0).altitude_m == 0
+
+
+@pytest.mark.parametrize("altitude_m", [-501.0, 9001.0, math.nan])
+def test_home_is_on_the_ground_of_the_earth(altitude_m: float) -> None:
+    with pytest.raises(MissionError, match="above the sea"):
+        Home(47, 8, altitude_m)
+
+
+def test_a_position_needs_a_frame_of_positions() -> None:
+    with pytest.raises(MissionError, match="frame 3"):
+        waypoint(frame=FRAME_MISSION)
+
+
+@pytest.mark.parametrize("params", [(0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0), (0.0, math.inf, 0.0, 0.0)])
+def test_parameters_are_four_finite_numbers(params: Any) -> None:
+    with pytest.raises(MissionError, match="four parameters"):
+        waypoint(params=params)

@@ -1,0 +1,53 @@
+"""Stack of layers: drawing order, and coarse reads of large rasters only."""
+
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import shapely
+
+from tests.plot.layers.maps import BOX, MOST, UTM, write
+from uavseg.plot.frame import Frame
+from uavseg.plot.layers.levels_layer import LevelsLayer
+from uavseg.plot.layers.region_layer import RegionLayer
+from uavseg.plot.layers.stack import LayerSources, make_layers
+from uavseg.plot.layers.states_layer import StatesLayer
+from uavseg.plot.preview import preview
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+
+
+def test_layers_of_a_large_raster_are_never_read_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    large = GeoBox((3000, 2000), BOX.transform, UTM)
+    raster = write(tmp_path / "a.tif", np.zeros(large.shape, np.uint8), large)
+    many = write(tmp_path / "s.tif", np.ones(large.shape, np.uint8), large, nodata=0)
+    asked = []
+    whole = Dataset.read_coarse
+
+    def spy(self: Dataset, max_side: int) -> Any:
+        asked.append(max_side)
+        return whole(self, max_side)
+
+    def refuse(*_: Any) -> Any:
+        raise AssertionError("a full window was read")
+
+    monkeypatch.setattr(Dataset, "read_coarse", spy)
+    monkeypatch.setattr(Dataset, "read", refuse)
+    preview(raster, tmp_path / "a.png", states=many, width_px=300)
+    assert len(asked) == 2 and max(asked) < 1000
+
+
+def test_layers_are_drawn_from_the_ground_up_and_only_those_with_a_source(tmp_path: Path) -> None:
+    box = shapely.box(4e5 + 5, 5e6 - 40, 4e5 + 60, 5e6 - 20)
+    table = geopandas.GeoDataFrame({"id": [1], "level": [1]}, geometry=[box], crs=UTM)
+    all_states = write(tmp_path / "s.tif", np.ones(BOX.shape, np.uint8), nodata=0)
+    sources = LayerSources(levels=table, states=all_states, regions=table)
+    layers = make_layers(sources, Frame(BOX), MOST)
+    assert [type(layer) for layer in layers] == [LevelsLayer, StatesLayer, RegionLayer]
+    assert make_layers(LayerSources(), Frame(BOX), MOST) == []
+    for layer in layers:
+        assert all(layer.title_parts(True)) and all(layer.title_parts(False))
