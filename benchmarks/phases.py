@@ -28,9 +28,9 @@ TIMED_FUNCTIONS = (
     ("segmentation/components.py", "label_components", "`components.label_components`"),
     ("segmentation/components.py", "component_sums", "`components.component_sums`"),
     ("regions/outline/chains.py", "trace_tile", "`chains.trace_tile`"),
-    ("regions/outline/trace.py", "link", "`trace.link`"),
-    ("regions/table.py", "make", "areas, lengths, interior points: `table.make`"),
-    ("regions/formats/export.py", "write", "GeoPackage: `export.write`"),
+    ("regions/outline/trace.py", "link_rings", "`trace.link_rings`"),
+    ("regions/table.py", "make_regions", "areas, lengths, interior points: `make_regions`"),
+    ("regions/formats/export.py", "write_regions", "GeoPackage: `export.write_regions`"),
 )
 
 
@@ -72,7 +72,7 @@ def _measure(raster: str) -> list[tuple[str, float]]:
         profile.enable()
         request = ExtractRequest(IntensityRange(LOW, 1), min_area=Area(MIN_PIXELS, True))
         found = extract(open_source(raster), request)
-        export.write(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
+        export.write_regions(found.regions, Path(folder) / "regions.gpkg", overwrite=False)
         profile.disable()
     total = time.perf_counter() - start
     spent = {

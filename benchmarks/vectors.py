@@ -85,7 +85,7 @@ def _measured(side: int, rounds: int) -> Vectorised:
 
     from uavseg.execution.executors import serial, threads
     from uavseg.regions.outline.trace import trace
-    from uavseg.regions.shapes import Shapes
+    from uavseg.regions.shapes import LazyPolygons
 
     labels = np.unique(label_image(side), return_inverse=True)[1].reshape(side, side).astype(
         np.uint32
@@ -94,7 +94,7 @@ def _measured(side: int, rounds: int) -> Vectorised:
     transform = Affine(0.5, 0, 5e5, 0, -0.5, 5e6)
 
     def uavseg_result(map: Any) -> Any:
-        return np.asarray(Shapes(trace(labels, map), transform))
+        return np.asarray(LazyPolygons(trace(labels, map), transform))
 
     def rasterio_result() -> Any:
         return [

@@ -23,7 +23,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams
@@ -77,7 +77,7 @@ class InMemory:
         return self.values[window.slices][None], None if valid.all() else valid
 
 
-def segmented(case: Case, side: int, run: Map) -> Outlined:
+def segmented(case: Case, side: int, run: Map) -> RegionOutlines:
     """The regions by the package, tile by tile."""
     source = GreySource(InMemory(case.values, case.valid), Stretch(*case.bounds, ""))
     windows = tiles(source.shape, side)

@@ -165,7 +165,7 @@ def written(write_to: Callable[[str], object], name: str) -> bytes:
 
 def geojson_of(frame: geopandas.GeoDataFrame) -> bytes:
     stream = BytesIO()
-    export.write(regions_of(frame), stream)
+    export.write_regions(regions_of(frame), stream)
     return stream.getvalue()
 
 

@@ -72,7 +72,7 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("regions") / "two.gpkg"
     columns = {"id": np.array([1, 2]), "mean": np.array([0.5, np.nan])}
     squares = np.array([shapely.box(n, 0, n + 1, 1) for n in range(2)], dtype=object)
-    export.write(Regions(columns, squares, 'LOCAL_CS["here",UNIT["metre",1]]'), path)
+    export.write_regions(Regions(columns, squares, 'LOCAL_CS["here",UNIT["metre",1]]'), path)
     return path
 
 

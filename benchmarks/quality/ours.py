@@ -13,7 +13,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import StretchSpec
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.rasterise import Painter
+from uavseg.regions.outline.rasterise import Rasteriser
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 DEFAULT = "default"
@@ -43,4 +43,4 @@ def extracted(scene: Scene, params: SegmentParams) -> Mask:
     found = extract(Raster(dataset, StretchSpec("none")), ExtractRequest(IntensityRange(*RANGE), params))
     if len(found.rings.starts) == 0:
         return np.zeros(scene.v.shape, bool)
-    return Painter(found.rings)(Window(0, 0, *scene.v.shape)) > 0
+    return Rasteriser(found.rings)(Window(0, 0, *scene.v.shape)) > 0

@@ -28,7 +28,7 @@ from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.tiling import tiles, windows_of
 from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.small import Area
-from uavseg.regions.formats.label_raster import painted
+from uavseg.regions.formats.label_raster import label_strips
 from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 
@@ -79,7 +79,7 @@ def picture(text: str, side: int = 8) -> NDArray[np.uint8]:
 
 def labels_of(found: Extraction) -> NDArray[np.uint32]:
     labels = np.zeros(found.geobox.shape, np.uint32)
-    for window, part in painted(found.rings, found.geobox.shape):
+    for window, part in label_strips(found.rings, found.geobox.shape):
         labels[window.slices] = part
     return labels
 
@@ -388,7 +388,7 @@ def test_a_raster_of_another_size_is_refused(opened: Opened) -> None:
 
 def test_labels_are_painted_from_the_top_window_by_window(opened: Opened) -> None:
     found = extracted(opened(scene(2, (200, 70)), 0))
-    windows = [window for window, _ in painted(found.rings, found.geobox.shape)]
+    windows = [window for window, _ in label_strips(found.rings, found.geobox.shape)]
     assert sum(window.rows * window.cols for window in windows) == 200 * 70
     assert [window.row for window in windows] == sorted(window.row for window in windows)
 

@@ -28,7 +28,7 @@ from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import parse_area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.sample.place import Disc, parse_like, place_of
+from uavseg.regions.sample.place import Disc
 
 Image = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -264,53 +264,6 @@ def test_a_clearing_is_not_like_the_forest_around_it(shared_data: Path) -> None:
 
 
 # Samples
-
-
-def box(crs: str | None = None, shape: tuple[int, int] = (200, 100)) -> GeoBox:
-    return GeoBox(shape, Affine(2, 0, 1000, 0, -2, 5000), crs and CRS.from_string(crs))
-
-
-def test_a_disc_is_the_pixels_whose_centres_lie_in_it() -> None:
-    place = place_of(Disc(1100, 4900, 30), box())
-    row, col = np.mgrid[: place.window.rows, : place.window.cols] + 0.5
-    row, col = row + place.window.row, col + place.window.col
-    wanted = (row - 50) ** 2 + (col - 50) ** 2 <= 15**2
-    assert (place.mask != wanted).sum() <= 4  # the disc is a polygon of 256 corners
-    assert place.window.row % 8 == place.window.col % 8 == 0
-
-
-def test_on_degrees_a_radius_is_metres() -> None:
-    step = 1 / 111_320
-    degrees = GeoBox((400, 400), Affine(step, 0, 10, 0, -step, 60), CRS.from_epsg(4326))
-    place = place_of(Disc(10 + 200 * step, 60 - 200 * step, 50), degrees)
-    rows, cols = (int(place.mask.any(axis=axis).sum()) for axis in (1, 0))
-    assert rows == pytest.approx(100, abs=2)
-    assert cols == pytest.approx(200, abs=4)  # a degree of longitude is half as long there
-
-
-@pytest.mark.parametrize(
-    ("text", "wanted"),
-    [("1,2,3", Disc(1, 2, 3)), (" 1, 2e3,.5", Disc(1, 2000, 0.5)), ("1,2,c", "1,2,c"), ("a.gpkg", "a.gpkg")],
-)
-def test_three_numbers_are_a_disc_and_the_rest_a_file(text: str, wanted: object) -> None:
-    assert parse_like(text) == wanted
-
-
-@pytest.mark.parametrize("text", ["1,2", "5", "1,2,3,4", "1,2,0", "1,2,-3", "nan,2,3", "1,2,inf"])
-def test_numbers_that_are_no_disc_are_refused(text: str) -> None:
-    with pytest.raises(ParameterError, match="X,Y,RADIUS"):
-        parse_like(text)
-
-
-@pytest.mark.parametrize("at", [(900, 4900), (1250, 4900), (1100, 5100), (1100, 4500)])
-def test_a_sample_outside_of_the_raster_is_refused(at: tuple[float, float]) -> None:
-    with pytest.raises(SampleError, match="outside of the raster, which is x 1000 to 1200 by y 4600 to 5000"):
-        place_of(Disc(*at, 40), box())
-
-
-def test_a_sample_that_is_too_large_is_refused() -> None:
-    with pytest.raises(SampleError, match=r"16,777,216 are looked at"):
-        place_of(Disc(0, 0, 1e6), GeoBox((20000, 20000), Affine.identity(), None))
 
 
 @pytest.mark.parametrize("radius", [3, 12, 20])

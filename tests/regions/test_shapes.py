@@ -1,4 +1,4 @@
-"""Shapes: polygons made a few at a time are those made all at once."""
+"""Lazy polygons: those built a few at a time are those made all at once."""
 
 import numpy as np
 import pytest
@@ -10,9 +10,9 @@ from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.shapes import Shapes, any_multi, batches, total_area
+from uavseg.regions.shapes import LazyPolygons, batch_slices, has_multipolygons, total_area
 
-WAYS = [Affine(2, 0, 100, 0, -2, 900), Affine(2, 0, 0, 0, 2, 0), Affine(1, 0.5, 3, -0.5, 1, 4)]
+TRANSFORMS = [Affine(2, 0, 100, 0, -2, 900), Affine(2, 0, 0, 0, 2, 0), Affine(1, 0.5, 3, -0.5, 1, 4)]
 
 
 def labelled(seed: int) -> NDArray[np.uint32]:
@@ -24,9 +24,9 @@ def labelled(seed: int) -> NDArray[np.uint32]:
 
 
 @settings(deadline=None, max_examples=60)
-@given(st.integers(0, 10**6), st.sampled_from(WAYS), st.integers(0, 7), st.integers(0, 7))
-def test_some_are_those_of_all(seed: int, way: Affine, first: int, last: int) -> None:
-    shapes = Shapes(trace(labelled(seed)), way)
+@given(st.integers(0, 10**6), st.sampled_from(TRANSFORMS), st.integers(0, 7), st.integers(0, 7))
+def test_a_slice_equals_the_slice_of_all(seed: int, transform: Affine, first: int, last: int) -> None:
+    shapes = LazyPolygons(trace(labelled(seed)), transform)
     together = np.asarray(shapes)
     assert len(together) == len(shapes)
     assert shapely.equals_identical(shapes[first:last], together[first:last]).all()
@@ -34,23 +34,23 @@ def test_some_are_those_of_all(seed: int, way: Affine, first: int, last: int) ->
     assert shapely.equals_identical(np.array(list(shapes)), together).all()
     assert shapes.vertex_counts().tolist() == shapely.get_num_coordinates(together).tolist()
     assert total_area(shapes) == pytest.approx(total_area(together))
-    assert any_multi(shapes) == any_multi(together)
+    assert has_multipolygons(shapes) == has_multipolygons(together)
 
 
 @settings(deadline=None)
 @given(arrays.arrays(np.uint32, (8, 8), elements=st.integers(0, 3)), st.integers(1, 60))
 def test_batches_are_all_regions_in_order(image: NDArray[np.uint32], vertices: int) -> None:
     names = np.unique(image, return_inverse=True)[1].reshape(8, 8)
-    shapes = Shapes(trace((names + (image.min() > 0)).astype(np.uint32)), WAYS[0])
-    slices = list(batches(shapes, vertices))
+    shapes = LazyPolygons(trace((names + (image.min() > 0)).astype(np.uint32)), TRANSFORMS[0])
+    slices = list(batch_slices(shapes, vertices))
     assert [k for part in slices for k in range(part.start, part.stop)] == list(range(len(shapes)))
-    assert slices == list(batches(np.asarray(shapes), vertices))
+    assert slices == list(batch_slices(np.asarray(shapes), vertices))
     counts = shapes.vertex_counts()
     for part in slices:
         assert counts[part].sum() <= vertices or part.stop == part.start + 1
 
 
-def test_of_nothing_there_are_none() -> None:
-    shapes = Shapes(trace(np.zeros((3, 3), np.uint32)), WAYS[0])
-    assert len(shapes) == len(np.asarray(shapes)) == len(list(batches(shapes))) == 0
-    assert total_area(shapes) == 0 and not any_multi(shapes)
+def test_no_rings_give_no_polygons() -> None:
+    shapes = LazyPolygons(trace(np.zeros((3, 3), np.uint32)), TRANSFORMS[0])
+    assert len(shapes) == len(np.asarray(shapes)) == len(list(batch_slices(shapes))) == 0
+    assert total_area(shapes) == 0 and not has_multipolygons(shapes)

@@ -1,4 +1,4 @@
-"""Regions: polygons in bulk and what is measured of them."""
+"""Region tables: polygons and their measured attributes."""
 
 import numpy as np
 import pytest
@@ -11,9 +11,12 @@ from rasterio.crs import CRS
 
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.shapes import Shapes
-from uavseg.regions.table import COLUMNS, make
+from uavseg.regions.shapes import LazyPolygons
+from uavseg.regions.table import COLUMNS, make_regions
+from uavseg.segmentation.components import Sums
 
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
+ONE_PIXEL = Sums(np.ones(1), np.ones(1), np.ones(1), FIRSTS)
 NORTH_UP = Affine(0.5, 0, 4e5, 0, -0.5, 5e6)
 TRANSFORMS = {
     "north-up": NORTH_UP,
@@ -41,15 +44,7 @@ def made(labels, transform=NORTH_UP, crs=32618, grey=None):
     ]
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_epsg(crs))
     rings = trace(labels)
-    return make(
-        rings,
-        box,
-        sums[0].astype(np.int64),
-        sums[1],
-        sums[2],
-        (0.25, 0.75),
-        "a.tif",
-    )
+    return make_regions(rings, Sums(sums[0].astype(np.int64), *sums[1:], FIRSTS), box, (0.25, 0.75), "a.tif")
 
 
 def by_rasterio(labels, transform):
@@ -65,7 +60,7 @@ def by_rasterio(labels, transform):
 @given(pictures(), st.sampled_from(sorted(TRANSFORMS)))
 @settings(deadline=None, max_examples=60)
 def test_polygons_are_those_of_rasterio(labels, name):
-    built = np.asarray(Shapes(trace(labels), TRANSFORMS[name]))
+    built = np.asarray(LazyPolygons(trace(labels), TRANSFORMS[name]))
     expected = by_rasterio(labels, TRANSFORMS[name])
     assert len(built) == len(expected)
     assert shapely.is_valid(built).all()
@@ -75,14 +70,14 @@ def test_polygons_are_those_of_rasterio(labels, name):
 @given(pictures(), st.sampled_from(sorted(TRANSFORMS)))
 @settings(deadline=None, max_examples=30)
 def test_exteriors_run_counter_clockwise_and_holes_clockwise(labels, name):
-    for part in shapely.get_parts(Shapes(trace(labels), TRANSFORMS[name])):
+    for part in shapely.get_parts(LazyPolygons(trace(labels), TRANSFORMS[name])):
         exterior, *holes = shapely.get_rings(part)
         assert exterior.is_ccw and not any(hole.is_ccw for hole in holes)
 
 
 @given(pictures(), st.sampled_from(sorted(TRANSFORMS)))
 @settings(deadline=None, max_examples=30)
-def test_without_a_crs_the_polygons_tell_all_measures(labels, name):
+def test_without_a_crs_measures_are_those_of_the_polygons(labels, name):
     regions = made(labels, TRANSFORMS[name], None)
     assert regions.columns["area_m2"] == pytest.approx(shapely.area(regions.polygons))
     assert regions.columns["perimeter_m"] == pytest.approx(shapely.length(regions.polygons))
@@ -106,7 +101,7 @@ def test_a_flat_region_of_billions_of_pixels_has_no_deviation():
     rings = trace(np.array([[1]], np.uint32))
     n, g = 4_000_000_000, 54_321
     sums = [np.array([n * g**k], np.uint64) for k in range(3)]
-    regions = make(rings, GeoBox((1, 1), NORTH_UP, None), *sums, (0, 1), "")
+    regions = make_regions(rings, Sums(*sums, FIRSTS), GeoBox((1, 1), NORTH_UP, None), (0, 1), "")
     assert regions.columns["mean"][0] == g / 65535
     assert regions.columns["std"][0] < 1e-6
 
@@ -135,19 +130,18 @@ def test_longitudes_of_points_are_within_a_turn():
     assert ((regions.columns["lon"] > -60) & (regions.columns["lon"] < -55)).all()
 
 
-def test_a_point_beyond_the_projection_is_not_known():
+def test_a_point_outside_of_the_projection_is_nan():
     regions = made(np.eye(2, dtype=np.uint32)[::-1].copy() * 1, Affine(18e6, 0, -18e6, 0, -9e6, 9e6), None)
     beyond = GeoBox((2, 2), Affine(1e7, 0, -9e7, 0, -1e7, 9e7), CRS.from_string("ESRI:54009"))
     rings = trace(np.ones((2, 2), np.uint32))
-    one = np.ones(1)
-    lost = make(rings, beyond, one, one, one, (0, 1), "")
+    lost = make_regions(rings, ONE_PIXEL, beyond, (0, 1), "")
     assert len(regions) == 1 and np.isnan(lost.columns["lon"][0])
 
 
-def test_a_plane_without_a_globe_has_no_points():
+def test_a_local_crs_has_no_longitude_and_latitude():
     site = CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]')
-    rings, one = trace(np.ones((2, 2), np.uint32)), np.ones(1)
-    regions = make(rings, GeoBox((2, 2), NORTH_UP, site), one, one, one, (0, 1), "")
+    rings = trace(np.ones((2, 2), np.uint32))
+    regions = make_regions(rings, ONE_PIXEL, GeoBox((2, 2), NORTH_UP, site), (0, 1), "")
     assert np.isnan(regions.columns["lat"][0]) and regions.columns["area_m2"][0] == pytest.approx(1)
 
 
@@ -157,13 +151,13 @@ def test_no_regions_have_all_columns():
     assert {len(column) for column in regions.columns.values()} == {0}
 
 
-def test_regions_are_chosen_with_their_attributes():
-    chosen = made(HOLED).chosen(np.array([2, 0]))
+def test_regions_are_selected_with_their_attributes():
+    chosen = made(HOLED).select(np.array([2, 0]))
     assert chosen.columns["id"].tolist() == [3, 1]
     assert shapely.area(chosen.polygons).tolist() == [0.5, 2]
 
 
-def test_a_frame_has_everything():
+def test_a_frame_has_all_columns_and_the_crs():
     regions = made(HOLED)
     frame = regions.frame()
     assert list(frame.columns) == [*COLUMNS, "geometry"]

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
     """Nothing that is there is touched, and nothing is computed that could not be written."""
     if output is not None and output != "-":
-        from uavseg.regions.formats.export import check
+        from uavseg.regions.formats.export import check_region_path
 
-        check(output, overwrite)
+        check_region_path(output, overwrite)
     if labels is not None:
         from uavseg.regions.formats.label_raster import check_labels
 
@@ -42,15 +42,15 @@ def write_regions(found: Extraction, target: str, overwrite: bool) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.regions.formats import export
 
-    export.write(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
+    export.write_regions(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
 
 
 def write_labels(found: Extraction, path: str, work: Work, overwrite: bool) -> None:
     """Write the labels of regions; the executor writes them where they are many tiles."""
     from uavseg.regions.formats import label_raster
 
-    run = work.executor if label_raster.is_tiled(path) else work.local
-    label_raster.write_labels(path, found.rings, found.geobox, run, overwrite)
+    run = work.executor if label_raster.is_vrt(path) else work.local
+    label_raster.write_label_raster(path, found.rings, found.geobox, run, overwrite)
 
 
 def shown(target: str) -> str:

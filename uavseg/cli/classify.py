@@ -142,7 +142,7 @@ def _check_place(target: str, options: dict[str, Any], geobox: GeoBox, overwrite
     if is_ros_map(target):
         check_ros_map(target, geobox, overwrite, options["mode"])
     if options["objects"] is not None:
-        export.check_crs(options["objects"], geobox.wkt)
+        export.check_region_crs(options["objects"], geobox.wkt)
 
 
 def _write_states(found: Classification, target: str, mode: str, run: RunOptions) -> None:

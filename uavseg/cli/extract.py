@@ -125,11 +125,11 @@ def _check_place(output: str, mission: str | None, wkt: str | None) -> None:
     from uavseg.regions.formats import export
     from uavseg.regions.wgs84 import to_wgs84
 
-    export.check_crs(output, wkt)
+    export.check_region_crs(output, wkt)
     if mission is None:
         return
     if wkt is None:
         raise MissionError(
             "the raster has no CRS, so nobody knows where to fly; give it one with gdal_edit.py -a_srs"
         )
-    to_wgs84.check_crs(wkt)
+    to_wgs84.check_on_earth(wkt)

@@ -70,7 +70,7 @@ def command(**options: Any) -> None:
     request, read = _request(options), read_options(options)
     check_targets(target, labels, run.overwrite)
     source = open_source(options["rasters"], read)
-    export.check_crs(target, source.geobox.wkt)
+    export.check_region_crs(target, source.geobox.wkt)
     work = run.work()
     found = levels(source, request, work)
     run.reporter.finish(found.warnings)

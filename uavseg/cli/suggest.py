@@ -92,7 +92,7 @@ def _suffix(found: Suggestions) -> str:
     from uavseg.regions.formats import export
 
     try:
-        export.check_crs("regions.geojson", found.source.geobox.wkt)
+        export.check_region_crs("regions.geojson", found.source.geobox.wkt)
     except OutputError:
         return ".gpkg"
     return ".geojson"

@@ -19,6 +19,7 @@ from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.execution.fingerprint import fingerprint
+from uavseg.execution.lazy_sequence import lazy_selection
 from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
 
 OnResume = Callable[[str, int, int], object]
@@ -61,32 +62,19 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
         if on_resume is not None and len(missing) < len(keys):
             on_resume(name, len(keys) - len(missing), len(keys))
         is_missing = set(missing)
-        with closing(map(function, _Some(items, missing))) as computed:  # no work continues after this ends
+        # Closing the results stops the workers, also where this generator is closed early.
+        with closing(map(function, lazy_selection(items, missing))) as computed:
             for k, key in enumerate(keys):
                 if k in is_missing:
                     result = next(computed)
                     _save(stage, key, result)
                 else:
-                    result = _read_or_compute(stage, key, partial(map, function, _Some(items, [k])))
+                    result = _read_or_compute(stage, key, partial(map, function, lazy_selection(items, [k])))
                 yield result
                 if progress is not None:
                     progress(k + 1, len(keys))
 
     return run
-
-
-class _Some(Sequence[Any]):
-    """Some of a sequence's items, each made when it is indexed."""
-
-    def __init__(self, items: Sequence[Any], which: Sequence[int]) -> None:
-        self._items = items
-        self._which = which
-
-    def __len__(self) -> int:
-        return len(self._which)
-
-    def __getitem__(self, k: Any) -> Any:
-        return self._items[self._which[k]]
 
 
 def stage_name(function: Any) -> str:

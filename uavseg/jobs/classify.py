@@ -14,7 +14,7 @@ from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.drawing import Drawing
-from uavseg.regions.edit.small import Area, without_small_regions
+from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.tiles.kind_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_states
@@ -185,7 +185,7 @@ def _objects(
     outlined = outline_state(grey, found.image, OCCUPIED, tile_pass, leaves)
     geobox = grey.dataset.geobox
     if request.min_area is not None:
-        outlined = without_small_regions(outlined, geobox, request.min_area)
+        outlined = drop_small_regions(outlined, geobox, request.min_area)
     interval = request.limits.occupied_above, 1.0
     bounds = _bounds(outlined.rings, geobox)
     return measured(outlined, SourceInfo.of(grey), interval, request.drawing, bounds)

@@ -12,9 +12,9 @@ from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.drawing import Drawing
-from uavseg.regions.edit.small import Area, without_small_holes, without_small_regions
-from uavseg.regions.outline.stitch import Outlined
-from uavseg.regions.tiles.range_tiles import outline_regions, summed
+from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams
@@ -116,12 +116,12 @@ def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work
 
 def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
-    from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
+    from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 
     blocks, segment = source.saved.blocks, request.segment
-    outlined = outline_cells(blocks, cells_in_range(blocks, request.interval, segment.division))
+    outlined = outline_block_map(blocks, cells_in_range(blocks, request.interval, segment.division))
     if request.fill_holes is not None:
-        outlined = summed_cells(blocks, without_small_holes(outlined, source.geobox, request.fill_holes))
+        outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
     return _measured(outlined, SourceInfo.of(source), request)
 
 
@@ -131,24 +131,26 @@ def _outlined(
     request: ExtractRequest,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
-) -> Outlined:
+) -> RegionOutlines:
     """Outlines of the regions, with small holes filled."""
     outlined = outline_regions(grey, cells, request.interval, request.segment.refine, tile_pass, expected)
     trim_heap()
     return filled(grey, outlined, request.fill_holes, tile_pass)
 
 
-def filled(grey: GreySource, outlined: Outlined, smallest: Area | None, tile_pass: TilePass) -> Outlined:
+def filled(
+    grey: GreySource, outlined: RegionOutlines, smallest: Area | None, tile_pass: TilePass
+) -> RegionOutlines:
     """Regions whose holes of less than an area are filled, with the sums of all pixels they then enclose."""
     if smallest is None:
         return outlined
-    found = without_small_holes(outlined, grey.dataset.geobox, smallest)
-    return outlined if found is outlined else replace(found, sums=summed(grey, found, tile_pass))
+    found = fill_small_holes(outlined, grey.dataset.geobox, smallest)
+    return outlined if found is outlined else replace(found, sums=sum_regions(grey, found, tile_pass))
 
 
-def _measured(outlined: Outlined, info: SourceInfo, request: ExtractRequest) -> Extraction:
+def _measured(outlined: RegionOutlines, info: SourceInfo, request: ExtractRequest) -> Extraction:
     """Regions with their attributes, the small ones dropped."""
     if request.min_area is not None:
-        outlined = without_small_regions(outlined, info.geobox, request.min_area)
+        outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     interval = request.interval
     return measured(outlined, info, (interval.low, interval.high), request.drawing)

@@ -13,9 +13,9 @@ from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.eliminate import eliminate
-from uavseg.regions.edit.small import Area, without_small_regions
-from uavseg.regions.outline.stitch import Outlined
-from uavseg.regions.tiles.block_map_regions import outline_cells
+from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.tiles.block_map_regions import outline_block_map
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.blocks.leaves import cell_levels
 from uavseg.segmentation.params import Levels, SegmentParams
@@ -94,7 +94,9 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     )
 
 
-def _of_pixels(source: Pixels, request: LevelsRequest, work: Work) -> tuple[Outlined, Kinds, SourceInfo]:
+def _of_pixels(
+    source: Pixels, request: LevelsRequest, work: Work
+) -> tuple[RegionOutlines, Kinds, SourceInfo]:
     """Outlines of segments, the level of each cell (from 1), and the source."""
     stretching, dividing, outlining = work.over(source).stages(3)
     grey = source.grey(stretching)
@@ -108,17 +110,17 @@ def _of_pixels(source: Pixels, request: LevelsRequest, work: Work) -> tuple[Outl
     return outlined, kinds, SourceInfo.of(grey)
 
 
-def _of_blocks(source: Blocks, request: LevelsRequest) -> tuple[Outlined, Kinds, SourceInfo]:
+def _of_blocks(source: Blocks, request: LevelsRequest) -> tuple[RegionOutlines, Kinds, SourceInfo]:
     """The same from a block map alone."""
     blocks, segment = source.saved.blocks, request.segment
     kinds = cell_levels(blocks, request.levels, segment.division)
-    return outline_cells(blocks, kinds), kinds, SourceInfo.of(source)
+    return outline_block_map(blocks, kinds), kinds, SourceInfo.of(source)
 
 
-def _measured(outlined: Outlined, kinds: Kinds, info: SourceInfo, request: LevelsRequest) -> Extraction:
+def _measured(outlined: RegionOutlines, kinds: Kinds, info: SourceInfo, request: LevelsRequest) -> Extraction:
     """Segments with their levels and attributes, the small ones merged or dropped."""
     if request.min_area is not None and request.small == "drop":
-        outlined = without_small_regions(outlined, info.geobox, request.min_area)
+        outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     row, col = outlined.sums.firsts.T // CELL
     level = kinds[row, col].astype(np.int64) - 1
     if request.min_area is not None and request.small == "merge":

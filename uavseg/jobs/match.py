@@ -22,12 +22,12 @@ from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.drawing import Drawing
-from uavseg.regions.edit.small import Area, without_small_regions
-from uavseg.regions.outline.stitch import Outlined
-from uavseg.regions.sample.model import Sample, evidence_of, sample_of
-from uavseg.regions.sample.place import Disc, place_of
-from uavseg.regions.sample.reject import confirmed
-from uavseg.regions.sample.scores import Criterion, Scored, mean_scores, outline_matches, scored
+from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
+from uavseg.regions.sample.place import Disc, sample_mask
+from uavseg.regions.sample.reject import reject_unlike
+from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, outline_matches, score_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
@@ -140,17 +140,17 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")
-    place = place_of(request.like, raster.geobox)
+    place = sample_mask(request.like, raster.geobox)
     passes = work.over(raster).stages(5)
     run = passes[0].map
     grey = raster.grey(passes[0])
     known = measure_cells(grey, passes[1])
-    sample = sample_of(grey, known.bin_edges, place, request.side, run)
+    sample = fit_sample(grey, known.bin_edges, place, request.side, run)
     criterion = Criterion.of(sample, known.bin_edges, request.side, request.similarity, request.intensity)
-    scores = scored(grey, criterion, passes[2])
-    evidence = evidence_of(grey, known.bin_edges, place, scores.whole, request.side, run)
+    scores = score_cells(grey, criterion, passes[2])
+    evidence = fit_weights(grey, known.bin_edges, place, scores.whole, request.side, run)
     least = evidence.threshold(request.similarity)
-    scores = confirmed(grey, criterion, scores, evidence.weights, least, passes[3])
+    scores = reject_unlike(grey, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0
     del known
     trim_heap()
@@ -164,24 +164,24 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
 
 def _outlined(
     grey: GreySource,
-    scores: Scored,
+    scores: CellScores,
     valid: NDArray[np.bool_],
     criterion: Criterion,
     request: MatchRequest,
     tile_pass: TilePass,
-) -> Outlined:
+) -> RegionOutlines:
     matched = scores.best <= criterion.limit
     if request.refine == "none":
         return outline_segments(grey, matched.view(np.uint8), tile_pass)
     cells = undecided_cells(matched, valid & ~matched, request.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
-    return outline_matches(grey, cells, criterion.cuts, weights, tile_pass)
+    return outline_matches(grey, cells, criterion.bin_edges, weights, tile_pass)
 
 
 def _measured(
     grey: GreySource,
-    outlined: Outlined,
-    scores: Scored,
+    outlined: RegionOutlines,
+    scores: CellScores,
     sample: Sample,
     request: MatchRequest,
     tile_pass: TilePass,
@@ -189,7 +189,7 @@ def _measured(
     """Regions with their attributes; holes are filled before small ones are dropped."""
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
-        outlined = without_small_regions(outlined, grey.dataset.geobox, request.min_area)
+        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX

@@ -9,7 +9,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.planner import plan_mission
-from uavseg.regions.select.choose import choose
+from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def plan(regions: Regions, request: PlanRequest) -> Planned:
         If there are no regions, if they are not near home, or if the mission would not be safe.
     """
     if request.chooses:
-        regions = choose(regions, request.ids, request.largest, request.where)
+        regions = select_regions(regions, request.ids, request.largest, request.where)
     points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
     home = _first(points) if request.home == "auto" else request.home
     return Planned(plan_mission(list(regions.polygons), points, request.flight, home), len(regions))
@@ -126,7 +126,7 @@ def open_regions(
     from uavseg.regions.formats import read
 
     if isinstance(source, str | os.PathLike | bytes):
-        return read.load(source, layer)
+        return read.read_regions(source, layer)
     return read.regions_of_frame(source)
 
 
@@ -138,9 +138,9 @@ def in_degrees(regions: Regions) -> Regions:
     OutputError
         If they have no place on the Earth.
     """
-    from uavseg.regions.wgs84.to_wgs84 import geometries
+    from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
 
-    polygons: Any = geometries(regions)
+    polygons: Any = wgs84_geometries(regions)
     return replace(regions, polygons=polygons, wkt="EPSG:4326")
 
 

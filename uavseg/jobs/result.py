@@ -11,9 +11,9 @@ from uavseg.jobs.open_source import Blocks
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.regions.drawing import Drawing
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import Outlined
-from uavseg.regions.table import Regions, make
+from uavseg.regions.table import Regions, make_regions
 from uavseg.segmentation.source import GreySource
 
 
@@ -74,7 +74,7 @@ class SourceInfo:
 
 
 def measured(
-    outlined: Outlined,
+    outlined: RegionOutlines,
     info: SourceInfo,
     interval: tuple[ArrayLike, ArrayLike],
     drawing: Drawing = Drawing(),
@@ -84,7 +84,7 @@ def measured(
 
     Parameters
     ----------
-    outlined : Outlined
+    outlined : RegionOutlines
     info : SourceInfo
     interval : (float, float) or two (n,) arrays
         Low and high v of all regions, or of each.
@@ -95,7 +95,7 @@ def measured(
     """
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
-    regions = make(rings, info.geobox, sums.counts, sums.greys, sums.squares, interval, info.name, pixels)
+    regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
     return Extraction(regions, rings, info.geobox, info.stretch, info.band_names, info.warnings)

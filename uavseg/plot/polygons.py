@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
-from uavseg.regions.formats.read import load
+from uavseg.regions.formats.read import read_regions
 from uavseg.regions.table import Regions
 
 PolygonArray = NDArray[np.object_]
@@ -92,7 +92,7 @@ def _table_of_file(name: str) -> PolygonTable:
     if not Path(name).exists():
         raise RegionError(f"there is no file {name} with regions; uavseg extract makes one")
     if suffix in {".kml", ".kmz"}:
-        return _table_of_memory(load(name))
+        return _table_of_memory(read_regions(name))
     if suffix in {".parquet", ".geoparquet"}:
         return _table_of_parquet(name)
     try:

@@ -1,4 +1,4 @@
-"""Drawing of outlines: smoothed and simplified, with attributes that stay those of the pixels."""
+"""Outline generalisation: smoothing, then simplification; attributes stay those of the pixels."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -13,20 +13,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """How outlines are drawn; attributes stay those of the pixels.
+    """How outlines are smoothed and simplified; attributes stay those of the pixels.
 
     Parameters
     ----------
     smooth_m : float, optional
-        Outlines without stairs, within this many metres of the pixel edges and within half a pixel of them;
-        this comes first.
+        Largest distance in metres of smoothed outlines from the pixel edges, at most half a pixel; smoothing
+        comes first.
     simplify_m : float, optional
-        Outlines keep within about this many metres of what they are then.
+        Tolerance in metres of the simplification that follows, see `simplify`.
 
     Raises
     ------
     ParameterError
-        If one of them is negative or not a number.
+        If one of them is negative or not finite.
     """
 
     smooth_m: float | None = None
@@ -38,7 +38,7 @@ class Drawing:
                 raise ParameterError(f"outlines are {what} by metres that are not negative, not {metres:g}")
 
     def drawn(self, regions: "Regions", rings: "Rings", geobox: "GeoBox") -> "Regions":
-        """The regions with their outlines drawn this way.
+        """The regions with their outlines smoothed and simplified.
 
         Parameters
         ----------
@@ -48,11 +48,11 @@ class Drawing:
         geobox : GeoBox
         """
         if self.smooth_m:
-            from uavseg.regions.shapes import Shapes
-            from uavseg.regions.smooth.smooth_outlines import smoothed
+            from uavseg.regions.shapes import LazyPolygons
+            from uavseg.regions.smooth.smooth_outlines import smooth_outlines
 
-            rings, geobox = smoothed(rings, self.smooth_m, geobox)
-            regions = replace(regions, polygons=Shapes(rings, geobox.transform))
+            rings, geobox = smooth_outlines(rings, self.smooth_m, geobox)
+            regions = replace(regions, polygons=LazyPolygons(rings, geobox.transform))
         if self.simplify_m:
             from uavseg.regions.edit.simplify import simplify
 

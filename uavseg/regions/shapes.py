@@ -1,4 +1,4 @@
-"""Polygons that are built from their rings when they are asked for, some at a time."""
+"""Lazy polygons: shapely geometries built from rings on demand, in batches."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.ragged import RaggedPolygons
 
 if TYPE_CHECKING:
     from uavseg.regions.outline.rings import Rings
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 Integers = NDArray[np.int64]
 Objects = NDArray[np.object_]
 
-BATCH = 1 << 18  # vertices that are built at a time
+BATCH_VERTICES = 1 << 18  # of the polygons that are built at a time
 
 
-class Shapes:
-    """The polygons of regions 1..n on the map; reads as an array of shapely Polygons.
+class LazyPolygons:
+    """The polygons of regions 1..n in map coordinates; can be indexed like an array of shapely Polygons.
 
-    Exteriors are counter-clockwise on the map, holes clockwise. A region with several exteriors is a
+    Exteriors run counter-clockwise on the map, holes clockwise. A region with several exteriors is a
     MultiPolygon.
 
     Parameters
@@ -44,86 +44,89 @@ class Shapes:
 
     def __getitem__(self, which: Any) -> Any:
         if isinstance(which, slice) and which.step in (None, 1):
-            return self._built(*which.indices(len(self))[:2])
+            return self._build(*which.indices(len(self))[:2])
         return np.asarray(self)[which]
 
     def __iter__(self) -> Iterator[Any]:
-        for part in batches(self):
+        for part in batch_slices(self):
             yield from self[part]
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Objects:
-        return self._built(0, len(self))
+        return self._build(0, len(self))
 
     @property
-    def several(self) -> bool:
-        """Whether a region has more than one polygon."""
+    def has_multipolygons(self) -> bool:
+        """Whether some region has more than one polygon."""
         return int(self._rings.exteriors.sum()) > len(self)
 
     def vertex_counts(self) -> Integers:
-        """Vertices of each region's polygons, the first of a ring counted twice as it closes it."""
+        """Vertices of each region, (n,) int64, counting the repeated first vertex of each closed ring."""
         starts = self._rings.starts[self._first_rings(0, len(self))]
         return np.diff(starts) + np.diff(self._first_rings(0, len(self)))
 
     def total_area(self) -> float:
-        """Area of all of them in units of the map."""
+        """Total area in square units of the map."""
         return float(self._rings.pixel_areas().sum() * abs(self._transform.determinant))
 
     def _first_rings(self, first: int, last: int) -> Integers:
         return np.searchsorted(self._rings.labels, np.arange(first + 1, last + 2))
 
-    def _built(self, first: int, last: int) -> Objects:
+    def _build(self, first: int, last: int) -> Objects:
         if last <= first:
             return np.empty(0, object)
         of_region = self._first_rings(first, last)
         begin, end = int(of_region[0]), int(of_region[-1])
         starts = self._rings.starts[begin : end + 1]
         exteriors = np.flatnonzero(self._rings.exteriors_of(begin, end))
-        return Ragged(
-            self._on_map(starts),
+        return RaggedPolygons(
+            self._map_coordinates(starts),
             starts - starts[0] + np.arange(len(starts)),
             np.append(exteriors, end - begin),
             np.searchsorted(exteriors, of_region - begin),
-        ).built()
+        ).to_geometries()
 
-    def _on_map(self, starts: Integers) -> NDArray[np.float64]:
-        """Rings in map coordinates, each from its first vertex back to it."""
+    def _map_coordinates(self, starts: Integers) -> NDArray[np.float64]:
+        """Closed rings in map coordinates."""
         coordinates = np.empty((int(starts[-1] - starts[0]) + len(starts) - 1, 2))
-        way = np.array(self._transform[:6])
-        _close(self._rings.vertices, starts, self._transform.determinant < 0, way, coordinates)
+        affine = np.array(self._transform[:6])
+        reverse = self._transform.determinant < 0
+        _close_rings(self._rings.vertices, starts, reverse, affine, coordinates)
         return coordinates
 
 
-Polygons = Objects | Shapes
+PolygonArray = Objects | LazyPolygons
 
 
-def batches(polygons: Polygons, vertices: int = BATCH) -> Iterator[slice]:
-    """Slices of regions of about so many vertices, in order; at least one region each."""
-    if isinstance(polygons, Shapes):
+def batch_slices(polygons: PolygonArray, vertices: int = BATCH_VERTICES) -> Iterator[slice]:
+    """Slices of regions, in order, with at most so many vertices each, and at least one region."""
+    if isinstance(polygons, LazyPolygons):
         ends = np.cumsum(polygons.vertex_counts())
     else:
         ends = np.cumsum(shapely.get_num_coordinates(polygons))
     first = 0
     while first < len(ends):
-        passed = ends[first - 1] if first else 0
-        last = max(first + 1, int(np.searchsorted(ends, passed + vertices)))
+        before = ends[first - 1] if first else 0
+        last = max(first + 1, int(np.searchsorted(ends, before + vertices)))
         yield slice(first, last)
         first = last
 
 
-def total_area(polygons: Polygons) -> float:
-    """Area of all polygons in units of the map."""
-    return polygons.total_area() if isinstance(polygons, Shapes) else float(shapely.area(polygons).sum())
+def total_area(polygons: PolygonArray) -> float:
+    """Total area of polygons in square units of the map."""
+    return (
+        polygons.total_area() if isinstance(polygons, LazyPolygons) else float(shapely.area(polygons).sum())
+    )
 
 
-def any_multi(polygons: Polygons) -> bool:
-    """Whether one of them is a MultiPolygon."""
-    if isinstance(polygons, Shapes):
-        return polygons.several
+def has_multipolygons(polygons: PolygonArray) -> bool:
+    """Whether some geometry is a MultiPolygon."""
+    if isinstance(polygons, LazyPolygons):
+        return polygons.has_multipolygons
     return bool((shapely.get_type_id(polygons) != shapely.GeometryType.POLYGON).any())
 
 
 @kernel("void(i4[:,::1], i8[::1], b1, f8[::1], f8[:,::1])")
-def _close(vertices, starts, backwards, way, coordinates):  # type: ignore[no-untyped-def]
+def _close_rings(vertices, starts, reverse, affine, coordinates):  # type: ignore[no-untyped-def]
     used = 0
     for ring in range(starts.shape[0] - 1):
         begin = starts[ring]
@@ -131,9 +134,9 @@ def _close(vertices, starts, backwards, way, coordinates):  # type: ignore[no-un
         for k in range(count + 1):
             v = begin
             if k > 0 and k < count:
-                v = begin + (count - k if backwards else k)
+                v = begin + (count - k if reverse else k)
             row = np.float64(vertices[v, 0])
             col = np.float64(vertices[v, 1])
-            coordinates[used, 0] = way[0] * col + way[1] * row + way[2]
-            coordinates[used, 1] = way[3] * col + way[4] * row + way[5]
+            coordinates[used, 0] = affine[0] * col + affine[1] * row + affine[2]
+            coordinates[used, 1] = affine[3] * col + affine[4] * row + affine[5]
             used += 1

@@ -1,4 +1,4 @@
-"""Regions: polygons in the raster's coordinates with what is known of each of them."""
+"""Region table: polygons in the raster's CRS with measured attributes (area, perimeter, mean, ...)."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -11,13 +11,14 @@ from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
 from uavseg.raster.geodesy.ground import ring_areas, ring_perimeters
-from uavseg.regions.shapes import Polygons, Shapes, batches
+from uavseg.regions.shapes import LazyPolygons, PolygonArray, batch_slices
 from uavseg.units import GREY_MAX
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
     from uavseg.regions.outline.rings import Rings
+    from uavseg.segmentation.components import Sums
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -36,35 +37,35 @@ COLUMNS: dict[str, type] = {
     "range_high": np.float64,
     "source": object,
 }
-"""The columns in their order, and what they hold."""
+"""Columns of a region table, in order, with their types."""
 
 
 @dataclass(frozen=True)
 class Regions:
-    """Regions and their attributes, the one with most pixels first.
+    """Regions and their attributes, largest first.
 
     Parameters
     ----------
     columns : dict of str -> (n,) array
-        `id` (the label, from 1), `area_m2` and `perimeter_m` on the ground (local units where there is no
-        CRS), `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point inside
-        the region (NaN where there is no CRS), `range_low`, `range_high`, `source`.
-    polygons : (n,) object array of shapely Polygon, or Shapes
-        In the raster's CRS; along pixel edges, exteriors counter-clockwise. A MultiPolygon where the pixels
+        `id` (the label, from 1), `area_m2` and `perimeter_m` on the ground (local units without a CRS),
+        `mean` and `std` of intensity in [0, 1], `pixels`, `holes`, `lon` and `lat` of a point inside the
+        region (NaN without a CRS), `range_low`, `range_high`, `source`.
+    polygons : (n,) object array of shapely Polygon, or LazyPolygons
+        In the raster's CRS, along pixel edges, exteriors counter-clockwise. A MultiPolygon where the pixels
         of a region do not all share edges.
     wkt : str or None
-        The CRS; None where coordinates are local.
+        The CRS; None for local coordinates.
     """
 
     columns: dict[str, NDArray[Any]]
-    polygons: Polygons
+    polygons: PolygonArray
     wkt: str | None
 
     def __len__(self) -> int:
         return len(self.polygons)
 
-    def chosen(self, which: NDArray[Any]) -> "Regions":
-        """The regions at these places (indices or a mask), in this order."""
+    def select(self, which: NDArray[Any]) -> "Regions":
+        """Some of the regions, by index or mask, in that order."""
         columns = {name: column[which] for name, column in self.columns.items()}
         return Regions(columns, self.polygons[which], self.wkt)
 
@@ -75,12 +76,10 @@ class Regions:
         return geopandas.GeoDataFrame(dict(self.columns), geometry=list(self.polygons), crs=self.wkt)
 
 
-def make(
+def make_regions(
     rings: "Rings",
+    sums: "Sums",
     geobox: GeoBox,
-    counts: NDArray[np.integer[Any]],
-    sums: NDArray[np.integer[Any]],
-    square_sums: NDArray[Any],
     interval: tuple[ArrayLike, ArrayLike],
     source: str,
     pixels: NDArray[np.integer[Any]] | None = None,
@@ -91,21 +90,19 @@ def make(
     ----------
     rings : Rings
         Outlines of regions 1..n on the grid of `geobox`.
+    sums : Sums
+        Of each region: pixels, and over them the sums of grey levels 0..65535 and of their squares.
     geobox : GeoBox
-    counts : (n,) integer array
-        Pixels of each region.
-    sums, square_sums : (n,) arrays
-        Over the pixels of each region, the sum of grey levels 0..65535 and of their squares.
     interval : (float, float) or two (n,) arrays
-        The range of intensity that was asked for, of all regions or of each.
+        The requested range of intensity, of all regions or of each.
     source : str
-        The raster's name.
+        Name of the raster.
     pixels : (n,) integer array, optional
-        Pixels that the outlines enclose, where not all of them were summed.
+        Pixels that the outlines enclose, if not all of them were summed.
     """
-    polygons = Shapes(rings, geobox.transform)
+    polygons = LazyPolygons(rings, geobox.transform)
     n = len(polygons)
-    mean, std = _mean_and_std(counts, sums, square_sums)
+    mean, std = _mean_and_std(sums)
     lon, lat = _points_inside(polygons, geobox)
     low, high = interval
     values: list[Any] = [
@@ -114,7 +111,7 @@ def make(
         _per_region(rings.labels, ring_perimeters(geobox, rings.vertices, rings.starts), n),
         mean,
         std,
-        counts if pixels is None else pixels,
+        sums.counts if pixels is None else pixels,
         _per_region(rings.labels, ~rings.exteriors, n),
         lon,
         lat,
@@ -133,23 +130,21 @@ def _per_region(labels: Integers, values: NDArray[Any], n: int) -> NDArray[Any]:
     return np.bincount(labels, weights=values, minlength=n + 1)[1:]
 
 
-def _mean_and_std(
-    counts: NDArray[np.integer[Any]], sums: NDArray[np.integer[Any]], square_sums: NDArray[Any]
-) -> tuple[Floats, Floats]:
-    mean = sums / counts
-    variance = np.maximum(square_sums / counts - mean * mean, 0)
+def _mean_and_std(sums: "Sums") -> tuple[Floats, Floats]:
+    mean = sums.greys / sums.counts
+    variance = np.maximum(sums.squares / sums.counts - mean * mean, 0)
     return mean / GREY_MAX, np.sqrt(variance) / GREY_MAX
 
 
-def _points_inside(polygons: Shapes, geobox: GeoBox) -> tuple[Floats, Floats]:
-    """Longitude and latitude of a point inside each polygon; NaN where there is none or no CRS."""
+def _points_inside(polygons: LazyPolygons, geobox: GeoBox) -> tuple[Floats, Floats]:
+    """Longitude and latitude of a point inside each polygon; NaN without a CRS, or outside of its domain."""
     points = np.concatenate(
-        [np.empty(0, object), *(shapely.point_on_surface(polygons[part]) for part in batches(polygons))]
+        [np.empty(0, object), *(shapely.point_on_surface(polygons[part]) for part in batch_slices(polygons))]
     )
     try:
         lon, lat = geobox.lonlat_from_xy(shapely.get_x(points), shapely.get_y(points))
     except RasterError:
         return np.full(len(polygons), np.nan), np.full(len(polygons), np.nan)
-    nowhere = ~(np.isfinite(lon) & np.isfinite(lat))
-    lon[nowhere] = lat[nowhere] = np.nan
+    undefined = ~(np.isfinite(lon) & np.isfinite(lat))
+    lon[undefined] = lat[undefined] = np.nan
     return wrap_lon_beyond_180(lon), lat

@@ -33,7 +33,7 @@ class Part:
         self.window = window
         self.pixels = image[window.slices]
 
-    def paint(self) -> np.ndarray:
+    def rasterise(self) -> np.ndarray:
         return self.pixels
 
 

@@ -1,4 +1,4 @@
-"""Small segments become part of their neighbours: of which, in which order, and what is told of them."""
+"""Elimination: small segments are merged into neighbours, in order of size, and their sums are added."""
 
 from collections import Counter
 from fractions import Fraction
@@ -15,11 +15,11 @@ from scipy.ndimage import label as connected
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.adjacency import shared_borders
+from uavseg.regions.edit.adjacency import border_lengths
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import component_sums
 
@@ -53,8 +53,8 @@ def box(shape: tuple[int, int], crs: str | None = None) -> GeoBox:
     return GeoBox(shape, place, None if crs is None else CRS.from_string(crs))
 
 
-def outlined(labels: NDArray[np.uint32], grey: Image) -> Outlined:
-    return Outlined(trace(labels), component_sums(labels, int(labels.max()), grey.astype(np.uint16)))
+def outlined(labels: NDArray[np.uint32], grey: Image) -> RegionOutlines:
+    return RegionOutlines(trace(labels), component_sums(labels, int(labels.max()), grey.astype(np.uint16)))
 
 
 def kinds_of(labels: Image, kinds: Image) -> NDArray[np.int64]:
@@ -79,11 +79,11 @@ def test_a_small_segment_becomes_part_of_what_surrounds_it() -> None:
     assert merged("1111 1231 1111", 2) == ["1111", "1111", "1111"]
 
 
-def test_one_of_just_that_area_stays() -> None:
+def test_a_segment_of_exactly_the_minimum_stays() -> None:
     assert merged("1111 1221 1111", 2) == ["1111", "1221", "1111"]
 
 
-def test_the_longest_common_border_decides_and_neither_size_nor_mean() -> None:
+def test_the_longest_shared_border_decides_not_size_or_mean() -> None:
     assert merged("11111 11111 11333 11323", 2) == ["11111", "11111", "11333", "11333"]
     assert merged("1113 1123 1113 1133", 2, "1119 1199 1119 1199") == ["1113", "1113", "1113", "1133"]
 
@@ -93,17 +93,17 @@ def test_of_equal_borders_the_nearest_mean_decides_then_the_smaller_label() -> N
     assert merged("11.22 11322 11.22", 2, "11.33 11233 11.33") == ["11.22", "11122", "11.22"]
 
 
-def test_the_smallest_comes_first_and_what_has_grown_stays() -> None:
+def test_the_smallest_is_merged_first_and_a_grown_segment_stays() -> None:
     assert merged("1111 1221 1321 1111", 4) == ["1111", "1221", "1221", "1111"]
     assert merged("1111 1221 1321 1111", 5) == ["1111"] * 4
 
 
-def test_of_equal_areas_the_first_in_raster_order_goes_first() -> None:
+def test_of_equal_areas_the_first_in_raster_order_is_merged_first() -> None:
     assert merged("111 234 111", 2)[1] == "111"
     assert merged("..2.. ..3.. 11111", 2) == ["..3..", "..3..", "11111"]
 
 
-def test_what_comes_to_touch_its_own_kind_becomes_one_with_it() -> None:
+def test_a_merged_segment_joins_neighbours_of_its_kind() -> None:
     kinds = picture("11211 44444")
     labels = segmented(kinds)
     found, kept = eliminate(
@@ -112,11 +112,11 @@ def test_what_comes_to_touch_its_own_kind_becomes_one_with_it() -> None:
     assert kept.tolist() == [1, 4] and found.rings.pixel_areas().tolist() == [5, 5]
 
 
-def test_what_has_no_neighbour_stays() -> None:
+def test_a_segment_without_neighbours_stays() -> None:
     assert merged("11.2 11.. 11.3", 3) == ["11.2", "11..", "11.3"]
 
 
-def test_corners_are_no_borders() -> None:
+def test_corners_are_not_borders() -> None:
     assert merged("11. 11. ..2", 2) == ["11.", "11.", "..2"]
 
 
@@ -129,7 +129,7 @@ def test_sums_are_added() -> None:
     assert found.sums.squares.tolist() == [(grey**2).sum()] and found.sums.firsts.tolist() == [[0, 0]]
 
 
-def test_square_metres_are_measured_on_the_ground_and_want_a_crs() -> None:
+def test_square_metres_are_measured_on_the_ground_and_need_a_crs() -> None:
     kinds = picture("1111 1221 1111")
     labels = segmented(kinds)
     found = outlined(labels, kinds)
@@ -158,14 +158,6 @@ def borders_by_force(labels: Image) -> dict[tuple[int, int], int]:
     pairs = np.concatenate([np.stack([a.ravel(), b.ravel()], 1) for a, b in sides]).astype(int)
     ordered = [tuple(sorted(pair)) for pair in pairs.tolist()]
     return Counter((a, b) for a, b in ordered if a != b and a > 0)
-
-
-@given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=60)
-def test_borders_are_those_between_pixels(seed: int) -> None:
-    labels = segmented(scene(seed)[0])
-    pairs, lengths = shared_borders(trace(labels))
-    assert dict(zip(map(tuple, pairs.tolist()), lengths.tolist(), strict=True)) == borders_by_force(labels)
 
 
 def eliminated_by_force(labels: Image, kinds: Image, grey: Image, limit: float) -> tuple[Image, Image]:
@@ -198,7 +190,7 @@ def eliminated_by_force(labels: Image, kinds: Image, grey: Image, limit: float) 
 
 @given(st.integers(0, 10**6), st.integers(1, 30))
 @settings(deadline=None, max_examples=60)
-def test_segments_are_merged_as_by_force(seed: int, limit: int) -> None:
+def test_merged_segments_are_those_of_brute_force(seed: int, limit: int) -> None:
     kinds, grey = scene(seed)
     labels = segmented(kinds)
     found, kept = eliminate(
@@ -218,7 +210,7 @@ def test_segments_are_merged_as_by_force(seed: int, limit: int) -> None:
 
 @given(st.integers(0, 10**6), st.integers(1, 60))
 @settings(deadline=None, max_examples=60)
-def test_no_pixel_is_lost_and_what_is_small_stands_alone(seed: int, limit: int) -> None:
+def test_no_pixel_is_lost_and_small_segments_have_no_neighbour(seed: int, limit: int) -> None:
     kinds, grey = scene(seed)
     labels = segmented(kinds)
     found, kept = eliminate(
@@ -226,7 +218,7 @@ def test_no_pixel_is_lost_and_what_is_small_stands_alone(seed: int, limit: int) 
     )
     painted = rasterise(found.rings, Window(0, 0, *kinds.shape))
     assert np.array_equal(painted > 0, kinds > 0)
-    pairs, _ = shared_borders(found.rings)
+    pairs, _ = border_lengths(found.rings)
     assert (kept[pairs[:, 0] - 1] != kept[pairs[:, 1] - 1]).all()
     sizes = np.bincount(painted.reshape(-1), minlength=1)[1:]
     assert (sizes[np.unique(pairs) - 1] >= limit).all()

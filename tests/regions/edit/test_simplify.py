@@ -1,4 +1,4 @@
-"""Simpler outlines that still fit together."""
+"""Simplified outlines keep their shared borders and stay valid."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,8 @@ from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.simplify import simplify
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.table import make
+from uavseg.regions.table import make_regions
+from uavseg.segmentation.components import Sums
 
 PLACES = {
     "utm": (32618, Affine(0.5, 0, 4e5, 0, -0.5, 5e6)),
@@ -22,6 +23,8 @@ PLACES = {
     "nowhere": (None, Affine.identity()),
 }
 STAIRS = (np.add.outer(np.arange(12), np.arange(12)) < 12).astype(np.uint32)
+
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 
 
 @st.composite
@@ -36,7 +39,7 @@ def made(labels, place="utm"):
     crs, transform = PLACES[place]
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_epsg(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1), minlength=1)[1:]
-    return make(rings, box, counts, counts, counts, (0, 1), ""), box
+    return make_regions(rings, Sums(counts, counts, counts, FIRSTS), box, (0, 1), ""), box
 
 
 @given(pictures(), st.sampled_from(sorted(PLACES)), st.sampled_from([0.3, 1, 3, 10, 1e4]))
@@ -53,7 +56,7 @@ def test_no_region_vanishes_overlaps_or_becomes_invalid(labels, place, metres):
 
 @given(pictures(), st.sampled_from([0.3, 1, 3]))
 @settings(deadline=None, max_examples=40)
-def test_vertices_are_some_of_those_that_were_there(labels, metres):
+def test_vertices_are_a_subset_of_the_original_ones(labels, metres):
     regions, box = made(labels)
     before = set(map(tuple, shapely.get_coordinates(regions.polygons)))
     after = set(map(tuple, shapely.get_coordinates(simplify(regions, metres, box).polygons)))
@@ -98,7 +101,7 @@ def test_attributes_stay_those_of_the_pixels():
     assert simplify(regions, 100, box).columns is regions.columns
 
 
-def test_nothing_to_do_is_done_at_once():
+def test_zero_tolerance_returns_the_same_regions():
     regions, box = made(STAIRS)
     assert simplify(regions, 0, box) is regions
     empty, box = made(np.zeros((2, 2), np.uint32))
@@ -106,6 +109,6 @@ def test_nothing_to_do_is_done_at_once():
 
 
 @pytest.mark.parametrize("metres", [-1, float("nan"), float("inf")])
-def test_a_length_that_is_none_is_refused(metres):
+def test_a_length_that_is_negative_or_not_finite_is_refused(metres):
     with pytest.raises(ParameterError, match="0 or more metres"):
         simplify(*made(STAIRS)[:1], metres, made(STAIRS)[1])

@@ -1,4 +1,4 @@
-"""Small things away: which holes are filled, which regions are dropped, and what they are called then."""
+"""Small holes are filled, small regions dropped, and the rest renumbered."""
 
 import numpy as np
 import pytest
@@ -12,9 +12,9 @@ from scipy.ndimage import label as connected
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.small import Area, parse_area, without_small_holes, without_small_regions
+from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes, parse_area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import Sums
 
@@ -29,13 +29,13 @@ def drawn(labels: Labels) -> list[str]:
     return ["".join(".123456789"[label] for label in row) for row in labels]
 
 
-def outlined(labels: Labels) -> Outlined:
+def outlined(labels: Labels) -> RegionOutlines:
     """What tiles would have found; the grey of a pixel is 10."""
     flat = labels.reshape(-1)
     names, firsts = np.unique(flat, return_index=True)
     places = np.stack(np.unravel_index(firsts[names > 0], labels.shape), 1)
     counts = np.bincount(flat)[1:]
-    return Outlined(
+    return RegionOutlines(
         trace(labels), Sums(counts, (10 * counts).astype(np.uint64), (100 * counts).astype(np.uint64), places)
     )
 
@@ -45,18 +45,18 @@ def box(labels: Labels, pixel_m: float = 2.0, crs: str | None = "EPSG:32618") ->
     return GeoBox(labels.shape, place, None if crs is None else CRS.from_string(crs))
 
 
-def painted(found: Outlined, labels: Labels) -> Labels:
+def painted(found: RegionOutlines, labels: Labels) -> Labels:
     return rasterise(found.rings, Window(0, 0, *labels.shape))
 
 
 def filled(text: str, pixels: float) -> list[str]:
     labels = picture(text)
-    return drawn(painted(without_small_holes(outlined(labels), box(labels), Area(pixels, True)), labels))
+    return drawn(painted(fill_small_holes(outlined(labels), box(labels), Area(pixels, True)), labels))
 
 
 def dropped(text: str, pixels: float) -> list[str]:
     labels = picture(text)
-    return drawn(painted(without_small_regions(outlined(labels), box(labels), Area(pixels, True)), labels))
+    return drawn(painted(drop_small_regions(outlined(labels), box(labels), Area(pixels, True)), labels))
 
 
 # Areas as people write them
@@ -78,7 +78,7 @@ def test_areas_are_square_metres_or_pixels(text: str, area: Area) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "px", "-1", "-1px", "nan", "inf", "4 m2", "1,5"])
-def test_what_is_no_area_is_refused(text: str) -> None:
+def test_a_text_that_is_not_an_area_is_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="an area is"):
         parse_area(text)
 
@@ -86,19 +86,19 @@ def test_what_is_no_area_is_refused(text: str) -> None:
 # Holes
 
 
-def test_a_hole_is_filled_where_it_is_less() -> None:
+def test_a_hole_below_the_minimum_is_filled() -> None:
     assert filled("1111 1..1 1111", 3) == ["1111", "1111", "1111"]
 
 
-def test_a_hole_of_just_that_area_stays() -> None:
+def test_a_hole_of_exactly_the_minimum_stays() -> None:
     assert filled("1111 1..1 1111", 2) == ["1111", "1..1", "1111"]
 
 
-def test_each_hole_is_judged_for_itself() -> None:
+def test_each_hole_is_compared_separately() -> None:
     assert filled("11111 1.1.1 1.111 11111", 2) == ["11111", "1.111", "1.111", "11111"]
 
 
-def test_a_bay_is_no_hole() -> None:
+def test_a_bay_is_not_a_hole() -> None:
     assert filled("111 1.1 1.1", 9) == ["111", "1.1", "1.1"]
 
 
@@ -120,7 +120,7 @@ def test_an_island_with_a_lake_with_an_island_goes_with_the_largest_hole() -> No
     assert filled(lake, 25)[3] == "1.222.1"
 
 
-def test_filling_may_change_who_is_largest() -> None:
+def test_filling_may_change_which_region_is_largest() -> None:
     before = "11111.222 11111.2.2 1.....2.2 ......222"
     assert filled(before, 3) == ["22222.111", "22222.111", "2.....111", "......111"]
 
@@ -130,15 +130,15 @@ def test_a_part_of_a_region_within_its_own_hole_stays() -> None:
     assert filled(parted, 16) == ["1111111"] * 5 + [".......", "2......"]
 
 
-def test_without_holes_nothing_is_made_anew() -> None:
+def test_without_holes_the_same_outlines_are_returned() -> None:
     labels = picture("11.2 11..")
     found = outlined(labels)
-    assert without_small_holes(found, box(labels), Area(9, True)) is found
+    assert fill_small_holes(found, box(labels), Area(9, True)) is found
 
 
-def test_sums_are_those_of_before_until_they_are_measured_again() -> None:
+def test_filling_keeps_the_sums_of_the_original_pixels() -> None:
     labels = picture("111 121 111")
-    found = without_small_holes(outlined(labels), box(labels), Area(2, True))
+    found = fill_small_holes(outlined(labels), box(labels), Area(2, True))
     assert found.rings.pixel_areas().tolist() == [9]
     assert found.sums.counts.tolist() == [8] and found.sums.greys.tolist() == [80]
 
@@ -146,7 +146,7 @@ def test_sums_are_those_of_before_until_they_are_measured_again() -> None:
 # Regions
 
 
-def test_regions_of_less_are_dropped_and_the_rest_keep_their_order() -> None:
+def test_regions_below_the_minimum_are_dropped_and_the_rest_keep_their_order() -> None:
     assert dropped("111.2 111.2 ....2 4..33", 2) == ["111.2", "111.2", "....2", "...33"]
     assert dropped("111.2 111.2 ....2 4..33", 3) == ["111.2", "111.2", "....2", "....."]
 
@@ -164,24 +164,24 @@ def test_parts_of_a_region_count_together() -> None:
 
 def test_square_metres_are_measured_on_the_ground() -> None:
     labels = picture("11.2 11..")
-    ground = without_small_regions(outlined(labels), box(labels, 2), Area(5))
+    ground = drop_small_regions(outlined(labels), box(labels, 2), Area(5))
     assert drawn(painted(ground, labels)) == ["11..", "11.."]
-    assert len(without_small_regions(outlined(labels), box(labels, 2), Area(3.9)).sums.counts) == 2
+    assert len(drop_small_regions(outlined(labels), box(labels, 2), Area(3.9)).sums.counts) == 2
     # At 60 degrees north a metre of Web Mercator is half a metre.
     mercator = GeoBox(labels.shape, Affine(2, 0, 0, 0, -2, 8_399_738), CRS.from_epsg(3857))
-    kept = without_small_regions(outlined(labels), mercator, Area(3.9))
+    kept = drop_small_regions(outlined(labels), mercator, Area(3.9))
     assert drawn(painted(kept, labels)) == ["11..", "11.."]
 
 
 def test_holes_in_square_metres() -> None:
     labels = picture("111 1.1 111")
     for area, holes in ((3.9, 1), (4.1, 0)):
-        found = without_small_holes(outlined(labels), box(labels, 2), Area(area))
+        found = fill_small_holes(outlined(labels), box(labels, 2), Area(area))
         assert int((~found.rings.exteriors).sum()) == holes
 
 
-@pytest.mark.parametrize("clean", [without_small_holes, without_small_regions])
-def test_square_metres_want_a_crs(clean: object) -> None:
+@pytest.mark.parametrize("clean", [fill_small_holes, drop_small_regions])
+def test_square_metres_need_a_crs(clean: object) -> None:
     labels = picture("111 1.1 111")
     with pytest.raises(ParameterError, match=r"no CRS.*give the area in pixels, such as 4px"):
         clean(outlined(labels), box(labels, 2, None), Area(4))  # type: ignore[operator]
@@ -228,9 +228,9 @@ def filled_by_force(labels: Labels, limit: float) -> Labels:
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 30))
-def test_holes_are_filled_as_by_force(seed: int, limit: int) -> None:
+def test_filled_holes_are_those_of_brute_force(seed: int, limit: int) -> None:
     labels = random_regions(seed)
-    found = without_small_holes(outlined(labels), box(labels), Area(limit, True))
+    found = fill_small_holes(outlined(labels), box(labels), Area(limit, True))
     wanted = filled_by_force(labels, limit)
     assert np.array_equal(painted(found, labels), wanted)
     assert len(found.sums.counts) == wanted.max()
@@ -241,12 +241,12 @@ def test_holes_are_filled_as_by_force(seed: int, limit: int) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 10**6), st.integers(0, 12))
-def test_small_regions_are_dropped_as_by_force(seed: int, limit: int) -> None:
+def test_dropped_regions_are_those_of_brute_force(seed: int, limit: int) -> None:
     labels = random_regions(seed)
     sizes = np.bincount(labels.reshape(-1))
     wanted = np.where(
         (sizes[labels] >= limit) & (labels > 0), labels, 0
     )  # ids are by size: what is left is 1..k
-    found = without_small_regions(outlined(labels), box(labels), Area(limit, True))
+    found = drop_small_regions(outlined(labels), box(labels), Area(limit, True))
     assert np.array_equal(painted(found, labels), wanted)
     assert found.sums.greys.tolist() == (10 * np.bincount(wanted.reshape(-1))[1:]).tolist()

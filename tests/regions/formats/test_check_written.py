@@ -1,4 +1,4 @@
-"""A disk that fills up at any moment is told of, whichever format is written: what is there is whole."""
+"""A disk that fills up at any moment is reported for every format: a file that appears is complete."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +11,7 @@ import shapely
 
 from uavseg.errors import OutputError
 from uavseg.regions.formats import export
-from uavseg.regions.formats.check_written import is_whole
+from uavseg.regions.formats.check_written import is_complete
 from uavseg.regions.table import Regions
 
 resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
@@ -44,9 +44,9 @@ def room_for(size: int) -> Iterator[None]:
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("extension", FORMATS)
-def test_what_appears_on_a_full_disk_is_whole(tmp_path: Path, extension: str, count: int) -> None:
+def test_a_file_that_appears_on_a_full_disk_is_complete(tmp_path: Path, extension: str, count: int) -> None:
     (tmp_path / "whole").mkdir()
-    export.write(squares(count), tmp_path / "whole" / f"a.{extension}")
+    export.write_regions(squares(count), tmp_path / "whole" / f"a.{extension}")
     whole = {path.name: path.read_bytes() for path in (tmp_path / "whole").iterdir()}
     sizes = {len(data) - less for data in whole.values() for less in (1, len(data) // 2)}
     for size in sorted(sizes | {max(map(len, whole.values())) - 4096} - {0}):
@@ -54,30 +54,30 @@ def test_what_appears_on_a_full_disk_is_whole(tmp_path: Path, extension: str, co
             continue
         (tmp_path / str(size)).mkdir()
         with room_for(size), pytest.raises(OutputError, match="cannot") as told:
-            export.write(squares(count), tmp_path / str(size) / f"a.{extension}")
+            export.write_regions(squares(count), tmp_path / str(size) / f"a.{extension}")
         assert "\n" not in str(told.value) and len(str(told.value)) < 300
         assert list((tmp_path / str(size)).iterdir()) == []
 
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("extension", ["gpkg", "fgb", "shp"])
-def test_whole_is_what_holds_so_many_regions_to_the_last_byte(
+def test_a_file_is_complete_with_all_its_regions_and_bytes(
     tmp_path: Path, extension: str, count: int
 ) -> None:
     path = tmp_path / f"a.{extension}"
-    export.write(squares(count), path)
-    assert is_whole(path, count)
-    assert not is_whole(path, count + 1)
+    export.write_regions(squares(count), path)
+    assert is_complete(path, count)
+    assert not is_complete(path, count + 1)
     for part in (path, *(path.with_suffix(end) for end in (".shx", ".dbf", ".prj") if extension == "shp")):
         data = part.read_bytes()
         for keep in (len(data) - 1, len(data) // 2, 0):
             part.write_bytes(data[:keep])
-            assert not is_whole(path, count)
+            assert not is_complete(path, count)
         part.write_bytes(data)
-    assert is_whole(path, count)
+    assert is_complete(path, count)
 
 
-def test_an_open_journal_is_not_whole(tmp_path: Path) -> None:
-    export.write(squares(3), tmp_path / "a.gpkg")
+def test_a_file_with_an_open_journal_is_not_complete(tmp_path: Path) -> None:
+    export.write_regions(squares(3), tmp_path / "a.gpkg")
     (tmp_path / "a.gpkg-journal").write_bytes(b"")
-    assert not is_whole(tmp_path / "a.gpkg", 3)
+    assert not is_complete(tmp_path / "a.gpkg", 3)

@@ -1,4 +1,4 @@
-"""GeoJSON as RFC 7946 wants it, checked on the text itself."""
+"""GeoJSON as RFC 7946 requires it, tested on the text itself."""
 
 import io
 import json
@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 import shapely
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.formats import geojson
-from uavseg.regions.formats.decimal_text import lines_of, words_of, write_degrees
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.table import make
+from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
+from uavseg.segmentation.components import Sums
 
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 PICTURE = np.array([[1, 1, 1, 0, 3], [1, 0, 1, 0, 0], [1, 1, 1, 2, 2]], np.uint32)
 UTM = Affine(0.5, 0, 400_000, 0, -0.5, 5_000_000)
 
@@ -26,29 +25,18 @@ UTM = Affine(0.5, 0, 400_000, 0, -0.5, 5_000_000)
 def regions_of(labels=PICTURE, transform=UTM, crs=32618, source="a.tif"):
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_epsg(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1), minlength=1)[1:]
-    return make(rings, box, counts, counts * 65535, counts * 65535.0**2, (0.5, 1), source)
+    sums = Sums(counts, counts * 65535, counts * 65535.0**2, FIRSTS)
+    return make_regions(rings, sums, box, (0.5, 1), source)
 
 
 def written(regions):
     with io.BytesIO() as stream:
-        geojson.dump(regions, stream)
+        geojson.write_geojson(regions, stream)
         return stream.getvalue().decode()
 
 
 def shapes(text):
     return np.array([shapely.geometry.shape(f["geometry"]) for f in json.loads(text)["features"]])
-
-
-@given(st.lists(st.integers(-1_800_000_000, 1_800_000_000), min_size=1), st.booleans())
-@settings(deadline=None)
-def test_degrees_are_written_as_python_writes_them(values, latitudes):
-    values = [value // 2 if latitudes else value for value in values]
-    words = np.empty((len(values), 4), np.uint32)
-    write_degrees(np.array(values), words[:, :3], after="," if latitudes else "")
-    words[:, 3] = words_of(["\n"])
-    comma = "," if latitudes else ""
-    expected = [f"{comma}{'-' * (v < 0)}{abs(v) // 10**7}.{abs(v) % 10**7:07}".encode() for v in values]
-    assert lines_of(words) == expected
 
 
 def test_a_feature_is_a_line():
@@ -96,7 +84,7 @@ def test_exteriors_are_counter_clockwise_and_holes_clockwise():
 )
 def test_the_text_holds_the_geometries_of_wgs84(transform, crs):
     regions = regions_of(transform=transform, crs=crs)
-    assert shapely.equals_exact(shapes(written(regions)), to_wgs84.geometries(regions)).all()
+    assert shapely.equals_exact(shapes(written(regions)), to_wgs84.wgs84_geometries(regions)).all()
 
 
 def test_what_the_antimeridian_cuts_is_a_multipolygon_of_the_same_feature():
@@ -108,7 +96,7 @@ def test_a_region_in_parts_is_a_multipolygon():
     regions = regions_of(np.array([[1, 0, 1, 2]], np.uint32))
     text = written(regions)
     assert [f["geometry"]["type"] for f in json.loads(text)["features"]] == ["MultiPolygon", "Polygon"]
-    assert shapely.equals_exact(shapes(text), to_wgs84.geometries(regions)).all()
+    assert shapely.equals_exact(shapes(text), to_wgs84.wgs84_geometries(regions)).all()
 
 
 def test_local_coordinates_are_written_as_they_are():

@@ -1,3 +1,5 @@
+"""Regions read from files: those that were written, and those of other tools."""
+
 import json
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,7 @@ from pyproj import CRS, Geod, Transformer
 
 from uavseg.errors import RegionError
 from uavseg.regions.formats import export
-from uavseg.regions.formats.read import load
+from uavseg.regions.formats.read import read_regions
 from uavseg.regions.table import COLUMNS, Regions
 
 UTM = 32632
@@ -40,8 +42,8 @@ def near(lon: float = 0.0, lat: float = 0.0) -> shapely.Polygon:
 @pytest.mark.parametrize("suffix", ["geojson", "gpkg", "fgb", "parquet", "shp", "kml"])
 def test_every_format_that_is_written_is_read_back(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"regions.{suffix}"
-    export.write(made(), path)
-    found = load(path)
+    export.write_regions(made(), path)
+    found = read_regions(path)
     assert list(found.columns) == list(COLUMNS)
     for name, column in made().columns.items():
         if name == "source":
@@ -56,15 +58,15 @@ def test_every_format_that_is_written_is_read_back(tmp_path: Path, suffix: str) 
 
 def test_geojson_may_come_as_bytes(tmp_path: Path) -> None:
     path = tmp_path / "regions.geojson"
-    export.write(made(), path)
-    assert load(path.read_bytes()).columns["id"].tolist() == [1, 2]
+    export.write_regions(made(), path)
+    assert read_regions(path.read_bytes()).columns["id"].tolist() == [1, 2]
 
 
-def test_what_others_made_is_counted_measured_and_taken_apart(tmp_path: Path) -> None:
+def test_files_of_other_tools_are_numbered_measured_and_split(tmp_path: Path) -> None:
     path = tmp_path / "theirs.gpkg"
     two = shapely.MultiPolygon([near(0.01), near(0.02)])
     frame([shapely.force_3d(near()), two], name=["field", "woods"]).to_file(path)
-    found = load(path)
+    found = read_regions(path)
     assert found.columns["id"].tolist() == [1, 2, 3]
     assert found.columns["name"].tolist() == ["field", "woods", "woods"]
     assert not shapely.has_z(found.polygons).any()
@@ -73,28 +75,28 @@ def test_what_others_made_is_counted_measured_and_taken_apart(tmp_path: Path) ->
     assert shapely.contains_xy(found.polygons, found.columns["lon"], found.columns["lat"]).all()
 
 
-def test_regions_with_an_id_stay_whole_and_come_in_its_order(tmp_path: Path) -> None:
+def test_regions_with_an_id_are_not_split_and_are_sorted_by_it(tmp_path: Path) -> None:
     path = tmp_path / "regions.gpkg"
     two = shapely.MultiPolygon([near(0.01), near(0.02)])
     frame([near(), two], id=[7, 3]).to_file(path)
-    found = load(path)
+    found = read_regions(path)
     assert found.columns["id"].tolist() == [3, 7]
     assert [polygon.geom_type for polygon in found.polygons] == ["MultiPolygon", "MultiPolygon"]
 
 
-def test_a_point_outside_of_its_region_is_not_taken(tmp_path: Path) -> None:
+def test_a_point_outside_of_its_region_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "regions.geojson"
     frame([near(), near(1)], id=[1, 2], lon=[8.0005, 8.0005], lat=[47.0005, 47.0005]).to_file(path)
-    found = load(path)
+    found = read_regions(path)
     assert found.columns["lon"][0] == 8.0005
     assert 9 < found.columns["lon"][1] < 9.001
 
 
-def test_a_projected_file_is_brought_to_the_globe(tmp_path: Path) -> None:
+def test_a_projected_file_is_reprojected(tmp_path: Path) -> None:
     path = tmp_path / "mercator.fgb"
     frame([near()]).to_crs(3857).to_file(path)
-    assert load(path).polygons[0].equals_exact(near(), 1e-9) or shapely.hausdorff_distance(
-        load(path).polygons[0], near()
+    assert read_regions(path).polygons[0].equals_exact(near(), 1e-9) or shapely.hausdorff_distance(
+        read_regions(path).polygons[0], near()
     ) == pytest.approx(0, abs=1e-9)
 
 
@@ -116,29 +118,29 @@ LOCAL = {"type": "Polygon", "coordinates": [[[0, 0], [640, 0], [640, 480], [0, 4
         (geojson({"type": "Point", "coordinates": [8, 47]}), "holds Point; regions are polygons"),
         (geojson({"type": "LineString", "coordinates": [[8, 47], [9, 47]]}), "LineString"),
         (geojson(LOCAL), "local coordinates"),
-        (geojson(BOWTIE), "no valid polygon"),
+        (geojson(BOWTIE), "not a valid polygon"),
         (geojson(None), "holds no regions"),
         ('{"type": "FeatureCollection", "features": []}', "no regions|no geometries"),
     ],
 )
-def test_what_holds_no_regions_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
+def test_a_file_without_regions_is_refused_in_one_line(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "odd.geojson"
     path.write_text(text)
     for source in (path, text.encode()):
         with pytest.raises(RegionError, match=words) as refused:
-            load(source)
+            read_regions(source)
         assert "\n" not in str(refused.value) and "vsimem" not in str(refused.value)
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RegionError, match="does not exist"):
-        load(tmp_path / "none.gpkg")
+        read_regions(tmp_path / "none.gpkg")
 
 
-def test_a_parquet_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_an_invalid_parquet_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "odd.parquet").write_text("not at all")
     with pytest.raises(RegionError, match="cannot be read"):
-        load(tmp_path / "odd.parquet")
+        read_regions(tmp_path / "odd.parquet")
 
 
 def test_a_file_without_a_coordinate_system_is_refused(tmp_path: Path) -> None:
@@ -146,31 +148,31 @@ def test_a_file_without_a_coordinate_system_is_refused(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="crs"):
         frame([near()], crs=None, id=[1]).to_file(path)
     with pytest.raises(RegionError, match="does not say its coordinate system"):
-        load(path)
+        read_regions(path)
 
 
 def test_regions_on_the_moon_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "moon.gpkg"
     frame([near()], crs="+proj=longlat +R=1737400 +no_defs", id=[1]).to_file(path)
     with pytest.raises(RegionError, match="place on Earth"):
-        load(path)
+        read_regions(path)
 
 
 def test_one_of_several_layers_is_chosen_by_name(tmp_path: Path) -> None:
     path = tmp_path / "both.gpkg"
     frame([near()], id=[1]).to_file(path, layer="near")
     frame([near(1)], id=[2]).to_file(path, layer="far")
-    assert load(path, "far").columns["id"].tolist() == [2]
+    assert read_regions(path, "far").columns["id"].tolist() == [2]
     with pytest.raises(RegionError, match="2 layers; choose with --layer one of near, far"):
-        load(path)
+        read_regions(path)
     with pytest.raises(RegionError, match="no layer 'away'; it has near, far"):
-        load(path, "away")
+        read_regions(path, "away")
 
 
-def test_a_polygon_that_only_touches_itself_is_mended(tmp_path: Path) -> None:
+def test_a_polygon_that_only_touches_itself_is_repaired(tmp_path: Path) -> None:
     path = tmp_path / "touching.gpkg"
     ring = [(8, 47), (8.06, 47), (8.03, 47.03), (8.06, 47.06), (8, 47.06), (8.03, 47.03), (8, 47)]
     frame([shapely.Polygon(ring)], id=[4]).to_file(path)
-    found = load(path)
+    found = read_regions(path)
     assert found.columns["id"].tolist() == [4]
     assert shapely.is_valid(found.polygons).all()

@@ -1,6 +1,4 @@
-"""Outlines: the same as rasterio's, along pixel edges, and painted back to the labels they came from."""
-
-import pickle
+"""Traced outlines: those of rasterio, along pixel edges, ordered by label and raster position."""
 
 import numpy as np
 import pytest
@@ -12,10 +10,9 @@ from numpy.typing import NDArray
 from shapely.geometry import shape
 
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.chains import trace_tile
-from uavseg.regions.outline.rasterise import Painter, rasterise
+from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.trace import link, trace
+from uavseg.regions.outline.trace import trace
 
 Labels = NDArray[np.uint32]
 ONE = "#"  # in a drawing, # is label 1, digits are themselves and . is nothing
@@ -69,13 +66,6 @@ def corners(text: str) -> list[list[list[int]]]:
     return [r.tolist() for r in np.split(rings.vertices, rings.starts[1:-1])]
 
 
-def equal(one: Rings, other: Rings) -> bool:
-    return all(
-        np.array_equal(getattr(one, name), getattr(other, name))
-        for name in ("vertices", "starts", "labels", "parts")
-    )
-
-
 # Pictures
 
 
@@ -123,7 +113,7 @@ def test_a_checkerboard_is_as_many_squares_as_it_has_black_fields() -> None:
     assert rings.parts.tolist() == list(range(int(board.sum())))
 
 
-def test_rings_in_rings_are_exteriors_with_holes_by_turns() -> None:
+def test_nested_rings_alternate_between_exteriors_and_holes() -> None:
     rings = trace(picture("1111111 1.....1 1.222.1 1.2.2.1 1.222.1 1.....1 1111111"))
     assert rings.labels.tolist() == [1, 1, 2, 2]
     assert rings.pixel_areas().tolist() == [49, -25, 9, -1]
@@ -142,15 +132,10 @@ def test_parts_of_a_label_are_in_raster_order_of_their_first_pixels() -> None:
 
 
 @pytest.mark.parametrize("empty", [(3, 4), (1, 1)])
-def test_nothing_has_no_outline(empty: tuple[int, int]) -> None:
+def test_an_empty_image_has_no_outline(empty: tuple[int, int]) -> None:
     rings = trace(np.zeros(empty, np.uint32))
     assert len(rings.labels) == 0 and rings.starts.tolist() == [0] and len(rings.pixel_areas()) == 0
     assert not rasterise(rings, Window(0, 0, *empty)).any()
-
-
-def test_the_largest_label_that_fits_is_painted_back() -> None:
-    labels = np.array([[0, 2**32 - 1, 7], [3, 2**32 - 1, 2**31]], np.uint32)
-    assert np.array_equal(rasterise(trace(labels), Window(0, 0, 2, 3)), labels)
 
 
 # Laws
@@ -169,31 +154,6 @@ def test_outlines_of_small_images_are_those_of_rasterio(labels: Labels) -> None:
     found = polygons(trace(labels))
     assert all(polygon.is_valid for _, polygon in found)
     assert as_text(found) == as_text(of_rasterio(labels))
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_areas_sum_to_the_pixels_of_each_label(seed: int) -> None:
-    labels = random_labels(seed)
-    rings = trace(labels)
-    sums = np.bincount(rings.labels, rings.pixel_areas(), 6)
-    assert sums[1:].tolist() == np.bincount(labels.reshape(-1), minlength=6)[1:].tolist()
-
-
-@settings(max_examples=60, deadline=None)
-@given(label_images(), st.data())
-def test_painting_undoes_tracing(labels: Labels, data: st.DataObject) -> None:
-    paint = Painter(trace(labels))
-    rows, cols = labels.shape
-    assert np.array_equal(paint(Window(0, 0, rows, cols)), labels)
-    row, col = data.draw(st.integers(0, rows - 1)), data.draw(st.integers(0, cols - 1))
-    part = Window(row, col, data.draw(st.integers(1, rows - row)), data.draw(st.integers(1, cols - col)))
-    assert np.array_equal(paint(part), labels[part.slices])
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_large_images_are_painted_back_too(seed: int) -> None:
-    labels = random_labels(seed)
-    assert np.array_equal(rasterise(trace(labels), Window(0, 0, *labels.shape)), labels)
 
 
 @settings(max_examples=60, deadline=None)
@@ -224,72 +184,3 @@ def test_a_turned_or_mirrored_image_gives_turned_or_mirrored_outlines(labels: La
     for image, turn in turns.values():
         turned = [(label, shapely.transform(polygon, turn)) for label, polygon in upright]
         assert as_text(polygons(trace(image))) == as_text(turned)
-
-
-@settings(max_examples=60, deadline=None)
-@given(label_images(), st.integers(1, 5), st.integers(1, 5), st.randoms())
-def test_tiles_of_any_size_in_any_order_link_to_the_same_rings(
-    labels: Labels, tile_rows: int, tile_cols: int, random: object
-) -> None:
-    pieces, names = pieces_of(labels)
-    image = np.pad(labels, 1)
-    windows = [
-        Window(row, col, tile_rows, tile_cols).clipped(labels.shape)
-        for row in range(0, labels.shape[0], tile_rows)
-        for col in range(0, labels.shape[1], tile_cols)
-    ]
-    random.shuffle(windows)  # type: ignore[attr-defined]
-    chains = [
-        trace_tile(
-            np.ascontiguousarray(image[w.row : w.row + w.rows + 2, w.col : w.col + w.cols + 2]),
-            np.ascontiguousarray(pieces[w.slices]),
-            1,
-            (w.row, w.col),
-            labels.shape[1],
-        )
-        for w in windows
-    ]
-    assert equal(link(chains, names, np.arange(len(names))), trace(labels))
-
-
-def pieces_of(labels: Labels) -> tuple[Labels, NDArray[np.int64]]:
-    """4-connected pieces of one label, 1..n in raster order, and the label of each (0 for piece 0)."""
-    pieces, names = np.zeros(labels.shape, np.uint32), [0]
-    for start in map(tuple, np.argwhere(labels > 0)):
-        if pieces[start]:
-            continue
-        waiting, label = [start], labels[start]
-        pieces[start] = len(names)
-        while waiting:
-            r, c = waiting.pop()
-            for near in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
-                within = 0 <= near[0] < labels.shape[0] and 0 <= near[1] < labels.shape[1]
-                if within and labels[near] == label and not pieces[near]:
-                    pieces[near] = len(names)
-                    waiting.append(near)
-        names.append(int(label))
-    return pieces, np.array(names, np.int64)
-
-
-@settings(max_examples=40, deadline=None)
-@given(label_images(), st.permutations([1, 2, 3]))
-def test_chosen_rings_are_those_of_an_image_with_the_chosen_labels(labels: Labels, names: list[int]) -> None:
-    rings = trace(labels)
-    kept = rings.labels > 1
-    new = np.array([0, *names])
-    chosen = rings.chosen(kept, new[rings.labels[kept]])
-    wanted = np.where(labels > 1, new[labels], 0).astype(np.uint32)
-    assert equal(chosen, trace(wanted))
-
-
-@given(st.integers(0, 10**6), st.data())
-@settings(max_examples=15, deadline=None)
-def test_a_sketch_holds_all_that_its_window_needs(seed: int, data: st.DataObject) -> None:
-    rng = np.random.default_rng(seed)
-    labels = np.kron(rng.integers(0, 4, (9, 8)), np.ones((97, 23), np.int64)).astype(np.uint32)  # long edges
-    row, col = data.draw(st.integers(0, 800)), data.draw(st.integers(0, 180))
-    window = Window(row, col, data.draw(st.integers(1, 873 - row)), data.draw(st.integers(1, 184 - col)))
-    sketch = pickle.loads(pickle.dumps(Painter(trace(labels)).sketch(window)))
-    assert np.array_equal(sketch.paint(), labels[window.slices])
-    inside = (sketch.edges[:, 2] > 0) & (sketch.edges[:, 2] < window.cols)
-    assert inside.all() and (sketch.edges[:, 0] < sketch.edges[:, 1]).all()

@@ -1,9 +1,11 @@
+"""Regions selected by id, condition and size."""
+
 import numpy as np
 import pytest
 import shapely
 
 from uavseg.errors import RegionError
-from uavseg.regions.select.choose import choose
+from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 
 AREA = np.array([50.0, 900.0, 100.0, 900.0, 400.0])
@@ -15,14 +17,14 @@ REGIONS = Regions(
 
 
 def ids(**choice: object) -> list[int]:
-    return choose(REGIONS, **choice).columns["id"].tolist()  # type: ignore[arg-type]
+    return select_regions(REGIONS, **choice).columns["id"].tolist()  # type: ignore[arg-type]
 
 
-def test_without_a_wish_all_are_chosen() -> None:
+def test_without_criteria_all_regions_are_selected() -> None:
     assert ids() == [1, 2, 3, 5, 7]
 
 
-def test_wishes_are_fulfilled_together_and_the_order_stays() -> None:
+def test_criteria_are_combined_and_the_order_stays() -> None:
     assert ids(ids=[7, 1, 5]) == [1, 5, 7]
     assert ids(condition="mean > 0.15") == [2, 3, 5, 7]
     assert ids(largest=3) == [2, 5, 7]
@@ -32,7 +34,7 @@ def test_wishes_are_fulfilled_together_and_the_order_stays() -> None:
 
 
 def test_polygons_go_with_their_columns() -> None:
-    assert choose(REGIONS, ids=[5]).polygons[0] == REGIONS.polygons[3]
+    assert select_regions(REGIONS, ids=[5]).polygons[0] == REGIONS.polygons[3]
 
 
 @pytest.mark.parametrize(
@@ -44,7 +46,7 @@ def test_polygons_go_with_their_columns() -> None:
         ({"ids": []}, "none of the 5 regions"),
     ],
 )
-def test_a_wish_that_cannot_be_fulfilled_is_refused(choice: dict[str, object], words: str) -> None:
+def test_a_criterion_that_cannot_be_met_is_refused(choice: dict[str, object], words: str) -> None:
     with pytest.raises(RegionError, match=words):
         ids(**choice)
 
@@ -52,4 +54,4 @@ def test_a_wish_that_cannot_be_fulfilled_is_refused(choice: dict[str, object], w
 def test_a_long_list_of_ids_is_shortened() -> None:
     many = Regions({"id": np.arange(1, 2001)}, np.array([None] * 2000), None)
     with pytest.raises(RegionError, match=r"there are 1, 2, .*, 10, \.\.\. 2000 \(2000 in all\)$"):
-        choose(many, ids=[0])
+        select_regions(many, ids=[0])

@@ -1,3 +1,5 @@
+"""Conditions on attributes: evaluated as three-valued logic, and never run as code."""
+
 import operator
 from collections.abc import Callable
 from pathlib import Path
@@ -60,7 +62,7 @@ def chosen(condition: str) -> list[int]:
         ("  mean > 0.6 ", [2, 3]),
     ],
 )
-def test_a_condition_chooses(condition: str, ids: list[int]) -> None:
+def test_a_condition_selects(condition: str, ids: list[int]) -> None:
     assert chosen(condition) == ids
 
 
@@ -95,7 +97,7 @@ def test_a_condition_chooses(condition: str, ids: list[int]) -> None:
         ("id > 1\x00", "cannot be read"),
     ],
 )
-def test_what_is_no_condition_is_refused(condition: str, words: str) -> None:
+def test_a_text_that_is_not_a_condition_is_refused(condition: str, words: str) -> None:
     with pytest.raises(RegionError, match=words) as refused:
         chosen(condition)
     assert "\n" not in str(refused.value)
@@ -122,7 +124,7 @@ def test_what_is_no_condition_is_refused(condition: str, words: str) -> None:
         "print == 1",
     ],
 )
-def test_nothing_is_run(attack: str, tmp_path: Path) -> None:
+def test_no_code_is_run(attack: str, tmp_path: Path) -> None:
     path = tmp_path / "run"
     with pytest.raises(RegionError):
         chosen(attack.format(path=path))

@@ -1,4 +1,4 @@
-"""Outlines without stairs: valid, shared, near the pixel edges, around the same pixels, of the same area."""
+"""Smooth outlines: valid, with shared borders, near the pixel edges, with the same pixels and areas."""
 
 import numpy as np
 import pytest
@@ -15,12 +15,13 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.regions.drawing import Drawing
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.shapes import Shapes
-from uavseg.regions.smooth.nodes import nodes_of
-from uavseg.regions.smooth.smooth_outlines import smoothed
-from uavseg.regions.table import make
+from uavseg.regions.shapes import LazyPolygons
+from uavseg.regions.smooth.smooth_outlines import smooth_outlines
+from uavseg.regions.table import make_regions
+from uavseg.segmentation.components import Sums
 
 Labels = NDArray[np.uint32]
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 STEPS = 256  # to a pixel
 FULL = 9.0  # metres; half a pixel counts
 
@@ -31,12 +32,12 @@ def box(shape: tuple[int, int]) -> GeoBox:
 
 def smooth(labels: Labels, metres: float = FULL) -> tuple[Rings, NDArray[np.object_]]:
     """Smooth rings in steps, and their polygons in (col, row) pixels."""
-    rings, fine = smoothed(trace(labels), metres, box(labels.shape))
-    return rings, np.asarray(Shapes(rings, fine.transform))
+    rings, fine = smooth_outlines(trace(labels), metres, box(labels.shape))
+    return rings, np.asarray(LazyPolygons(rings, fine.transform))
 
 
 def pixelwise(labels: Labels) -> NDArray[np.object_]:
-    return np.asarray(Shapes(trace(labels), Affine.identity()))
+    return np.asarray(LazyPolygons(trace(labels), Affine.identity()))
 
 
 def named(image: NDArray[np.integer]) -> Labels:
@@ -68,7 +69,7 @@ def pictures(draw: st.DrawFn) -> Labels:
 
 @given(pictures())
 @settings(deadline=None, max_examples=60)
-def test_outlines_are_valid_and_part_the_same_pixels(labels: Labels) -> None:
+def test_outlines_are_valid_and_separate_the_same_pixels(labels: Labels) -> None:
     _, polygons = smooth(labels)
     assert shapely.is_valid(polygons).all()
     pairs = [(polygon, k) for k, polygon in enumerate(polygons, 1)]
@@ -135,16 +136,6 @@ def by_force(labels: Labels) -> list[int]:
 
 @given(pictures())
 @settings(deadline=None, max_examples=60)
-def test_nodes_are_where_boundaries_meet(labels: Labels) -> None:
-    rings = trace(labels)
-    nodes = nodes_of(rings, labels.shape)
-    assert nodes.by_row.tolist() == by_force(labels)
-    flipped = nodes_of(trace(np.ascontiguousarray(labels.T)), labels.shape[::-1])
-    assert flipped.by_row.tolist() == nodes.by_col.tolist()
-
-
-@given(pictures())
-@settings(deadline=None, max_examples=60)
 def test_nodes_stay_where_they_are(labels: Labels) -> None:
     rings, _ = smooth(labels)
     corners, rest = np.divmod(rings.vertices.astype(np.int64), STEPS)
@@ -195,7 +186,7 @@ def test_a_region_whose_area_would_change_stays_on_its_pixel_edges() -> None:
         assert shapely.equals(smooth(labels, metres)[1], pixelwise(labels)).all() == stays
 
 
-def test_by_nothing_outlines_stay_as_they_are() -> None:
+def test_zero_metres_leave_outlines_unchanged() -> None:
     labels = disc(9)
     assert shapely.equals(smooth(labels, 0)[1], pixelwise(labels)).all()
     assert len(smooth(np.zeros((3, 4), np.uint32))[1]) == 0
@@ -214,27 +205,28 @@ def test_metres_are_metres_on_the_ground(place: str) -> None:
     epsg, transform, half = PLACES[place]
     labels = disc(20)
     here = GeoBox(labels.shape, transform, None if epsg is None else CRS.from_epsg(epsg))
-    drawn = {m: smoothed(trace(labels), m * half, here)[0].vertices.tolist() for m in (0.98, 1.02, 3)}
+    drawn = {m: smooth_outlines(trace(labels), m * half, here)[0].vertices.tolist() for m in (0.98, 1.02, 3)}
     assert drawn[1.02] == drawn[3] != drawn[0.98]
 
 
 @pytest.mark.parametrize("metres", [-1, float("nan"), float("inf")])
-def test_a_length_that_is_none_is_refused(metres: float) -> None:
+def test_a_length_that_is_negative_or_not_finite_is_refused(metres: float) -> None:
     with pytest.raises(ParameterError, match="0 or more metres"):
         smooth(disc(4), metres)
 
 
 def test_a_raster_too_large_for_whole_steps_is_refused() -> None:
     with pytest.raises(ParameterError, match="more than 8,388,606 rows or columns"):
-        smoothed(trace(disc(4)), 1, box((10, 2**23)))
+        smooth_outlines(trace(disc(4)), 1, box((10, 2**23)))
 
 
 @given(pictures(), st.sampled_from([0.2, 1, 4]))
 @settings(deadline=None, max_examples=40)
-def test_what_is_smooth_may_be_simplified(labels: Labels, metres: float) -> None:
+def test_smooth_outlines_can_be_simplified(labels: Labels, metres: float) -> None:
     """First smoothed, then simplified: still valid, no overlap, no gap, no region gone."""
     pixels = np.bincount(labels.reshape(-1), minlength=1)[1:]
-    regions = make(trace(labels), box(labels.shape), pixels, pixels, pixels, (0, 1), "")
+    sums = Sums(pixels, pixels, pixels, FIRSTS)
+    regions = make_regions(trace(labels), sums, box(labels.shape), (0, 1), "")
     drawn = Drawing(FULL, metres).drawn(regions, trace(labels), box(labels.shape))
     polygons = np.asarray(drawn.polygons)
     assert drawn.columns is regions.columns

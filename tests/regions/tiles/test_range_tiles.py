@@ -1,4 +1,4 @@
-"""Tiles: how a raster is cut, and who works on it in which order, changes nothing."""
+"""Regions of a range: tiles, workers and their order change nothing."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -20,12 +20,12 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import Outlined
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.tiles.block_map_regions import outline_cells, summed_cells
+from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments
-from uavseg.regions.tiles.range_tiles import outline_regions, summed
+from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.pipeline import MIXED, measure_cells
 from uavseg.segmentation.source import GreySource
@@ -86,7 +86,7 @@ def leaves_of(image: Image) -> Image:
     return inside
 
 
-def whole(outlined: Outlined, image: Image) -> NDArray[np.uint32]:
+def whole(outlined: RegionOutlines, image: Image) -> NDArray[np.uint32]:
     return rasterise(outlined.rings, Window(0, 0, *image.shape))
 
 
@@ -94,7 +94,7 @@ def one_tile(image: Image) -> list[Window]:
     return tiles(image.shape, 4096)
 
 
-def same(one: Outlined, other: Outlined) -> bool:
+def same(one: RegionOutlines, other: RegionOutlines) -> bool:
     rings = [(getattr(one.rings, f), getattr(other.rings, f)) for f in Rings.__dataclass_fields__]
     sums = [(getattr(one.sums, f), getattr(other.sums, f)) for f in ("counts", "greys", "squares", "firsts")]
     return all(np.array_equal(a, b) for a, b in rings + sums)
@@ -115,7 +115,7 @@ def shuffled(seed: int) -> Map:
 # Pictures
 
 
-def test_what_invalid_pixels_part_is_one_region_where_leaves_are_not_refined(sourced: Sourced) -> None:
+def test_unrefined_leaves_separated_by_invalid_pixels_are_one_region(sourced: Sourced) -> None:
     image = picture("### ...")
     image[:, 12] = 0  # a line of nodata within the second cell
     inside = leaves_of(image)
@@ -239,12 +239,12 @@ def test_tiles_workers_and_their_order_change_nothing(
 
 @settings(max_examples=10, deadline=None)
 @given(st.integers(0, 10**6), st.sampled_from(SIDES))
-def test_sums_are_found_again_from_the_outlines(sourced: Sourced, seed: int, side: Any) -> None:
+def test_sums_are_recovered_from_the_outlines(sourced: Sourced, seed: int, side: Any) -> None:
     image = scene(seed, (150, 200))
     source, windows = sourced(image), tiles((150, 200), side)
     found = outline_regions(source, random_cells(seed, image.shape), BRIGHT, "scan", TilePass(windows))
-    again = summed(source, found, TilePass(windows, shuffled(seed)))
-    assert same(Outlined(found.rings, again), found)
+    again = sum_regions(source, found, TilePass(windows, shuffled(seed)))
+    assert same(RegionOutlines(found.rings, again), found)
 
 
 @settings(max_examples=30, deadline=None)
@@ -258,11 +258,11 @@ def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
     kinds[-(-shape[0] // 8) :] = kinds[:, -(-shape[1] // 8) :] = 0  # no leaf lies wholly beyond the raster
     source = sourced(image)
     blocks = measure_cells(source, TilePass(one_tile(image))).blocks
-    cells = outline_cells(blocks, kinds)
+    cells = outline_block_map(blocks, kinds)
     for windows in (one_tile(image), tiles(shape, side)):
         pixels = outline_segments(source, kinds, TilePass(windows))
         sums = replace(cells.sums, squares=pixels.sums.squares)
-        assert same(Outlined(cells.rings, sums), pixels)
+        assert same(RegionOutlines(cells.rings, sums), pixels)
 
 
 @settings(max_examples=30, deadline=None)
@@ -273,14 +273,14 @@ def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_enclose
     """Also where cells have no valid pixels, and with the sums of all cells enclosed."""
     image, kinds = scene(seed, shape), random_cells(seed, shape)
     blocks = measure_cells(sourced(image), TilePass(one_tile(image))).blocks
-    found = outline_cells(blocks, kinds)
+    found = outline_block_map(blocks, kinds)
     names, firsts = np.unique(whole(found, image), return_index=True)
     places = np.stack(np.unravel_index(firsts[names > 0], shape), 1).tolist()
     assert found.sums.firsts.tolist() == places
-    assert summed_cells(blocks, found).sums.firsts.tolist() == places
+    assert sum_enclosed_cells(blocks, found).sums.firsts.tolist() == places
 
 
-def test_progress_is_told_of_every_tile(sourced: Sourced) -> None:
+def test_progress_counts_every_tile(sourced: Sourced) -> None:
     image, told = scene(1, (128, 192)), []
     cells = random_cells(1, image.shape)
     outline_regions(

@@ -1,4 +1,4 @@
-"""Regions on the globe: cut, folded and rounded without losing ground."""
+"""Polygons in WGS 84: cut at the antimeridian and rounded, with their areas preserved."""
 
 from dataclasses import replace
 
@@ -14,9 +14,11 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.table import make
+from uavseg.regions.table import make_regions
 from uavseg.regions.wgs84 import to_wgs84
+from uavseg.segmentation.components import Sums
 
+FIRSTS = np.empty((0, 2), np.int64)  # no measure depends on first pixels
 PLACES = {
     "the south pole on a corner": (3031, Affine(50_000, 0, -300_000, 0, -50_000, 300_000)),
     "the south pole in a pixel": (3031, Affine(50_000, 0, -330_000, 0, -50_000, 310_000)),
@@ -50,7 +52,7 @@ def regions_of(labels, transform, crs):
     labels = np.ascontiguousarray(names.reshape(np.shape(labels)), np.uint32)
     box = GeoBox(labels.shape, transform, None if crs is None else CRS.from_user_input(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1))[1:]
-    return make(rings, box, counts, counts, counts, (0, 1), "picture.tif")
+    return make_regions(rings, Sums(counts, counts, counts, FIRSTS), box, (0, 1), "picture.tif")
 
 
 def ground(geometries):
@@ -67,7 +69,7 @@ def ground(geometries):
 
 
 def check(regions):
-    drawn = to_wgs84.geometries(regions)
+    drawn = to_wgs84.wgs84_geometries(regions)
     west, south, east, north = shapely.total_bounds(drawn)
     assert west >= -180 and east <= 180 and south >= -90 and north <= 90
     assert shapely.is_valid(drawn).all()
@@ -94,12 +96,12 @@ def test_any_picture_keeps_its_ground(place, picture):
         check(regions_of(picture, transform, crs))
 
 
-def test_what_crosses_the_antimeridian_is_cut_there():
+def test_a_region_that_crosses_the_antimeridian_is_cut_there():
     drawn = check(regions_of([[1, 1]], Affine(5, 0, 175, 0, -5, 10), 4326))
     assert drawn[0].equals(shapely.union(shapely.box(175, 5, 180, 10), shapely.box(-180, 5, -175, 10)))
 
 
-def test_what_ends_at_the_antimeridian_is_not_cut():
+def test_a_region_that_ends_at_the_antimeridian_is_not_cut():
     drawn = check(regions_of([[1, 2]], Affine(5, 0, 175, 0, -5, 10), 4326))
     assert drawn[0].equals(shapely.box(175, 5, 180, 10))
     assert drawn[1].equals(shapely.box(-180, 5, -175, 10))
@@ -115,7 +117,7 @@ def test_long_edges_keep_their_course():
     regions = regions_of([[1] * 2000], Affine(100, 0, 1e5, 0, -100, 6e6), 32618)  # one pixel, 200 km wide
     one, other = (
         check(regions),
-        to_wgs84.geometries(regions_of([[1, 1]], Affine(1e5, 0, 1e5, 0, -100, 6e6), 32618)),
+        to_wgs84.wgs84_geometries(regions_of([[1, 1]], Affine(1e5, 0, 1e5, 0, -100, 6e6), 32618)),
     )
     assert shapely.get_num_coordinates(one)[0] > shapely.get_num_coordinates(other)[0]
     assert ground(one) == pytest.approx(regions.columns["area_m2"], rel=2e-3)
@@ -128,7 +130,7 @@ def test_small_pixels_stay_valid_with_seven_decimals(side, picture):
     if not np.any(picture):
         return
     regions = regions_of(picture, Affine(side, 0, 4e5, 0, -side, 5e6), 32618)
-    drawn = to_wgs84.geometries(regions)
+    drawn = to_wgs84.wgs84_geometries(regions)
     assert shapely.is_valid(drawn).all()
     assert not shapely.is_empty(drawn).any()
     reach = shapely.hausdorff_distance(drawn, shapely.set_precision(drawn, 1e-7))
@@ -137,11 +139,11 @@ def test_small_pixels_stay_valid_with_seven_decimals(side, picture):
 
 @given(pictures)
 @settings(deadline=None, max_examples=30)
-def test_large_pixels_need_no_look_at_each_polygon(picture):
+def test_large_pixels_need_no_validity_test(picture):
     if not np.any(picture):
         return
     regions = regions_of(picture, Affine(0.04, 0, 4e5, 0, -0.04, 5e6), 32618)
-    assert shapely.is_valid(to_wgs84.geometries(regions)).all()
+    assert shapely.is_valid(to_wgs84.wgs84_geometries(regions)).all()
 
 
 def test_batches_change_nothing():
@@ -150,8 +152,8 @@ def test_batches_change_nothing():
         np.arange(1, 145).reshape(12, 12) * rng.integers(0, 2, (12, 12)),
         *PLACES["a globe that begins before -180"][::-1],
     )
-    whole = to_wgs84.geometries(regions)
-    pieces = list(to_wgs84.batches(regions, vertices=1))
+    whole = to_wgs84.wgs84_geometries(regions)
+    pieces = list(to_wgs84.wgs84_batches(regions, vertices=1))
     assert len(pieces) == len(regions) and len(whole) == len(regions)
     assert sum(len(batch.others) for batch in pieces) == (shapely.get_type_id(whole) == 6).sum() > 0
 
@@ -159,20 +161,20 @@ def test_batches_change_nothing():
 def test_another_celestial_body_is_refused():
     europa = pyproj.CRS.from_proj4("+proj=eqc +R=1560800 +units=m +no_defs").to_wkt()
     with pytest.raises(OutputError, match="not on the Earth"):
-        to_wgs84.geometries(replace(regions_of([[1]], Affine(1, 0, 0, 0, -1, 0), None), wkt=europa))
+        to_wgs84.wgs84_geometries(replace(regions_of([[1]], Affine(1, 0, 0, 0, -1, 0), None), wkt=europa))
 
 
-def test_a_plane_without_a_globe_is_refused():
+def test_a_local_crs_is_refused():
     regions = regions_of([[1]], Affine(1, 0, 0, 0, -1, 0), CRS.from_wkt('LOCAL_CS["site",UNIT["metre",1]]'))
     with pytest.raises(OutputError, match="no place on the globe"):
-        to_wgs84.geometries(regions)
+        to_wgs84.wgs84_geometries(regions)
 
 
 def test_the_edge_of_a_projection_is_refused():
     regions = regions_of([[1]], Affine(36e6, 0, -18e6, 0, -18e6, 9e6), "ESRI:54009")
     with pytest.raises(OutputError, match="past the edge"):
-        to_wgs84.geometries(regions)
+        to_wgs84.wgs84_geometries(regions)
 
 
 def test_no_regions_have_no_geometries():
-    assert len(to_wgs84.geometries(regions_of([[0]], Affine(1, 0, 0, 0, -1, 0), 4326))) == 0
+    assert len(to_wgs84.wgs84_geometries(regions_of([[0]], Affine(1, 0, 0, 0, -1, 0), 4326))) == 0

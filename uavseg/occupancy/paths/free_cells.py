@@ -16,7 +16,7 @@ from uavseg.execution.executors import Map, serial
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_steps
 from uavseg.raster.tiling import Window
-from uavseg.regions.outline.rasterise import Painter
+from uavseg.regions.outline.rasterise import Rasteriser
 from uavseg.regions.outline.rings import Rings
 from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.source import GreySource
@@ -127,7 +127,7 @@ class FreeCells:
         walls : int
             Cells of the region whose own value is out of the range.
         """
-        rings = self.rings.chosen(self.rings.labels == region)
+        rings = self.rings.select(self.rings.labels == region)
         top, left = rings.vertices.min(axis=0).tolist()
         bottom, right = rings.vertices.max(axis=0).tolist()
         window = Window(top, left, bottom - top, right - left)
@@ -135,7 +135,7 @@ class FreeCells:
         walls = 0
         stripes = list(_stripes(window))
         for stripe, (labels, free) in zip(
-            stripes, map(partial(self._look, Painter(rings)), stripes), strict=True
+            stripes, map(partial(self._look, Rasteriser(rings)), stripes), strict=True
         ):
             mask[stripe.row - top : stripe.row - top + stripe.rows] = free
             walls += int((labels > 0).sum() - free.sum())
@@ -143,13 +143,13 @@ class FreeCells:
 
     def nearest(self, place: MapPosition, region: int | None = None, map: Map = serial) -> NearestCell | None:
         """The free cell nearest to a place, of one region or of any; None if there is none."""
-        rings = self.rings if region is None else self.rings.chosen(self.rings.labels == region)
+        rings = self.rings if region is None else self.rings.select(self.rings.labels == region)
         row, col = place.cell
         width, height = ground_steps(self.geobox, row + 0.5, col + 0.5)
         stripes = list(_stripes(Window(0, 0, *self.geobox.shape)))
         best: tuple[float, int, int, int] | None = None
         for stripe, (labels, free) in zip(
-            stripes, map(partial(self._look, Painter(rings)), stripes), strict=True
+            stripes, map(partial(self._look, Rasteriser(rings)), stripes), strict=True
         ):
             rows, cols = np.nonzero(free)
             if len(rows):
@@ -164,10 +164,10 @@ class FreeCells:
         return NearestCell(best[0], best[3], float(x), float(y))
 
     @cached_property
-    def _painter(self) -> Painter:
-        return Painter(self.rings)
+    def _painter(self) -> Rasteriser:
+        return Rasteriser(self.rings)
 
-    def _look(self, painter: Painter, window: Window) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
+    def _look(self, painter: Rasteriser, window: Window) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
         """Labels of a window, and which of its cells are free."""
         labels = painter(window)
         low, high = self.interval.greys

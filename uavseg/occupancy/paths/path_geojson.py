@@ -29,7 +29,7 @@ def check_path_crs(geobox: GeoBox) -> None:
     if geobox.crs is None:
         return
     try:
-        to_wgs84.check_crs(geobox.wkt)
+        to_wgs84.check_on_earth(geobox.wkt)
     except OutputError:
         raise OutputError(
             "the map has no place on the Earth, which a path in degrees needs; "

@@ -21,13 +21,13 @@ LABEL_TILE_SIDE = 2048  # pixels; independent of the tiles of the processing
 Path_ = str | os.PathLike[str]
 
 
-class Paintable(Protocol):
+class LabelTile(Protocol):
     """What a worker needs to paint one window."""
 
     @property
     def window(self) -> Window: ...
 
-    def paint(self) -> Labels:
+    def rasterise(self) -> Labels:
         """The labels, (rows, cols) uint32."""
 
 
@@ -63,7 +63,7 @@ def check_label_tiles(path: Path_, overwrite: bool = False) -> None:
 
 def write_label_tiles(
     path: Path_,
-    parts: Sequence[Paintable],
+    parts: Sequence[LabelTile],
     geobox: GeoBox,
     overwrite: bool = False,
     map: Map = serial,
@@ -105,9 +105,9 @@ def write_label_tiles(
         target.write_bytes(_vrt_xml(geobox, written, folder.name))
 
 
-def _write_tile(folder: str, geobox: GeoBox, part: Paintable) -> Window | None:
+def _write_tile(folder: str, geobox: GeoBox, part: LabelTile) -> Window | None:
     """Paint and write one tile; its window, or None where there is no label."""
-    labels, window = part.paint(), part.window
+    labels, window = part.rasterise(), part.window
     if not labels.any():
         return None
     place = Window(0, 0, window.rows, window.cols)

@@ -1,1 +1,1 @@
-"""Edits of regions: small holes and regions, elimination, adjacency, simplification."""
+"""Edit regions: fill small holes, drop or eliminate small regions, simplify outlines; region adjacency."""

@@ -1,4 +1,4 @@
-"""Simpler outlines of which neighbours still share every border."""
+"""Simplify outlines as a coverage (Visvalingam and Whyatt): neighbours keep sharing their borders."""
 
 from dataclasses import replace
 
@@ -10,47 +10,47 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_resolution
-from uavseg.regions.ragged import Ragged
-from uavseg.regions.smooth.nodes import distinct
+from uavseg.regions.ragged import RaggedPolygons
+from uavseg.regions.sorted_keys import sorted_unique
 from uavseg.regions.table import Regions
 
 Integers = NDArray[np.int64]
 
 
 def simplify(regions: Regions, metres: float, geobox: GeoBox) -> Regions:
-    """Leave out vertices whose absence changes little; no region vanishes, overlaps or becomes invalid.
+    """Remove vertices of little effect; no region vanishes, overlaps another or becomes invalid.
 
-    All outlines are simplified together (Visvalingam and Whyatt, as GEOS does it for coverages): a border
+    All outlines are simplified together (Visvalingam and Whyatt, coverage simplification of GEOS): a border
     between two regions stays one line. Attributes stay those of the pixels.
 
     Parameters
     ----------
     regions : Regions
-        Polygons whose vertices are pixel corners of `geobox`, a finer grid where they are smooth.
+        Polygons whose vertices are pixel corners of `geobox`, a finer grid for smoothed outlines.
     metres : float
-        Leaving out a vertex may move an area of about this length squared from one side of an outline to the
-        other. Units of the transform where there is no CRS.
+        Tolerance: removing a vertex may move an area of about this length squared from one side of an outline
+        to the other. Units of the transform where there is no CRS.
     geobox : GeoBox
 
     Returns
     -------
-    simpler : Regions
-        Vertices are pixel corners of `geobox`, as before.
+    Regions
+        Vertices are pixel corners of `geobox`.
 
     Raises
     ------
     ParameterError
-        If `metres` is negative or no number.
+        If `metres` is negative or not finite.
     """
     if not 0 <= metres < np.inf:
-        raise ParameterError(f"simplification wants a length of 0 or more metres, not {metres:g}")
+        raise ParameterError(f"expected a simplification tolerance of 0 or more metres, got {metres:g}")
     if not len(regions) or metres == 0:
         return regions
-    # The measure is an area, so pixels may serve as units whatever their shape; and whole numbers leave no
-    # doubt on which side of an edge a vertex lies.
-    flat = Ragged.of(np.asarray(regions.polygons))
-    corners, rings = _noded(_corners(flat.vertices, geobox.transform), flat.rings)
-    coverage = Ragged(corners.astype(np.float64), rings, flat.polygons, flat.regions).built()
+    # The tolerance is an area, so pixels serve as units whatever their shape; and with integer coordinates it
+    # is exact on which side of an edge a vertex lies.
+    flat = RaggedPolygons.from_geometries(np.asarray(regions.polygons))
+    corners, rings = _add_nodes(_corners(flat.vertices, geobox.transform), flat.rings)
+    coverage = RaggedPolygons(corners.astype(np.float64), rings, flat.polygons, flat.regions).to_geometries()
     simpler = shapely.coverage_simplify(coverage, metres / np.sqrt(np.prod(ground_resolution(geobox))))
     row, col = shapely.get_coordinates(simpler).T
     polygons = shapely.set_coordinates(simpler, np.stack(geobox.xy_from_pixel(row, col), axis=1))
@@ -68,18 +68,18 @@ def _corners(xy: NDArray[np.float64], transform: Affine) -> Integers:
     return corners
 
 
-def _noded(corners: Integers, starts: Integers) -> tuple[Integers, Integers]:
-    """Rings with a vertex wherever another ring has a corner on one of their edges."""
+def _add_nodes(corners: Integers, starts: Integers) -> tuple[Integers, Integers]:
+    """Add a vertex wherever a corner of another ring lies on an edge (noding)."""
     for axis in (0, 1):
-        corners, starts = _noded_along(corners, starts, axis)
+        corners, starts = _add_nodes_along(corners, starts, axis)
     return corners, starts
 
 
-def _noded_along(corners: Integers, starts: Integers, axis: int) -> tuple[Integers, Integers]:
-    """The same for the edges that run along one axis."""
+def _add_nodes_along(corners: Integers, starts: Integers, axis: int) -> tuple[Integers, Integers]:
+    """Add nodes on the edges that run along one axis."""
     along, across = corners[:, axis], corners[:, 1 - axis]
-    keys = across * (along.max() + 1) + along  # corners of one line are neighbours
-    known = distinct(keys)
+    keys = across * (along.max() + 1) + along  # corners of one line are adjacent in order
+    known = sorted_unique(keys)
     lower, upper = np.minimum(keys[:-1], keys[1:]), np.maximum(keys[:-1], keys[1:])
     first, last = np.searchsorted(known, lower, "right"), np.searchsorted(known, upper)
     counts = np.append(np.maximum(last - first, 0), 0)
@@ -88,9 +88,9 @@ def _noded_along(corners: Integers, starts: Integers, axis: int) -> tuple[Intege
     edge = np.repeat(np.arange(len(corners)), counts)
     step = np.arange(len(edge)) - np.repeat(np.cumsum(counts) - counts, counts)
     found = np.where(keys[edge + 1] > keys[edge], first[edge] + step, last[edge] - 1 - step)
-    places = np.cumsum(counts + 1) - counts - 1
+    positions = np.cumsum(counts + 1) - counts - 1
     noded = np.empty((len(corners) + len(edge), 2), np.int64)
-    noded[places] = corners
-    noded[places[edge] + 1 + step, axis] = known[found] % (along.max() + 1)
-    noded[places[edge] + 1 + step, 1 - axis] = across[edge]
-    return noded, np.append(places, len(noded))[starts]
+    noded[positions] = corners
+    noded[positions[edge] + 1 + step, axis] = known[found] % (along.max() + 1)
+    noded[positions[edge] + 1 + step, 1 - axis] = across[edge]
+    return noded, np.append(positions, len(noded))[starts]

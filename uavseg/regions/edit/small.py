@@ -1,4 +1,4 @@
-"""Small things away: holes are filled first, then small regions are dropped."""
+"""Remove small holes and small regions: holes are filled first, then regions are dropped."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas
+from uavseg.regions.outline.region_outlines import RegionOutlines, renumber_by_size
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.outline.stitch import Outlined, taken
-from uavseg.segmentation.components import Sums
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,16 +28,16 @@ class Area:
 
     def __post_init__(self) -> None:
         if not 0 <= self.value < float("inf"):
-            raise ParameterError(f"an area is a number that is not negative, not {self.value:g}")
+            raise ParameterError(f"an area is a finite number of at least 0, not {self.value:g}")
 
 
 def parse_area(text: str) -> Area:
-    """An area from text: square metres, or pixels with the suffix px.
+    """Parse an area: square metres, or pixels with the suffix px.
 
     Raises
     ------
     ParameterError
-        If it is not a number that is not negative.
+        If the text is not a finite number of at least 0, with or without px.
     """
     number = text.strip().lower()
     in_pixels = number.endswith("px")
@@ -50,59 +49,37 @@ def parse_area(text: str) -> Area:
         ) from error
 
 
-def without_small_holes(outlined: Outlined, geobox: GeoBox, smallest: Area) -> Outlined:
-    """Regions whose holes of less than an area are filled; regions within such a hole become part of it.
+def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:
+    """Fill holes below a minimum area; regions inside such a hole become part of the region around it.
 
-    The sums are those of the pixels that were regions before: `extract` measures filled regions again.
+    The sums stay those of the original pixels: `extract` measures filled regions again.
     """
     rings = outlined.rings
-    small = ~rings.exteriors & (-_areas(rings, geobox, smallest) < smallest.value)
+    small = ~rings.exteriors & (-_areas(rings, geobox, min_area) < min_area.value)
     if not small.any():
         return outlined
     kept = ~small & ~np.isin(rings.parts, _parts_inside(rings, small))
-    return numbered_by_size(rings, outlined.sums, kept)
+    return renumber_by_size(rings, outlined.sums, kept)
 
 
-def without_small_regions(outlined: Outlined, geobox: GeoBox, smallest: Area) -> Outlined:
-    """Regions of at least an area; the rest keep their order and are numbered 1..n."""
+def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:
+    """Keep regions of at least a minimum area, in order, and number them 1..n."""
     rings = outlined.rings
-    areas = region_areas(outlined, geobox, smallest)
-    return numbered_by_size(rings, outlined.sums, areas[rings.labels - 1] >= smallest.value)
+    areas = region_areas(outlined, geobox, min_area)
+    return renumber_by_size(rings, outlined.sums, areas[rings.labels - 1] >= min_area.value)
 
 
-def region_areas(outlined: Outlined, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
+def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
     """Area of each region, (n,), in the unit of `unit`: square metres or pixels.
 
     Raises
     ------
     ParameterError
-        If square metres are asked for where there is no CRS.
+        If the area is in square metres and there is no CRS.
     """
     rings = outlined.rings
     areas = np.bincount(rings.labels, _areas(rings, geobox, unit), len(outlined.sums.counts) + 1)
     return np.asarray(areas[1:], np.float64)
-
-
-def numbered_by_size(rings: Rings, sums: Sums, kept: NDArray[np.bool_] | None = None) -> Outlined:
-    """Regions with labels 1..n: the one that encloses most pixels first, ties in raster order.
-
-    Parameters
-    ----------
-    rings : Rings
-    sums : Sums
-        Of the regions of `rings`, in the order of their labels.
-    kept : (r,) bool array, optional
-        The rings that are kept; all, if left out.
-    """
-    kept = np.ones(len(rings.labels), bool) if kept is None else kept
-    left = np.unique(rings.labels[kept])
-    pixels = np.bincount(rings.labels[kept], rings.pixel_areas()[kept], len(sums.counts) + 1)[left]
-    firsts = sums.firsts[left - 1]
-    order = np.lexsort((firsts[:, 1], firsts[:, 0], -pixels))
-    number = np.empty(len(order), np.int64)
-    number[order] = np.arange(1, len(order) + 1)
-    labels = number[np.searchsorted(left, rings.labels[kept])]
-    return Outlined(rings.chosen(kept, labels), taken(sums, left[order] - 1))
 
 
 def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
@@ -111,7 +88,7 @@ def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
     Raises
     ------
     ParameterError
-        If square metres are asked for where there is no CRS.
+        If the area is in square metres and there is no CRS.
     """
     if unit.in_pixels:
         return rings.pixel_areas().astype(np.float64)
@@ -124,7 +101,7 @@ def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
 
 
 def _parts_inside(rings: Rings, holes: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """The polygons that lie within some of the holes."""
+    """Numbers of the polygons that lie inside some of the holes."""
     corners = rings.vertices[rings.starts[:-1][rings.exteriors]]
     centres = shapely.points(corners[:, ::-1] + 0.5)  # a region's uppermost, then leftmost pixel
     filled = [

@@ -1,1 +1,1 @@
-"""Regions in files: GeoJSON, GeoPackage, FlatGeobuf, Parquet, Shapefile, KML, label rasters."""
+"""Region files: GeoJSON, GeoPackage, FlatGeobuf, Parquet, Shapefile, KML, and label rasters."""

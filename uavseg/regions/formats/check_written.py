@@ -1,4 +1,4 @@
-"""Whether a file of regions is all there: GDAL tells nobody when the disk is full as it closes a file."""
+"""Verify written files: GDAL does not report a full disk when it closes a file."""
 
 import mmap
 import sqlite3
@@ -6,16 +6,16 @@ import struct
 from contextlib import closing
 from pathlib import Path
 
-_NODE = 40  # bytes of one node of FlatGeobuf's index, and its branches
-_BRANCHES = 16
+_NODE_BYTES = 40  # of one node of FlatGeobuf's index
+_BRANCHES = 16  # of one node
 
 
-def is_whole(path: Path, count: int) -> bool:
+def is_complete(path: Path, count: int) -> bool:
     """Whether a .gpkg, .fgb or .shp that GDAL wrote with `count` regions is complete.
 
-    Sources: SQLite's integrity check; the layout of FlatGeobuf 3 (magic, header, packed Hilbert R-tree,
-    features, each with its size in front); ESRI Shapefile Technical Description (1998) and the dBASE III
-    header, which name the length of their files.
+    By SQLite's integrity check; the layout of FlatGeobuf 3 (magic, header, packed Hilbert R-tree, features,
+    each preceded by its size); and the file lengths stated in the headers of shapefiles (ESRI Shapefile
+    Technical Description, 1998) and dBASE III tables.
     """
     check = {".gpkg": _geopackage, ".fgb": _flatgeobuf, ".shp": _shapefile}[path.suffix.lower()]
     try:
@@ -25,24 +25,24 @@ def is_whole(path: Path, count: int) -> bool:
 
 
 def _geopackage(path: Path, count: int) -> bool:
-    if len(list(path.parent.iterdir())) > 1:  # a journal that was not played to its end
+    if len(list(path.parent.iterdir())) > 1:  # a journal of an unfinished transaction
         return False
     with closing(sqlite3.connect(f"file:{path.as_posix()}?mode=ro&immutable=1", uri=True)) as base:
-        [(table, left)] = base.execute("SELECT table_name, min_x FROM gpkg_contents").fetchall()
-        [(told,)] = base.execute("SELECT feature_count FROM gpkg_ogr_contents").fetchall()
+        [(table, min_x)] = base.execute("SELECT table_name, min_x FROM gpkg_contents").fetchall()
+        [(stated,)] = base.execute("SELECT feature_count FROM gpkg_ogr_contents").fetchall()
         [(rows,)] = base.execute(f'SELECT count(*) FROM "{table}"').fetchall()
         [(indexed,)] = base.execute(f'SELECT count(*) FROM "rtree_{table}_geom_rowid"').fetchall()
-        [(verdict,), *_] = base.execute("PRAGMA quick_check(1)").fetchall()
-    placed = count == 0 or left is not None  # the extent is told last
-    return bool(told == rows == indexed == count and placed and verdict == "ok")
+        [(integrity,), *_] = base.execute("PRAGMA quick_check(1)").fetchall()
+    has_extent = count == 0 or min_x is not None  # the extent is written last
+    return bool(stated == rows == indexed == count and has_extent and integrity == "ok")
 
 
 def _flatgeobuf(path: Path, count: int) -> bool:
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        place = 12 + struct.unpack_from("<I", data, 8)[0] + _index_bytes(count)
+        position = 12 + struct.unpack_from("<I", data, 8)[0] + _index_bytes(count)
         for _ in range(count):
-            place += 4 + struct.unpack_from("<I", data, place)[0]
-        return bool(place == len(data))
+            position += 4 + struct.unpack_from("<I", data, position)[0]
+        return bool(position == len(data))
 
 
 def _index_bytes(count: int) -> int:
@@ -50,26 +50,26 @@ def _index_bytes(count: int) -> int:
     while level > 1:
         level = -(-level // _BRANCHES)
         nodes += level
-    return (nodes + (count == 1)) * _NODE  # a single feature has a root above it
+    return (nodes + (count == 1)) * _NODE_BYTES  # a single feature has a root above it
 
 
 def _shapefile(path: Path, count: int) -> bool:
     for part in (path, path.with_suffix(".shx")):
-        if 2 * struct.unpack_from(">i", _first(part, 28), 24)[0] != part.stat().st_size:
+        if 2 * struct.unpack_from(">i", _read_start(part, 28), 24)[0] != part.stat().st_size:
             return False
-    records, header, width = struct.unpack_from("<IHH", _first(path.with_suffix(".dbf"), 12), 4)
-    told = header + records * width + 1  # an end mark follows the records
-    told_all = path.with_suffix(".dbf").stat().st_size == told and records == count
-    indexed = path.with_suffix(".shx").stat().st_size == 100 + 8 * count
-    return told_all and indexed and _closed(path.with_suffix(".prj"))
+    records, header, width = struct.unpack_from("<IHH", _read_start(path.with_suffix(".dbf"), 12), 4)
+    table_bytes = header + records * width + 1  # an end mark follows the records
+    table_complete = path.with_suffix(".dbf").stat().st_size == table_bytes and records == count
+    index_complete = path.with_suffix(".shx").stat().st_size == 100 + 8 * count
+    return table_complete and index_complete and _brackets_balance(path.with_suffix(".prj"))
 
 
-def _closed(path: Path) -> bool:
-    """Whether the text of a CRS, where there is one, ends with its last bracket."""
+def _brackets_balance(path: Path) -> bool:
+    """Whether the WKT of a CRS, if there is one, has all its closing brackets."""
     text = path.read_text() if path.exists() else "[]"
     return text.count("[") == text.count("]") > 0
 
 
-def _first(path: Path, size: int) -> bytes:
+def _read_start(path: Path, size: int) -> bytes:
     with path.open("rb") as file:
         return file.read(size)

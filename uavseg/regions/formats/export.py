@@ -1,4 +1,4 @@
-"""Regions as files: the format follows from the name, and a file appears whole or not at all."""
+"""Write regions to vector files; the extension determines the format, and writing is atomic."""
 
 import io
 import json
@@ -19,60 +19,60 @@ from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions import shapes
 from uavseg.regions.formats import geojson, kml
-from uavseg.regions.formats.check_written import is_whole
-from uavseg.regions.shapes import any_multi
+from uavseg.regions.formats.check_written import is_complete
+from uavseg.regions.shapes import has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
 
 LAYER = "regions"
 _GEOMETRY = "geometry"
-_KINDS = {"i": "int64", "f": "float64", "O": "string"}  # numpy's kinds as Arrow's types
-_DAY = "2000-01-01T00:00:00Z"  # same regions, same bytes: files do not say when they were written
+_ARROW_TYPES = {"i": "int64", "f": "float64", "O": "string"}  # by the kind of a numpy dtype
+_DATE = "2000-01-01T00:00:00Z"  # reproducible files: the same regions give the same bytes on any day
 _SHORT_NAMES = {
     "perimeter_m": "perim_m",
     "range_low": "range_lo",
     "range_high": "range_hi",
-}  # ten letters at most
+}  # a shapefile's names have at most ten characters
 
 
-def write(regions: Regions, path: str | os.PathLike[str] | IO[Any], overwrite: bool = False) -> None:
-    """Write regions to a file whose extension says the format, or as GeoJSON to an open stream.
+def write_regions(regions: Regions, path: str | os.PathLike[str] | IO[Any], overwrite: bool = False) -> None:
+    """Write regions to a file in the format of its extension, or as GeoJSON to an open stream.
 
     Parameters
     ----------
     regions : Regions
     path : path or file
-        .geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml. GeoJSON and KML are WGS 84; the others keep the
-        regions' CRS. A stream, binary or text, gets GeoJSON.
+        .geojson, .json, .gpkg, .fgb, .parquet, .shp or .kml. GeoJSON and KML are in WGS 84; the others keep
+        the CRS of the regions. A stream may be binary or text.
     overwrite : bool
-        Whether a file that is there may be replaced.
+        Whether an existing file may be replaced.
 
     Raises
     ------
     OutputExistsError
-        If the file is there and `overwrite` is false.
+        If the file exists and `overwrite` is false.
     OutputError
-        If the extension is not known, the place cannot be written to, or the format cannot hold the regions.
+        If the extension is unknown, the file cannot be written, or the format cannot hold the regions.
     """
     if not isinstance(path, str | os.PathLike):
-        _stream(regions, path)
+        _write_stream(regions, path)
         return
-    target = check(path, overwrite)
+    target = check_region_path(path, overwrite)
     with atomic_file(target, overwrite) as part:
         _WRITERS[target.suffix.lower()](regions, part)
 
 
-def check(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
-    """The path, if regions may be written there; call it before the work that makes them.
+def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
+    """The path, if regions can be written there; call it before the work that makes them.
 
     Raises
     ------
     OutputExistsError, OutputError
-        As `write`.
+        As `write_regions`.
 
     Examples
     --------
-    >>> check("regions.tif")
+    >>> check_region_path("regions.tif")
     Traceback (most recent call last):
     ...
     uavseg.errors.OutputError: regions.tif: regions are written to .geojson, .json, .gpkg, .fgb, ...
@@ -83,30 +83,30 @@ def check(path: str | os.PathLike[str], overwrite: bool = False) -> Path:
     return check_target(path, overwrite)
 
 
-def check_crs(path: str | os.PathLike[str], wkt: str | None) -> None:
-    """Whether regions of a CRS may be written to a file of this name, or to a stream, which is "-".
+def check_region_crs(path: str | os.PathLike[str], wkt: str | None) -> None:
+    """Check that regions in a CRS can be written to a file of this name, or to a stream ("-").
 
     Raises
     ------
     OutputError
-        If they have no place on the Earth, which KML needs, and GeoJSON where there is a CRS.
+        If the CRS is not one of the Earth: KML needs one, and so does GeoJSON unless there is no CRS.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".kml" or (wkt is not None and (suffix in (".geojson", ".json") or path == "-")):
-        to_wgs84.check_crs(wkt)
+        to_wgs84.check_on_earth(wkt)
 
 
-def _stream(regions: Regions, stream: IO[Any]) -> None:
+def _write_stream(regions: Regions, stream: IO[Any]) -> None:
     try:
         if hasattr(stream, "encoding"):
             text = io.BytesIO()
-            geojson.dump(regions, text)
+            geojson.write_geojson(regions, text)
             stream.write(text.getvalue().decode())
         else:
-            geojson.dump(regions, stream)
+            geojson.write_geojson(regions, stream)
         stream.flush()
     except BrokenPipeError:
-        raise  # whoever reads has enough
+        raise  # the reader has closed the pipe
     except OSError as error:
         raise OutputError(
             f"the regions cannot be written to the stream: {error.strerror or error}"
@@ -115,7 +115,7 @@ def _stream(regions: Regions, stream: IO[Any]) -> None:
 
 def _write_geojson(regions: Regions, path: Path) -> None:
     with path.open("wb") as stream:
-        geojson.dump(regions, stream)
+        geojson.write_geojson(regions, stream)
 
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
@@ -128,75 +128,74 @@ def _write_flatgeobuf(regions: Regions, path: Path) -> None:
 
 def _write_shapefile(regions: Regions, path: Path) -> None:
     columns = {_SHORT_NAMES.get(name, name): column for name, column in regions.columns.items()}
-    named = Regions(columns, regions.polygons, regions.wkt)
-    _write_layer(named, path, "ESRI Shapefile", DBF_DATE_LAST_UPDATE=_DAY[:10])
+    renamed = Regions(columns, regions.polygons, regions.wkt)
+    _write_layer(renamed, path, "ESRI Shapefile", DBF_DATE_LAST_UPDATE=_DATE[:10])
 
 
 def _write_kml(regions: Regions, path: Path) -> None:
     with path.open("wb") as stream:
-        kml.dump(regions, stream)
+        kml.write_kml(regions, stream)
 
 
 def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> None:
-    """Write with GDAL, which is not to say a word about it; batch by batch, so that no file is held whole."""
+    """Write one layer with GDAL in batches, so that the file is never held in memory; warnings are muted."""
     import pyogrio.raw
     from pyogrio.errors import DataLayerError, DataSourceError
 
-    several = any_multi(regions.polygons)
-    with _gdal_on(_DAY), warnings.catch_warnings():
+    promote = has_multipolygons(regions.polygons)
+    with _gdal_date(_DATE), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             pyogrio.raw.write_arrow(
-                _batches(regions, promoted=several),
+                _record_batches(regions, promote),
                 path,
                 layer=LAYER,
                 driver=driver,
                 geometry_name=_GEOMETRY,
-                geometry_type="MultiPolygon" if several else "Polygon",
+                geometry_type="MultiPolygon" if promote else "Polygon",
                 crs=regions.wkt,
                 layer_options=options,
             )
         except (DataSourceError, DataLayerError) as error:
             reason = textwrap.shorten(str(error).rpartition("failed: ")[2], 200)  # GDAL quotes long SQL
             raise OutputError(f"GDAL cannot write the regions as {driver}: {reason}") from error
-    if not is_whole(path, len(regions)):
+    if not is_complete(path, len(regions)):
         raise OutputError(f"{path.name} cannot be written whole; is the disk full?")
 
 
-def _batches(regions: Regions, promoted: bool = False) -> Any:
-    """The regions as a stream of Arrow batches; with `promoted`, every geometry is a MultiPolygon."""
+def _record_batches(regions: Regions, promote: bool = False) -> Any:
+    """The regions as a stream of Arrow record batches; with `promote`, every geometry is a MultiPolygon."""
     import pyarrow
 
-    kinds = {name: _KINDS[column.dtype.kind] for name, column in regions.columns.items()}
-    schema = pyarrow.schema([*((name, pyarrow.type_for_alias(kind)) for name, kind in kinds.items())])
+    types = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
+    schema = pyarrow.schema([*((name, pyarrow.type_for_alias(kind)) for name, kind in types.items())])
     schema = schema.append(pyarrow.field(_GEOMETRY, pyarrow.binary()))
 
-    def made() -> Iterator[Any]:
-        for part in shapes.batches(regions.polygons):
+    def batches() -> Iterator[Any]:
+        for part in shapes.batch_slices(regions.polygons):
             polygons = regions.polygons[part]
-            if promoted:
-                polygons = _multi(polygons)
+            if promote:
+                polygons = _as_multipolygons(polygons)
             columns = [_null_for_nan(column[part]) for column in regions.columns.values()]
             geometry = _arrow_bytes(shapely.to_wkb(polygons).tolist(), pyarrow.binary())
             yield pyarrow.record_batch([*columns, geometry], schema=schema)
 
-    return pyarrow.RecordBatchReader.from_batches(schema, made())
+    return pyarrow.RecordBatchReader.from_batches(schema, batches())
 
 
-def _multi(polygons: NDArray[Any]) -> NDArray[Any]:
-    """Every geometry as a MultiPolygon."""
+def _as_multipolygons(polygons: NDArray[Any]) -> NDArray[Any]:
     parts, owners = shapely.get_parts(polygons, return_index=True)
-    whole: NDArray[Any] = shapely.multipolygons(parts, indices=owners)
-    return whole
+    multipolygons: NDArray[Any] = shapely.multipolygons(parts, indices=owners)
+    return multipolygons
 
 
 @contextmanager
-def _gdal_on(day: str) -> Iterator[None]:
-    """GDAL that takes this for the current day."""
+def _gdal_date(date: str) -> Iterator[None]:
+    """Set the date that GDAL takes as the current one."""
     import pyogrio
 
     before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
-    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": day})
+    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": date})
     try:
         yield
     finally:
@@ -207,8 +206,8 @@ def _write_parquet(regions: Regions, path: Path) -> None:
     """GeoParquet 1.0."""
     from pyarrow import parquet
 
-    batches = _batches(regions)
-    schema = batches.schema.with_metadata({"geo": json.dumps(_geo(regions))})
+    batches = _record_batches(regions)
+    schema = batches.schema.with_metadata({"geo": json.dumps(_geo_metadata(regions))})
     with parquet.ParquetWriter(path, schema, compression="zstd") as file:
         for batch in batches:
             file.write_batch(batch.replace_schema_metadata(schema.metadata))
@@ -240,8 +239,8 @@ def _arrow_bytes(values: list[bytes | None], kind: Any) -> Any:
     return pyarrow.Array.from_buffers(kind, len(values), content)
 
 
-def _geo(regions: Regions) -> dict[str, Any]:
-    """What GeoParquet says of its geometry column."""
+def _geo_metadata(regions: Regions) -> dict[str, Any]:
+    """GeoParquet metadata of the geometry column."""
     column: dict[str, Any] = {
         "encoding": "WKB",
         "geometry_types": sorted({polygon.geom_type for polygon in regions.polygons}),

@@ -1,4 +1,4 @@
-"""Regions as GeoJSON (RFC 7946), one feature a line, in bulk from integer coordinates."""
+"""GeoJSON writer (RFC 7946): one feature per line, formatted in bulk from integer coordinates."""
 
 import json
 from collections.abc import Iterable, Iterator
@@ -11,17 +11,17 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import mapping
 
-from uavseg.regions.formats.decimal_text import lines_of, words_of, write_degrees
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.formats.decimal_text import pack_words, unpack_lines, write_degrees
+from uavseg.regions.ragged import RaggedPolygons
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84.to_wgs84 import batches
+from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
 
 
-def dump(regions: Regions, stream: IO[bytes]) -> None:
+def write_geojson(regions: Regions, stream: IO[bytes]) -> None:
     """Write regions as a FeatureCollection.
 
-    Longitudes and latitudes are WGS 84 with seven decimals, exteriors run counter-clockwise, and what crosses
-    the antimeridian is cut there. Without a CRS the local coordinates are written as they are.
+    Longitudes and latitudes are in WGS 84 with seven decimals, exteriors run counter-clockwise, and polygons
+    that cross the antimeridian are cut there. Without a CRS the local coordinates are written unchanged.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def dump(regions: Regions, stream: IO[bytes]) -> None:
 
 
 def _features(regions: Regions) -> Iterator[bytes]:
-    geometries = _local(regions) if regions.wkt is None else _on_globe(regions)
+    geometries = _local_geometries(regions) if regions.wkt is None else _wgs84_geometries(regions)
     ids = regions.columns["id"].tolist()
     for parts in zip(ids, _properties(regions), geometries, strict=True):
         yield b'{"type":"Feature","id":%d,"properties":%b,"geometry":%b}' % parts
@@ -57,7 +57,7 @@ def _properties(regions: Regions) -> Iterable[bytes]:
 
 
 def _texts(column: NDArray[Any]) -> list[str]:
-    """Each value as JSON: a number with up to twelve digits and a point, or null for what is no number."""
+    """Each value as JSON: floats with up to twelve significant digits and a point, NaN as null."""
     if column.dtype.kind == "f":
         return [repr(float(f"{x:.12g}")) if isfinite(x) else "null" for x in column.tolist()]
     if column.dtype.kind in "iu":
@@ -66,14 +66,14 @@ def _texts(column: NDArray[Any]) -> list[str]:
     return [known[x] for x in column.tolist()]
 
 
-def _local(regions: Regions) -> Iterator[bytes]:
+def _local_geometries(regions: Regions) -> Iterator[bytes]:
     return (text.encode() for text in shapely.to_geojson(regions.polygons))
 
 
-def _on_globe(regions: Regions) -> Iterator[bytes]:
-    for batch in batches(regions):
-        polygons = _polygons(batch.drawn)
-        for place, (first, last) in enumerate(pairwise(batch.drawn.regions.tolist())):
+def _wgs84_geometries(regions: Regions) -> Iterator[bytes]:
+    for batch in wgs84_batches(regions):
+        polygons = _polygon_texts(batch.polygons)
+        for place, (first, last) in enumerate(pairwise(batch.polygons.regions.tolist())):
             if place in batch.others:
                 yield json.dumps(mapping(batch.others[place]), separators=(",", ":")).encode()
             elif last == first + 1:
@@ -82,8 +82,8 @@ def _on_globe(regions: Regions) -> Iterator[bytes]:
                 yield b'{"type":"MultiPolygon","coordinates":[%b]}' % b",".join(polygons[first:last])
 
 
-def _polygons(flat: Ragged) -> list[bytes]:
-    """The coordinates of each polygon: a row of words for every vertex, with its brackets."""
+def _polygon_texts(flat: RaggedPolygons) -> list[bytes]:
+    """The coordinates of each polygon as JSON: one row of words per vertex, with its brackets."""
     rows = np.empty((len(flat.vertices), 8), np.uint32)
     ends = flat.rings[flat.polygons]
     rows[:, 0] = _OPEN_VERTEX
@@ -94,8 +94,8 @@ def _polygons(flat: Ragged) -> list[bytes]:
     rows[ends[1:] - 1, 7] = _CLOSE_POLYGON
     write_degrees(flat.vertices[:, 0], rows[:, 1:4])
     write_degrees(flat.vertices[:, 1], rows[:, 4:7], after=",")
-    return lines_of(rows)
+    return unpack_lines(rows)
 
 
-_OPEN_VERTEX, _OPEN_RING, _OPEN_POLYGON = words_of(["[", "[[", "[[["])
-_CLOSE_VERTEX, _CLOSE_RING, _CLOSE_POLYGON = words_of(["],", "]],", "]]]\n"])
+_OPEN_VERTEX, _OPEN_RING, _OPEN_POLYGON = pack_words(["[", "[[", "[[["])
+_CLOSE_VERTEX, _CLOSE_RING, _CLOSE_POLYGON = pack_words(["],", "]],", "]]]\n"])

@@ -1,4 +1,4 @@
-"""Regions as KML: outlines with names, and their attributes in a table."""
+"""KML writer: outlines with names, and a table of attributes."""
 
 from collections.abc import Iterator
 from html import escape
@@ -8,10 +8,10 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.regions.formats.decimal_text import UNITS, lines_of, words_of, write_degrees
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE, pack_words, unpack_lines, write_degrees
+from uavseg.regions.ragged import RaggedPolygons
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84.to_wgs84 import batches
+from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
 
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2">
@@ -25,12 +25,12 @@ _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <Folder><name>regions</name>
 """
 _TAIL = "</Folder>\n</Document>\n</kml>\n"
-_KINDS = {"i": "int", "f": "double", "O": "string"}
+_TYPES = {"i": "int", "f": "double", "O": "string"}
 _RING = b"<LinearRing><coordinates>%b</coordinates></LinearRing>"
 
 
-def dump(regions: Regions, stream: IO[bytes]) -> None:
-    """Write regions as KML: WGS 84, seven decimals, cut at the antimeridian.
+def write_kml(regions: Regions, stream: IO[bytes]) -> None:
+    """Write regions as KML, in WGS 84 with seven decimals, cut at the antimeridian.
 
     Parameters
     ----------
@@ -40,10 +40,10 @@ def dump(regions: Regions, stream: IO[bytes]) -> None:
     Raises
     ------
     OutputError
-        If the regions have no place on the Earth.
+        If the regions are not on the Earth.
     """
     fields = (
-        f'<SimpleField name="{name}" type="{_KINDS[column.dtype.kind]}"/>'
+        f'<SimpleField name="{name}" type="{_TYPES[column.dtype.kind]}"/>'
         for name, column in regions.columns.items()
     )
     stream.write((_HEAD % "\n".join(fields)).encode())
@@ -57,7 +57,7 @@ def dump(regions: Regions, stream: IO[bytes]) -> None:
 
 
 def _attributes(regions: Regions) -> Iterator[bytes]:
-    """The attributes of each region; what is not known is left out."""
+    """The attributes of each region as XML; missing values are omitted."""
     columns = [_data(name, column) for name, column in regions.columns.items()]
     for values in zip(*columns, strict=True):
         table = f'<SchemaData schemaUrl="#regions">{"".join(values)}</SchemaData>'
@@ -71,13 +71,13 @@ def _data(name: str, column: NDArray[Any]) -> Iterator[str]:
 
 
 def _geometries(regions: Regions) -> Iterator[bytes]:
-    for batch in batches(regions):
-        flat = Ragged.of(batch.geometries())
-        rings = [_RING % text for text in _rings(flat)]
+    for batch in wgs84_batches(regions):
+        flat = RaggedPolygons.from_geometries(batch.geometries())
+        rings = [_RING % text for text in _ring_texts(flat)]
         polygons = [_polygon(rings[first:last]) for first, last in pairwise(flat.polygons.tolist())]
         for first, last in pairwise(flat.regions.tolist()):
-            whole = b"".join(polygons[first:last])
-            yield whole if last == first + 1 else b"<MultiGeometry>%b</MultiGeometry>" % whole
+            text = b"".join(polygons[first:last])
+            yield text if last == first + 1 else b"<MultiGeometry>%b</MultiGeometry>" % text
 
 
 def _polygon(rings: list[bytes]) -> bytes:
@@ -86,12 +86,12 @@ def _polygon(rings: list[bytes]) -> bytes:
     return b"<Polygon><outerBoundaryIs>%b</outerBoundaryIs>%b</Polygon>" % (exterior, inner)
 
 
-def _rings(flat: Ragged) -> list[bytes]:
-    """The coordinates of each ring."""
-    units = np.rint(flat.vertices * UNITS).astype(np.int64)
+def _ring_texts(flat: RaggedPolygons) -> list[bytes]:
+    """The coordinates of each ring as text."""
+    units = np.rint(flat.vertices * UNITS_PER_DEGREE).astype(np.int64)
     rows = np.empty((len(units), 7), np.uint32)
     write_degrees(units[:, 0], rows[:, 0:3])
     write_degrees(units[:, 1], rows[:, 3:6], after=",")
-    rows[:, 6] = words_of([" "])
-    rows[flat.rings[1:] - 1, 6] = words_of(["\n"])
-    return lines_of(rows)
+    rows[:, 6] = pack_words([" "])
+    rows[flat.rings[1:] - 1, 6] = pack_words(["\n"])
+    return unpack_lines(rows)

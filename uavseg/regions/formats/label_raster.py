@@ -1,4 +1,4 @@
-"""Regions painted back as a label raster: one GeoTIFF, or tiles under a VRT."""
+"""Label rasters: region outlines rasterised to one GeoTIFF, or to tiles under a VRT."""
 
 import os
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from uavseg.raster.formats import geotiff
 from uavseg.raster.formats.vrt_tiles import check_label_tiles, label_windows, write_label_tiles
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, tiles
-from uavseg.regions.outline.rasterise import Sketch, Sketches
+from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import Rings
 from uavseg.units import BLOCK
 
@@ -22,16 +22,16 @@ Path_ = str | os.PathLike[str]
 
 
 def check_labels(path: Path_, overwrite: bool = False) -> None:
-    """See that labels may be written there; call it before the work.
+    """Check that labels can be written there; call it before the work.
 
     Raises
     ------
     ParameterError
         If the name ends neither in .tif nor in .vrt.
     OutputExistsError, OutputError
-        If something is there that may not be replaced, or there is no place.
+        If a file exists that may not be replaced, or the folder cannot be written to.
     """
-    if is_tiled(path):
+    if is_vrt(path):
         check_label_tiles(path, overwrite)
         return
     check_target(path, overwrite)
@@ -41,35 +41,35 @@ def check_labels(path: Path_, overwrite: bool = False) -> None:
         )
 
 
-def is_tiled(path: Path_) -> bool:
-    """Whether labels of that name are tiles under a VRT."""
+def is_vrt(path: Path_) -> bool:
+    """Whether labels of that name are written as tiles under a VRT."""
     return Path(path).suffix.lower() == ".vrt"
 
 
-def write_labels(
+def write_label_raster(
     path: Path_, rings: Rings, geobox: GeoBox, map: Map = serial, overwrite: bool = False
 ) -> None:
     """Write the labels of regions: one GeoTIFF, or for a .vrt tiles that the executor's workers write.
 
-    The pixels are the same, and neither depends on how the work was cut.
+    The pixels of both are the same, and depend on neither tiles nor workers.
 
     Raises
     ------
     OutputExistsError, OutputError
-        If they may not or cannot be written.
+        If the labels may not or cannot be written.
     """
-    if is_tiled(path):
-        parts = Sketches(rings, label_windows(geobox.shape))
+    if is_vrt(path):
+        parts = edge_tables(rings, label_windows(geobox.shape))
         write_label_tiles(path, parts, geobox, overwrite, map)
     else:
-        geotiff.write_label_geotiff(path, painted(rings, geobox.shape, map), geobox, overwrite)
+        geotiff.write_label_geotiff(path, label_strips(rings, geobox.shape, map), geobox, overwrite)
 
 
-def painted(
+def label_strips(
     rings: Rings, shape: tuple[int, int], map: Map = serial
 ) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
-    """The labels of regions, window by window from the top, as their outlines enclose them."""
+    """Windows of full width, from top to bottom, with the labels that the outlines enclose."""
     rows, cols = shape
-    stripe = max((1 << 24) // cols // BLOCK, 1) * BLOCK
-    windows = tiles((rows, cols), (stripe, -(-cols // BLOCK) * BLOCK))
-    return zip(windows, map(Sketch.paint, Sketches(rings, windows)), strict=True)
+    strip = max((1 << 24) // cols // BLOCK, 1) * BLOCK
+    windows = tiles((rows, cols), (strip, -(-cols // BLOCK) * BLOCK))
+    return zip(windows, map(EdgeTable.rasterise, edge_tables(rings, windows)), strict=True)

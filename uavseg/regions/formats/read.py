@@ -1,4 +1,4 @@
-"""Regions from vector files of any making, as degrees on the globe."""
+"""Read regions from vector files of any origin, as longitudes and latitudes in WGS 84."""
 
 import io
 import os
@@ -18,41 +18,44 @@ from uavseg.regions.table import COLUMNS, Regions
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-MENDED = 0.01  # of its area, by which mending may change a polygon
-OF_EVERY_KML = {
+REPAIR_TOLERANCE = 0.01  # largest relative change of a polygon's area by its repair
+KML_FIELDS = {
     *("Name", "description", "timestamp", "begin", "end", "altitudeMode", "tessellate", "extrude"),
     *("visibility", "drawOrder", "icon"),
 }
-LONG_NAMES = {"perim_m": "perimeter_m", "range_lo": "range_low", "range_hi": "range_high"}  # of a shapefile
+FULL_NAMES = {
+    "perim_m": "perimeter_m",
+    "range_lo": "range_low",
+    "range_hi": "range_high",
+}  # by the names in a shapefile
 
 
-def load(source: str | os.PathLike[str] | bytes, layer: str | None = None) -> Regions:
-    """Regions from a file, in WGS 84.
+def read_regions(source: str | os.PathLike[str] | bytes, layer: str | None = None) -> Regions:
+    """Read regions from a file, in WGS 84.
 
-    What other tools made is completed: regions without whole numbers as `id` are counted from 1, the
-    parts of a multipolygon one by one; `area_m2` (geodesic) and `lon`, `lat` of a point inside are found.
+    Files of other tools are completed: regions without an integer `id` are numbered from 1, the parts of a
+    multipolygon separately; `area_m2` (geodesic) and `lon`, `lat` of a point inside are computed.
 
     Parameters
     ----------
     source : path or bytes
-        GeoJSON, GeoPackage, FlatGeobuf, Parquet, Shapefile, KML, or whatever else GDAL reads; or the
+        GeoJSON, GeoPackage, FlatGeobuf, Parquet, Shapefile, KML, or another format that GDAL reads; or the
         content of such a file.
     layer : str, optional
-        Which layer, where there are several. All layers of a KML file are read.
+        The layer, if the file has several. All layers of a KML file are read.
 
     Returns
     -------
     regions : Regions
-        Polygons and multipolygons as (lon, lat), and every attribute that the file has.
+        Polygons and multipolygons as (lon, lat), with all attributes of the file.
 
     Raises
     ------
     RegionError
-        If the file cannot be read, has no polygons or not only polygons, no coordinate system, or local
-        coordinates.
+        If the file cannot be read, has no polygons or other geometries too, no CRS, or local coordinates.
     """
     name = "standard input" if isinstance(source, bytes) else str(source)
-    return _regions_of(_read(source, name, layer), name)
+    return _complete_frame(_read_frame(source, name, layer), name)
 
 
 def regions_of_frame(frame: "GeoDataFrame") -> Regions:
@@ -61,21 +64,21 @@ def regions_of_frame(frame: "GeoDataFrame") -> Regions:
     Raises
     ------
     RegionError
-        If it has no polygons or not only polygons, no coordinate system, or local coordinates.
+        If the frame has no polygons or other geometries too, no CRS, or local coordinates.
     """
-    return _regions_of(frame, "the frame")
+    return _complete_frame(frame, "the frame")
 
 
-def _regions_of(frame: "GeoDataFrame", name: str) -> Regions:
-    frame = _on_the_globe(frame, name)
+def _complete_frame(frame: "GeoDataFrame", name: str) -> Regions:
+    frame = _to_wgs84(frame, name)
     columns = {
         str(column): np.asarray(frame[column]) for column in frame.columns if column != frame.geometry.name
     }
     geometries = _polygons(np.asarray(frame.geometry, dtype=object), name)
-    return _completed(_renamed(columns), geometries)
+    return _complete(_restore_names(columns), geometries)
 
 
-def _read(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> "GeoDataFrame":
+def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> "GeoDataFrame":
     import geopandas
     from pyarrow import ArrowException
 
@@ -121,7 +124,7 @@ def _layers(source: Any, name: str, layer: str | None) -> Any:
     return frames[0] if len(frames) == 1 else pandas.concat(frames, ignore_index=True)
 
 
-def _on_the_globe(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
+def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
     from pyproj.exceptions import ProjError
 
     frame = frame[~(frame.geometry.isna() | frame.geometry.is_empty)]
@@ -139,8 +142,8 @@ def _on_the_globe(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
     west, south, east, north = frame.total_bounds
     if not (west >= -180.001 and south >= -90.001 and east <= 180.001 and north <= 90.001):
         raise RegionError(
-            f"{name} lies at {west:g} to {east:g} by {south:g} to {north:g}: no longitude and latitude; "
-            "local coordinates, it seems; give it its coordinate system"
+            f"{name} lies at {west:g} to {east:g} by {south:g} to {north:g}: not longitudes and latitudes, "
+            "but probably local coordinates; give the file its coordinate system"
         )
     return frame
 
@@ -151,29 +154,31 @@ def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]
         raise RegionError(f"{name} holds {', '.join(others)}; regions are polygons")
     geometries = shapely.force_2d(geometries)
     for n in np.flatnonzero(~shapely.is_valid(geometries)):
-        geometries[n] = _mended(geometries[n], f"polygon {n + 1} of {name}")
+        geometries[n] = _repair(geometries[n], f"polygon {n + 1} of {name}")
     return geometries
 
 
-def _mended(polygon: Any, what: str) -> Any:
-    """A valid polygon instead of one that touches itself; one that crosses itself is refused."""
+def _repair(polygon: Any, what: str) -> Any:
+    """A valid polygon for one that touches itself; one that crosses itself is refused."""
     valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
-    changed = abs(_shoelace_m2(polygon) - valid.area)
-    if valid.geom_type not in {"Polygon", "MultiPolygon"} or changed > MENDED * valid.area:
-        raise RegionError(f"{what} is no valid polygon ({shapely.is_valid_reason(polygon)}); mend it first")
+    change = abs(_shoelace_area(polygon) - valid.area)
+    if valid.geom_type not in {"Polygon", "MultiPolygon"} or change > REPAIR_TOLERANCE * valid.area:
+        raise RegionError(
+            f"{what} is not a valid polygon ({shapely.is_valid_reason(polygon)}); repair it first"
+        )
     return valid
 
 
-def _shoelace_m2(polygon: Any) -> float:
+def _shoelace_area(polygon: Any) -> float:
     return float(sum(part.area for part in shapely.get_parts(polygon)))
 
 
-def _renamed(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Columns by the names and types they had before a format shortened or lost them."""
-    columns = {LONG_NAMES.get(name, name): values for name, values in columns.items()}
+def _restore_names(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Columns with the names and types that they had before the file format shortened or lost them."""
+    columns = {FULL_NAMES.get(name, name): values for name, values in columns.items()}
     if "tessellate" in columns:
-        columns = {name: values for name, values in columns.items() if name not in OF_EVERY_KML}
-    if "id2" in columns and _whole(columns.get("id")) is None:  # KML has an id of its own
+        columns = {name: values for name, values in columns.items() if name not in KML_FIELDS}
+    if "id2" in columns and _integers(columns.get("id")) is None:  # KML has an id of its own
         columns["id"] = columns.pop("id2")
     for name in columns.keys() & {name for name, kind in COLUMNS.items() if kind is not object}:
         columns[name] = _numbers(columns[name])
@@ -189,8 +194,8 @@ def _numbers(values: NDArray[Any]) -> NDArray[Any]:
         return values
 
 
-def _whole(values: NDArray[Any] | None) -> NDArray[np.int64] | None:
-    """Whole numbers that are given as numbers or as text; None if some are not."""
+def _integers(values: NDArray[Any] | None) -> NDArray[np.int64] | None:
+    """Integers from numbers or texts; None if some value is not an integer."""
     if values is None:
         return None
     texts = [re.sub(r"\.0$", "", str(value)) for value in values]
@@ -199,24 +204,24 @@ def _whole(values: NDArray[Any] | None) -> NDArray[np.int64] | None:
     return np.array(texts, dtype=np.int64)
 
 
-def _completed(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) -> Regions:
-    ids = _whole(columns.get("id"))
+def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_]) -> Regions:
+    ids = _integers(columns.get("id"))
     if ids is None:
         polygons, origin = shapely.get_parts(polygons, return_index=True)
         columns = {
             name: values[origin] for name, values in columns.items() if name not in {"area_m2", "lon", "lat"}
         }
         ids = np.arange(1, len(polygons) + 1)
-    lon, lat = _points_inside(polygons, columns.get("lon"), columns.get("lat"))
+    lon, lat = _inner_points(polygons, columns.get("lon"), columns.get("lat"))
     area = columns.get("area_m2")
     if area is None or area.dtype.kind not in "iuf" or not np.isfinite(area).all():
         area = _areas_m2(polygons)
     columns = {"id": ids, "area_m2": area, **columns} | {"id": ids, "area_m2": area, "lon": lon, "lat": lat}
-    return Regions(columns, polygons, WGS84).chosen(np.argsort(ids, kind="stable"))
+    return Regions(columns, polygons, WGS84).select(np.argsort(ids, kind="stable"))
 
 
-def _points_inside(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[Any, Any]:
-    """The points given, where they are inside their polygons; others where not."""
+def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[Any, Any]:
+    """The given points where they lie inside their polygons, computed ones elsewhere."""
     own = shapely.get_coordinates(shapely.point_on_surface(polygons))
     if lon is None or lat is None or lon.dtype.kind != "f" or lat.dtype.kind != "f":
         return own[:, 0], own[:, 1]

@@ -1,9 +1,8 @@
-"""Walking along the edges between pixels: chains of corners, tile by tile.
+"""Boundary tracing of one tile (crack following): chains of pixel corners along the edges between pixels.
 
-An edge of a region is walked with the region on the right-hand side: an exterior runs clockwise as one sees
-the picture, a hole the other way. Directions are 0 right, 1 down, 2 left, 3 up. A tile walks the edges of
-its own pixels; where a boundary goes on along a pixel of another tile, the chain ends, and says where it
-goes on.
+A boundary is followed with its region on the right-hand side: an exterior runs clockwise in the image, a hole
+counter-clockwise. Directions are 0 right, 1 down, 2 left, 3 up. A tile follows the edges of its own pixels;
+where a boundary continues along a pixel of another tile, the chain ends and stores the key of the next edge.
 """
 
 from dataclasses import dataclass
@@ -20,18 +19,19 @@ OWNER, START, FIRST, LAST, HEAD, TAIL = range(6)  # columns of Chains.table
 
 @dataclass(frozen=True, slots=True)
 class Chains:
-    """Pieces of boundaries, as corners in order.
+    """Pieces of boundaries as sequences of pixel corners.
 
     Parameters
     ----------
     vertices : (v, 2) int32 array
-        Row and column of pixel corners. A closed chain has its corners only; an open one begins with the
-        point where it starts, which may lie on a straight edge, and ends before the point where it goes on.
+        Row and column of pixel corners. A closed chain holds turns only; an open one begins with its first
+        point, which may lie on a straight edge, and ends before the first point of its continuation.
     pinched : (v,) uint8 array
-        1 where the region touches itself or another piece of its label corner to corner.
+        1 where the component touches itself, or another one of its label, corner to corner.
     table : (k, 6) int64 array
-        Of each chain: the label it belongs to, its first vertex, its first and its last direction, the key
-        of its first edge and the key of the edge after its last one; both keys are -1 if it is closed.
+        Of each chain, by column: OWNER, its label; START, its first vertex; FIRST and LAST, its first and
+        last direction; HEAD and TAIL, the keys of its first edge and of the edge after its last, -1 if
+        closed.
     """
 
     vertices: NDArray[np.int32]
@@ -42,23 +42,28 @@ class Chains:
 def trace_tile(
     image: NDArray[Any], labels: NDArray[np.uint32], margin: int, corner: tuple[int, int], width: int
 ) -> Chains:
-    """The boundaries of a tile's pixels.
+    """Trace the boundaries of a tile's pixels.
 
     Parameters
     ----------
     image : (M + 2 m, N + 2 m) uint8 or uint32 array
         Pixels of equal value, not 0, that share an edge belong together; m is at least 1.
     labels : (M, N) uint32 array
-        Which chain belongs to whom: a number for each pixel of the tile.
+        The owner of the chains of each pixel.
     margin : int
-        m.
+        m, the halo of `image`.
     corner : (int, int)
-        Row and column of the tile's first pixel in the whole raster.
+        Row and column of the tile's first pixel in the raster.
     width : int
-        Columns of the whole raster, which makes the keys of edges unique.
+        Columns of the raster: keys of edges are unique in it.
+
+    Returns
+    -------
+    Chains
     """
     seen = np.zeros(labels.shape, np.uint8)
-    room, most = 1024 + labels.size // 4, 1024 + labels.size // 16  # what is not written to takes no memory
+    # Pages of these buffers that are not written to take no memory.
+    max_vertices, max_chains = 1024 + labels.size // 4, 1024 + labels.size // 16
     kernel_of_type = _trace_u1 if image.dtype == np.uint8 else _trace_u4
     stride = image.shape[1]
     ahead, steps = np.array([0, -1, -stride - 1, -stride]), np.array([1, stride, -1, -stride])
@@ -68,16 +73,16 @@ def trace_tile(
         else np.empty((0, 0), np.uint64)
     )
     while True:
-        vertices = np.empty((room, 2), np.int32)
-        pinched = np.empty(room, np.uint8)
-        table = np.empty((most, 6), np.int64)
+        vertices = np.empty((max_vertices, 2), np.int32)
+        pinched = np.empty(max_vertices, np.uint8)
+        table = np.empty((max_chains, 6), np.int64)
         sizes = np.zeros(2, np.int64)
-        known = (image, image.ravel(), ahead, steps, words, labels, margin, *corner, width)
-        kernel_of_type(*known, seen, vertices, pinched, table, sizes)
+        tile = (image, image.ravel(), ahead, steps, words, labels, margin, *corner, width)
+        kernel_of_type(*tile, seen, vertices, pinched, table, sizes)
         used, chains = sizes
-        if used <= room and chains <= most:
+        if used <= max_vertices and chains <= max_chains:
             return Chains(vertices[:used].copy(), pinched[:used].copy(), table[:chains].copy())
-        room, most = int(used), int(chains)
+        max_vertices, max_chains = int(used), int(chains)
         seen[:] = 0
 
 
@@ -109,15 +114,13 @@ def pixel_col(col, direction, right):  # type: ignore[no-untyped-def]
 
 @inlined
 def lies_within(row, col, shape):  # type: ignore[no-untyped-def]
-    """Whether a pixel is one of the tile's own."""
+    """Whether a pixel belongs to the tile, not to its halo."""
     return row >= 0 and row < shape[0] and col >= 0 and col < shape[1]
 
 
 @inlined
 def begins_chain(image, shape, margin, row, col, direction):  # type: ignore[no-untyped-def]
-    """Whether the edge from a corner is one of the tile's whose predecessor runs along another tile's
-    pixel.
-    """
+    """Whether an edge belongs to the tile and its predecessor to another tile."""
     own_row = pixel_row(row, direction, True)
     own_col = pixel_col(col, direction, True)
     label = image[own_row + margin, own_col + margin]
@@ -139,7 +142,7 @@ def begins_chain(image, shape, margin, row, col, direction):  # type: ignore[no-
 
 @inlined
 def steps_within(row, col, direction, shape):  # type: ignore[no-untyped-def]
-    """After how many steps from a corner the pixel ahead on the right-hand side is another tile's."""
+    """Steps from a corner until the pixel ahead on the right-hand side belongs to another tile."""
     if direction == 0:
         return shape[1] - col
     if direction == 1:
@@ -148,12 +151,12 @@ def steps_within(row, col, direction, shape):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def walk(tile, found, row, col, direction):  # type: ignore[no-untyped-def]
-    """Write the chain that begins with an edge; past the end of the arrays only count.
+def follow_boundary(tile, found, row, col, direction):  # type: ignore[no-untyped-def]
+    """Write the chain that begins with an edge; past the end of the output arrays, count only.
 
-    Of the tile, `flat` is the image, `ahead` holds for each direction where, seen from the pixel at the lower
-    right of a corner, the pixel ahead on the right-hand side lies (on the left-hand side it is that of the
-    direction before), and `steps` how far one step goes.
+    In `tile`, `flat` is the image and `steps` holds the offset of one step in each direction. `ahead` holds,
+    for each direction, the offset from the pixel at the lower right of a corner to the pixel ahead on the
+    right-hand side; the pixel ahead on the left-hand side is that of the previous direction.
     """
     flat, ahead, steps, labels, margin, top, left, width = tile
     seen, vertices, pinched, table, sizes = found
@@ -182,30 +185,30 @@ def walk(tile, found, row, col, direction):  # type: ignore[no-untyped-def]
         right = ahead[direction]
         left_hand = ahead[(direction + 3) & 3]
         step = steps[direction]
-        room = steps_within(row, col, direction, shape)
+        run_limit = steps_within(row, col, direction, shape)
         count = 0
         same = False
         while True:
             place += step
             count += 1
             same = flat[place + left_hand] == label
-            if same or flat[place + right] != label or count == room:
+            if same or flat[place + right] != label or count == run_limit:
                 break
         row += count * step_row(direction)
         col += count * step_col(direction)
         before = direction
         pinch = False
-        leaves = False
+        exits = False
         if flat[place + right] != label:
             direction = (direction + 1) & 3
             pinch = same
         elif same:
             direction = (direction + 3) & 3
-            leaves = not lies_within(pixel_row(row, direction, True), pixel_col(col, direction, True), shape)
+            exits = not lies_within(pixel_row(row, direction, True), pixel_col(col, direction, True), shape)
         else:
-            leaves = True
+            exits = True
         closed = place == first_place and direction == first
-        if closed or leaves:
+        if closed or exits:
             sizes[0] = used
             if chain < table.shape[0]:
                 table[chain, 3] = before
@@ -225,7 +228,7 @@ def _trace(  # type: ignore[no-untyped-def]
     stride = steps[1]
     tile = (flat, ahead, steps, labels, margin, top, left, width)
     found = (seen, vertices, pinched, table, sizes)
-    # Chains that come in from another tile: they begin on the tile's border.
+    # Open chains, whose previous edge belongs to another tile, begin on the tile's border.
     for r in range(rows + 1):
         for c in range(0, cols + 1, 1 if r == 0 or r == rows else cols):
             for direction in range(4):
@@ -234,8 +237,8 @@ def _trace(  # type: ignore[no-untyped-def]
                 if lies_within(own_row, own_col, labels.shape) and begins_chain(
                     image, labels.shape, margin, r, c, direction
                 ):
-                    walk(tile, found, r, c, direction)
-    # Everything else is closed, and has an upper edge that begins with a corner.
+                    follow_boundary(tile, found, r, c, direction)
+    # All other chains are closed, and have an upper edge that begins with a turn.
     for r in range(rows):
         c = 0
         while c < cols:
@@ -248,7 +251,7 @@ def _trace(  # type: ignore[no-untyped-def]
             label = flat[place]
             edge = label != 0 and label != flat[place - stride] and not seen[r, c]
             if edge and (flat[place - 1] != label or flat[place - 1 - stride] == label):
-                walk(tile, found, r, c, 0)
+                follow_boundary(tile, found, r, c, 0)
             c += 1
 
 

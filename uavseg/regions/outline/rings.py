@@ -1,4 +1,4 @@
-"""Rings: outlines of regions as closed rings of pixel corners, in flat arrays."""
+"""Rings: region outlines as closed rings of pixel corners, in flat arrays."""
 
 from dataclasses import dataclass
 
@@ -10,22 +10,23 @@ from uavseg._jit import kernel
 
 @dataclass(frozen=True, slots=True)
 class Rings:
-    """Outlines of regions: closed rings along pixel edges, each of them simple.
+    """Outlines of regions: simple closed rings along pixel edges.
 
-    Rings are ordered by label; within it each exterior, by its first vertex, is followed by its holes. A ring
-    begins at its uppermost, then leftmost vertex. Exteriors run clockwise as one sees the picture.
+    Rings are ordered by label; within a label each exterior, ordered by first vertex, is followed by its
+    holes. A ring begins at its uppermost, then leftmost vertex. Exteriors run clockwise in the image (rows
+    downwards), holes counter-clockwise.
 
     Parameters
     ----------
     vertices : (v, 2) int32 array
-        Row and column of pixel corners; a ring is not closed, and turns at each of its vertices.
+        Row and column of pixel corners; the first vertex is not repeated, and every vertex is a turn.
     starts : (r + 1,) int64 array
-        Where each ring begins in `vertices`.
+        Offset of each ring in `vertices`; v at the end.
     labels : (r,) int64 array
         The region, 1..n, that each ring belongs to.
     parts : (r,) int64 array
-        The polygon, 0..p - 1, that each ring belongs to: its exterior comes first. A region has several
-        where its pixels do not all share edges.
+        The polygon, 0..p - 1, that each ring belongs to; its exterior comes first. A region whose pixels do
+        not all share edges has several.
     """
 
     vertices: NDArray[np.int32]
@@ -49,29 +50,52 @@ class Rings:
         _pixel_areas(self.vertices, self.starts, areas)
         return areas
 
-    def chosen(self, rings: NDArray[np.bool_], labels: NDArray[np.int64] | None = None) -> "Rings":
-        """Some of the rings, in order, with new labels if they are given (one for each ring kept).
+    def select(self, rings: NDArray[np.bool_], labels: NDArray[np.int64] | None = None) -> "Rings":
+        """A subset of the rings, relabelled if labels are given.
 
-        New labels may be in any order; whole polygons are put in the order of theirs.
+        Parameters
+        ----------
+        rings : (r,) bool array
+            The rings to keep.
+        labels : (k,) int64 array, optional
+            New label of each ring that is kept; all rings of a polygon have the same.
+
+        Returns
+        -------
+        Rings
+            In the order of the labels; rings of one label keep their order.
         """
-        named = self.labels[rings] if labels is None else labels
-        order = np.flatnonzero(rings)[np.argsort(named, kind="stable")]
+        kept_labels = self.labels[rings] if labels is None else labels
+        order = np.flatnonzero(rings)[np.argsort(kept_labels, kind="stable")]
         parts = self.parts[order]
         return Rings(
-            *gathered(self.vertices, self.starts, order),
-            np.sort(named, kind="stable"),
+            *reorder_rings(self.vertices, self.starts, order),
+            np.sort(kept_labels, kind="stable"),
             np.cumsum(np.diff(parts, prepend=parts[:1]) != 0),
         )
 
 
-def gathered(
+def reorder_rings(
     vertices: NDArray[np.int32], starts: NDArray[np.int64], order: NDArray[np.int64]
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """The rings in another order."""
-    after = np.concatenate([[0], np.cumsum(np.diff(starts)[order])])
-    gathered = np.empty((int(after[-1]), 2), np.int32)
-    _gather(vertices, starts, order, gathered)
-    return gathered, after
+    """Vertices and starts of rings, taken in another order.
+
+    Parameters
+    ----------
+    vertices : (v, 2) int32 array
+    starts : (r + 1,) int64 array
+    order : (k,) int64 array
+        Indices of rings.
+
+    Returns
+    -------
+    vertices : (w, 2) int32 array
+    starts : (k + 1,) int64 array
+    """
+    new_starts = np.concatenate([[0], np.cumsum(np.diff(starts)[order])])
+    reordered = np.empty((int(new_starts[-1]), 2), np.int32)
+    _gather(vertices, starts, order, reordered)
+    return reordered, new_starts
 
 
 @kernel("void(i4[:,::1], i8[::1], i8[::1], i4[:,::1])")

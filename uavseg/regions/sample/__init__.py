@@ -1,1 +1,1 @@
-"""Regions like a sample: where it lies, its model, scores of cells, rejection."""
+"""Regions like a sample: its pixels and texture model, scores of cells, rejection of unlike cells."""

@@ -1,5 +1,5 @@
-"""What a sample looks like: its histograms, how unlike each other its own windows are, its intensity, and
-what tells it from the raster as a whole.
+"""Texture model of a sample: symbol histograms, the spread of its own windows' scores, its intensity, and
+log-likelihood-ratio weights against the raster as background.
 """
 
 import math
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uavseg.errors import SampleError
 from uavseg.execution.executors import Map
 from uavseg.raster.geodesy.ellipsoid import pixel_on_ground
-from uavseg.regions.sample.place import Place
+from uavseg.regions.sample.place import SampleMask
 from uavseg.segmentation.blocks.lbp import UNCOUNTED, lbp_symbols
 from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO, coarse_symbols
 from uavseg.segmentation.sample.g_scores import (
@@ -29,22 +29,22 @@ from uavseg.segmentation.sample.likelihood_weights import SampleWeights, SymbolP
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL, GREY_MAX
 
-_OWN = (19, 20)  # the quantile of the scores of the sample's own windows that counts as like
-_GREY_STEP = 257  # of 8 bits: no sample is more even than this
+_OWN_QUANTILE = (19, 20)  # of the scores of the sample's own windows, which counts as similar
+_GREY_STEP = 257  # one step of 8 bits: the smallest deviation of a sample
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What is known of a sample.
+    """Texture model and intensity of a sample.
 
     Parameters
     ----------
-    model : Model
+    model : TextureModel
     own : int
-        A score that nineteen of twenty of its windows do not exceed, each against the rest of it; at least
-        that of chance.
+        The score that nineteen of twenty of its windows do not exceed, each compared with the rest of the
+        sample; at least the expected score under the null hypothesis.
     mean, deviation : float
-        Of the grey of its counted pixels.
+        Of the grey levels of its counted pixels.
     """
 
     model: TextureModel
@@ -53,92 +53,98 @@ class Sample:
     deviation: float
 
     def limit(self, similarity: float) -> int:
-        """The largest score of what is like the sample to this degree, see `similarity`."""
+        """The largest score at which a window has at least this similarity."""
         return min(self.own + math.floor(-2 * SCORE_UNITS * math.log(similarity)), MAX_SCORE - 1)
 
     def similarity(self, score: NDArray[np.float64]) -> NDArray[np.float64]:
-        """How like the sample something of a mean score is, from 0 to 1.
+        """Similarity to the sample from 0 to 1, for mean scores of windows or regions.
 
-        Half of G is a logarithm of a likelihood ratio. So this is by how much, for each pixel, one texture
-        for both explains what is there less well than two, beyond what it does within the sample.
+        Half of G is a log-likelihood ratio. So this is the likelihood ratio per pixel of one texture for both
+        against two textures, relative to that of the sample's own windows.
         """
-        beyond = np.maximum(score - self.own, 0) / SCORE_UNITS
-        like: NDArray[np.float64] = np.exp(-beyond / 2)
-        return like
+        excess = np.maximum(score - self.own, 0) / SCORE_UNITS
+        similarity: NDArray[np.float64] = np.exp(-excess / 2)
+        return similarity
 
     def bounds(self, deviations: float) -> GreyBounds:
-        """Greys within so many deviations of the sample's mean, and always within one step of 8 bits."""
+        """Bounds of mean grey: so many deviations around the sample's mean, at least one step of 8 bits."""
         if math.isinf(deviations):
             return GreyBounds()
         half = max(deviations * self.deviation, _GREY_STEP)
         return GreyBounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), GREY_MAX))
 
 
-def sample_of(source: GreySource, cuts: NDArray[np.int32], place: Place, side: int, map: Map) -> Sample:
-    """Look at a sample.
+def fit_sample(
+    source: GreySource, bin_edges: NDArray[np.int32], place: SampleMask, side: int, map: Map
+) -> Sample:
+    """Fit the texture model of a sample.
 
     Parameters
     ----------
     source : GreySource
-    cuts : (7,) int32 array
-        Of the contrast, over the whole raster.
-    place : Place
-        Its pixels.
+    bin_edges : (7,) int32 array
+        Of the histogram of contrast, over the whole raster.
+    place : SampleMask
     side : int
-        Of a window, in cells.
+        Side of a window in cells.
     map : Map
 
     Raises
     ------
     SampleError
-        If it has too few pixels with a texture.
+        If the sample has too few pixels with a texture.
     """
-    [(model, own, moments)] = map(partial(_look, source, cuts, side), [place])
+    [(model, own, moments)] = map(partial(_measure_sample, source, bin_edges, side), [place])
     largest = (CELL * side) ** 2
     if model.count == 0:
-        raise SampleError("the sample has no valid pixel with valid neighbours; it lies on nodata, it seems")
+        raise SampleError("the sample has no valid pixel with valid neighbours; it probably lies on nodata")
     if model.count < 2 * largest or len(own) == 0:
         raise SampleError(_too_small(source, model.count, CELL * side))
     count, total, squares = (int(moment) for moment in moments)
-    rank = -(-len(own) * _OWN[0] // _OWN[1])
+    rank = -(-len(own) * _OWN_QUANTILE[0] // _OWN_QUANTILE[1])
     variance = (squares * count - total * total) / count**2
     return Sample(model, max(int(np.sort(own)[rank - 1]), NULL_SCORE), total / count, math.sqrt(variance))
 
 
-def evidence_of(
-    source: GreySource, cuts: NDArray[np.int32], place: Place, whole: NDArray[np.int64], side: int, map: Map
+def fit_weights(
+    source: GreySource,
+    bin_edges: NDArray[np.int32],
+    place: SampleMask,
+    whole: NDArray[np.int64],
+    side: int,
+    map: Map,
 ) -> SampleWeights:
-    """What tells a sample from the raster as a whole.
+    """Fit log-likelihood-ratio weights of symbols, sample against background (the whole raster).
 
     Parameters
     ----------
-    source, cuts, place, side, map
-        As of `sample_of`.
+    source, bin_edges, place, side, map
+        As of `fit_sample`.
     whole : (2, 2048) int64 array
-        How often each symbol occurs in the raster, at both scales.
+        Count of each symbol in the raster, at both scales.
     """
-    [found] = map(partial(_weigh, source, cuts, whole, side), [place])
+    [found] = map(partial(_fit_sample_weights, source, bin_edges, whole, side), [place])
     return found
 
 
-def names_of(tile: GreyTile, cuts: NDArray[np.int32]) -> SymbolPair:
-    """Symbols of a tile at both scales, without its margin of MARGIN pixels."""
+def symbol_pair(tile: GreyTile, bin_edges: NDArray[np.int32]) -> SymbolPair:
+    """LBP symbols of a tile at both scales, without its halo of COARSE_HALO pixels."""
     inner = np.s_[COARSE_HALO - 1 : 1 - COARSE_HALO, COARSE_HALO - 1 : 1 - COARSE_HALO]
     known = tile.mask
     near = None if known is None else np.ascontiguousarray(known[inner])
-    fine = lbp_symbols(np.ascontiguousarray(tile.grey[inner]), near, cuts)
-    return fine, coarse_symbols(tile.grey, known, cuts)
+    fine = lbp_symbols(np.ascontiguousarray(tile.grey[inner]), near, bin_edges)
+    return fine, coarse_symbols(tile.grey, known, bin_edges)
 
 
-def _weigh(
-    source: GreySource, cuts: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: Place
+def _fit_sample_weights(
+    source: GreySource, bin_edges: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: SampleMask
 ) -> SampleWeights:
-    return SampleWeights.of(_own_names(source.read(place.window, COARSE_HALO), cuts, place), whole, side)
+    return SampleWeights.of(_own_names(source.read(place.window, COARSE_HALO), bin_edges, place), whole, side)
 
 
-def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> SymbolPair:
-    """Symbols of the pixels of a sample, in the whole blocks around it."""
-    names = names_of(tile, cuts)
+def _own_names(tile: GreyTile, bin_edges: NDArray[np.int32], place: SampleMask) -> SymbolPair:
+    """Symbols of the pixels of a sample; UNCOUNTED for the other pixels of the blocks around it."""
+    names = symbol_pair(tile, bin_edges)
     mask = np.zeros(names[0].shape, bool)
     mask[: place.window.rows, : place.window.cols] = place.mask
     for each in names:
@@ -148,14 +154,14 @@ def _own_names(tile: GreyTile, cuts: NDArray[np.int32], place: Place) -> SymbolP
 
 def _too_small(source: GreySource, count: int, window: int) -> str:
     return (
-        f"the sample has {count:,} pixels with a texture; it wants at least {2 * window**2:,}, with a window "
+        f"the sample has {count:,} pixels with a texture; expected at least {2 * window**2:,}, with a window "
         f"of {window} x {window} among them, as a disc with a radius of {_radius(source, window)} has; "
         "give a larger sample or a smaller --window"
     )
 
 
 def _radius(source: GreySource, pixels: int) -> str:
-    """A length in pixels for people, and in metres where those are known."""
+    """A length in pixels as text, with metres where they are known."""
     box = source.dataset.geobox
     if box.crs is None:
         return f"{pixels} pixels"
@@ -164,12 +170,12 @@ def _radius(source: GreySource, pixels: int) -> str:
     return f"{pixels} pixels ({metres:.3g} m)" if math.isfinite(metres) else f"{pixels} pixels"
 
 
-def _look(
-    source: GreySource, cuts: NDArray[np.int32], side: int, place: Place
+def _measure_sample(
+    source: GreySource, bin_edges: NDArray[np.int32], side: int, place: SampleMask
 ) -> tuple[TextureModel, NDArray[np.uint16], NDArray[np.uint64]]:
-    """Histograms of a sample, the scores of its windows, and number, sum and sum of squares of its greys."""
+    """Texture model of a sample, scores of its windows, and count, sum and sum of squares of its grey."""
     tile = source.read(place.window, COARSE_HALO)
-    names, coarse = _own_names(tile, cuts, place)
+    names, coarse = _own_names(tile, bin_edges, place)
     grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     cells = np.ones((names.shape[0] // CELL, names.shape[1] // CELL), np.uint8)
     model = texture_model(names, grey, cells, coarse=coarse)

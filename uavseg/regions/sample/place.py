@@ -1,4 +1,4 @@
-"""What a sample is given as, a disc or a file of polygons, and which pixels of a raster it covers."""
+"""Sample area: a disc or a file of polygons, and the mask of the pixels that it covers."""
 
 import math
 from dataclasses import dataclass
@@ -15,8 +15,8 @@ from uavseg.raster.polygon_mask import pixels_inside
 from uavseg.raster.tiling import Window
 from uavseg.units import CELL
 
-MOST_PIXELS = 1 << 24  # of the rectangle around a sample, which is held in memory
-_CORNERS = 256  # of the polygon that a disc is taken for
+MAX_SAMPLE_PIXELS = 1 << 24  # of the bounding box of a sample, which is held in memory
+_CORNERS = 256  # of the polygon that approximates a disc
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,9 +26,9 @@ class Disc:
     Parameters
     ----------
     x, y : float
-        Its centre in the raster's coordinates.
+        Its centre in map coordinates of the raster.
     radius : float
-        In units of the map; in metres where those are degrees.
+        In units of the map; in metres if they are degrees.
 
     Raises
     ------
@@ -49,12 +49,12 @@ class Disc:
 
 
 def parse_like(text: str) -> Disc | str:
-    """A disc if the text is three numbers between commas, else the name of a file.
+    """Parse a sample: a disc if the text is three numbers between commas, else the name of a file.
 
     Raises
     ------
     ParameterError
-        If it is numbers, but not three.
+        If the text is numbers, but not three.
 
     Examples
     --------
@@ -73,13 +73,13 @@ def parse_like(text: str) -> Disc | str:
 
 
 @dataclass(frozen=True)
-class Place:
-    """The pixels of a sample.
+class SampleMask:
+    """Mask of the pixels of a sample, in its bounding box.
 
     Parameters
     ----------
     window : Window
-        The rectangle around them, of whole cells; its part inside the raster.
+        The bounding box, of whole cells, clipped to the raster.
     bits : (rows, c) uint8 array
         1 for each pixel of the sample, packed along rows.
     """
@@ -93,42 +93,42 @@ class Place:
         return np.unpackbits(self.bits, axis=1, count=self.window.cols).view(bool)
 
 
-def place_of(like: Disc | str, geobox: GeoBox) -> Place:
-    """The pixels of a raster whose centres lie in a sample.
+def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
+    """Mask of the pixels of a raster whose centres lie in a sample.
 
     Parameters
     ----------
     like : Disc or str
-        Or the name of a file of polygons in any coordinate system, see `regions.load`.
+        A disc, or the name of a file of polygons in any CRS, see `read_regions`.
     geobox : GeoBox
         Of the raster.
 
     Raises
     ------
     SampleError
-        If there is none, or the sample is larger than 2^24 pixels.
+        If the sample lies outside of the raster, or its bounding box has more than 2^24 pixels.
     RegionError
-        If the file is not one of polygons.
+        If the file cannot be read as polygons.
     """
-    polygons = _disc(like, geobox) if isinstance(like, Disc) else _of_file(like, geobox)
+    polygons = _disc_polygon(like, geobox) if isinstance(like, Disc) else _file_polygons(like, geobox)
     name = "the sample" if isinstance(like, Disc) else f"the sample {like}"
-    on_grid = _in_pixels(polygons, geobox)
+    on_grid = _to_pixels(polygons, geobox)
     bounds = shapely.total_bounds(on_grid)
     if not np.isfinite(bounds).all():
-        raise SampleError(f"{name} has no place in the raster's coordinate system")
-    window = _around(bounds, geobox.shape)
+        raise SampleError(f"{name} has no coordinates in the raster's CRS")
+    window = _bounding_cells(bounds, geobox.shape)
     if window.rows == 0 or window.cols == 0:
         raise SampleError(f"{name} lies outside of the raster, which is {_extent(geobox)}")
-    if window.rows * window.cols > MOST_PIXELS:
+    if window.rows * window.cols > MAX_SAMPLE_PIXELS:
         raise SampleError(
-            f"{name} spans {window.rows:,} x {window.cols:,} pixels; at most {MOST_PIXELS:,} are looked at: "
+            f"{name} spans {window.rows:,} x {window.cols:,} pixels; at most {MAX_SAMPLE_PIXELS:,} are read: "
             "give a smaller one"
         )
-    return Place(window, np.packbits(pixels_inside(on_grid, window), axis=1))
+    return SampleMask(window, np.packbits(pixels_inside(on_grid, window), axis=1))
 
 
-def _disc(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
-    """A disc as a polygon of the map; on the ellipsoid where the map is in degrees."""
+def _disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
+    """A disc as a polygon in map coordinates; geodesic if they are degrees."""
     angles = np.linspace(0, 360, _CORNERS, endpoint=False)
     wkt = geobox.wkt
     if wkt is not None and is_geographic(wkt):
@@ -141,14 +141,15 @@ def _disc(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
     return np.array([shapely.Polygon(np.stack([x, y], axis=1))], object)
 
 
-def _of_file(name: str, geobox: GeoBox) -> NDArray[np.object_]:
-    from uavseg.regions.formats.read import load
+def _file_polygons(name: str, geobox: GeoBox) -> NDArray[np.object_]:
+    from uavseg.regions.formats.read import read_regions
 
     if geobox.wkt is None:
         raise SampleError(
-            f"the raster has no CRS, so nobody knows where in it {name} lies; give the sample as X,Y,RADIUS"
+            f"the raster has no CRS, so the position of {name} in it is unknown; "
+            "give the sample as X,Y,RADIUS"
         )
-    regions = load(name)
+    regions = read_regions(name)
     project = transform_between(regions.wkt, geobox.wkt)
     polygons: NDArray[Any] = shapely.transform(
         np.asarray(regions.polygons), lambda x, y: project(x, y), interleaved=False
@@ -156,8 +157,8 @@ def _of_file(name: str, geobox: GeoBox) -> NDArray[np.object_]:
     return polygons
 
 
-def _in_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.object_]:
-    """Polygons of the map in pixels, (col, row)."""
+def _to_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.object_]:
+    """Polygons in pixel coordinates (col, row)."""
     back = ~geobox.transform
     found: NDArray[Any] = shapely.transform(
         polygons,
@@ -167,8 +168,8 @@ def _in_pixels(polygons: NDArray[np.object_], geobox: GeoBox) -> NDArray[np.obje
     return found
 
 
-def _around(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
-    """The cells that the bounds (col, row, col, row) reach into, as far as they lie inside the raster."""
+def _bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
+    """Window of the cells that bounds (col, row, col, row) intersect, clipped to the raster."""
     limit = np.array([shape[1], shape[0]])
     first = np.clip(np.floor(bounds[:2]), 0, limit).astype(int) // CELL * CELL
     end = np.clip(np.ceil(bounds[2:]), 0, limit).astype(int)

@@ -1,4 +1,4 @@
-"""Which of the cells that may be like a sample are so, where the raster as a whole is held against it."""
+"""Second stage: reject cells that the background model (the whole raster) explains better than the sample."""
 
 from functools import partial
 
@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.tiling import TilePass, Window, window_cells
-from uavseg.regions.sample.model import names_of
-from uavseg.regions.sample.scores import Criterion, Scored
-from uavseg.regions.tiles.kind_tiles import CellJobs
+from uavseg.regions.sample.model import symbol_pair
+from uavseg.regions.sample.scores import CellScores, Criterion
+from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.dilation import dilate
 from uavseg.segmentation.sample.coarse_lbp import COARSE_HALO
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, TextureModel, texture_model
@@ -17,60 +17,61 @@ from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 
 
-def confirmed(
+def reject_unlike(
     source: GreySource,
     criterion: Criterion,
-    scores: Scored,
+    scores: CellScores,
     weights: NDArray[np.int64],
     least: int,
     tile_pass: TilePass,
-) -> Scored:
-    """Scores without those of cells that look more like the raster as a whole than the sample does.
+) -> CellScores:
+    """Reject cells whose texture the background model explains better than the sample.
 
     Parameters
     ----------
     source, criterion, tile_pass
-        As of `scores.scored`.
-    scores : Scored
+        As of `score_cells`.
+    scores : CellScores
     weights : (2, 2048) int64 array
+        Of symbols at both scales, see `SampleWeights`.
     least : int
-        The smallest mean weight of a window that is like the sample, see `evidence.Evidence`.
+        The smallest mean weight of a window that is like the sample.
 
     Returns
     -------
-    scores : Scored
-        Refused cells have the largest score. The rest has their histograms too, but for those that touch a
-        cell that is kept.
+    CellScores
+        Rejected cells have the largest score, and their histograms are added to `rest`, except for cells that
+        touch one that is kept.
     """
     matched = scores.best <= criterion.limit
-    concerned = [window for window in tile_pass.windows if matched[window_cells(window)].any()]
-    jobs = CellJobs(matched.view(np.uint8), concerned, CELL)
+    with_matches = [window for window in tile_pass.windows if matched[window_cells(window)].any()]
+    jobs = cell_jobs(matched.view(np.uint8), with_matches, CELL)
     best, rest = scores.best.copy(), scores.rest
-    confirm = partial(_confirm_tile, source, criterion, weights, least)
-    for window, (refused, unlike) in zip(concerned, tile_pass.run(confirm, jobs), strict=True):
-        best[window_cells(window)][refused] = MAX_SCORE
+    reject = partial(_reject_tile, source, criterion, weights, least)
+    for window, (rejected, unlike) in zip(with_matches, tile_pass.run(reject, jobs), strict=True):
+        best[window_cells(window)][rejected] = MAX_SCORE
         rest += unlike
-    return Scored(best, rest, scores.whole)
+    return CellScores(best, rest, scores.whole)
 
 
-def _confirm_tile(
+def _reject_tile(
     source: GreySource,
     criterion: Criterion,
     weights: NDArray[np.int64],
     least: int,
     job: tuple[Window, NDArray[np.uint8]],
 ) -> tuple[NDArray[np.bool_], TextureModel]:
-    """Which of a tile's matched cells are refused, and the histograms of those that touch none that is kept:
-    the others lie on boundaries and are of both sides.
+    """Mask of the rejected cells of a tile, and the histograms of those that touch no cell that is kept: the
+    others lie on boundaries and have texture of both sides.
     """
-    window, around = job  # with one cell on every side
+    window, around = job  # cells of the tile, and one more on every side
     halo = CELL * criterion.side
     tile = source.read(window, halo + COARSE_HALO)
-    names = names_of(tile, criterion.cuts)
-    convincing = best_mean_weights(names, weights, criterion.side) >= least
+    names = symbol_pair(tile, criterion.bin_edges)
+    explained = best_mean_weights(names, weights, criterion.side) >= least
     matched, inner = around.view(np.bool_), np.s_[1:-1, 1:-1]
-    refused = (matched & ~convincing)[inner]
-    unlike = refused & ~dilate(matched & convincing, 1)[inner]
+    rejected = (matched & ~explained)[inner]
+    unlike = rejected & ~dilate(matched & explained, 1)[inner]
     grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     own = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
-    return refused, texture_model(names[0], grey, unlike.view(np.uint8), halo, own)
+    return rejected, texture_model(names[0], grey, unlike.view(np.uint8), halo, own)

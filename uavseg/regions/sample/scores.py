@@ -1,18 +1,19 @@
-"""Which cells of a raster are like a sample, tile by tile, and the outlines of what they make together."""
+"""Scores of cells against a sample (G of moving windows), tile by tile, and outlines of matching cells."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import TilePass, Window, window_cells
-from uavseg.regions.outline.rasterise import Sketch, Sketches
-from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
+from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.sample.model import Sample
-from uavseg.regions.tiles.kind_tiles import CellJobs
+from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
@@ -35,48 +36,48 @@ from uavseg.units import CELL
 
 @dataclass(frozen=True)
 class Criterion:
-    """What makes a window like a sample.
+    """Criterion by which a window is like a sample.
 
     Parameters
     ----------
-    model : Model
-        The histograms of the sample.
-    cuts : (7,) int32 array
-        Of the contrast.
+    model : TextureModel
+        Of the sample.
+    bin_edges : (7,) int32 array
+        Of the histogram of contrast.
     side : int
-        Of a window, in cells.
-    bounds : Bounds
-        Of its mean grey.
+        Side of a window in cells.
+    bounds : GreyBounds
+        Of the mean grey of a window.
     limit : int
-        The largest score that is like the sample.
+        The largest score of a window that is like the sample.
     """
 
     model: TextureModel
-    cuts: NDArray[np.int32]
+    bin_edges: NDArray[np.int32]
     side: int
     bounds: GreyBounds
     limit: int
 
     @classmethod
     def of(
-        cls, sample: Sample, cuts: NDArray[np.int32], side: int, similarity: float, deviations: float
+        cls, sample: Sample, bin_edges: NDArray[np.int32], side: int, similarity: float, deviations: float
     ) -> "Criterion":
-        """What is like a sample to the degree of a similarity, and within some deviations of its mean."""
-        return cls(sample.model, cuts, side, sample.bounds(deviations), sample.limit(similarity))
+        """Criterion from a minimum similarity, and a number of deviations from the sample's mean grey."""
+        return cls(sample.model, bin_edges, side, sample.bounds(deviations), sample.limit(similarity))
 
 
 @dataclass(frozen=True)
-class Scored:
-    """The scores of a raster, two bytes a cell, and what those cells look like that are unlike the sample.
+class CellScores:
+    """Best scores of the cells of a raster, and texture models of unlike cells and of all cells.
 
     Parameters
     ----------
     best : (8 B, 8 C) uint16 array
         See `g_scores.best_scores`.
-    rest : Model
-        Of the cells with a score that is too large; not of all that `confirming.confirmed` refuses.
+    rest : TextureModel
+        Of the cells with a score that is too large; not of all that `reject_unlike` rejects.
     whole : (2, 2048) int64 array
-        How often each symbol occurs in the raster, at both scales, see `evidence`.
+        Count of each symbol in the raster, at both scales.
     """
 
     best: NDArray[np.uint16]
@@ -84,11 +85,11 @@ class Scored:
     whole: NDArray[np.int64]
 
 
-def scored(
+def score_cells(
     source: GreySource,
     criterion: Criterion,
     tile_pass: TilePass,
-) -> Scored:
+) -> CellScores:
     """The best score of every cell.
 
     Parameters
@@ -106,50 +107,52 @@ def scored(
             best[window_cells(window)], unlike, counts = found
             rest += unlike
             whole += counts
-    return Scored(best, rest, whole)
+    return CellScores(best, rest, whole)
 
 
 def outline_matches(
     source: GreySource,
     cells: NDArray[np.uint8],
-    cuts: NDArray[np.int32],
+    bin_edges: NDArray[np.int32],
     weights: PixelWeights,
     tile_pass: TilePass,
-) -> Outlined:
-    """Regions of cells that are in, and of those pixels of open cells that weigh enough.
+) -> RegionOutlines:
+    """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
 
     Parameters
     ----------
     source : GreySource
     cells : (8 B, 8 C) uint8 array
-        0 out, 1 in, 2 open.
-    cuts : (7,) int32 array
-    weights : Weights
-    tile_pass
-        As of `tilewise.outline_regions`.
+        0 outside, 1 inside, 2 undecided.
+    bin_edges : (7,) int32 array
+    weights : PixelWeights
+    tile_pass : TilePass
     """
-    outline = partial(_outline_match, source, cuts, weights)
-    tiles = tile_pass.run(outline, CellJobs(cells, tile_pass.windows, DECISION_HALO))
-    return joined(source.shape, tile_pass.windows, tiles).outlined()
+    outline = partial(_outline_match, source, bin_edges, weights)
+    tiles = tile_pass.run(outline, cell_jobs(cells, tile_pass.windows, DECISION_HALO))
+    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish()
 
 
-def mean_scores(outlined: Outlined, best: NDArray[np.uint16], tile_pass: TilePass) -> NDArray[np.float64]:
-    """The mean score of the pixels of each region.
+def mean_scores(
+    outlined: RegionOutlines, best: NDArray[np.uint16], tile_pass: TilePass
+) -> NDArray[np.float64]:
+    """Mean score of the pixels of each region.
 
     Parameters
     ----------
-    outlined : Outlined
+    outlined : RegionOutlines
     best : (8 B, 8 C) uint16 array
         Scores of cells.
-    windows, map
+    tile_pass : TilePass
 
     Returns
     -------
     means : (n,) float64 array
-        NaN where no cell of a region has a score.
+        NaN for a region without scored cells.
     """
     sums, counts = np.zeros((2, len(outlined.sums.counts) + 1), np.int64)
-    jobs = _Scores(Sketches(outlined.rings, tile_pass.windows), best)
+    tables = edge_tables(outlined.rings, tile_pass.windows)
+    jobs = LazySequence(len(tables), partial(_score_job, tables, best))
     for names, total, count in tile_pass.silent.run(_sum_scores, jobs):
         sums[names] += total
         counts[names] += count
@@ -158,27 +161,20 @@ def mean_scores(outlined: Outlined, best: NDArray[np.uint16], tile_pass: TilePas
     return means
 
 
-class _Scores(Sequence[Any]):
-    """Labels of tiles as they are drawn, with the scores of their cells."""
-
-    def __init__(self, sketches: Sketches, best: NDArray[np.uint16]) -> None:
-        self._sketches = sketches
-        self._best = best
-
-    def __len__(self) -> int:
-        return len(self._sketches)
-
-    def __getitem__(self, k: Any) -> Any:
-        sketch = self._sketches[k]
-        return sketch, self._best[window_cells(sketch.window)]
+def _score_job(
+    tables: Sequence[EdgeTable], best: NDArray[np.uint16], k: int
+) -> tuple[EdgeTable, NDArray[np.uint16]]:
+    """The edge table of a tile, and the scores of its cells."""
+    table = tables[k]
+    return table, best[window_cells(table.window)]
 
 
 def _sum_scores(
-    job: tuple[Sketch, NDArray[np.uint16]],
+    job: tuple[EdgeTable, NDArray[np.uint16]],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Labels in a tile, the sum of the scores of each, and of how many pixels."""
-    sketch, best = job
-    labels = sketch.paint()
+    """Labels in a tile, and the sum of scores and the number of scored pixels of each."""
+    edges, best = job
+    labels = edges.rasterise()
     rows, cols = labels.shape
     scores = best.repeat(CELL, 0)[:rows].repeat(CELL, 1)[:, :cols].astype(np.int64)
     labels[scores >= MAX_SCORE] = 0
@@ -191,42 +187,42 @@ def _sum_scores(
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
 ) -> tuple[NDArray[np.uint16], TextureModel, NDArray[np.int64]] | None:
-    """Scores of a tile's cells, the histograms of those that are unlike the sample, and how often each symbol
-    occurs in the tile.
+    """Scores of a tile's cells, the texture model of unlike cells, and the count of each symbol in the tile;
+    None for an empty tile.
     """
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
         return None
     tile = source.read(window, halo + 1)
-    names = lbp_symbols(tile.grey, tile.mask, criterion.cuts)
+    names = lbp_symbols(tile.grey, tile.mask, criterion.bin_edges)
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
     best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
     unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
-    coarse = coarse_symbols(*_cut(tile, halo + 1 - coarse_lbp.COARSE_HALO), criterion.cuts)
+    coarse = coarse_symbols(*_crop(tile, halo + 1 - coarse_lbp.COARSE_HALO), criterion.bin_edges)
     whole = texture_model(names, grey, np.ones_like(unlike), halo, coarse)
     return best, texture_model(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
 
 
-def _cut(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
-    """Grey and validity of a tile with so much less of its margin."""
+def _crop(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
+    """Grey and validity of a tile, cropped by `margin` pixels on every side."""
     inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
     return tile.grey[inner], None if tile.all_valid else tile.valid[inner]
 
 
 def _outline_match(
     source: GreySource,
-    cuts: NDArray[np.int32],
+    bin_edges: NDArray[np.int32],
     weights: PixelWeights,
     job: tuple[Window, NDArray[np.uint8]],
-) -> Tile | None:
+) -> TileOutlines | None:
     window, cells = job
     if not cells.any():
         return None
     tile = source.read(window, DECISION_HALO)
     if (cells == 2).any():
         known = tile.mask
-        names = lbp_symbols(tile.grey, known, cuts), coarse_symbols(tile.grey, known, cuts)
+        names = lbp_symbols(tile.grey, known, bin_edges), coarse_symbols(tile.grey, known, bin_edges)
         pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
-    return outlined_tile(pixels, *label_components(pixels, DECISION_HALO), tile.grey, window, source.shape[1])
+    return outline_tile(pixels, *label_components(pixels, DECISION_HALO), tile.grey, window, source.shape[1])

@@ -1,4 +1,4 @@
-"""Which regions: by id, by a condition, by size."""
+"""Select regions by id, by a condition on their attributes, and by size."""
 
 from collections.abc import Sequence
 
@@ -8,67 +8,67 @@ from uavseg.errors import RegionError
 from uavseg.regions.select.where import where
 from uavseg.regions.table import Regions
 
-MOST_NAMED = 10  # ids that a message lists
+MAX_LISTED = 10  # ids in a message
 
 
-def choose(
+def select_regions(
     regions: Regions,
     ids: Sequence[int] | None = None,
     largest: int | None = None,
     condition: str | None = None,
 ) -> Regions:
-    """Those of the regions that have one of these ids and fulfil a condition; of them, the largest.
+    """Select the regions that have one of the ids and fulfil the condition; of these, the largest.
 
     Parameters
     ----------
     regions : Regions
     ids : sequence of int, optional
-        Every one of them must be there.
+        All of them must exist.
     largest : int, optional
-        How many to keep at most, by `area_m2`; the first ones among equals.
+        The number to keep at most, by `area_m2`; of equal ones the first.
     condition : str, optional
         See `uavseg.regions.select.where.where`.
 
     Returns
     -------
     regions : Regions
-        In the order in which they were.
+        In their original order.
 
     Raises
     ------
     RegionError
-        If an id is not there, the condition is not understood, or nothing is left.
+        If an id does not exist, the condition is not understood, or no region is left.
     """
     kept = np.ones(len(regions), dtype=bool)
     if ids is not None:
-        kept &= _have(regions, ids)
+        kept &= _has_id(regions, ids)
     if condition is not None:
         kept &= where(regions.columns, condition)
     if largest is not None:
         kept = _largest(regions, kept, largest)
     if not kept.any():
-        raise RegionError(f"none of the {len(regions)} regions is chosen; ask for less")
-    return regions.chosen(np.flatnonzero(kept))
+        raise RegionError(f"none of the {len(regions)} regions is selected; give weaker conditions")
+    return regions.select(np.flatnonzero(kept))
 
 
-def _have(regions: Regions, ids: Sequence[int]) -> np.ndarray:
-    there = regions.columns["id"]
-    missing = sorted(set(ids) - set(there.tolist()))
+def _has_id(regions: Regions, ids: Sequence[int]) -> np.ndarray:
+    known = regions.columns["id"]
+    missing = sorted(set(ids) - set(known.tolist()))
     if missing:
         raise RegionError(
-            f"there is no region {_listed(missing)}; there are {_listed(np.unique(there).tolist())}"
+            f"there is no region {_listed(missing)}; there are {_listed(np.unique(known).tolist())}"
         )
-    return np.isin(there, list(ids))
+    return np.isin(known, list(ids))
 
 
 def _largest(regions: Regions, kept: np.ndarray, count: int) -> np.ndarray:
     if count < 1:
-        raise RegionError(f"the largest {count} regions are none; ask for at least 1")
+        raise RegionError(f"expected at least 1 largest region, got {count}")
     area = np.where(kept, regions.columns["area_m2"], -np.inf)
     first = np.argsort(-area, kind="stable")[:count]
     return kept & np.isin(np.arange(len(regions)), first)
 
 
 def _listed(ids: Sequence[int]) -> str:
-    shown = ", ".join(map(str, ids[:MOST_NAMED]))
-    return shown if len(ids) <= MOST_NAMED else f"{shown}, ... {ids[-1]} ({len(ids)} in all)"
+    shown = ", ".join(map(str, ids[:MAX_LISTED]))
+    return shown if len(ids) <= MAX_LISTED else f"{shown}, ... {ids[-1]} ({len(ids)} in all)"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 
-LONGEST = 2000  # characters of a condition
+MAX_CHARACTERS = 2000  # of a condition
 
 _COMPARE: dict[type, Callable[[Any, Any], Any]] = {
     ast.Lt: operator.lt,
@@ -35,7 +35,7 @@ _CALCULATE: dict[type, Callable[[Any, Any], Any]] = {
 
 
 def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.bool_]:
-    """Which regions fulfil a condition; where a missing number leaves it unknown, they do not.
+    """Mask of the regions that fulfil a condition; where a missing number leaves it unknown, they do not.
 
     The condition may hold names of columns, numbers, texts in quotes, comparisons, `and`, `or`, `not`,
     `+ - * /`, and `in` and `not in` with a list. Nothing else: it is not run as Python.
@@ -43,7 +43,7 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.boo
     Parameters
     ----------
     columns : mapping of str to (N,) array
-        Numbers, truths or texts. A comparison with a missing number (NaN) is neither true nor false, with
+        Numbers, booleans or texts. A comparison with a missing number (NaN) is neither true nor false, with
         `!=` and under `not` as well; `mean > 0.6 or id == 4` is true where its other side is. A missing
         text is the empty text.
     condition : str
@@ -51,8 +51,8 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.boo
     Raises
     ------
     RegionError
-        If the condition cannot be read, asks for something else, names no column or compares a number
-        with a text.
+        If the condition cannot be parsed, uses other syntax, names a column that does not exist, or compares
+        a number with a text.
 
     Examples
     --------
@@ -62,25 +62,25 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.boo
     >>> where({"mean": np.array([0.5, 0.8, np.nan])}, "not mean > 0.7")
     array([ True, False, False])
     """
-    tree = _parsed(condition)
+    tree = _parse(condition)
     count = len(next(iter(columns.values())))
     with np.errstate(all="ignore"):
         try:
-            answer = _Answer(columns, condition).of(tree)
+            answer = _Evaluator(columns, condition).evaluate(tree)
         except (OverflowError, RecursionError) as error:
             raise RegionError(
                 f"the condition {condition[:60]!r} is too large a calculation; make it simpler"
             ) from error
     if not isinstance(answer, _Truth):
         raise RegionError(
-            f"the condition {condition!r} is no condition; compare with something, as in mean > 0.7"
+            f"the condition {condition!r} is not a condition; compare with a value, as in mean > 0.7"
         )
     return np.array(np.broadcast_to(answer.true, count))
 
 
-def _parsed(condition: str) -> ast.expr:
-    if len(condition) > LONGEST:
-        raise RegionError(f"the condition has {len(condition)} characters; at most {LONGEST} are read")
+def _parse(condition: str) -> ast.expr:
+    if len(condition) > MAX_CHARACTERS:
+        raise RegionError(f"the condition has {len(condition)} characters; at most {MAX_CHARACTERS} are read")
     try:
         return ast.parse(condition.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
@@ -93,32 +93,32 @@ def _parsed(condition: str) -> ast.expr:
 
 @dataclass(frozen=True, slots=True)
 class _Truth:
-    """Where something is true, and where it is false; elsewhere it is unknown."""
+    """Three-valued truth of regions: masks of true and of false; unknown elsewhere."""
 
     true: Any
     false: Any
 
-    def both(self, other: "_Truth") -> "_Truth":
+    def __and__(self, other: "_Truth") -> "_Truth":
         return _Truth(self.true & other.true, self.false | other.false)
 
-    def either(self, other: "_Truth") -> "_Truth":
+    def __or__(self, other: "_Truth") -> "_Truth":
         return _Truth(self.true | other.true, self.false & other.false)
 
-    def opposite(self) -> "_Truth":
+    def __invert__(self) -> "_Truth":
         return _Truth(self.false, self.true)
 
 
 _ALWAYS = _Truth(np.True_, np.False_)
 
 
-class _Answer:
-    """Answers parts of a condition, each by the kind of part it is."""
+class _Evaluator:
+    """Evaluates the nodes of a syntax tree, by their type."""
 
     def __init__(self, columns: Mapping[str, NDArray[Any]], condition: str) -> None:
         self.columns = columns
         self.condition = condition
 
-    def of(self, part: ast.expr) -> Any:
+    def evaluate(self, part: ast.expr) -> Any:
         kind = getattr(self, f"_{type(part).__name__.lower()}", None)
         if kind is None:
             raise self._refused(part)
@@ -128,7 +128,7 @@ class _Answer:
         if not isinstance(part.value, bool | int | float | str):
             raise self._refused(part)
         if isinstance(part.value, bool):
-            return _ALWAYS if part.value else _ALWAYS.opposite()
+            return _ALWAYS if part.value else ~_ALWAYS
         return np.str_(part.value) if isinstance(part.value, str) else np.float64(part.value)
 
     def _name(self, part: ast.Name) -> Any:
@@ -138,7 +138,7 @@ class _Answer:
         return _plain(self.columns[part.id])
 
     def _boolop(self, part: ast.BoolOp) -> Any:
-        combine = _Truth.both if isinstance(part.op, ast.And) else _Truth.either
+        combine = operator.and_ if isinstance(part.op, ast.And) else operator.or_
         answer = self._truth(part.values[0])
         for value in part.values[1:]:
             answer = combine(answer, self._truth(value))
@@ -146,7 +146,7 @@ class _Answer:
 
     def _unaryop(self, part: ast.UnaryOp) -> Any:
         if isinstance(part.op, ast.Not):
-            return self._truth(part.operand).opposite()
+            return ~self._truth(part.operand)
         if isinstance(part.op, ast.USub | ast.UAdd):
             value = self._number(part.operand)
             return -value if isinstance(part.op, ast.USub) else value
@@ -161,21 +161,21 @@ class _Answer:
         answer = _ALWAYS
         left = part.left
         for operation, right in zip(part.ops, part.comparators, strict=True):
-            answer = answer.both(self._compared(left, operation, right))
+            answer = answer & self._compared(left, operation, right)
             left = right
         return answer
 
     def _compared(self, left: ast.expr, operation: ast.cmpop, right: ast.expr) -> _Truth:
         if isinstance(operation, ast.In | ast.NotIn):
             if not isinstance(right, ast.List | ast.Tuple):
-                raise RegionError(f"the condition {self.condition!r}: after in comes a list, as in [1, 4, 7]")
-            answer = _ALWAYS.opposite()
+                raise RegionError(f"the condition {self.condition!r}: in needs a list, as in [1, 4, 7]")
+            answer = ~_ALWAYS
             for choice in right.elts:
-                answer = answer.either(self._compared(left, ast.Eq(), choice))
-            return answer if isinstance(operation, ast.In) else answer.opposite()
+                answer = answer | self._compared(left, ast.Eq(), choice)
+            return answer if isinstance(operation, ast.In) else ~answer
         if type(operation) not in _COMPARE:
             raise self._refused(left)
-        first, second = self.of(left), self.of(right)
+        first, second = self.evaluate(left), self.evaluate(right)
         if _is_text(first) != _is_text(second):
             raise RegionError(f"the condition {self.condition!r} compares a number with a text")
         known = _known(first) & _known(second)
@@ -183,15 +183,15 @@ class _Answer:
         return _Truth(found & known, ~found & known)
 
     def _truth(self, part: ast.expr) -> _Truth:
-        value = self.of(part)
+        value = self.evaluate(part)
         if not isinstance(value, _Truth):
-            raise RegionError(f"the condition {self.condition!r}: {ast.unparse(part)} is no condition")
+            raise RegionError(f"the condition {self.condition!r}: {ast.unparse(part)} is not a condition")
         return value
 
     def _number(self, part: ast.expr) -> Any:
-        value = self.of(part)
+        value = self.evaluate(part)
         if _is_text(value) or isinstance(value, _Truth):
-            raise RegionError(f"the condition {self.condition!r}: {ast.unparse(part)} is no number")
+            raise RegionError(f"the condition {self.condition!r}: {ast.unparse(part)} is not a number")
         return value
 
     def _refused(self, part: ast.AST) -> RegionError:
@@ -202,7 +202,7 @@ class _Answer:
 
 
 def _plain(column: NDArray[Any]) -> Any:
-    """A column as numbers, truths or texts; a missing text is empty."""
+    """A column as numbers, booleans or texts; a missing text is empty."""
     if column.dtype.kind in "iuf":
         return column.astype(np.float64)
     if column.dtype.kind == "b":

@@ -1,1 +1,1 @@
-"""Smooth outlines: boundaries relaxed within half a pixel, shared borders stay shared."""
+"""Smooth outlines: boundaries relaxed within half a pixel (surface nets), with shared borders kept shared."""

@@ -1,22 +1,26 @@
-"""Portals: between the two pixels of every unit edge of a boundary, and the straight pieces through them.
+"""Sleeve fitting (Zhao and Saalfeld 1997): arcs replaced by few straight segments through portals.
 
-A portal is a little less than the line between the centres of the two pixels that a unit edge parts. A line
-that goes through the portals of a stretch of boundary one after the other parts the same pixels, and stays
-within half a pixel of their edges; the portals of different stretches have no point in common. Places
-are whole numbers here, 256 to a pixel, relative to the first corner of the chain.
+The portal of a unit edge lies on the line between the centres of the two pixels that the edge separates, a
+little shorter at both ends. A line through the portals of an arc, one after the other (as in the funnel
+algorithm), separates the same pixels and stays within half a pixel of their edges; the portals of different
+arcs have no point in common. Coordinates are integers, 256 to a pixel, relative to the first corner of the
+arc.
+
+Zhao, Z.; Saalfeld, A. (1997): Linear-time sleeve-fitting polyline simplification algorithms. AutoCarto 13,
+214-223.
 """
 
 from uavseg._jit import inlined
 
-UNIT = 256  # steps to a pixel
-HALF = 112  # steps from the middle of a portal to its ends: `elastic.REACH`
-SLACK = 8  # steps that a straight piece may pass beside the chain, along a portal
-_FURTHEST = 4096  # edges that are looked at for the end of a straight piece
+STEPS_PER_PIXEL = 256
+MAX_OFFSET = 112  # steps from the middle of a portal to its ends: `surface_nets.MAX_SHIFT`
+SLEEVE_WIDTH = 8  # steps along a portal by which a segment may miss the arc's point
+_MAX_EDGES = 4096  # edges that one segment may replace
 
 
 @inlined
-def crossings(base_x, base_y, n, x, y, offsets):  # type: ignore[no-untyped-def]
-    """Where a chain crosses the portals of its n edges: steps to the left of the middle of each."""
+def portal_offsets(base_x, base_y, n, x, y, offsets):  # type: ignore[no-untyped-def]
+    """Where a line crosses the portals of the n edges of an arc: steps to the left of the middle of each."""
     for e in range(n):
         dx = base_x[e + 1] - base_x[e]
         dy = base_y[e + 1] - base_y[e]
@@ -27,88 +31,92 @@ def crossings(base_x, base_y, n, x, y, offsets):  # type: ignore[no-untyped-def]
         share = before / (before - after)
         across_x = x[e] + share * (x[e + 1] - x[e]) - middle_x
         across_y = y[e] + share * (y[e + 1] - y[e]) - middle_y
-        offsets[e] = UNIT * (across_x * dy - across_y * dx)
+        offsets[e] = STEPS_PER_PIXEL * (across_x * dy - across_y * dx)
 
 
 @inlined
 def place_points(base_x, base_y, n, cyclic, offsets, px, py, steps):  # type: ignore[no-untyped-def]
-    """The points on the portals, to a step; gives the place of the last point.
+    """Round the points on the portals to steps; returns the index of the last point.
 
-    An open chain begins and ends with its two corners; the last point of a cyclic one is its first.
+    An open arc begins and ends with its two corners; the last point of a cyclic one equals its first.
     """
     lead = 0 if cyclic else 1
     for e in range(n):
-        step = min(max(int((offsets[e] + HALF) + 0.5) - HALF, -HALF), HALF)
+        step = min(max(int((offsets[e] + MAX_OFFSET) + 0.5) - MAX_OFFSET, -MAX_OFFSET), MAX_OFFSET)
         steps[e + lead] = step
-        px[e + lead] = int(UNIT // 2 * (base_x[e] + base_x[e + 1])) + step * int(base_y[e + 1] - base_y[e])
-        py[e + lead] = int(UNIT // 2 * (base_y[e] + base_y[e + 1])) - step * int(base_x[e + 1] - base_x[e])
+        px[e + lead] = int(STEPS_PER_PIXEL // 2 * (base_x[e] + base_x[e + 1])) + step * int(
+            base_y[e + 1] - base_y[e]
+        )
+        py[e + lead] = int(STEPS_PER_PIXEL // 2 * (base_y[e] + base_y[e + 1])) - step * int(
+            base_x[e + 1] - base_x[e]
+        )
     if cyclic:
         px[n] = px[0]
         py[n] = py[0]
         return n
     px[0] = py[0] = 0
-    px[n + 1] = int(UNIT * base_x[n])
-    py[n + 1] = int(UNIT * base_y[n])
+    px[n + 1] = int(STEPS_PER_PIXEL * base_x[n])
+    py[n + 1] = int(STEPS_PER_PIXEL * base_y[n])
     return n + 1
 
 
 @inlined
-def turn(ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Above 0 where b lies to the right of a, as one sees the picture."""
+def cross_product(ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Cross product of a and b: above 0 where b points to the right of a in the image."""
     return ax * by - ay * bx
 
 
 @inlined
 def straighten(base_x, base_y, cyclic, px, py, steps, last, kept):  # type: ignore[no-untyped-def]
-    """Fewer points: from each the furthest that a straight piece through all portals between reaches.
+    """Greedy sleeve fitting: from each point a segment to the furthest point that it reaches.
 
-    The piece passes no portal further than SLACK from the point on it (a sleeve, as of Zhao and Saalfeld
-    1997). Gives how many points are kept; their places are in `kept`, 0 and the last among them.
+    A segment passes through all portals between, within SLEEVE_WIDTH of the point on each. Returns the number
+    of points that are kept; their indices are written to `kept`, 0 and the last among them.
     """
     lead = 0 if cyclic else 1
     kept[0] = 0
-    many = 1
+    count = 1
     here = 0
     while here < last:
         best = here + 1
         at = here + 1
         left_x = left_y = right_x = right_y = 0
-        while at < last and at - here < _FURTHEST:
+        while at < last and at - here < _MAX_EDGES:
             dx = int(base_x[at - lead + 1] - base_x[at - lead])
             dy = int(base_y[at - lead + 1] - base_y[at - lead])
-            out = min(steps[at] + SLACK, HALF) - steps[at]
-            back = max(steps[at] - SLACK, -HALF) - steps[at]
+            out = min(steps[at] + SLEEVE_WIDTH, MAX_OFFSET) - steps[at]
+            back = max(steps[at] - SLEEVE_WIDTH, -MAX_OFFSET) - steps[at]
             lx = px[at] - px[here] + out * dy
             ly = py[at] - py[here] - out * dx
             rx = px[at] - px[here] + back * dy
             ry = py[at] - py[here] - back * dx
-            if turn(lx, ly, rx, ry) <= 0:
-                break  # the portal is seen from behind
-            if at == here + 1 or turn(left_x, left_y, lx, ly) > 0:
+            if cross_product(lx, ly, rx, ry) <= 0:
+                break  # the segment would pass the portal backwards
+            if at == here + 1 or cross_product(left_x, left_y, lx, ly) > 0:
                 left_x = lx
                 left_y = ly
-            if at == here + 1 or turn(rx, ry, right_x, right_y) > 0:
+            if at == here + 1 or cross_product(rx, ry, right_x, right_y) > 0:
                 right_x = rx
                 right_y = ry
-            if turn(left_x, left_y, right_x, right_y) < 0:
+            if cross_product(left_x, left_y, right_x, right_y) < 0:
                 break
             at += 1
             x = px[at] - px[here]
             y = py[at] - py[here]
-            if turn(left_x, left_y, x, y) >= 0 and turn(x, y, right_x, right_y) >= 0:
+            if cross_product(left_x, left_y, x, y) >= 0 and cross_product(x, y, right_x, right_y) >= 0:
                 best = at
-        kept[many] = best
-        many += 1
+        kept[count] = best
+        count += 1
         here = best
-    return many
+    return count
 
 
 @inlined
-def doubled_steps(px, py, kept, many):  # type: ignore[no-untyped-def]
-    """Twice the signed area between the points that are kept and the line from the last to the first."""
-    before = kept[many - 1]
+def doubled_steps(px, py, kept, count):  # type: ignore[no-untyped-def]
+    """Twice the signed area between the kept points and the line from the last to the first."""
+    before = kept[count - 1]
     doubled = 0
-    for k in range(many):
+    for k in range(count):
         doubled += px[before] * py[kept[k]] - py[before] * px[kept[k]]
         before = kept[k]
     return doubled
@@ -116,7 +124,7 @@ def doubled_steps(px, py, kept, many):  # type: ignore[no-untyped-def]
 
 @inlined
 def area_slope(base_x, base_y, n, cyclic, px, py, last):  # type: ignore[no-untyped-def]
-    """By how much twice the area grows where all points move one step to the left on their portals."""
+    """Growth of twice the area if all points move one step to the left on their portals."""
     lead = 0 if cyclic else 1
     slope = 0
     for e in range(n):

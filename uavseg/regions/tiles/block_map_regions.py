@@ -1,4 +1,4 @@
-"""Regions of whole cells, from a block map alone."""
+"""Regions of whole cells, outlined and summed from a block map alone."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,61 +7,73 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.small import numbered_by_size
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.stitch import Outlined
+from uavseg.regions.outline.region_outlines import RegionOutlines, renumber_by_size
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import Sums, label_equal_values
 from uavseg.units import CELL
 
 
-def outline_cells(blocks: BlockMap, kinds: NDArray[Any]) -> Outlined:
-    """Segments of adjacent cells of one kind, as far as they have valid pixels.
+def outline_block_map(blocks: BlockMap, kinds: NDArray[Any]) -> RegionOutlines:
+    """Outline segments of adjacent cells of one kind; cells without valid pixels are left out.
 
     Parameters
     ----------
     blocks : BlockMap
     kinds : (8 B, 8 C) uint8 or uint32 array
-        1 for what is in range, or the level; 0 for nothing.
+        1 for cells in range, or the level of each cell; 0 for no segment.
 
     Returns
     -------
-    Outlined
+    RegionOutlines
         In pixels of the raster.
     """
-    rows, cols = _cells_of(blocks)
+    rows, cols = _cell_shape(blocks)
     leaves, count = label_equal_values(np.ascontiguousarray(kinds[:rows, :cols]))
     leaves[blocks.counts[:rows, :cols] == 0] = 0
     rings = trace(leaves)
     limit = np.array(blocks.shape, np.int32)
     on_pixels = replace(rings, vertices=np.minimum(rings.vertices * np.int32(CELL), limit))
-    return numbered_by_size(on_pixels, _sums_of_cells(blocks, leaves, count))
+    return renumber_by_size(on_pixels, _sum_cells(blocks, leaves, count))
 
 
-def count_segments(blocks: BlockMap, kinds: NDArray[Any], most: int) -> NDArray[np.int64]:
-    """How many segments of each kind 1..most `outline_cells` finds, (most,) int64; nothing is outlined."""
-    rows, cols = _cells_of(blocks)
+def count_segments(blocks: BlockMap, kinds: NDArray[Any], count: int) -> NDArray[np.int64]:
+    """Count the segments of `outline_block_map` without outlining them.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    kinds : (8 B, 8 C) uint8 or uint32 array
+        Kinds 1..count of cells; 0 for no segment.
+    count : int
+
+    Returns
+    -------
+    (count,) int64 array
+        The number of segments of each kind.
+    """
+    rows, cols = _cell_shape(blocks)
     cells = np.ascontiguousarray(kinds[:rows, :cols])
-    labels, count = label_equal_values(cells)
-    own = np.zeros(count + 1, kinds.dtype)
-    own[labels] = cells
-    return np.bincount(own[1:], minlength=most + 1)[1:].astype(np.int64)
+    labels, segments = label_equal_values(cells)
+    kind_of_segment = np.zeros(segments + 1, kinds.dtype)
+    kind_of_segment[labels] = cells
+    return np.bincount(kind_of_segment[1:], minlength=count + 1)[1:].astype(np.int64)
 
 
-def summed_cells(blocks: BlockMap, outlined: Outlined) -> Outlined:
-    """The same regions with the sums of all cells that they enclose."""
+def sum_enclosed_cells(blocks: BlockMap, outlined: RegionOutlines) -> RegionOutlines:
+    """The same outlines with the sums of all cells that they enclose."""
     on_cells = replace(outlined.rings, vertices=-(-outlined.rings.vertices // np.int32(CELL)))
-    labels = rasterise(on_cells, Window(0, 0, *_cells_of(blocks)))
-    return replace(outlined, sums=_sums_of_cells(blocks, labels, len(outlined.sums.counts)))
+    labels = rasterise(on_cells, Window(0, 0, *_cell_shape(blocks)))
+    return replace(outlined, sums=_sum_cells(blocks, labels, len(outlined.sums.counts)))
 
 
-def _cells_of(blocks: BlockMap) -> tuple[int, int]:
-    """Rows and columns of the cells that the raster reaches into."""
+def _cell_shape(blocks: BlockMap) -> tuple[int, int]:
+    """Rows and columns of cells that hold pixels of the raster."""
     return -(-blocks.shape[0] // CELL), -(-blocks.shape[1] // CELL)
 
 
-def _sums_of_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> Sums:
+def _sum_cells(blocks: BlockMap, labels: NDArray[np.uint32], count: int) -> Sums:
     flat = labels.reshape(-1)
     rows, cols = labels.shape
     greys = np.zeros(count + 1, np.uint64)

@@ -1,14 +1,16 @@
-"""From levels and states to their segments: tiles numbered and outlined one by one, joined without seams."""
+"""Segments of levels and states: tiles are labelled and traced one by one, then stitched."""
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import TilePass, Window, cells_around, whole_blocks
-from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components, label_equal_values
 from uavseg.segmentation.source import GreySource
@@ -23,18 +25,18 @@ def outline_segments(
     source: GreySource,
     cells: NDArray[Any],
     tile_pass: TilePass,
-) -> Outlined:
-    """Segments of a raster: cells that share an edge and are of the same kind, not refined.
+) -> RegionOutlines:
+    """Outline segments: cells of the same kind that share an edge, not refined.
 
     Parameters
     ----------
     source : GreySource
     cells : (m, n) uint8 or uint32 array
-        The kind of each cell, such as its level; 0 for nothing.
+        The kind of each cell, such as its level; 0 for no segment.
     tile_pass : TilePass
     """
-    tiles = tile_pass.run(partial(_outline_cells, source), CellJobs(cells, tile_pass.windows))
-    return joined(source.shape, tile_pass.windows, tiles).outlined(cells)
+    tiles = tile_pass.run(partial(_outline_cells, source), cell_jobs(cells, tile_pass.windows, CELL))
+    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(cells)
 
 
 def outline_state(
@@ -43,8 +45,8 @@ def outline_state(
     state: int,
     tile_pass: TilePass,
     leaves: NDArray[np.uint8] | None = None,
-) -> Outlined:
-    """Connected pixels of one state.
+) -> RegionOutlines:
+    """Outline the connected components of the pixels of one state.
 
     Parameters
     ----------
@@ -56,62 +58,54 @@ def outline_state(
     leaves : (m, n) uint8 array, optional
         The states of cells, where they were not refined: leaves that share an edge are then one object.
     """
-    tiles = tile_pass.run(partial(_outline_pixels, source), _PixelJobs(image, state, tile_pass.windows))
+    tiles = tile_pass.run(partial(_outline_pixels, source), _state_jobs(image, state, tile_pass.windows))
     of_state = None if leaves is None else (leaves == state).view(np.uint8)
-    return joined(source.shape, tile_pass.windows, tiles).outlined(of_state)
+    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(of_state)
 
 
-class CellJobs(Sequence[_Job]):
-    """Tiles with the kinds of their cells and of those within `margin` pixels around them."""
-
-    def __init__(self, cells: NDArray[Any], windows: Sequence[Window], margin: int = CELL) -> None:
-        self._cells = cells
-        self._windows = windows
-        self._margin = margin
-
-    def __len__(self) -> int:
-        return len(self._windows)
-
-    def __getitem__(self, k: Any) -> Any:
-        window = self._windows[k]
-        return window, cells_around(self._cells, window, self._margin)
+def cell_jobs(cells: NDArray[Any], windows: Sequence[Window], halo: int) -> LazySequence[_Job]:
+    """Tiles with the kinds of their cells and of those within `halo` pixels around them."""
+    return LazySequence(len(windows), partial(_cell_job, cells, windows, halo))
 
 
-class _PixelJobs(Sequence[_Job]):
-    """Tiles with their pixels of one state and 8 more around them, a bit each."""
-
-    def __init__(self, image: StateImage, state: int, windows: Sequence[Window]) -> None:
-        self._image = image
-        self._state = state
-        self._windows = windows
-        self._held: tuple[tuple[int, int], NDArray[np.bool_]] = ((0, 0), np.empty((0, 0), bool))
-
-    def __len__(self) -> int:
-        return len(self._windows)
-
-    def __getitem__(self, k: Any) -> Any:
-        window = self._windows[k]
-        rows = (window.row - CELL, whole_blocks(window.rows) + 2 * CELL)
-        if self._held[0] != rows:
-            inside = decode_states(self._image.read_codes(*rows)) == self._state
-            self._held = rows, np.pad(inside, ((0, 0), (CELL, CELL)))
-        part = self._held[1][:, window.col : window.col + whole_blocks(window.cols) + 2 * CELL]
-        return window, np.packbits(part, axis=1)
+def _cell_job(cells: NDArray[Any], windows: Sequence[Window], halo: int, k: int) -> _Job:
+    return windows[k], cells_around(cells, windows[k], halo)
 
 
-def _outline_cells(source: GreySource, job: _Job) -> Tile | None:
+def _state_jobs(image: StateImage, state: int, windows: Sequence[Window]) -> LazySequence[_Job]:
+    """Tiles with a mask of their pixels of one state, and of 8 pixels around them, one bit each."""
+    # Tiles of the same rows follow each other, so the mask of the last rows is cached.
+    mask_of_rows = lru_cache(maxsize=1)(partial(_state_mask, image, state))
+    return LazySequence(len(windows), partial(_state_job, mask_of_rows, windows))
+
+
+def _state_mask(image: StateImage, state: int, row: int, rows: int) -> NDArray[np.bool_]:
+    inside = decode_states(image.read_codes(row, rows)) == state
+    return np.pad(inside, ((0, 0), (CELL, CELL)))
+
+
+def _state_job(
+    mask_of_rows: Callable[[int, int], NDArray[np.bool_]], windows: Sequence[Window], k: int
+) -> _Job:
+    window = windows[k]
+    mask = mask_of_rows(window.row - CELL, whole_blocks(window.rows) + 2 * CELL)
+    part = mask[:, window.col : window.col + whole_blocks(window.cols) + 2 * CELL]
+    return window, np.packbits(part, axis=1)
+
+
+def _outline_cells(source: GreySource, job: _Job) -> TileOutlines | None:
     window, cells = job
     if not cells.any():
         return None
     tile = source.read(window, CELL)
     kinds = cells_to_pixels(cells, tile.valid)
-    return outlined_tile(kinds, *label_equal_values(kinds, CELL), tile.grey, window, source.shape[1])
+    return outline_tile(kinds, *label_equal_values(kinds, CELL), tile.grey, window, source.shape[1])
 
 
-def _outline_pixels(source: GreySource, job: _Job) -> Tile | None:
+def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
     window, bits = job
     if not bits.any():
         return None
     tile = source.read(window, CELL)
     pixels = np.unpackbits(bits, axis=1, count=tile.grey.shape[1])
-    return outlined_tile(pixels, *label_components(pixels, CELL), tile.grey, window, source.shape[1])
+    return outline_tile(pixels, *label_components(pixels, CELL), tile.grey, window, source.shape[1])

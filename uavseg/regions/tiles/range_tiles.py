@@ -1,4 +1,4 @@
-"""From a raster to regions: tiles are refined, numbered and outlined one by one, and joined at the end."""
+"""Regions of an intensity range: tiles are refined, labelled and traced one by one, then stitched."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
+from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import TilePass, Window, cells_around, window_cells
-from uavseg.regions.outline.rasterise import Sketch, Sketches
-from uavseg.regions.outline.stitch import Outlined, Tile, joined, outlined_tile
+from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
+from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, label_components
 from uavseg.segmentation.params import IntensityRange, Refinement
@@ -22,76 +24,66 @@ from uavseg.segmentation.source import GreySource
 
 def outline_regions(
     source: GreySource,
-    inside: NDArray[np.uint8],
+    cells: NDArray[np.uint8],
     interval: IntensityRange,
     refine: Refinement,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
-) -> Outlined:
-    """Regions of a raster, refined to the pixel.
+) -> RegionOutlines:
+    """Outline the regions of a raster, refined to the pixel.
 
     Parameters
     ----------
     source : GreySource
-    inside : (m, n) uint8 array
-        What is known of cells, from `pipeline.cells_to_refine`.
+    cells : (m, n) uint8 array
+        Bit flags of cells, from `pipeline.cells_to_refine`.
     interval : IntensityRange
     refine : {"none", "scan", "smooth", "tv"}
-        With "none", leaves that share an edge are one region also where invalid pixels part their pixels.
+        With "none", leaves that share an edge are one region also where invalid pixels separate their pixels.
     tile_pass : TilePass
     expected : BlockMap, optional
-        What the raster's cells must add up to, where the block map was made at another time.
+        The sums and counts that cells must have, if the block map was made earlier.
 
     Raises
     ------
     RasterError
-        If they do not.
+        If a cell has other sums or counts than expected.
     """
-    jobs = _Jobs(inside, tile_pass.windows, expected)
+    windows = tile_pass.windows
+    jobs = LazySequence(len(windows), partial(_job, cells, windows, expected))
     tiles = tile_pass.run(partial(_outline_tile, source, interval, refine), jobs)
-    return joined(source.shape, tile_pass.windows, tiles).outlined(inside if refine == "none" else None)
+    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(cells if refine == "none" else None)
 
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    """A tile, its cells in range with those around it, and the sums and counts its cells must have."""
+    """A tile, its cells with those around it, and the sums and counts that its cells must have."""
 
     window: Window
-    inside: NDArray[np.uint8]
-    cells: tuple[NDArray[np.uint32], NDArray[np.uint8]] | None
+    cells: NDArray[np.uint8]
+    expected: tuple[NDArray[np.uint32], NDArray[np.uint8]] | None
 
 
-class _Jobs(Sequence[_Job]):
-    """The jobs of all tiles, each made when it is asked for: workers get no more than they need."""
-
-    def __init__(
-        self, inside: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None
-    ) -> None:
-        self._inside = inside
-        self._windows = windows
-        self._expected = expected
-
-    def __len__(self) -> int:
-        return len(self._windows)
-
-    def __getitem__(self, k: Any) -> Any:
-        window = self._windows[k]
-        here, known = window_cells(window), self._expected
-        cells = None if known is None else (known.sums[here], known.counts[here])
-        return _Job(window, cells_around(self._inside, window, REFINE_HALO), cells)
+def _job(cells: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None, k: int) -> _Job:
+    window = windows[k]
+    here = window_cells(window)
+    sums = None if expected is None else (expected.sums[here], expected.counts[here])
+    return _Job(window, cells_around(cells, window, REFINE_HALO), sums)
 
 
-def _outline_tile(source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job) -> Tile | None:
-    found = refine_tile(source, job.inside, interval, refine, job.window)
+def _outline_tile(
+    source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job
+) -> TileOutlines | None:
+    found = refine_tile(source, job.cells, interval, refine, job.window)
     if found is None:
         return None
     pixels, tile = found
-    if job.cells is not None and not _same(job.cells, cell_sums(tile.grey, tile.valid, REFINE_HALO)):
+    if job.expected is not None and not _same(job.expected, cell_sums(tile.grey, tile.valid, REFINE_HALO)):
         raise RasterError(
             f"{source.dataset.source} is not as it was when its block map was made; make the block map again "
             "with uavseg divide, or give --refine none"
         )
-    return outlined_tile(
+    return outline_tile(
         pixels, *label_components(pixels, REFINE_HALO), tile.grey, job.window, source.shape[1]
     )
 
@@ -100,31 +92,31 @@ def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> 
     return all(np.array_equal(one, other) for one, other in zip(first, second, strict=True))
 
 
-def summed(source: GreySource, outlined: Outlined, tile_pass: TilePass) -> Sums:
-    """Sums over the valid pixels that regions enclose, read again from the raster."""
+def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> Sums:
+    """Sums of each region over all valid pixels that its outlines enclose, read again from the raster."""
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts = np.zeros_like(sums.counts)
-    jobs = Sketches(outlined.rings, tile_pass.windows)
+    jobs = edge_tables(outlined.rings, tile_pass.windows)
     for found in tile_pass.silent.run(partial(_sum_tile, source), jobs):
         if found is not None:
-            names, parts = found
-            counts[names - 1] += parts.counts
-            greys[names - 1] += parts.greys
-            squares[names - 1] += parts.squares
+            labels, parts = found
+            counts[labels - 1] += parts.counts
+            greys[labels - 1] += parts.greys
+            squares[labels - 1] += parts.squares
     return Sums(counts, greys, squares, sums.firsts)
 
 
-def _sum_tile(source: GreySource, sketch: Sketch) -> tuple[NDArray[np.int64], Sums] | None:
-    """Labels in a tile, and the sums of each over its valid pixels."""
-    window, labels = sketch.window, sketch.paint()
-    names = np.unique(labels).astype(np.int64)
-    names = names[names > 0]
-    if len(names) == 0:
+def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], Sums] | None:
+    """The labels in a tile, and the sums of each over its valid pixels; None without labels."""
+    window, image = edges.window, edges.rasterise()
+    labels = np.unique(image).astype(np.int64)
+    labels = labels[labels > 0]
+    if len(labels) == 0:
         return None
     tile = source.read(window, 0)
     valid = tile.valid[: window.rows, : window.cols] > 0
-    numbers = np.searchsorted(names, labels) + 1
-    numbers[(labels == 0) | ~valid] = 0
+    numbers = np.searchsorted(labels, image) + 1
+    numbers[(image == 0) | ~valid] = 0
     grey = np.ascontiguousarray(tile.grey[: window.rows, : window.cols])
-    return names, component_sums(numbers.astype(np.uint32), len(names), grey)
+    return labels, component_sums(numbers.astype(np.uint32), len(labels), grey)

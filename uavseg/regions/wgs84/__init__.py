@@ -1,1 +1,1 @@
-"""Polygons in WGS 84: densified, split at the antimeridian, in seven decimals."""
+"""Polygons in WGS 84: reprojected, densified, cut at the antimeridian, with seven decimals."""

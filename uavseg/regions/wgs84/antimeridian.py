@@ -1,8 +1,8 @@
-"""Polygons that cross the antimeridian or hold a pole, folded into longitudes -180..180.
+"""Cut polygons at the antimeridian and close them around a pole: longitudes -180..180.
 
-A ring is unrolled first, so that its longitudes never jump; one that goes around a pole is closed through it.
-What comes out is plane, and is cut at every odd multiple of 180 degrees and shifted back. No ring is mistaken
-for another's hole on the way: holes are folded by themselves and taken away at the end.
+A ring is unwrapped first, so that its longitudes never jump; one that encloses a pole is closed through it.
+The planar result is cut at every odd multiple of 180 degrees and shifted back. Holes are processed separately
+and subtracted at the end.
 """
 
 from collections.abc import Sequence
@@ -19,16 +19,16 @@ Floats = NDArray[np.float64]
 _AT_POLE = 90 - 1e-9
 
 
-def fold(rings: Sequence[Floats], jumping: bool) -> Any:
-    """One polygon in longitudes -180..180 and latitudes -90..90.
+def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool) -> Any:
+    """Cut one polygon into longitudes -180..180 and latitudes -90..90.
 
     Parameters
     ----------
     rings : sequence of (m, 2) float64 arrays
-        Closed rings in degrees: the exterior, counter-clockwise as seen from above, then the holes, the
-        other way round.
+        Closed rings in degrees: the exterior, counter-clockwise as seen from above, then the holes,
+        clockwise.
     jumping : bool
-        Whether longitudes jump from 180 to -180 where a ring crosses the antimeridian (True), or run on
+        Whether longitudes jump from 180 to -180 where a ring crosses the antimeridian (True), or continue
         past 180 or -180 (False).
 
     Returns
@@ -37,22 +37,23 @@ def fold(rings: Sequence[Floats], jumping: bool) -> Any:
 
     Examples
     --------
-    >>> fold([np.array([[170, 0], [190, 0], [190, 10], [170, 10], [170, 0]])], jumping=False).bounds
+    >>> ring = np.array([[170, 0], [190, 0], [190, 10], [170, 10], [170, 0]])
+    >>> cut_at_antimeridian([ring], jumping=False).bounds
     (-180.0, 0.0, 180.0, 10.0)
     """
-    exterior, *holes = (_folded(ring if i == 0 else ring[::-1], jumping) for i, ring in enumerate(rings))
+    exterior, *holes = (_cut_ring(ring if i == 0 else ring[::-1], jumping) for i, ring in enumerate(rings))
     return shapely.difference(exterior, shapely.union_all(holes)) if holes else exterior
 
 
-def _folded(ring: Floats, jumping: bool) -> Any:
-    """What lies to the left of a ring."""
+def _cut_ring(ring: Floats, jumping: bool) -> Any:
+    """The area to the left of a ring."""
     if jumping:
-        ring = _around_pole(_unrolled(_split_at_poles(ring)))
-    return _into_band(shapely.Polygon(ring))
+        ring = _close_at_pole(_unwrap(_split_at_poles(ring)))
+    return _cut_into_bands(shapely.Polygon(ring))
 
 
 def _split_at_poles(ring: Floats) -> Floats:
-    """A vertex at a pole has every longitude: it becomes two, below the vertices before and after it."""
+    """A vertex at a pole has every longitude: it becomes two, at the longitudes of its neighbours."""
     at_pole = np.abs(ring[:, 1]) > _AT_POLE
     if not at_pole.any():
         return ring
@@ -65,12 +66,12 @@ def _split_at_poles(ring: Floats) -> Floats:
     return np.concatenate([twice, twice[:1]])
 
 
-def _unrolled(ring: Floats) -> Floats:
-    """The same ring with longitudes that run on where they jumped; the last differs by 360 around a pole."""
+def _unwrap(ring: Floats) -> Floats:
+    """A ring with continuous longitudes; the last one differs from the first by 360 around a pole."""
     return np.stack([unwrap_lon(ring[:, 0]), ring[:, 1]], axis=1)
 
 
-def _around_pole(ring: Floats) -> Floats:
+def _close_at_pole(ring: Floats) -> Floats:
     """A ring that ends a turn away from its start, closed through the pole on its left."""
     turn = ring[-1, 0] - ring[0, 0]
     if abs(turn) < 180:
@@ -81,14 +82,14 @@ def _around_pole(ring: Floats) -> Floats:
     return np.concatenate([ring, [[ring[-1, 0], pole], [ring[0, 0], pole], ring[0]]])
 
 
-def _into_band(polygon: Any) -> Any:
+def _cut_into_bands(polygon: Any) -> Any:
     west, _, east, _ = polygon.bounds
     bands = range(int(np.floor((west + 180) / 360)), int(np.ceil((east + 180) / 360)))
-    return shapely.union_all([_within(polygon, 360.0 * k) for k in bands])
+    return shapely.union_all([_band_of(polygon, 360.0 * k) for k in bands])
 
 
-def _within(polygon: Any, centre: float) -> Any:
-    """The part of a polygon within 180 degrees of a meridian, moved to 0."""
+def _band_of(polygon: Any, centre: float) -> Any:
+    """The part of a polygon within 180 degrees of a meridian, shifted to longitude 0."""
     parts = shapely.get_parts(shapely.intersection(polygon, shapely.box(centre - 180, -90, centre + 180, 90)))
     areas = shapely.union_all(parts[shapely.area(parts) > 0])
     return shapely.transform(areas, lambda lonlat: lonlat - [centre, 0])

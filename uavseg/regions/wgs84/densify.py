@@ -1,4 +1,4 @@
-"""Edges that are straight on a map, followed in longitude and latitude."""
+"""Densify edges: straight lines on a map followed in longitude and latitude."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,27 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.geodesy.globe import densify_rings
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.ragged import RaggedPolygons
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
-_SAG = 1 / 500  # how far an edge may leave its true course, in pixels
+_SAG = 1 / 500  # largest distance of an edge from its true course, in pixels
 
 
-def bent(
-    flat: Ragged, degrees: Floats, side: float, radius: float, to_degrees: Callable[[Floats], Floats]
-) -> Ragged:
-    """Rings in degrees, with more vertices on edges that would leave their course if drawn straight there.
+def densify_edges(
+    flat: RaggedPolygons, degrees: Floats, side: float, radius: float, to_degrees: Callable[[Floats], Floats]
+) -> RaggedPolygons:
+    """Rings in degrees, with vertices added to edges that would deviate if they were straight in degrees.
 
     Parameters
     ----------
-    flat : Ragged
+    flat : RaggedPolygons
         Rings in units of the map.
     degrees : (v, 2) float64 array
         Longitudes and latitudes of its vertices.
     side : float
-        Of a pixel, in units of the map.
+        Side of a pixel in units of the map.
     radius : float
         Of the Earth, in units of the map.
     to_degrees : callable
@@ -45,7 +45,7 @@ def bent(
 
 
 def _pieces(xy: Floats, degrees: Floats, starts: Integers, side: float, radius: float) -> Integers:
-    """Into how many pieces the edge from each vertex to the next has to be cut."""
+    """Number of pieces to split each edge, from a vertex to the next, into."""
     steps = np.append(np.hypot(*np.diff(xy, axis=0).T), 0)
     steps[starts[1:] - 1] = 0
     slope = np.abs(degrees[:, 1])
@@ -57,6 +57,6 @@ def _pieces(xy: Floats, degrees: Floats, starts: Integers, side: float, radius: 
 
 
 def _straight_enough(lat: Any, side: float, radius: float) -> Any:
-    """Length of an edge that sags by a small part of a pixel: meridians meet faster towards the poles."""
+    """Longest edge with a sag of _SAG pixels at a latitude: meridians converge faster towards the poles."""
     curvature = np.maximum(np.tan(np.radians(np.minimum(lat, 89.999999))), 0.3) / radius
     return np.sqrt(8 * _SAG * side / curvature)

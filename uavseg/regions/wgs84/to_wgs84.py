@@ -1,7 +1,7 @@
-"""Polygons of any coordinate system as GeoJSON wants them: WGS 84, seven decimals, cut at the antimeridian.
+"""Reproject polygons to WGS 84 as GeoJSON requires: seven decimals, cut at the antimeridian.
 
-Coordinates stay integers of 1e-7 degrees in flat arrays; the few polygons that need a geometry library
-(cut in two, around a pole, or made invalid by rounding) are handed back as geometries of their own.
+Coordinates are integers of 1e-7 degrees in ragged arrays; the few polygons that need a geometry library (cut
+at the antimeridian, around a pole, or invalid after rounding) are returned as separate geometries.
 """
 
 from collections.abc import Iterator
@@ -24,11 +24,11 @@ from uavseg.raster.geodesy.globe import (
     wrap_lon,
 )
 from uavseg.regions import shapes
-from uavseg.regions.formats.decimal_text import UNITS
-from uavseg.regions.ragged import Ragged
+from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE
+from uavseg.regions.ragged import RaggedPolygons
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84.antimeridian import fold
-from uavseg.regions.wgs84.densify import bent
+from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian
+from uavseg.regions.wgs84.densify import densify_edges
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -37,73 +37,74 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
-class Batch:
-    """Some regions, in order.
+class Wgs84Batch:
+    """A batch of consecutive regions in WGS 84.
 
     Parameters
     ----------
-    drawn : Ragged
+    polygons : RaggedPolygons
         Its vertices are an int64 array of longitudes and latitudes in 1e-7 degrees.
     others : dict of int -> shapely Polygon or MultiPolygon
-        Regions, counted from the batch's first, that have no polygons in `drawn` but this geometry (degrees).
+        Geometries in degrees of regions without polygons in `polygons`, by their index in the batch.
     """
 
-    drawn: Ragged
+    polygons: RaggedPolygons
     others: dict[int, Any]
 
     def geometries(self) -> Objects:
         """The regions as shapely geometries, in degrees."""
-        drawn = replace(self.drawn, vertices=self.drawn.vertices / UNITS).built()
-        drawn[list(self.others)] = list(self.others.values())
-        return drawn
+        degrees = replace(self.polygons, vertices=self.polygons.vertices / UNITS_PER_DEGREE)
+        wgs84_geometries = degrees.to_geometries()
+        wgs84_geometries[list(self.others)] = list(self.others.values())
+        return wgs84_geometries
 
 
-def batches(regions: Regions, vertices: int = shapes.BATCH) -> Iterator[Batch]:
-    """The regions in WGS 84, about so many vertices at a time.
+def wgs84_batches(regions: Regions, vertices: int = shapes.BATCH_VERTICES) -> Iterator[Wgs84Batch]:
+    """The regions in WGS 84, in batches of about so many vertices.
 
     Exteriors run counter-clockwise, holes clockwise.
 
     Raises
     ------
     OutputError
-        If the regions lie on another celestial body, have no place on the globe, or reach past the edge of
-        their projection.
+        If the CRS is of another celestial body or local, or the regions exceed the domain of their
+        projection.
     """
     if not len(regions):
         return
-    way = _Way.of(regions.wkt)
+    reprojection = _Reprojection.of(regions.wkt)
     pixel = shapes.total_area(regions.polygons) / regions.columns["pixels"].sum()
-    for part in shapes.batches(regions.polygons, vertices):
-        yield _batch(regions.polygons[part], pixel, way)
+    for part in shapes.batch_slices(regions.polygons, vertices):
+        yield _batch(regions.polygons[part], pixel, reprojection)
 
 
-def geometries(regions: Regions) -> Objects:
-    """The regions in WGS 84 as shapely geometries, with the very coordinates that GeoJSON gets."""
-    return np.concatenate([np.empty(0, object), *(batch.geometries() for batch in batches(regions))])
+def wgs84_geometries(regions: Regions) -> Objects:
+    """The regions in WGS 84 as shapely geometries, with the same coordinates as in GeoJSON, (n,)."""
+    return np.concatenate([np.empty(0, object), *(batch.geometries() for batch in wgs84_batches(regions))])
 
 
-def check_crs(wkt: str | None) -> None:
-    """Whether regions of a CRS have a place on the Earth.
+def check_on_earth(wkt: str | None) -> None:
+    """Check that a CRS is one of the Earth.
 
     Raises
     ------
     OutputError
-        If they have not.
+        If it is not, or there is none.
     """
-    _Way.of(wkt)
+    _Reprojection.of(wkt)
 
 
 @dataclass(frozen=True, slots=True)
-class _Way:
-    """From a CRS to longitude and latitude."""
+class _Reprojection:
+    """Reprojection of a CRS to longitude and latitude in WGS 84."""
 
     transform: Transform
-    straight: bool  # the CRS is geographic: edges stay straight, longitudes never jump
-    radius: float  # of the Earth in units of the map, unless straight
-    turn: float  # 360 degrees in units of the map, if straight
+    geographic: bool  # edges stay straight, and longitudes never jump
+    radius: float  # of the Earth in units of the map, unless geographic
+    turn: float  # 360 degrees in units of the map, if geographic
 
     @classmethod
-    def of(cls, wkt: str | None) -> "_Way":
+    def of(cls, wkt: str | None) -> "_Reprojection":
         try:
             on_earth = is_on_earth(wkt)
             transform = lonlat_transform(wkt) if on_earth else None
@@ -120,18 +121,18 @@ class _Way:
 
     def degrees(self, xy: Floats) -> Floats:
         x, y = xy.T
-        if self.straight:
+        if self.geographic:
             y = np.clip(y, -self.turn / 4, self.turn / 4)
         lonlat = np.stack(self.transform(x, y), axis=1)
         if not np.isfinite(lonlat).all():
             raise OutputError("a region reaches past the edge of its projection; write a .gpkg instead")
-        if self.straight:
+        if self.geographic:
             lonlat[:, 0] += 360 * np.round(x / self.turn - lonlat[:, 0] / 360)
         return lonlat
 
     def mirrors(self, xy: Floats) -> bool:
-        """Whether left and right change places on the way (at this vertex, and so everywhere)."""
-        if self.straight:
+        """Whether the reprojection mirrors orientation at a vertex (1, 2), and so everywhere."""
+        if self.geographic:
             return False
         step = self.radius * 1e-5
         there = self.degrees(xy + np.array([[0, 0], [step, 0], [0, step]]))
@@ -139,41 +140,44 @@ class _Way:
         return bool(a * d - b * c < 0)
 
 
-def _batch(polygons: Objects, pixel: float, way: _Way) -> Batch:
-    flat = Ragged.of(shapely.orient_polygons(polygons))
-    degrees = way.degrees(flat.vertices)
-    if way.mirrors(flat.vertices[np.argmin(np.abs(degrees[:, 1]))]):
-        flat = Ragged.of(shapely.orient_polygons(polygons, exterior_cw=True))
-        degrees = way.degrees(flat.vertices)
-    far = _far_apart(flat, degrees, pixel)
-    if way.straight:
-        on_globe, crossing = _turned(flat, degrees)
+def _batch(polygons: Objects, pixel: float, reprojection: _Reprojection) -> Wgs84Batch:
+    flat = RaggedPolygons.from_geometries(shapely.orient_polygons(polygons))
+    degrees = reprojection.degrees(flat.vertices)
+    if reprojection.mirrors(flat.vertices[np.argmin(np.abs(degrees[:, 1]))]):
+        flat = RaggedPolygons.from_geometries(shapely.orient_polygons(polygons, exterior_cw=True))
+        degrees = reprojection.degrees(flat.vertices)
+    safe = _rounding_is_safe(flat, degrees, pixel)
+    if reprojection.geographic:
+        on_globe, crossing = _shift_turns(flat, degrees)
     else:
-        on_globe, crossing = _jumping(bent(flat, degrees, np.sqrt(pixel), way.radius, way.degrees))
-    lonlat = np.rint(on_globe.vertices * UNITS).astype(np.int64)
-    np.clip(lonlat[:, 1], -90 * UNITS, 90 * UNITS, out=lonlat[:, 1])
-    kept = _without_repeats(replace(on_globe, vertices=lonlat)).without(crossing)
-    broken = _collapsed(kept) if far else _broken(kept)
+        on_globe, crossing = _find_jumps(
+            densify_edges(flat, degrees, np.sqrt(pixel), reprojection.radius, reprojection.degrees)
+        )
+    lonlat = np.rint(on_globe.vertices * UNITS_PER_DEGREE).astype(np.int64)
+    np.clip(lonlat[:, 1], -90 * UNITS_PER_DEGREE, 90 * UNITS_PER_DEGREE, out=lonlat[:, 1])
+    kept = _drop_repeats(replace(on_globe, vertices=lonlat)).without(crossing)
+    broken = _collapsed(kept) if safe else _invalid(kept)
     special = np.flatnonzero(crossing | broken)
     others = {
-        int(i): _rounded(_apart(on_globe, int(i), bool(crossing[i]), not way.straight)) for i in special
+        int(i): _round(_geometry_of(on_globe, int(i), bool(crossing[i]), not reprojection.geographic))
+        for i in special
     }
-    return Batch(kept.without(broken), others)
+    return Wgs84Batch(kept.without(broken), others)
 
 
-def _turned(flat: Ragged, degrees: Floats) -> tuple[Ragged, Flags]:
-    """Regions moved by whole turns into -180..180; and which of them cross the antimeridian."""
+def _shift_turns(flat: RaggedPolygons, degrees: Floats) -> tuple[RaggedPolygons, Flags]:
+    """Regions shifted by whole turns into -180..180, and a mask of those that cross the antimeridian."""
     starts = flat.rings[flat.polygons[flat.regions]]
     lon = degrees[:, 0]
     west, east = np.minimum.reduceat(lon, starts[:-1]), np.maximum.reduceat(lon, starts[:-1])
-    turns = np.floor((west + 180 + 0.5 / UNITS) / 360)
+    turns = np.floor((west + 180 + 0.5 / UNITS_PER_DEGREE) / 360)
     lon = lon - np.repeat(360 * turns, np.diff(starts))
-    crossing = east - 360 * turns > 180 + 0.5 / UNITS
+    crossing = east - 360 * turns > 180 + 0.5 / UNITS_PER_DEGREE
     return replace(flat, vertices=np.stack([lon, degrees[:, 1]], axis=1)), crossing
 
 
-def _jumping(flat: Ragged) -> tuple[Ragged, Flags]:
-    """Regions as they are; and which of them have longitudes that jump, or a vertex at a pole."""
+def _find_jumps(flat: RaggedPolygons) -> tuple[RaggedPolygons, Flags]:
+    """Regions unchanged, and a mask of those whose longitudes jump or that have a vertex at a pole."""
     jumps = np.abs(np.diff(flat.vertices[:, 0])) > 180
     jumps[flat.rings[1:-1] - 1] = False
     at_pole = np.abs(flat.vertices[:, 1]) > 90 - 1e-9
@@ -182,8 +186,8 @@ def _jumping(flat: Ragged) -> tuple[Ragged, Flags]:
     return flat, crossing
 
 
-def _without_repeats(flat: Ragged) -> Ragged:
-    """Rings whose vertices differ each from the one before."""
+def _drop_repeats(flat: RaggedPolygons) -> RaggedPolygons:
+    """Rings without repeated consecutive vertices."""
     x, y = flat.vertices.T
     repeats = (x[1:] == x[:-1]) & (y[1:] == y[:-1])
     repeats[flat.rings[1:-1] - 1] = False
@@ -194,26 +198,26 @@ def _without_repeats(flat: Ragged) -> Ragged:
     return replace(flat, vertices=flat.vertices[keep], rings=rings)
 
 
-def _collapsed(flat: Ragged) -> Flags:
-    """Which regions have a ring of which rounding has left less than a triangle."""
+def _collapsed(flat: RaggedPolygons) -> Flags:
+    """Mask of regions with a ring that rounding has reduced to less than a triangle."""
     collapsed = np.zeros(len(flat.regions) - 1, bool)
     collapsed[flat.region_of(flat.rings[:-1][np.diff(flat.rings) < 4])] = True
     return collapsed
 
 
-def _broken(flat: Ragged) -> Flags:
-    """Which regions rounding has made invalid."""
+def _invalid(flat: RaggedPolygons) -> Flags:
+    """Mask of regions that rounding has made invalid."""
     collapsed = _collapsed(flat)
     flat = flat.without(collapsed)
-    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS).built())
+    valid: Flags = shapely.is_valid(replace(flat, vertices=flat.vertices / UNITS_PER_DEGREE).to_geometries())
     return collapsed | ~valid
 
 
-def _far_apart(flat: Ragged, degrees: Floats, pixel: float) -> bool:
-    """Whether polygons follow the edges of pixels so large that rounding cannot make anything touch.
+def _rounding_is_safe(flat: RaggedPolygons, degrees: Floats, pixel: float) -> bool:
+    """Whether polygons follow the edges of pixels so large that rounding cannot make them invalid.
 
-    Then looking at each polygon, which takes longer than writing it, is not needed. A pixel is at least as
-    wide as its area divided by the shortest edge along its height, and the other way round.
+    Then validity need not be tested for each polygon, which takes longer than writing it. A pixel is at least
+    as wide as its area divided by the shortest edge along its height, and vice versa.
     """
     across, down = np.abs(np.diff(flat.vertices, axis=0)).T
     across[flat.rings[1:-1] - 1] = down[flat.rings[1:-1] - 1] = 0
@@ -221,22 +225,24 @@ def _far_apart(flat: Ragged, degrees: Floats, pixel: float) -> bool:
         return False
     side = pixel / max(across[across > 0].min(), down[down > 0].min())
     some = np.flatnonzero(across + down > 0)[:: max(1, len(across) // 1000)]
-    units = np.hypot(*(degrees[some + 1] - degrees[some]).T) * UNITS / (across + down)[some]
+    units = np.hypot(*(degrees[some + 1] - degrees[some]).T) * UNITS_PER_DEGREE / (across + down)[some]
     return bool(side * units.min() > 2.5)
 
 
-def _apart(flat: Ragged, region: int, crossing: bool, jumping: bool) -> Any:
-    """The geometry of one region, folded if it crosses the antimeridian."""
+def _geometry_of(flat: RaggedPolygons, region: int, crossing: bool, jumping: bool) -> Any:
+    """The geometry of one region, cut if it crosses the antimeridian."""
     pieces = []
     for polygon in range(flat.regions[region], flat.regions[region + 1]):
         ends = flat.rings[flat.polygons[polygon] : flat.polygons[polygon + 1] + 1]
         rings = [flat.vertices[start:end] for start, end in pairwise(ends)]
-        pieces.append(fold(rings, jumping) if crossing else shapely.Polygon(rings[0], rings[1:]))
+        pieces.append(
+            cut_at_antimeridian(rings, jumping) if crossing else shapely.Polygon(rings[0], rings[1:])
+        )
     return shapely.union_all(pieces) if len(pieces) > 1 else pieces[0]
 
 
-def _rounded(geometry: Any) -> Any:
-    """Valid, seven decimals, exteriors counter-clockwise; as it came where nothing would be left of it."""
-    rounded = shapely.set_precision(geometry, 1 / UNITS)
+def _round(geometry: Any) -> Any:
+    """Valid geometry with seven decimals, exteriors counter-clockwise; unrounded if it would vanish."""
+    rounded = shapely.set_precision(geometry, 1 / UNITS_PER_DEGREE)
     parts = shapely.get_parts(shapely.orient_polygons(geometry if rounded.is_empty else rounded))
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts.tolist())

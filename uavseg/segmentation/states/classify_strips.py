@@ -15,11 +15,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import groupby
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.params import StateLimits
@@ -99,7 +100,7 @@ def classify_states(
     passes = _Passes(image, [_strip_rows(strip) for strip in strips])
     upwards = [tile for strip in reversed(strips) for tile in strip]
     encode_tile = partial(_encode_tile, source, limits)
-    results = zip(upwards, tile_pass.run(encode_tile, _Jobs(cells, upwards)), strict=True)
+    results = zip(upwards, tile_pass.run(encode_tile, _jobs(cells, upwards)), strict=True)
     codes = np.zeros(16, np.int64)
     previous = np.zeros(image.cols, np.uint8)
     for strip in reversed(strips):
@@ -190,19 +191,14 @@ class _Job:
     cells: NDArray[np.uint8]
 
 
-class _Jobs(Sequence[_Job]):
-    """Lazy sequence of the jobs of all tiles."""
+def _jobs(cells: NDArray[np.uint8], windows: Sequence[Window]) -> LazySequence[_Job]:
+    """The jobs of all tiles, each made when it is indexed."""
+    return LazySequence(len(windows), partial(_job, cells, windows))
 
-    def __init__(self, cells: NDArray[np.uint8], windows: Sequence[Window]) -> None:
-        self._cells = cells
-        self._windows = windows
 
-    def __len__(self) -> int:
-        return len(self._windows)
-
-    def __getitem__(self, k: Any) -> Any:
-        window = self._windows[k]
-        return _Job(window, np.ascontiguousarray(self._cells[window_cells(window)]))
+def _job(cells: NDArray[np.uint8], windows: Sequence[Window], k: int) -> _Job:
+    window = windows[k]
+    return _Job(window, np.ascontiguousarray(cells[window_cells(window)]))
 
 
 def _encode_tile(source: GreySource, limits: StateLimits, job: _Job) -> NDArray[np.uint8] | None:
