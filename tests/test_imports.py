@@ -3,6 +3,7 @@
 import ast
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -68,37 +69,57 @@ def imports() -> tuple[Import, ...]:
     )
 
 
-def room_of(module: str) -> str:
-    """The room, or the module itself where it lies beside the rooms."""
-    parts = module.split(".")
-    return parts[1] if len(parts) > 1 else "uavseg"
+def folder_of(module: str) -> str:
+    """Folder of a module, such as "raster.geodesy"; the name itself for a file beside the folders."""
+    path = modules()[module]
+    parts = module.split(".")[1:]
+    return ".".join(parts if path.name == "__init__.py" else parts[:-1] or parts) or "uavseg"
 
 
-# Folders, and the folders that each may import. Data passes through them in one direction.
+def package_of(module: str) -> str:
+    """Top-level folder of a module, or the module itself where it lies beside the folders."""
+    return folder_of(module).split(".")[0]
 
-GROUND = {"errors", "units", "_jit", "_memory", "atomic", "execution"}
-TO_REGIONS = GROUND | {"raster", "segmentation", "regions"}
-MAY_IMPORT = {
-    "errors": set(),
-    "units": set(),
-    "_jit": set(),
-    "_memory": set(),
-    "atomic": {"errors"},
-    "_version": set(),
-    "execution": {"errors", "atomic", "_version"},
-    "raster": GROUND,
-    "segmentation": GROUND | {"raster"},
-    "regions": GROUND | {"raster", "segmentation"},
-    "occupancy": TO_REGIONS,
-    "flight": TO_REGIONS - {"segmentation"},  # it knows regions as polygons
-    "jobs": TO_REGIONS | {"occupancy", "flight"},
-    "plot": TO_REGIONS - {"segmentation"} | {"occupancy", "flight", "jobs"},  # it draws what the others made
-    "api": TO_REGIONS | {"occupancy", "flight", "jobs"},
-    "uavseg": {"_version"} | TO_REGIONS | {"occupancy", "flight", "jobs", "api"},  # by name, on first use
-    "cli": TO_REGIONS | {"occupancy", "flight", "plot", "jobs", "api", "uavseg"},
-    "_lazy_pandas": set(),
-    "__main__": {"cli", "_lazy_pandas"},
-}
+
+# The direction of imports: a package imports from the levels above it, never from its own level or below.
+
+FOUNDATION = {"errors", "units", "_version", "_memory", "_lazy_pandas"}
+LEVELS = (
+    FOUNDATION,
+    {"atomic", "_jit"},
+    {"execution"},
+    {"raster"},
+    {"segmentation"},
+    {"regions"},
+    {"occupancy", "flight"},
+    {"jobs"},
+    {"plot", "api"},
+    {"uavseg"},  # public names, loaded on first use
+    {"cli"},
+    {"__main__"},
+)
+NEVER = {("flight", "segmentation"), ("plot", "segmentation")}  # they know regions as polygons
+
+# Which folder imports which is a table of docs/architecture.md.
+
+DOCUMENT = PACKAGE.parent / "docs" / "architecture.md"
+
+
+def documented_imports() -> dict[str, set[str]]:
+    """Rows of the table: a folder, and the folders that it imports."""
+    rows = re.findall(r"^\| `([\w.]+)` \| ([^|]*) \|$", DOCUMENT.read_text(encoding="utf-8"), re.MULTILINE)
+    return {folder: set(re.findall(r"`([\w.]+)`", imported)) for folder, imported in rows}
+
+
+def actual_imports() -> dict[str, set[str]]:
+    """The same from the code; files beside the folders aside."""
+    found: dict[str, set[str]] = {folder_of(name): set() for name in modules() if "." in name}
+    for one in imports():
+        if one.imported in modules():
+            found.setdefault(folder_of(one.importer), set()).add(folder_of(one.imported))
+    beside = {name for name in found if (PACKAGE / f"{name}.py").exists()} | {"uavseg"}
+    return {name: imported - beside - {name} for name, imported in found.items() if name not in beside}
+
 
 # Within segmentation, the phases take arrays: they import neither raster nor each other, except for these.
 
@@ -151,23 +172,42 @@ ONLY_IN = {
 }
 
 
-@pytest.mark.parametrize("room", sorted({room_of(name) for name in modules()}))
-def test_rooms_import_only_what_comes_before_them(room: str) -> None:
+def test_every_package_has_a_level() -> None:
+    packages = {package_of(name) for name in modules()}
+    assert packages == set().union(*LEVELS)
+
+
+@pytest.mark.parametrize("level", range(len(LEVELS)))
+def test_packages_import_only_from_levels_above(level: int) -> None:
+    allowed = set().union(*LEVELS[:level])
     wrong = {
         f"{found.importer} imports {found.imported}"
         for found in imports()
-        if room_of(found.importer) == room
-        and found.imported.split(".")[0] == "uavseg"
-        and room_of(found.imported) not in MAY_IMPORT[room] | {room}
+        if package_of(found.importer) in LEVELS[level]
+        and found.imported in modules()
+        and package_of(found.imported) not in allowed | {package_of(found.importer)}
     }
     assert not wrong
+
+
+def test_some_packages_never_import_each_other() -> None:
+    pairs = {
+        (package_of(found.importer), package_of(found.imported))
+        for found in imports()
+        if found.imported in modules()
+    }
+    assert not pairs & NEVER
+
+
+def test_the_documented_imports_are_the_imports() -> None:
+    assert documented_imports() == actual_imports()
 
 
 def test_phases_of_segmentation_stand_alone() -> None:
     wrong = set()
     for found in imports():
         phase = found.importer.removeprefix("uavseg.segmentation.")
-        if room_of(found.importer) != "segmentation" or phase in ON_RASTERS:
+        if package_of(found.importer) != "segmentation" or phase in ON_RASTERS:
             continue
         allowed = {f"uavseg.segmentation.{name}" for name in PHASES.get(phase, set())} | {
             "uavseg.errors",
@@ -204,7 +244,7 @@ def test_commands_import_only_click_before_they_are_called() -> None:
     wrong = {
         f"{found.importer} imports {found.imported}"
         for found in imports()
-        if room_of(found.importer) in ("cli", "__main__")
+        if package_of(found.importer) in ("cli", "__main__")
         and found.now
         and not found.imported.startswith(("uavseg.cli", "uavseg.errors", "click"))
         and found.imported.split(".")[0] not in sys.stdlib_module_names

@@ -175,9 +175,7 @@ class _Argument:
     def check(self, array: Any) -> None:
         """Refuse an array that is not of the kernel's type and layout."""
         if array.dtype != self.dtype or array.ndim != self.ndim or not array.flags.c_contiguous:
-            raise TypeError(
-                f"a kernel wants a C-contiguous {self.ndim}-D array of {self.dtype}, got {array.dtype}"
-            )
+            raise TypeError(f"expected a C-contiguous {self.ndim}-D array of {self.dtype}, got {array.dtype}")
 
     def for_numba(self, value: Any) -> Any:
         """The value as numba's dispatcher accepts it, converted as ctypes converts it for object code."""

@@ -147,7 +147,7 @@ def test_regions_become_a_mission(regions: geopandas.GeoDataFrame) -> None:
     on_globe = regions.to_crs(4326)
     points = list(zip(regions["lon"], regions["lat"], strict=True))
     params, home = uavseg.PlanParams(altitude_m=60, pattern="visit"), (45.1, -76.2)
-    mission = planner.plan(list(on_globe.geometry), points, params, home)
+    mission = planner.plan_mission(list(on_globe.geometry), points, params, home)
     assert len(mission.items) >= 3
     with pytest.warns(UserWarning) as caught:
         assert uavseg.plan(regions, altitude=60, home=home) == mission

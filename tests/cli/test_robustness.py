@@ -151,7 +151,7 @@ def test_a_killed_division_goes_on_too() -> None:
     how = ("divide", "a.tif", "--tile", 64, "-o", "out.tif", "--resume", "kept")
     assert stopped(70, signal.SIGKILL, *how)[0] == -signal.SIGKILL
     stages = resumed(done(*how))
-    assert [name for name, *_ in stages[:2]] == ["count_high", "measure"] and stages[0][1:] == (100, 100)
+    assert [name for name, *_ in stages[:2]] == ["count_upper", "measure"] and stages[0][1:] == (100, 100)
     assert Path("out.tif").read_bytes() == Path("whole.tif").read_bytes()
 
 
@@ -159,9 +159,9 @@ def test_another_range_finds_the_raster_measured_and_another_tile_does_not() -> 
     done(*EXTRACT, "-o", "first.fgb", "--resume", "kept")
     other = ("extract", "a.tif", "--range", "0.2,0.4")
     stages = resumed(done(*other, "--tile", 128, "-o", "second.fgb", "--resume", "kept"))
-    assert [stage for stage in stages if stage[1]] == [("count_high", 25, 25), ("measure", 25, 25)]
+    assert [stage for stage in stages if stage[1]] == [("count_upper", 25, 25), ("measure", 25, 25)]
     stages = resumed(done(*other, "--tile", 192, "-o", "third.fgb", "--resume", "kept"))
-    assert not {name for name, *_ in stages} & {"count_high", "measure", "outline"}
+    assert not {name for name, *_ in stages} & {"count_upper", "measure", "outline"}
     done(*other, "-o", "fresh.fgb")
     assert len({Path(f"{name}.fgb").read_bytes() for name in ("second", "third", "fresh")}) == 1
 
@@ -211,7 +211,7 @@ def test_the_words_of_python_resume_too(folder: Path) -> None:
     kept = {path: path.stat().st_mtime_ns for path in Path("kept").rglob("*.npz")}
     blocks = uavseg.divide("a.tif", resume="kept")
     stages = [path.name.split("-")[0] for path in Path("kept").iterdir()]
-    assert sorted(stages) == ["count_high", "divide", "divide", "measure", "outline"]
+    assert sorted(stages) == ["count_upper", "divide", "divide", "measure", "outline"]
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert np.array_equal(blocks.ratios, uavseg.divide("a.tif").ratios)
 

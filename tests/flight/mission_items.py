@@ -5,12 +5,12 @@ from typing import Any
 from uavseg.flight.items import (
     FRAME_RELATIVE,
     WAYPOINT,
-    Item,
+    MissionItem,
 )
 
 
-def waypoint(lat: float = 47.001, lon: float = 8.0, altitude_m: float = 50.0, **changes: Any) -> Item:
-    return Item(
+def waypoint(lat: float = 47.001, lon: float = 8.0, altitude_m: float = 50.0, **changes: Any) -> MissionItem:
+    return MissionItem(
         **{"command": WAYPOINT, "frame": FRAME_RELATIVE, "lat": lat, "lon": lon, "altitude_m": altitude_m}
         | changes
     )

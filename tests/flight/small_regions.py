@@ -7,8 +7,9 @@ import shapely
 
 from uavseg.flight.items import WAYPOINT
 from uavseg.flight.mission import Mission
+from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
-from uavseg.flight.planner import PlanParams, plan
+from uavseg.flight.planner import plan_mission
 
 HOME = (47.0, 8.0, 430.0)
 
@@ -27,7 +28,7 @@ def inside(polygons: list[shapely.Polygon]) -> list[tuple[float, float]]:
 
 
 def planned(polygons: list[shapely.Polygon], home: tuple[float, ...] = HOME, **params: Any) -> Mission:
-    return plan(polygons, inside(polygons), PlanParams(**{"altitude_m": 60} | params), home)
+    return plan_mission(polygons, inside(polygons), PlanParams(**{"altitude_m": 60} | params), home)
 
 
 def waypoints(mission: Mission) -> list[tuple[float, float]]:

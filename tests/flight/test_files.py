@@ -12,27 +12,35 @@ from pymavlink import mavwp
 
 from uavseg.errors import MissionError, OutputExistsError
 from uavseg.flight import files
-from uavseg.flight.items import FRAME_AMSL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN, RETURN, Home, Item
+from uavseg.flight.items import (
+    FRAME_AMSL,
+    FRAME_MISSION,
+    FRAME_RELATIVE,
+    FRAME_TERRAIN,
+    RETURN,
+    HomePosition,
+    MissionItem,
+)
 from uavseg.flight.mission import Mission
 
-HOME = Home(-33.856784123, 151.215296987, 12.5)
-WAYPOINT = Item(16, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), -33.8561234567, 151.2151234567, 40.25)
+HOME = HomePosition(-33.856784123, 151.215296987, 12.5)
+WAYPOINT = MissionItem(16, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), -33.8561234567, 151.2151234567, 40.25)
 MISSION = Mission(
     HOME,
     (
-        Item(22, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), HOME.lat, HOME.lon, 60.0),
-        Item(178, FRAME_MISSION, (1.0, 7.5, -1.0, 0.0)),
+        MissionItem(22, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), HOME.lat, HOME.lon, 60.0),
+        MissionItem(178, FRAME_MISSION, (1.0, 7.5, -1.0, 0.0)),
         WAYPOINT,
-        Item(16, FRAME_TERRAIN, (3.0, 0.0, 0.0, 90.0), -33.8, 151.2, 55.0),
-        Item(19, FRAME_AMSL, (20.0, 0.0, 0.0, 0.0), -33.80000001, 151.20000001, 99.125),
-        Item(RETURN, FRAME_MISSION),
+        MissionItem(16, FRAME_TERRAIN, (3.0, 0.0, 0.0, 90.0), -33.8, 151.2, 55.0),
+        MissionItem(19, FRAME_AMSL, (20.0, 0.0, 0.0, 0.0), -33.80000001, 151.20000001, 99.125),
+        MissionItem(RETURN, FRAME_MISSION),
     ),
 )
 
 numbers = st.floats(-1e4, 1e4)
 headings = st.none() | st.floats(-360, 360).filter(bool)
 places = st.builds(
-    Item,
+    MissionItem,
     st.sampled_from([16, 17, 21]),
     st.sampled_from([FRAME_RELATIVE, FRAME_TERRAIN]),
     st.tuples(numbers, numbers, numbers, headings),
@@ -40,7 +48,9 @@ places = st.builds(
     st.floats(151.1, 151.3),
     st.floats(0.01, 1000),
 )
-orders = st.builds(Item, st.sampled_from([20, 178, 206]), st.just(FRAME_MISSION), st.tuples(*[numbers] * 4))
+orders = st.builds(
+    MissionItem, st.sampled_from([20, 178, 206]), st.just(FRAME_MISSION), st.tuples(*[numbers] * 4)
+)
 missions = st.builds(
     Mission, st.just(HOME), st.tuples(places, orders, places), st.just("ardupilot")
 ) | st.lists(st.one_of(places, orders), max_size=9).map(lambda items: Mission(HOME, (WAYPOINT, *items)))
@@ -62,7 +72,7 @@ def test_a_mission_written_is_read_equal(
 
 
 def test_a_plan_holds_the_firmware(tmp_path: Path) -> None:
-    mission = Mission(HOME, (WAYPOINT, Item(RETURN, FRAME_MISSION)), "px4")
+    mission = Mission(HOME, (WAYPOINT, MissionItem(RETURN, FRAME_MISSION)), "px4")
     assert files.read_mission(written(mission, tmp_path, ".plan")) == mission
 
 

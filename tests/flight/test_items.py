@@ -11,8 +11,8 @@ from uavseg.flight.items import (
     FRAME_MISSION,
     FRAME_RELATIVE,
     LAND,
-    Home,
-    Item,
+    HomePosition,
+    MissionItem,
 )
 
 
@@ -29,7 +29,7 @@ from uavseg.flight.items import (
 )
 def test_a_position_that_is_not_on_earth_is_refused(lat: float, lon: float, words: str) -> None:
     with pytest.raises(MissionError, match=words):
-        Home(lat, lon)
+        HomePosition(lat, lon)
     with pytest.raises(MissionError, match=words):
         waypoint(lat, lon)
 
@@ -41,13 +41,13 @@ def test_an_altitude_at_the_ground_or_absurd_is_refused(altitude_m: float) -> No
 
 
 def test_a_landing_may_be_at_the_ground() -> None:
-    assert Item(LAND, FRAME_RELATIVE, lat=47.0, lon=8.0).altitude_m == 0
+    assert MissionItem(LAND, FRAME_RELATIVE, lat=47.0, lon=8.0).altitude_m == 0
 
 
 @pytest.mark.parametrize("altitude_m", [-501.0, 9001.0, math.nan])
 def test_home_is_on_the_ground_of_the_earth(altitude_m: float) -> None:
     with pytest.raises(MissionError, match="above the sea"):
-        Home(47, 8, altitude_m)
+        HomePosition(47, 8, altitude_m)
 
 
 def test_a_position_needs_a_frame_of_positions() -> None:

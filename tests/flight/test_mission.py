@@ -14,22 +14,22 @@ from uavseg.flight.items import (
     FRAME_TERRAIN,
     RETURN,
     TAKEOFF,
-    Home,
-    Item,
+    HomePosition,
+    MissionItem,
 )
 from uavseg.flight.mission import Mission
 
-HOME = Home(47.0, 8.0, 400.0)
+HOME = HomePosition(47.0, 8.0, 400.0)
 
 
-UP = Item(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)
+UP = MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), 47.0, 8.0, 50.0)
 
 
-BACK = Item(RETURN, FRAME_MISSION)
+BACK = MissionItem(RETURN, FRAME_MISSION)
 
 
 @pytest.mark.parametrize("items", [(), (UP,), (UP, BACK)])
-def test_a_mission_without_a_position_to_fly_to_is_refused(items: tuple[Item, ...]) -> None:
+def test_a_mission_without_a_position_to_fly_to_is_refused(items: tuple[MissionItem, ...]) -> None:
     with pytest.raises(MissionError, match="has none"):
         Mission(HOME, items)
 
@@ -47,7 +47,7 @@ def test_a_home_far_from_the_first_waypoint_is_refused_with_the_distance() -> No
     with pytest.raises(MissionError, match=r"22 km .* latitude first"):
         Mission(HOME, (UP, waypoint(47.2)))
     with pytest.raises(MissionError, match="look swapped"):
-        Mission(Home(8.0, 47.0), (waypoint(),))
+        Mission(HomePosition(8.0, 47.0), (waypoint(),))
 
 
 def test_a_waypoint_far_from_home_is_refused_wherever_it_comes() -> None:
@@ -66,14 +66,14 @@ def test_heights_above_the_sea_are_checked_relative_to_home() -> None:
     [
         (waypoint(frame=FRAME_TERRAIN), "px4"),
         (waypoint(command=18), "px4"),
-        (Item(RETURN, FRAME_RELATIVE), "px4"),
-        (Item(CHANGE_SPEED, FRAME_RELATIVE, (1.0, 5.0, -1.0, 0.0)), "px4"),
+        (MissionItem(RETURN, FRAME_RELATIVE), "px4"),
+        (MissionItem(CHANGE_SPEED, FRAME_RELATIVE, (1.0, 5.0, -1.0, 0.0)), "px4"),
         (waypoint(params=(None, 0.0, 0.0, 0.0)), "ardupilot"),
-        (Item(CHANGE_SPEED, FRAME_MISSION, (1.0, 5.0, None, 0.0)), "ardupilot"),
-        (Item(214, FRAME_MISSION), "ardupilot"),
+        (MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, 5.0, None, 0.0)), "ardupilot"),
+        (MissionItem(214, FRAME_MISSION), "ardupilot"),
     ],
 )
-def test_items_that_one_firmware_refuses_are_allowed_for_the_other(item: Item, firmware: str) -> None:
+def test_items_that_one_firmware_refuses_are_allowed_for_the_other(item: MissionItem, firmware: str) -> None:
     with pytest.raises(MissionError, match=r"PX4|ArduPilot"):
         Mission(HOME, (waypoint(), item), firmware)
     Mission(HOME, (waypoint(), item), "px4" if firmware == "ardupilot" else "ardupilot")
@@ -86,7 +86,7 @@ def test_an_unknown_firmware_is_refused() -> None:
 
 def test_distance_and_time_include_the_return() -> None:
     mission = Mission(
-        HOME, (UP, Item(CHANGE_SPEED, FRAME_MISSION, (1.0, 10.0, -1.0, 0.0)), waypoint(47.01), BACK)
+        HOME, (UP, MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, 10.0, -1.0, 0.0)), waypoint(47.01), BACK)
     )
     twice = math.radians(94.01)  # a degree of latitude after the series of the ellipsoid
     north = (111132.954 - 559.822 * math.cos(twice) + 1.175 * math.cos(2 * twice)) / 100
@@ -102,7 +102,7 @@ def test_without_return_nothing_is_flown_after_the_last_item() -> None:
 
 
 def test_a_takeoff_at_zero_is_where_the_vehicle_is() -> None:
-    here = Item(TAKEOFF, FRAME_RELATIVE, altitude_m=50.0)
+    here = MissionItem(TAKEOFF, FRAME_RELATIVE, altitude_m=50.0)
     assert Mission(HOME, (here, waypoint())).distance_m == Mission(HOME, (UP, waypoint())).distance_m
 
 

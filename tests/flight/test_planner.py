@@ -13,8 +13,9 @@ from pyproj import Geod
 from tests.flight.small_regions import HOME, box, degrees, inside, planned, waypoints
 from uavseg.errors import MissionError, ParameterError, UavsegError
 from uavseg.flight.items import CHANGE_SPEED, FRAME_MISSION, FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT
+from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
-from uavseg.flight.planner import PlanParams, plan
+from uavseg.flight.planner import plan_mission
 
 GEOD = Geod(ellps="WGS84")
 
@@ -52,7 +53,7 @@ def test_survey_lines_are_one_spacing_apart_on_the_ground(
     if polygon.bounds[2] - polygon.bounds[0] > 180:
         return  # cut at the antimeridian first: see below
     params = PlanParams(60, "survey", spacing_m, angle_deg)
-    found = np.array(waypoints(plan([polygon], [(lon, lat)], params, (lat, lon, 0.0))))
+    found = np.array(waypoints(plan_mission([polygon], [(lon, lat)], params, (lat, lon, 0.0))))
     x, y = plane.xy_from_lonlat(*found.T)
     azimuth = math.radians(angle_deg)
     across = (x * math.cos(azimuth) - y * math.sin(azimuth)).reshape(-1, 2)
@@ -64,7 +65,7 @@ def test_survey_lines_are_one_spacing_apart_on_the_ground(
 def test_a_region_cut_at_the_antimeridian_is_one_region() -> None:
     west, east = shapely.box(179.999, 10, 180, 10.002), shapely.box(-180, 10, -179.999, 10.002)
     params = PlanParams(60, "perimeter")
-    mission = plan([shapely.MultiPolygon([west, east])], [(179.9995, 10.001)], params, (10.0, 180.0))
+    mission = plan_mission([shapely.MultiPolygon([west, east])], [(179.9995, 10.001)], params, (10.0, 180.0))
     assert len(waypoints(mission)) == 5
     assert mission.distance_m < 2500
 
@@ -72,7 +73,7 @@ def test_a_region_cut_at_the_antimeridian_is_one_region() -> None:
 def test_each_part_of_a_region_is_flown() -> None:
     parts = [box(0, 0, 40, 40), box(100, 0, 40, 40)]
     region = shapely.MultiPolygon(parts)
-    found = waypoints(plan([region], inside(parts)[:1], PlanParams(60), HOME))
+    found = waypoints(plan_mission([region], inside(parts)[:1], PlanParams(60), HOME))
     assert [shapely.covers(part, shapely.points(found)).sum() for part in parts] == [1, 1]
     assert np.isclose(found, inside(parts)[0], atol=1e-8, rtol=0).all(axis=1).any()
 
@@ -113,7 +114,7 @@ def test_a_survey_with_too_many_items_is_refused() -> None:
 def test_a_region_that_touches_itself_is_flown() -> None:
     pinched = shapely.Polygon([(0, 0), (60, 0), (30, 30), (60, 60), (0, 60), (30, 30)])
     assert not pinched.is_valid
-    mission = plan([degrees(pinched)], [(8.0, 47.0)], PlanParams(60, "survey", 5), HOME)
+    mission = plan_mission([degrees(pinched)], [(8.0, 47.0)], PlanParams(60, "survey", 5), HOME)
     assert len(waypoints(mission)) > 10
 
 

@@ -10,7 +10,8 @@ import shapely
 from affine import Affine
 from PIL import Image
 
-from uavseg.flight.mission import Home, Item, Mission
+from uavseg.flight.items import HomePosition, MissionItem
+from uavseg.flight.mission import Mission
 
 UTM = rasterio.crs.CRS.from_epsg(32618)
 
@@ -50,6 +51,8 @@ def middle_of(mask: np.ndarray) -> tuple[float, float]:
 
 
 def a_mission(lonlats: list[tuple[float, float]]) -> Mission:
-    places = tuple(Item(16, 3, (0.0, 0.0, 0.0, None), lat, lon, 50.0) for lon, lat in lonlats)
-    home = Home(places[0].lat, places[0].lon)
-    return Mission(home, (Item(22, 3, (0.0, 0.0, 0.0, None), 0.0, 0.0, 50.0), *places, Item(20, 2)))
+    places = tuple(MissionItem(16, 3, (0.0, 0.0, 0.0, None), lat, lon, 50.0) for lon, lat in lonlats)
+    home = HomePosition(places[0].lat, places[0].lon)
+    return Mission(
+        home, (MissionItem(22, 3, (0.0, 0.0, 0.0, None), 0.0, 0.0, 50.0), *places, MissionItem(20, 2))
+    )

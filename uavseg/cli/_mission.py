@@ -115,7 +115,7 @@ def parse_angle(text: str) -> float | None:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
 
 
-def write_mission(planned: Planned, path: str, overwrite: bool, quiet: bool) -> None:
+def write_and_report(planned: Planned, path: str, overwrite: bool, quiet: bool) -> None:
     """Write a mission, and report it unless the command is quiet."""
     from uavseg.flight import files
 

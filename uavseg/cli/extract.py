@@ -84,9 +84,9 @@ def command(**options: Any) -> None:
     if labels is not None:
         write_labels(found, labels, work, run.overwrite)
     if planned is not None:
-        from uavseg.cli._mission import write_mission
+        from uavseg.cli._mission import write_and_report
 
-        write_mission(planned, mission, run.overwrite, run.reporter.quiet)
+        write_and_report(planned, mission, run.overwrite, run.reporter.quiet)
     rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 

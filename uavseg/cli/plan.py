@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from uavseg.cli._mission import mission_options, plan_request, write_mission
+from uavseg.cli._mission import mission_options, plan_request, write_and_report
 
 
 @click.command("plan")
@@ -40,4 +40,4 @@ def command(**options: Any) -> None:
     request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     planned = plan(open_regions(source, options["layer"]), request)
-    write_mission(planned, output, options["overwrite"], options["quiet"])
+    write_and_report(planned, output, options["overwrite"], options["quiet"])

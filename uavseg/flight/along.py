@@ -12,8 +12,8 @@ from uavseg.flight.items import (
     RETURN,
     TAKEOFF,
     WAYPOINT,
-    Home,
-    Item,
+    HomePosition,
+    MissionItem,
 )
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
@@ -40,21 +40,21 @@ def fly_along(
     MissionError
         If the line is not near home, or the mission would not be safe.
     """
-    start = Home(*home)
+    start = HomePosition(*home)
     items = items_along(lon, lat, start, params)
     return Mission(start, items, params.firmware, params.name, tuple(home_notes(home)))
 
 
-def items_along(lon: Any, lat: Any, home: Home, params: PlanParams) -> tuple[Item, ...]:
+def items_along(lon: Any, lat: Any, home: HomePosition, params: PlanParams) -> tuple[MissionItem, ...]:
     """Items of a flight along a line in degrees: takeoff, speed, waypoints, return."""
     positions = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
     any_heading = (0.0, 0.0, 0.0, None)
     height = float(params.altitude_m)
     return (
-        Item(TAKEOFF, FRAME_RELATIVE, any_heading, home.lat, home.lon, height),
-        Item(CHANGE_SPEED, FRAME_MISSION, (1.0, float(params.speed_m_s), -1.0, 0.0)),
-        *(Item(WAYPOINT, FRAME_RELATIVE, any_heading, *position, height) for position in positions),
-        Item(RETURN, FRAME_MISSION),
+        MissionItem(TAKEOFF, FRAME_RELATIVE, any_heading, home.lat, home.lon, height),
+        MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, float(params.speed_m_s), -1.0, 0.0)),
+        *(MissionItem(WAYPOINT, FRAME_RELATIVE, any_heading, *position, height) for position in positions),
+        MissionItem(RETURN, FRAME_MISSION),
     )
 
 

@@ -17,8 +17,8 @@ from uavseg.flight.items import (
     FRAME_TERRAIN,
     HEADING_COMMANDS,
     WAYPOINT,
-    Home,
-    Item,
+    HomePosition,
+    MissionItem,
 )
 from uavseg.flight.mission import Mission
 
@@ -62,8 +62,8 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
 def read_mission(path: MissionPath) -> Mission:
     """Read a mission of simple items from a .plan or .waypoints file.
 
-    A mission from `write_mission` is read back equal. A .waypoints file is read as one for ArduPilot, and a
-    heading (param4) of 0 in it as not set.
+    A mission from `write_mission` is read back equal. A .waypoints file is read as one for ArduPilot,
+    and a heading (param4) of 0 in it as not set.
 
     Raises
     ------
@@ -121,7 +121,7 @@ def plan_text(mission: Mission) -> str:
     return json.dumps(plan, indent=1, allow_nan=False) + "\n"
 
 
-def _simple_item(number: int, item: Item) -> dict[str, Any]:
+def _simple_item(number: int, item: MissionItem) -> dict[str, Any]:
     written: dict[str, Any] = {
         "type": "SimpleItem",
         "autoContinue": True,
@@ -144,7 +144,7 @@ def _integral(value: float | None) -> float | int | None:
 def waypoints_text(mission: Mission) -> str:
     """A mission as the text of a .waypoints file (QGC WPL 110), home in row 0."""
     home = mission.home
-    start = Item(
+    start = MissionItem(
         WAYPOINT, FRAME_RELATIVE, (0.0,) * 4, home.lat, home.lon, 1.0
     )  # altitude 1: only the position is checked
     rows = [_row(0, 1, FRAME_AMSL, start, home.altitude_m)]
@@ -152,7 +152,7 @@ def waypoints_text(mission: Mission) -> str:
     return "\n".join([WAYPOINTS_HEADER, *rows]) + "\n"
 
 
-def _row(number: int, current: int, frame: int, item: Item, altitude_m: float) -> str:
+def _row(number: int, current: int, frame: int, item: MissionItem, altitude_m: float) -> str:
     floats = [*(value or 0.0 for value in item.params), item.lat, item.lon]
     fields = [number, current, frame, item.command, *(_decimal(value, 8) for value in floats)]
     return "\t".join(map(str, [*fields, _decimal(altitude_m, 6), 1]))
@@ -175,18 +175,18 @@ def _mission_of_plan(text: str, name: str) -> Mission:
         raise MissionError(
             f"its firmwareType is {mission['firmwareType']}; expected 3 (ArduPilot) or 12 (PX4)"
         )
-    home = Home(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
+    home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     return Mission(home, tuple(map(_item_of_plan, mission["items"])), firmware, name, _unread_warnings(plan))
 
 
-def _item_of_plan(item: Mapping[str, Any]) -> Item:
+def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
     if item["type"] != "SimpleItem":
         raise MissionError(
             f"it holds a {item.get('complexItemType', item['type'])} item; only simple items can be read"
         )
     first, second, third, fourth, *place = (None if p is None else float(p) for p in item["params"])
     lat, lon, altitude_m = (value or 0.0 for value in place)
-    return Item(
+    return MissionItem(
         int(item["command"]), int(item["frame"]), (first, second, third, fourth), lat, lon, altitude_m
     )
 
@@ -202,20 +202,20 @@ def _mission_of_waypoints(text: str, name: str) -> Mission:
     if header.split() != WAYPOINTS_HEADER.split():
         raise MissionError(f"its first line is {header[:40]!r}; expected {WAYPOINTS_HEADER!r}")
     home, *items = (_item_of_row(number, row) for number, row in enumerate(rows))
-    assert isinstance(home, Home)
-    return Mission(home, tuple(item for item in items if isinstance(item, Item)), name=name)
+    assert isinstance(home, HomePosition)
+    return Mission(home, tuple(item for item in items if isinstance(item, MissionItem)), name=name)
 
 
-def _item_of_row(number: int, row: str) -> Home | Item:
+def _item_of_row(number: int, row: str) -> HomePosition | MissionItem:
     fields = row.split("\t")
     if len(fields) != 12 or int(fields[0]) != number:
         raise MissionError(f"line {number + 2} is not item {number} with 12 fields separated by TAB")
     frame, command = int(fields[2]), int(fields[3])
     first, second, third, fourth, lat, lon, altitude_m = map(float, fields[4:11])
     if number == 0:
-        return Home(lat, lon, altitude_m)
+        return HomePosition(lat, lon, altitude_m)
     heading = None if command in HEADING_COMMANDS and fourth == 0 else fourth
-    return Item(command, frame, (first, second, third, heading), lat, lon, altitude_m)
+    return MissionItem(command, frame, (first, second, third, heading), lat, lon, altitude_m)
 
 
 def _cause(error: Exception) -> str:

@@ -29,7 +29,7 @@ ItemParams = tuple[float | None, float | None, float | None, float | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Home:
+class HomePosition:
     """Home position, where the vehicle starts and returns to.
 
     Parameters
@@ -56,7 +56,7 @@ class Home:
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class MissionItem:
     """One MAVLink mission item.
 
     Parameters
@@ -106,7 +106,7 @@ class Item:
         return self.command in {*TAKEOFFS, *LANDINGS} and self.lat == 0 and self.lon == 0
 
 
-def _check_item_position(item: Item) -> None:
+def _check_item_position(item: MissionItem) -> None:
     check_position(item.lat, item.lon, f"an item of command {item.command}")
     if item.frame not in {FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN}:
         raise MissionError(
@@ -136,7 +136,7 @@ def check_position(lat: float, lon: float, what: str) -> None:
         )
 
 
-def check_firmware(item: Item, firmware: str) -> None:
+def check_firmware(item: MissionItem, firmware: str) -> None:
     """Raise MissionError for items that the autopilot refuses or is known to fly differently."""
     unset = {number for number, value in enumerate(item.params, start=1) if value is None}
     if firmware == "ardupilot":
@@ -158,7 +158,7 @@ def check_firmware(item: Item, firmware: str) -> None:
         raise MissionError(f"PX4 takes command {item.command} in frame 2 only, not {item.frame}")
 
 
-def check_near(home: Home, lat: float, lon: float) -> None:
+def check_near(home: HomePosition, lat: float, lon: float) -> None:
     """Raise MissionError if the first position to fly to is more than 20 km from home."""
     away = distance_m(home.lat, home.lon, lat, lon)
     if away <= MAX_FIRST_LEG_M:

@@ -10,24 +10,19 @@ from uavseg.flight.items import (
     CHANGE_SPEED,
     FIRMWARES,
     FRAME_AMSL,
-    LANDINGS,
     LOITER_TIME,
     MAX_DISTANCE_M,
     MAX_HEIGHT_M,
     MAX_ITEMS,
     RETURN,
-    TAKEOFF,
     TAKEOFFS,
-    VTOL_TAKEOFF,
     WAYPOINT,
-    Home,
-    Item,
+    HomePosition,
+    MissionItem,
     check_firmware,
     check_near,
 )
 from uavseg.raster.geodesy.globe import geod_wgs84
-
-__all__ = ["LANDINGS", "RETURN", "TAKEOFF", "VTOL_TAKEOFF", "Home", "Item", "Mission"]
 
 BOARD_CAPACITY = {"ardupilot": 650, "px4": 500}  # items that common boards store
 USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
@@ -63,8 +58,8 @@ class Mission:
         if the firmware is known to refuse an item.
     """
 
-    home: Home
-    items: tuple[Item, ...]
+    home: HomePosition
+    items: tuple[MissionItem, ...]
     firmware: str = "ardupilot"
     name: str = field(default="", compare=False)
     notes: tuple[str, ...] = field(default=(), compare=False)

@@ -10,20 +10,25 @@ from numpy.typing import NDArray
 from uavseg.errors import MissionError
 from uavseg.flight import patterns, route
 from uavseg.flight.along import home_notes, items_along
-from uavseg.flight.items import MAX_DISTANCE_M, Home, Item, check_near, check_position, distance_m
+from uavseg.flight.items import (
+    MAX_DISTANCE_M,
+    HomePosition,
+    MissionItem,
+    check_near,
+    check_position,
+    distance_m,
+)
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns import RegionPart
 from uavseg.flight.plane import Plane, plane_around
-
-__all__ = ["PlanParams", "plan"]
 
 Floats = NDArray[np.float64]
 
 _PATTERN_FUNCTIONS = {"visit": patterns.visits, "perimeter": patterns.perimeters, "survey": patterns.surveys}
 
 
-def plan(
+def plan_mission(
     polygons: Sequence[Any],
     points: Sequence[tuple[float, float]],
     params: PlanParams,
@@ -49,7 +54,7 @@ def plan(
     """
     if len(polygons) == 0:
         raise MissionError("there is no region to fly to; choose at least one")
-    start = Home(*home)
+    start = HomePosition(*home)
     plane = _plane(polygons, points, start)
     parts = _parts(plane.project_polygons(polygons), plane, points)
     candidates, notes = _PATTERN_FUNCTIONS[params.pattern](parts, params)
@@ -58,7 +63,7 @@ def plan(
     return Mission(start, _items(paths, plane, start, params), params.firmware, params.name, tuple(notes))
 
 
-def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: Home) -> Plane:
+def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:
     """The local plane of regions; checks that they are on Earth and near home."""
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
@@ -98,7 +103,7 @@ def _connected_parts(region: Any) -> list[Any]:
     return [part for part in shapely.get_parts(region) if part.geom_type == "Polygon" and part.area > 0]
 
 
-def _order_paths(candidates: Sequence[Sequence[Floats]], plane: Plane, home: Home) -> list[Floats]:
+def _order_paths(candidates: Sequence[Sequence[Floats]], plane: Plane, home: HomePosition) -> list[Floats]:
     """One path for each region, in an order that makes a short tour from home and back."""
     ends = np.concatenate([[path[[0, -1]] for path in region] for region in candidates])
     points = np.concatenate(
@@ -110,7 +115,9 @@ def _order_paths(candidates: Sequence[Sequence[Floats]], plane: Plane, home: Hom
     return [candidates[region][option] for region, option in tour]
 
 
-def _items(paths: Sequence[Floats], plane: Plane, home: Home, params: PlanParams) -> tuple[Item, ...]:
+def _items(
+    paths: Sequence[Floats], plane: Plane, home: HomePosition, params: PlanParams
+) -> tuple[MissionItem, ...]:
     xy = np.concatenate(paths)
     moved = np.r_[True, np.hypot(*np.diff(xy, axis=0).T) > 1e-3]
     return items_along(*plane.lonlat_from_xy(*xy[moved].T), home, params)

@@ -14,7 +14,7 @@ from uavseg.flight.items import MAX_ITEMS
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-MIN_PIECE = 1 / 20  # of the spacing: shorter gaps are flown through, shorter pieces are dropped
+MIN_GAP = 1 / 20  # of the spacing: shorter gaps are flown through, shorter pieces are dropped
 WIDTH_SLACK = 0.01  # spacings by which a polygon may be wider before it needs another line
 
 
@@ -90,7 +90,7 @@ def sweep(region: Any, spacing_m: float, angle_deg: float) -> SweepLines:
     count = _line_count(high - low, spacing_m)
     first = (low + high) / 2 - (count - 1) / 2 * spacing_m
     line, along = _crossings(start, end, first, spacing_m, count)
-    pieces = _merge_pieces(line[::2], along[::2], along[1::2], spacing_m * MIN_PIECE)
+    pieces = _merge_pieces(line[::2], along[::2], along[1::2], spacing_m * MIN_GAP)
     return SweepLines(angle_deg, count, *pieces, first + pieces[0] * spacing_m)
 
 

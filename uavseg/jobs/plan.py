@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from uavseg.errors import MissionError
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
-from uavseg.flight.planner import plan as plan_flight
+from uavseg.flight.planner import plan_mission
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 
@@ -80,7 +80,7 @@ def plan(regions: Regions, request: PlanRequest) -> Planned:
         regions = select_regions(regions, request.ids, request.largest, request.where)
     points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
     home = _first(points) if request.home == "auto" else request.home
-    return Planned(plan_flight(list(regions.polygons), points, request.flight, home), len(regions))
+    return Planned(plan_mission(list(regions.polygons), points, request.flight, home), len(regions))
 
 
 def flight_params(

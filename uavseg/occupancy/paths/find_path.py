@@ -12,7 +12,7 @@ from uavseg.execution.executors import Map, serial
 from uavseg.occupancy.paths.any_angle import pull_string
 from uavseg.occupancy.paths.astar import CellPath, shortest_path
 from uavseg.occupancy.paths.clearance import clearance, is_at_least
-from uavseg.occupancy.paths.free_cells import FreeCells, Place
+from uavseg.occupancy.paths.free_cells import FreeCells, MapPosition
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_steps, line_length
 
@@ -144,7 +144,7 @@ def _relative(cell: Cell, offset: NDArray[np.int64]) -> Cell:
     return cell[0] - int(offset[0]), cell[1] - int(offset[1])
 
 
-def _explain_apart(free: FreeCells, start: Place, goal: Place, map: Map) -> str:
+def _explain_apart(free: FreeCells, start: MapPosition, goal: MapPosition, map: Map) -> str:
     """Message for two positions that no path can connect, with the free cells nearest to them."""
     positions = f"the start lies in {start.where} and the goal in {goal.where}"
     nearest = []

@@ -26,7 +26,7 @@ _STRIPE = 1 << 22  # cells that are looked at together
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class MapPosition:
     """A place on the map that somebody named.
 
     Parameters
@@ -58,7 +58,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Near:
+class NearestCell:
     """A free cell: its region, its centre on the map, and how far it is from some place in metres."""
 
     metres: float
@@ -93,7 +93,7 @@ class FreeCells:
         """Where the cells lie."""
         return self.source.dataset.geobox
 
-    def place(self, name: str, xy: tuple[float, float]) -> Place:
+    def place(self, name: str, xy: tuple[float, float]) -> MapPosition:
         """What there is at a place.
 
         Raises
@@ -114,7 +114,7 @@ class FreeCells:
         region = int(self._painter(here)[0, 0])
         low, high = self.interval.greys
         free = region > 0 and value is not None and bool(low <= tile.grey[0, 0] <= high)
-        return Place(name, (here.row, here.col), region, value, free)
+        return MapPosition(name, (here.row, here.col), region, value, free)
 
     def of_region(self, region: int, map: Map = serial) -> tuple[Window, NDArray[np.bool_], int]:
         """The free cells of one region, and how many of its cells are not.
@@ -141,7 +141,7 @@ class FreeCells:
             walls += int((labels > 0).sum() - free.sum())
         return window, mask, walls
 
-    def nearest(self, place: Place, region: int | None = None, map: Map = serial) -> Near | None:
+    def nearest(self, place: MapPosition, region: int | None = None, map: Map = serial) -> NearestCell | None:
         """The free cell nearest to a place, of one region or of any; None if there is none."""
         rings = self.rings if region is None else self.rings.select(self.rings.labels == region)
         row, col = place.cell
@@ -161,7 +161,7 @@ class FreeCells:
         if best is None:
             return None
         x, y = self.geobox.xy_from_pixel(best[1] + 0.5, best[2] + 0.5)
-        return Near(best[0], best[3], float(x), float(y))
+        return NearestCell(best[0], best[3], float(x), float(y))
 
     @cached_property
     def _painter(self) -> Rasteriser:

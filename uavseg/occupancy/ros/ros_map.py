@@ -18,11 +18,9 @@ from numpy.typing import NDArray
 from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import MapError, RasterReadError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
-from uavseg.occupancy.ros.ros_yaml import ROS_MODES, read_ros_yaml, ros_yaml_text
+from uavseg.occupancy.ros.ros_yaml import ROS_MODES, RosCells, read_ros_yaml, ros_yaml_text
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
 from uavseg.raster.geobox import GeoBox, check_metres
-
-RosCells = NDArray[np.int8]
 
 _WRITTEN_THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # as Nav2 writes trinary maps
 GREY_OF_STATE = {  # no data, free, unknown, occupied: as Nav2's map saver writes them in each mode

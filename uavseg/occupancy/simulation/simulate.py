@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
+from uavseg.occupancy.mapping.grey_map import Mask
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.raster.geobox import GeoBox
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

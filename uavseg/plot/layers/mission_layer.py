@@ -47,12 +47,12 @@ class MissionLayer:
     def of(cls, mission: "Mission | str | os.PathLike[str]", frame: Frame) -> "MissionLayer":
         """A mission, or one in a .plan or .waypoints file."""
         from uavseg.flight import files
-        from uavseg.flight.mission import LANDINGS, RETURN, TAKEOFF, VTOL_TAKEOFF
+        from uavseg.flight.items import LANDINGS, RETURN, TAKEOFFS
 
         flight = files.read_mission(mission) if isinstance(mission, str | os.PathLike) else mission
         lat, lon, _ = flight.path
         flown = [item for item in flight.items if item.has_position or item.command == RETURN]
-        aside = {TAKEOFF, VTOL_TAKEOFF, RETURN, *LANDINGS}
+        aside = {*TAKEOFFS, RETURN, *LANDINGS}
         counts = np.array([False] + [item.command not in aside for item in flown])
         return cls(
             frame.plot_from_lonlat(lon, lat),
