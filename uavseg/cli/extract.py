@@ -19,7 +19,7 @@ from uavseg.cli._options import (
     segmenting_options,
 )
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import check_targets, shown, summary_rows, write_labels, write_regions
+from uavseg.cli._write import check_targets, shown, summary_rows, write_label_output, write_region_output
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
@@ -80,9 +80,9 @@ def command(**options: Any) -> None:
         from uavseg.jobs.plan import open_regions, plan
 
         planned = plan(open_regions(found.regions), flight)
-    write_regions(found, target, run.overwrite)
+    write_region_output(found, target, run.overwrite)
     if labels is not None:
-        write_labels(found, labels, work, run.overwrite)
+        write_label_output(found, labels, work, run.overwrite)
     if planned is not None:
         from uavseg.cli._options import write_and_report
 
