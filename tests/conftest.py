@@ -7,12 +7,13 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from click.testing import CliRunner
+from click.testing import CliRunner, Result
 
 HERE = Path(__file__).resolve().parent
 
-if "mix_stderr" in inspect.signature(CliRunner).parameters:  # click < 8.2: stdout and stderr apart, as later
+if "mix_stderr" in inspect.signature(CliRunner).parameters:  # click < 8.2: as in later versions
     CliRunner.__init__ = partialmethod(CliRunner.__init__, mix_stderr=False)  # type: ignore[assignment]
+    Result.output = property(lambda result: result.stdout + result.stderr)  # type: ignore[assignment]
 
 
 @pytest.fixture(scope="session")
