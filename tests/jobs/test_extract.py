@@ -26,9 +26,9 @@ from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.raster.tiling import tiles, windows_of
-from uavseg.regions.drawing import Drawing
 from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.label_raster import label_strips
+from uavseg.regions.table import Drawing
 from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 

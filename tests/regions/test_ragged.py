@@ -5,7 +5,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.regions.ragged import RaggedPolygons
+from uavseg.regions.shapes import RaggedPolygons
 
 HOLED = shapely.Polygon(
     shapely.box(0, 0, 9, 9).exterior, [shapely.box(1, 1, 2, 2).exterior, shapely.box(4, 4, 6, 6).exterior]

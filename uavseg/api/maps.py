@@ -14,7 +14,7 @@ from uavseg.jobs.path import PathRequest
 from uavseg.jobs.path import path as run_path
 from uavseg.jobs.words import area, segment_params
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
-from uavseg.regions.drawing import Drawing
+from uavseg.regions.table import Drawing
 from uavseg.segmentation.params import IntensityRange, StateLimits
 
 

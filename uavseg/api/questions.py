@@ -14,8 +14,8 @@ from uavseg.jobs.open_source import ReadOptions, open_source
 from uavseg.jobs.suggest import Suggestion, SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
 from uavseg.jobs.words import area, segment_params
-from uavseg.regions.drawing import Drawing
 from uavseg.regions.sample.place import Disc, parse_like
+from uavseg.regions.table import Drawing
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

@@ -14,7 +14,7 @@ from uavseg.jobs.levels import LevelsRequest, Small
 from uavseg.jobs.levels import levels as run_levels
 from uavseg.jobs.open_source import ReadOptions, open_source
 from uavseg.jobs.words import area, segment_params
-from uavseg.regions.drawing import Drawing
+from uavseg.regions.table import Drawing
 from uavseg.segmentation.params import IntensityRange, Levels
 
 if TYPE_CHECKING:

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.errors import ParameterError
+from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
+    from uavseg.flight.mission import Mission
     from uavseg.jobs.open_source import ReadOptions
-    from uavseg.regions.drawing import Drawing
+    from uavseg.jobs.plan import Home, Planned, PlanRequest
     from uavseg.regions.edit.small import Area
+    from uavseg.regions.table import Drawing
     from uavseg.segmentation.params import IntensityRange, SegmentParams
+
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -115,7 +118,7 @@ def segment_params(options: dict[str, Any], refine: str | None) -> SegmentParams
 
 def drawing(options: dict[str, Any]) -> Drawing:
     """How outlines are drawn."""
-    from uavseg.regions.drawing import Drawing
+    from uavseg.regions.table import Drawing
 
     return Drawing(options.get("smooth_outline"), options["simplify"])
 
@@ -154,3 +157,127 @@ def _three(ctx: click.Context, param: click.Parameter, value: str | None) -> tup
     except ValueError as error:
         raise click.BadParameter(f"{value!r} is not three band numbers, such as 4,3,2", ctx, param) from error
     return red, green, blue
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def mission_options(command: F) -> F:
+    """The options that say how to fly, for every command that makes a mission.
+
+    They arrive as `altitude`, `home`, `pattern`, `spacing`, `angle`, `speed`, `firmware` and `tolerance`:
+    see `plan_request`.
+    """
+    options = [
+        click.option(
+            "--altitude", type=float, metavar="M", help="Height of the flight above home, in metres."
+        ),
+        click.option(
+            "--home",
+            metavar="LAT,LON[,M]|auto",
+            help="Where the vehicle starts, and metres above the sea; auto: inside the first chosen region.",
+        ),
+        click.option(
+            "--pattern",
+            type=click.Choice(["visit", "perimeter", "survey"]),
+            help="A point in each region, its outline, or lines over it.  [visit, or survey with --spacing]",
+        ),
+        click.option("--spacing", type=float, metavar="M", help="Metres between the lines of a survey."),
+        click.option(
+            "--angle",
+            default="auto",
+            metavar="DEG|auto",
+            show_default=True,
+            help="Azimuth of the lines, clockwise from north; auto: the one that needs the fewest lines.",
+        ),
+        click.option(
+            "--speed", type=float, default=5.0, metavar="M_S", show_default=True, help="Metres per second."
+        ),
+        click.option(
+            "--firmware", type=click.Choice(["ardupilot", "px4"]), default="ardupilot", show_default=True
+        ),
+        click.option(
+            "--tolerance",
+            type=float,
+            metavar="M",
+            help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
+        ),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def plan_request(options: dict[str, Any]) -> PlanRequest:
+    """How to fly, from where and over which regions, from the values of `mission_options`."""
+    from uavseg.jobs.plan import PlanRequest, flight_params
+
+    if options["altitude"] is None:
+        raise ParameterError("a mission needs --altitude, in metres above home")
+    names = ("pattern", "spacing", "speed", "firmware", "tolerance")
+    flight = flight_params(
+        options["altitude"],
+        angle=parse_angle(options["angle"]),
+        **{name: options[name] for name in names},
+    )
+    home = parse_home(options["home"])
+    return PlanRequest(
+        flight, home, parse_ids(options.get("ids")), options.get("largest"), options.get("where")
+    )
+
+
+def parse_home(text: str | None) -> Home:
+    """LAT,LON or LAT,LON,M as numbers, or auto."""
+    if text is None:
+        raise ParameterError("a mission needs --home LAT,LON, where the vehicle starts (or --home auto)")
+    if text.strip().lower() == "auto":
+        return "auto"
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in (2, 3):
+        raise ParameterError(f"--home is LAT,LON or LAT,LON,M in degrees and metres, or auto, not {text!r}")
+    return numbers
+
+
+def parse_ids(text: str | None) -> list[int] | None:
+    """Whole numbers between commas."""
+    if text is None:
+        return None
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise RegionError(f"--ids is whole numbers between commas, as in 1,4,7, not {text!r}") from None
+
+
+def parse_angle(text: str) -> float | None:
+    """Degrees, or None for auto."""
+    if text.strip().lower() == "auto":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
+
+
+def write_and_report(planned: Planned, path: str, overwrite: bool, quiet: bool) -> None:
+    """Write a mission, and report it unless the command is quiet."""
+    from uavseg.flight import files
+
+    files.write_mission(planned.mission, path, overwrite)
+    if not quiet:
+        report(planned.mission, planned.regions, path)
+
+
+def report(mission: Mission, regions: int, output: str) -> None:
+    """Print length, duration and warnings of a mission on stderr."""
+    minutes, seconds = divmod(round(mission.duration_s), 60)
+    say = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
+    click.echo(f"{say}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s", err=True)
+    if mission.firmware == "px4" and output.lower().endswith(".waypoints"):
+        click.echo(
+            "note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free", err=True
+        )
+    for warning in mission.warnings:
+        click.echo(f"note: {warning}", err=True)

@@ -38,14 +38,14 @@ def check_distinct(*paths: str | None) -> None:
         raise OutputError("two outputs have the same name; give each its own")
 
 
-def write_regions(found: Extraction, target: str, overwrite: bool) -> None:
+def write_region_output(found: Extraction, target: str, overwrite: bool) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.regions.formats import export
 
     export.write_regions(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
 
 
-def write_labels(found: Extraction, path: str, work: Work, overwrite: bool) -> None:
+def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool) -> None:
     """Write the labels of regions; the executor writes them where they are many tiles."""
     from uavseg.regions.formats import label_raster
 

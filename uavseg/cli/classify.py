@@ -17,7 +17,14 @@ from uavseg.cli._options import (
     segmenting_options,
 )
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import check_distinct, check_targets, largest, shown, write_labels, write_regions
+from uavseg.cli._write import (
+    check_distinct,
+    check_targets,
+    largest,
+    shown,
+    write_label_output,
+    write_region_output,
+)
 from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
@@ -103,9 +110,9 @@ def command(**options: Any) -> None:
     run.reporter.finish(found.warnings)
     _write_states(found, target, options["mode"], run)
     if found.objects is not None and options["objects"] is not None:
-        write_regions(found.objects, options["objects"], run.overwrite)
+        write_region_output(found.objects, options["objects"], run.overwrite)
     if found.objects is not None and options["labels"] is not None:
-        write_labels(found.objects, options["labels"], work, run.overwrite)
+        write_label_output(found.objects, options["labels"], work, run.overwrite)
     rows = _rows(found, request.limits, target, options["objects"])
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._mission import mission_options
 from uavseg.cli._options import (
     area,
     drawing,
     drawing_options,
+    mission_options,
     parsed_range,
     read_options,
     reading_options,
@@ -19,7 +19,7 @@ from uavseg.cli._options import (
     segmenting_options,
 )
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import check_targets, shown, summary_rows, write_labels, write_regions
+from uavseg.cli._write import check_targets, shown, summary_rows, write_label_output, write_region_output
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
@@ -80,11 +80,11 @@ def command(**options: Any) -> None:
         from uavseg.jobs.plan import open_regions, plan
 
         planned = plan(open_regions(found.regions), flight)
-    write_regions(found, target, run.overwrite)
+    write_region_output(found, target, run.overwrite)
     if labels is not None:
-        write_labels(found, labels, work, run.overwrite)
+        write_label_output(found, labels, work, run.overwrite)
     if planned is not None:
-        from uavseg.cli._mission import write_and_report
+        from uavseg.cli._options import write_and_report
 
         write_and_report(planned, mission, run.overwrite, run.reporter.quiet)
     rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
@@ -105,7 +105,7 @@ def _request(options: dict[str, Any]) -> ExtractRequest:
 
 def _flight(options: dict[str, Any]) -> PlanRequest:
     """How to fly, checked before any work is done."""
-    from uavseg.cli._mission import plan_request
+    from uavseg.cli._options import plan_request
     from uavseg.flight import files
 
     files.check_mission_format(options["mission"])

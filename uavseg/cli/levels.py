@@ -17,7 +17,7 @@ from uavseg.cli._options import (
     segmenting_options,
 )
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import check_targets, shown, summary_rows, write_labels, write_regions
+from uavseg.cli._write import check_targets, shown, summary_rows, write_label_output, write_region_output
 
 if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
@@ -74,9 +74,9 @@ def command(**options: Any) -> None:
     work = run.work()
     found = levels(source, request, work)
     run.reporter.finish(found.warnings)
-    write_regions(found, target, run.overwrite)
+    write_region_output(found, target, run.overwrite)
     if labels is not None:
-        write_labels(found, labels, work, run.overwrite)
+        write_label_output(found, labels, work, run.overwrite)
     wanted = request.levels
     there = len(set(found.regions.columns["level"].tolist()))
     rows = {

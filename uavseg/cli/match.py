@@ -9,7 +9,7 @@ import click
 
 from uavseg.cli._options import area, drawing, read_options, reading_options
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import check_targets, shown, summary_rows, write_labels, write_regions
+from uavseg.cli._write import check_targets, shown, summary_rows, write_label_output, write_region_output
 
 if TYPE_CHECKING:
     from uavseg.jobs.match import Match, MatchRequest
@@ -95,9 +95,9 @@ def command(**options: Any) -> None:
     work = run.work()
     found = match(source, request, work)
     run.reporter.finish(found.warnings)
-    write_regions(found.found, target, run.overwrite)
+    write_region_output(found.found, target, run.overwrite)
     if labels is not None:
-        write_labels(found.found, labels, work, run.overwrite)
+        write_label_output(found.found, labels, work, run.overwrite)
     run.reporter.table(_rows(found, target) | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 

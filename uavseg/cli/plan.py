@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from uavseg.cli._mission import mission_options, plan_request, write_and_report
+from uavseg.cli._options import mission_options, plan_request, write_and_report
 
 
 @click.command("plan")

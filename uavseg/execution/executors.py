@@ -5,15 +5,17 @@ items. Functions and items must be picklable, so that the same call can run on a
 """
 
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
+
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -139,3 +141,23 @@ def split_progress(progress: Progress, count: int) -> list[Progress]:
         progress(k * total + done, count * total)
 
     return [partial(report, k) for k in range(count)]
+
+
+def trim_heap() -> None:
+    """Return freed heap memory to the operating system, where the C library can (glibc).
+
+    Called between phases: the arrays of one phase differ in size from those of the next, so the memory freed
+    by the first would otherwise stay with the process.
+    """
+    malloc_trim = _malloc_trim()
+    if malloc_trim is not None:
+        malloc_trim(0)
+
+
+@cache
+def _malloc_trim() -> Callable[[int], int] | None:
+    if sys.platform != "linux":
+        return None
+    import ctypes
+
+    return getattr(ctypes.CDLL(None), "malloc_trim", None)

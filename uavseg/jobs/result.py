@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.jobs.open_source import Blocks
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.regions.drawing import Drawing
 from uavseg.regions.outline.region_outlines import RegionOutlines
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.table import Regions, make_regions
+from uavseg.regions.table import Drawing, Regions, make_regions
 from uavseg.segmentation.source import GreySource
 
 

@@ -28,7 +28,12 @@ from uavseg.segmentation.blocks.leaves import cell_levels, cell_states, cells_in
 from uavseg.segmentation.params import IntensityRange, Intervals, Levels, SegmentParams, StateLimits
 
 PAPER = SegmentParams(method="paper")
-CUTS: list[Intervals] = [StateLimits(), IntensityRange(0.0, 0.45), IntensityRange(0.3, 0.7), Levels(0.1)]
+PARTITIONS: list[Intervals] = [
+    StateLimits(),
+    IntensityRange(0.0, 0.45),
+    IntensityRange(0.3, 0.7),
+    Levels(0.1),
+]
 Grey = NDArray[np.uint16]
 
 
@@ -49,26 +54,26 @@ def from_scratch(live: LiveSegmentation, grid: OccupancyGrid, every: bool) -> Bl
     if every:
         ratios = block_ratios(grey, valid, live.bin_edges, corners)
     else:
-        wanted = required_ratios(sums, counts, live.cut.edges, live.params.division.step)[rows, cols]
+        wanted = required_ratios(sums, counts, live.partition.edges, live.params.division.step)[rows, cols]
         ratios = selected_ratios(grey, valid, live.bin_edges, corners, wanted, live.params.threshold)
     blocks.ratios[rows, cols] = ratios
     return blocks
 
 
-def intervals_of(blocks: BlockMap, cut: Intervals, params: SegmentParams) -> NDArray[np.uint8]:
-    if isinstance(cut, StateLimits):
-        return cell_states(blocks, cut, params.division)
-    if isinstance(cut, Levels):
-        return cell_levels(blocks, cut, params.division).astype(np.uint8)
-    assert isinstance(cut, IntensityRange)
-    return cells_in_range(blocks, cut, params.division)
+def intervals_of(blocks: BlockMap, partition: Intervals, params: SegmentParams) -> NDArray[np.uint8]:
+    if isinstance(partition, StateLimits):
+        return cell_states(blocks, partition, params.division)
+    if isinstance(partition, Levels):
+        return cell_levels(blocks, partition, params.division).astype(np.uint8)
+    assert isinstance(partition, IntensityRange)
+    return cells_in_range(blocks, partition, params.division)
 
 
 def assert_as_from_scratch(live: LiveSegmentation, grid: OccupancyGrid) -> None:
     lazy, full = from_scratch(live, grid, every=False), from_scratch(live, grid, every=True)
-    shown = live.intervals if not isinstance(live.cut, IntensityRange) else live.inside
+    shown = live.intervals if not isinstance(live.partition, IntensityRange) else live.inside
     for blocks in (lazy, full):
-        expected = intervals_of(blocks, live.cut, live.params)
+        expected = intervals_of(blocks, live.partition, live.params)
         assert (shown == np.where(blocks.counts > 0, expected, 0)).all()
     assert np.array_equal(live._blocks.ratios, lazy.ratios)
     found = live.block_map()
@@ -99,20 +104,26 @@ steps = st.lists(
     st.integers(0, 2**32),
     st.integers(1, 200),
     st.integers(1, 200),
-    st.sampled_from(CUTS),
+    st.sampled_from(PARTITIONS),
     st.sampled_from([PAPER, SegmentParams(), SegmentParams(method="paper", threshold=2.0)]),
     st.booleans(),
     steps,
 )
 def test_after_any_updates_it_is_the_whole_map_segmented_from_scratch(
-    seed: int, rows: int, cols: int, cut: Intervals, params: SegmentParams, known: bool, sequence: list[str]
+    seed: int,
+    rows: int,
+    cols: int,
+    partition: Intervals,
+    params: SegmentParams,
+    known: bool,
+    sequence: list[str],
 ) -> None:
     rng = np.random.default_rng(seed)
     grid = OccupancyGrid.empty((rows, cols), 0.5)
     if known:
         patches = rng.random((rows // 9 + 1, cols // 9 + 1)).repeat(9, 0).repeat(9, 1)[:rows, :cols]
         grid = OccupancyGrid.from_probabilities(patches, grid.geobox)
-    live = grid.segment(cut, params)
+    live = grid.segment(partition, params)
     assert_as_from_scratch(live, grid)
     scan = random_scan(rng, (rows, cols), 0.5)
     waiting = False
@@ -209,7 +220,7 @@ def test_states_are_those_of_the_reference(
 
 def test_several_segmentations_of_one_map_follow_it(drive: tuple[OccupancyGrid, list[Scan]]) -> None:
     grid, scans = drive
-    several = [grid.segment(cut, PAPER) for cut in CUTS]
+    several = [grid.segment(partition, PAPER) for partition in PARTITIONS]
     for first, second in pairwise(scans[:5]):
         grid.merge(first)
         assert_as_from_scratch(several[0], grid)

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.regions.edit.adjacency import border_lengths
+from uavseg.regions.edit.eliminate import border_lengths
 from uavseg.regions.outline.trace import trace
 
 Labels = NDArray[np.uint32]

@@ -15,8 +15,7 @@ from scipy.ndimage import label as connected
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
-from uavseg.regions.edit.adjacency import border_lengths
-from uavseg.regions.edit.eliminate import eliminate
+from uavseg.regions.edit.eliminate import border_lengths, eliminate
 from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.region_outlines import RegionOutlines

@@ -5,8 +5,8 @@ import pyproj
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavseg.regions.ragged import RaggedPolygons
-from uavseg.regions.wgs84.densify import densify_edges
+from uavseg.regions.shapes import RaggedPolygons
+from uavseg.regions.wgs84.antimeridian import densify_edges
 
 RADIUS = 6378137.0
 to_map = pyproj.Transformer.from_crs(4326, 32633, always_xy=True).transform

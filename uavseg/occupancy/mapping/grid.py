@@ -153,12 +153,14 @@ class OccupancyGrid:
         apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
         return window
 
-    def segment(self, cut: Intervals | None = None, params: SegmentParams | None = None) -> LiveSegmentation:
+    def segment(
+        self, partition: Intervals | None = None, params: SegmentParams | None = None
+    ) -> LiveSegmentation:
         """Segment the map; the segments follow later scans for as long as the caller holds the result.
 
         Parameters
         ----------
-        cut : StateLimits, IntensityRange or Levels, optional
+        partition : StateLimits, IntensityRange or Levels, optional
             Intervals of v by which the segments are classified; by default the paper's states.
         params : SegmentParams, optional
             By default the paper's method.
@@ -168,7 +170,7 @@ class OccupancyGrid:
         LiveSegmentation
             A map may have several, for example one by states and one by a range.
         """
-        live = LiveSegmentation(self._grey_map, cut, params)
+        live = LiveSegmentation(self._grey_map, partition, params)
         self._segmentations.add(live)
         return live
 

@@ -30,7 +30,7 @@ class LiveSegmentation:
     ----------
     grey_map : GreyMap
         Of the map.
-    cut : StateLimits, IntensityRange or Levels, optional
+    partition : StateLimits, IntensityRange or Levels, optional
         Intervals of v by which the segments are classified; by default the paper's states.
     params : SegmentParams, optional
         By default the paper's method. Pixels are not refined.
@@ -47,15 +47,15 @@ class LiveSegmentation:
     """
 
     def __init__(
-        self, grey_map: GreyMap, cut: Intervals | None = None, params: SegmentParams | None = None
+        self, grey_map: GreyMap, partition: Intervals | None = None, params: SegmentParams | None = None
     ) -> None:
-        self.cut = StateLimits() if cut is None else cut
+        self.partition = StateLimits() if partition is None else partition
         self.params = SegmentParams(method="paper") if params is None else params
-        self._query = LeafQuery(self.cut.edges, self.params.division)
-        if len(self.cut.edges) >= MAX_INTERVALS:
+        self._query = LeafQuery(self.partition.edges, self.params.division)
+        count = len(self.partition.edges) + 1
+        if count > MAX_INTERVALS:
             raise ParameterError(
-                f"a live segmentation has at most {MAX_INTERVALS} intervals, not {len(self.cut.edges) + 1}; "
-                "give a larger width"
+                f"a live segmentation has at most {MAX_INTERVALS} intervals, not {count}; give a larger width"
             )
         self._grey_map = grey_map
         self._changes = grey_map.new_log()
@@ -96,8 +96,8 @@ class LiveSegmentation:
         ParameterError
             If this is not a segmentation by a range.
         """
-        if not isinstance(self.cut, IntensityRange):
-            raise ParameterError(f"only a range has an inside; this segmentation is by {self.cut}")
+        if not isinstance(self.partition, IntensityRange):
+            raise ParameterError(f"only a range has an inside; this segmentation is by {self.partition}")
         return np.asarray(self.intervals == 2)
 
     def agreeing(self, interval: int) -> Mask:
@@ -119,10 +119,11 @@ class LiveSegmentation:
         ParameterError
             If there is no such interval.
         """
-        if not 1 <= interval <= len(self.cut.edges) + 1:
-            raise ParameterError(f"intervals are 1 to {len(self.cut.edges) + 1} here, not {interval}")
+        count = len(self.partition.edges) + 1
+        if not 1 <= interval <= count:
+            raise ParameterError(f"intervals are 1 to {count} here, not {interval}")
         v = np.arange(1 << 16) / GREY_MAX
-        within = np.flatnonzero(np.searchsorted(self.cut.edges, v) == interval - 1)
+        within = np.flatnonzero(np.searchsorted(self.partition.edges, v) == interval - 1)
         low, high = (int(within[0]), int(within[-1])) if len(within) else (1, 0)
         rows, cols = self._grey_map.shape
         leaves = (self.intervals == interval).view(np.uint8)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_resolution
-from uavseg.regions.ragged import RaggedPolygons
+from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.sorted_keys import sorted_unique
 from uavseg.regions.table import Regions
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from shapely.geometry import mapping
 
 from uavseg.regions.formats.decimal_text import pack_words, unpack_lines, write_degrees
-from uavseg.regions.ragged import RaggedPolygons
+from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
 

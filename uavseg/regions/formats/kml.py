@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE, pack_words, unpack_lines, write_degrees
-from uavseg.regions.ragged import RaggedPolygons
+from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
 

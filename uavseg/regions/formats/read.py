@@ -132,7 +132,7 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
         raise RegionError(f"{name} holds no regions")
     if frame.crs is None:
         raise RegionError(
-            f"{name} does not say its coordinate system, so nobody can fly there; give the file one "
+            f"{name} has no coordinate system, so its position on Earth is unknown; give the file one "
             "(ogr2ogr -a_srs), or extract from a raster that has one"
         )
     try:

@@ -25,10 +25,9 @@ from uavseg.raster.geodesy.globe import (
 )
 from uavseg.regions import shapes
 from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE
-from uavseg.regions.ragged import RaggedPolygons
+from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian
-from uavseg.regions.wgs84.densify import densify_edges
+from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian, densify_edges
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
