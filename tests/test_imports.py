@@ -112,12 +112,12 @@ def documented_imports() -> dict[str, set[str]]:
 
 
 def actual_imports() -> dict[str, set[str]]:
-    """The same from the code; files beside the folders aside."""
+    """The same from the code; files beside the folders and `_jit`, which all may import, aside."""
     found: dict[str, set[str]] = {folder_of(name): set() for name in modules() if "." in name}
     for one in imports():
         if one.imported in modules():
             found.setdefault(folder_of(one.importer), set()).add(folder_of(one.imported))
-    beside = {name for name in found if (PACKAGE / f"{name}.py").exists()} | {"uavseg"}
+    beside = {name for name in found if (PACKAGE / f"{name}.py").exists()} | {"uavseg", "_jit"}
     return {name: imported - beside - {name} for name, imported in found.items() if name not in beside}
 
 
@@ -160,8 +160,8 @@ ON_RASTERS = {  # these may import raster, and all phases
 ONLY_IN = {
     "rasterio": {"raster", "flight.terrain"},
     "pyproj": {"raster.geodesy.globe", "flight.plane", "regions.formats.read"},  # a local plane, an exception
-    "numba": {"_jit"},
-    "llvmlite": {"_jit"},
+    "numba": {"_jit.compiling", "_jit.fallback"},
+    "llvmlite": {"_jit.compiling", "_jit.fallback"},
     "geopandas": {"regions"},
     "pandas": {"regions"},
     "pymavlink": {"flight.files", "flight.link"},

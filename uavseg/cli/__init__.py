@@ -67,7 +67,7 @@ class _Group(click.Group):
 
 def _report_kernels() -> None:
     """Print once that kernels are being compiled, which takes a while, or run through the fallback."""
-    from uavseg import _jit
+    from uavseg._jit import messages
 
     told: list[str] = []
 
@@ -76,8 +76,8 @@ def _report_kernels() -> None:
             told.append(name)
             click.echo("uavseg: compiling for this machine, once (about half a minute)", err=True)
 
-    _jit.on_compile = tell
-    _jit.on_note = lambda note: click.echo(f"uavseg: note: {note}", err=True)
+    messages.on_compile = tell
+    messages.on_note = lambda note: click.echo(f"uavseg: note: {note}", err=True)
 
 
 def _version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
