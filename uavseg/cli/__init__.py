@@ -4,6 +4,7 @@ Importing it brings in click and nothing heavy; a command's own module is import
 """
 
 import importlib
+import os
 import sys
 import traceback
 from typing import Any
@@ -47,11 +48,17 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
+        from uavseg.cli._say import library_messages
+
         try:
             _report_kernels()
-            return super().invoke(ctx)
+            with library_messages():
+                return super().invoke(ctx)
         except UavsegError as error:
             click.echo(f"uavseg: error: {error}", err=True)
+            ctx.exit(1)
+        except OSError as error:
+            click.echo(f"uavseg: error: {_system_error(error)}", err=True)
             ctx.exit(1)
         except MemoryError:
             click.echo(
@@ -65,9 +72,18 @@ class _Group(click.Group):
             ctx.exit(_INTERRUPTED)
 
 
+def _system_error(error: OSError) -> str:
+    """What the system refused, and for which file."""
+    from uavseg.plain_text import cause_of, one_line
+
+    named = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
+    return one_line(f"{named}{cause_of(error)}")
+
+
 def _report_kernels() -> None:
     """Print once that kernels are being compiled, which takes a while, or run through the fallback."""
     from uavseg._jit import messages
+    from uavseg.cli._say import say
 
     told: list[str] = []
 
@@ -77,7 +93,7 @@ def _report_kernels() -> None:
             click.echo("uavseg: compiling for this machine, once (about half a minute)", err=True)
 
     messages.on_compile = tell
-    messages.on_note = lambda note: click.echo(f"uavseg: note: {note}", err=True)
+    messages.on_note = lambda note: say(f"uavseg: note: {note}")
 
 
 def _version(ctx: click.Context, param: click.Parameter, value: bool) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from uavseg.cli._say import standard_output
 
 if TYPE_CHECKING:
     from uavseg.jobs.result import Extraction
@@ -42,7 +43,11 @@ def write_region_output(found: Extraction, target: str, overwrite: bool) -> None
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.regions.formats import export
 
-    export.write_regions(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
+    if target != "-":
+        export.write_regions(found.regions, target, overwrite)
+        return
+    with standard_output() as stream:
+        export.write_regions(found.regions, stream)
 
 
 def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool) -> None:

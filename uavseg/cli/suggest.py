@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from uavseg.cli._options import read_options, reading_options, segment_params, segmenting_options
 from uavseg.cli._run import Reporter, RunOptions, running_options
+from uavseg.cli._say import show
 
 if TYPE_CHECKING:
     from uavseg.jobs.suggest import Suggestion, Suggestions
@@ -72,7 +73,7 @@ def command(**options: Any) -> None:
         draw_suggestions(found, output, dataset, run.overwrite)
     run.reporter.finish(found.warnings)
     commands = [_command(chosen, rasters, found, options) for chosen in found.ranges]
-    click.echo(_as_json(found, commands) if options["as_json"] else _table(found, commands))
+    show(_as_json(found, commands) if options["as_json"] else _table(found, commands))
     _report(found, output, len(rasters), run.reporter)
 
 
