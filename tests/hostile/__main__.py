@@ -18,7 +18,9 @@ def main() -> int:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=float("inf"), help="begin no batch after so many")
     parser.add_argument("--kinds", nargs="+", choices=campaign.KINDS, default=list(campaign.KINDS))
-    parser.add_argument("--case", nargs=2, metavar=("KIND:NUMBER", "FOLDER"), help="make one case, and run it")
+    parser.add_argument(
+        "--case", nargs=2, metavar=("KIND:NUMBER", "FOLDER"), help="make one case, and run it"
+    )
     given = parser.parse_args()
     if given.case is not None:
         return one(given.case[0], Path(given.case[1]), given.seed)

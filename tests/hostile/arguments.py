@@ -58,8 +58,8 @@ VALUES: dict[str, Callable[[], Any]] = {
     "pair of nan": lambda: (float("nan"), float("nan")),
     "nested": lambda: ((1, 2), (3, 4)),
     "list": lambda: [1, 2],
-    "empty list": lambda: [],
-    "dict": lambda: {},
+    "empty list": list,
+    "dict": dict,
     "set": lambda: {1, 2},
     "generator": lambda: (n for n in (1, 2)),
     "object": object,
@@ -91,8 +91,9 @@ def _map() -> Any:
 
 
 def _geobox() -> Any:
-    import uavseg
     from affine import Affine
+
+    import uavseg
 
     return uavseg.GeoBox((20, 30), Affine(0.1, 0, 0, 0, -0.1, 2), None)
 
@@ -129,7 +130,13 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "levels": lambda: {"source": _field(), "width": 0.3, "threads": 1},
     "divide": lambda: {"source": _dataset(), "threads": 1},
     "classify": lambda: {"source": _map(), "threads": 1},
-    "path": lambda: {"source": _map(), "range": (0, 0.5), "start": (1.5, 1.5), "goal": (4.5, 3.5), "threads": 1},
+    "path": lambda: {
+        "source": _map(),
+        "range": (0, 0.5),
+        "start": (1.5, 1.5),
+        "goal": (4.5, 3.5),
+        "threads": 1,
+    },
     "match": lambda: {"source": seeds.image(128, 140), "like": (64.0, 64.0, 40.0), "threads": 1},
     "suggest": lambda: {"source": _field(), "threads": 1},
     "plan": lambda: {"regions": "hand.geojson", "altitude": 50, "home": "auto"},
@@ -137,14 +144,23 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "PlanParams": lambda: {"altitude_m": 50.0},
     "GeoBox": lambda: {"shape": (3, 4), "transform": _geobox().transform, "crs": None},
     "IntensityRange": lambda: {"low": 0.1, "high": 0.9},
-    "StateLimits": lambda: {},
+    "StateLimits": dict,
     "Pose": lambda: {"x": 0.0, "y": 0.0},
-    "Scan": lambda: {"pose": _scan().pose, "angles": np.zeros(3), "ranges": np.ones(3), "max_range_m": 2.0, "sigma_m": 0.1},
+    "Scan": lambda: {
+        "pose": _scan().pose,
+        "angles": np.zeros(3),
+        "ranges": np.ones(3),
+        "max_range_m": 2.0,
+        "sigma_m": 0.1,
+    },
     "Dataset.open": lambda: {"sources": "x.tif"},
     "Dataset.of_values": lambda: {"values": _field(), "geobox": _dataset().geobox, "name": "field"},
     "OccupancyGrid": lambda: {"geobox": _geobox()},
     "OccupancyGrid.empty": lambda: {"shape": (20, 30), "cell_m": 0.1},
-    "OccupancyGrid.from_probabilities": lambda: {"probabilities": np.full((20, 30), 0.4), "geobox": _geobox()},
+    "OccupancyGrid.from_probabilities": lambda: {
+        "probabilities": np.full((20, 30), 0.4),
+        "geobox": _geobox(),
+    },
 }
 METHODS = {"OccupancyGrid.": _grid, "Dataset.": _dataset, "GeoBox.": _geobox}
 
@@ -201,7 +217,10 @@ def perform(call: Call) -> None:
             _say("RAWERROR", call, error)
     for warning in caught:
         if warning.category is not UserWarning:
-            print(f"#PYWARN# {call.function} {warning.category.__name__}: {str(warning.message)!r}", file=sys.stderr)
+            print(
+                f"#PYWARN# {call.function} {warning.category.__name__}: {str(warning.message)!r}",
+                file=sys.stderr,
+            )
 
 
 def _bound(name: str) -> tuple[Any, dict[str, Any]]:

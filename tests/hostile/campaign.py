@@ -30,7 +30,16 @@ KINDS = {  # share of the cases
     "references": 1,
     "checkpoints": 1,
 }
-LIBRARIES = ("rasterio", "pyogrio", "geopandas", "shapely", "pyproj", "pyarrow.parquet", "yaml", "matplotlib.pyplot")
+LIBRARIES = (
+    "rasterio",
+    "pyogrio",
+    "geopandas",
+    "shapely",
+    "pyproj",
+    "pyarrow.parquet",
+    "yaml",
+    "matplotlib.pyplot",
+)
 MODULES = ("uavseg.jobs.extract", "uavseg.jobs.plan", "uavseg.plot.preview", "uavseg.regions.formats.export")
 BATCH = 200
 
@@ -52,7 +61,11 @@ def plan_kinds(kinds: dict[str, int]) -> list[str]:
 
 
 def run(
-    cases: int, seed: int = 0, processes: int = 1, kinds: dict[str, int] = KINDS, seconds: float = float("inf")
+    cases: int,
+    seed: int = 0,
+    processes: int = 1,
+    kinds: dict[str, int] = KINDS,
+    seconds: float = float("inf"),
 ) -> tuple[Counter[str], Found]:
     """Run cases; returns how many of each kind, and the findings with how often and the first case.
 
@@ -114,7 +127,9 @@ def prepare() -> None:
         importlib.import_module(f"uavseg.cli.{command}")
     for path in sorted(Path(cli.__file__).parents[1].rglob("*.py")):
         if "kernel" in path.read_text(encoding="utf-8"):
-            importlib.import_module(".".join(("uavseg", *path.relative_to(Path(cli.__file__).parents[1]).with_suffix("").parts)))
+            importlib.import_module(
+                ".".join(("uavseg", *path.relative_to(Path(cli.__file__).parents[1]).with_suffix("").parts))
+            )
     folder = cache_folder()
     if folder is not None and folder.name == "kernels":
         os.environ["UAVSEG_CACHE"] = str(folder.parent)  # cases have other homes
@@ -125,7 +140,9 @@ def prepare() -> None:
 def report(count: Counter[str], found: Found, seconds: float) -> str:
     """Findings by kind, and how many cases of each kind there were."""
     lines = []
-    for (kind, signature), (times, name, finding) in sorted(found.items(), key=lambda item: (item[0][0], -item[1][0])):
+    for (kind, signature), (times, name, finding) in sorted(
+        found.items(), key=lambda item: (item[0][0], -item[1][0])
+    ):
         lines.append(f"{kind:<10} {times:>5} x  {name:<20} {signature}")
         lines += [f"      | {line}" for line in ascii(finding.detail).replace("\\n", "\n").splitlines()[-8:]]
     kinds = ", ".join(f"{kind} {number}" for kind, number in sorted(count.items()))

@@ -9,7 +9,8 @@ from tests.hostile.sandbox import MEMORY, PATIENCE_S, Outcome
 LONGEST = 600  # characters of a message
 SLOW_S = 8.0
 _SAID = re.compile(  # what a command says on stderr beside its errors
-    r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: \d+ regions?, \d+ items"
+    r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: \d+ regions?, \d+ items|"
+    r"kept out of [\d,]+ cells|G per pixel |uavseg: interrupted"
 )
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 _RAW = re.compile(
@@ -57,13 +58,17 @@ def _judge_one(case: Case, n: int, outcome: Outcome) -> list[Finding]:
         return [Finding("HANG", f"{name} {where}", f"{outcome.seconds:.0f} s")]
     found = []
     if outcome.grown > MEMORY:
-        found.append(Finding("MEM", f"{name} {where}", f"grew by {outcome.grown >> 20} MB, code {outcome.code}"))
+        found.append(
+            Finding("MEM", f"{name} {where}", f"grew by {outcome.grown >> 20} MB, code {outcome.code}")
+        )
     if outcome.code < 0 and not found:
         return [Finding("CRASH", f"{name} {where}", f"signal {-outcome.code}: {err[-300:]}")]
     if outcome.code < 0:
         return found
     if "Traceback (most recent call last)" in err or "Exception ignored" in err:
-        lines = [line for line in err.splitlines() if re.match(r"[\w.]*\w(Error|Exception|Interrupt)\b", line)]
+        lines = [
+            line for line in err.splitlines() if re.match(r"[\w.]*\w(Error|Exception|Interrupt)\b", line)
+        ]
         return [*found, Finding("TRACEBACK", f"{_digest(lines[-1] if lines else '')} {where}", err[-600:])]
     if case.call is not None:
         return found + [Finding(kind, _digest(text), text) for kind, text in _OWN.findall(err)]
@@ -89,7 +94,11 @@ def _judge_text(err: str, code: int) -> list[Finding]:
     if code not in (0, 1, 2):
         found.append(Finding("CODE", str(code), err[-300:]))
     if len(errors) != (code != 0):
-        found.append(Finding("MSG", f"{len(errors)} errors, code {code} {_digest(lines[-1] if lines else '')}", err[-500:]))
+        found.append(
+            Finding(
+                "MSG", f"{len(errors)} errors, code {code} {_digest(lines[-1] if lines else '')}", err[-500:]
+            )
+        )
     for line in others:
         kind = "PYWARN" if _WARNING.search(line) else "STRAY"
         found.append(Finding(kind, _digest(line), line[:500]))
@@ -113,7 +122,9 @@ def _judge_files(case: Case, name: str, outcome: Outcome) -> list[Finding]:
             text = f"new {kept} changed {outcome.changed} gone {outcome.gone}"
             found.append(Finding("LEFTOVER", f"{name} {text}"[:120], text[:400]))
     else:
-        others = [made for made in outcome.made if not made.startswith(case.targets) and ".regions." not in made]
+        others = [
+            made for made in outcome.made if not made.startswith(case.targets) and ".regions." not in made
+        ]
         others = [made for made in others if made != "x.preview.png"]
         changed = [made for made in outcome.changed if not made.startswith(case.targets)]
         if others or changed or outcome.gone:
@@ -127,15 +138,21 @@ def _judge_same(outcomes: list[Outcome]) -> list[Finding]:
     first, *others = outcomes
     for other in others:
         if (first.code, _said(first)) != (other.code, _said(other)):
-            return [Finding("DIFF-LIST", f"{first.code} {other.code}", f"{_said(first)} :: {_said(other)}"[:900])]
-        if [digest for _, digest in first.digests] != [digest for _, digest in other.digests] or first.out != other.out:
+            return [
+                Finding("DIFF-LIST", f"{first.code} {other.code}", f"{_said(first)} :: {_said(other)}"[:900])
+            ]
+        if [digest for _, digest in first.digests] != [
+            digest for _, digest in other.digests
+        ] or first.out != other.out:
             return [Finding("DIFF-BYTES", f"{first.code}", f"{first.digests} :: {other.digests}")]
     return []
 
 
 def _said(outcome: Outcome) -> list[str]:
     """Errors and warnings of a command."""
-    return [line for line in outcome.err.decode("utf-8", "replace").splitlines() if line.startswith("uavseg: ")]
+    return [
+        line for line in outcome.err.decode("utf-8", "replace").splitlines() if line.startswith("uavseg: ")
+    ]
 
 
 def _frame(err: str) -> str:

@@ -11,12 +11,54 @@ LARGE = (2**31, 2**32 - 1, 2**32, 2**53, 2**63 - 1, 2**63, 2**64, 10**30)
 WORDS = (
     *("0", "-1", "1e308", "-1e308", "1e-320", "nan", "inf", "-inf", "NaN", "", " ", "null", "true", "0x10"),
     *("1e400", "9" * 400, "9" * 5000, "a" * 5000, "\x01", "\x1b[31mred\x1b[0m", "\u202e", "%s%n", "../x.tif"),
-    *("1,2", "[]", "{}", "auto", "none", "~", "é", "\u2028", "-", "--", "/", "1px", "a\nb", "\r", "\x7f", "\x9b1m"),
+    *(
+        "1,2",
+        "[]",
+        "{}",
+        "auto",
+        "none",
+        "~",
+        "é",
+        "\u2028",
+        "-",
+        "--",
+        "/",
+        "1px",
+        "a\nb",
+        "\r",
+        "\x7f",
+        "\x9b1m",
+    ),
 )
 VALUES: tuple[Any, ...] = (
     *(None, True, False, 0, -1, 1, 65, 1.5, -0.0, 1e308, -1e308, 1e-320, 2**31, 2**63, 2**64, 10**400),
-    *(float("nan"), float("inf"), -float("inf"), "", "a", "a" * 3000, "\x01\x1b[2J", "a\nb", "\ud800", "nan", "1"),
-    *([], [[]], [1], [1, 2], [None, None], ["a", "b"], {}, {"a": 1}, [0, 0, 0], [[0, 0], [0, 0]], "../a", "x.tif"),
+    *(
+        float("nan"),
+        float("inf"),
+        -float("inf"),
+        "",
+        "a",
+        "a" * 3000,
+        "\x01\x1b[2J",
+        "a\nb",
+        "\ud800",
+        "nan",
+        "1",
+    ),
+    *(
+        [],
+        [[]],
+        [1],
+        [1, 2],
+        [None, None],
+        ["a", "b"],
+        {},
+        {"a": 1},
+        [0, 0, 0],
+        [[0, 0], [0, 0]],
+        "../a",
+        "x.tif",
+    ),
 )
 TIFF_TYPES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8}
 
@@ -61,7 +103,14 @@ def tags_mutated(content: bytes, rng: Random) -> bytes:
         at = rng.choice(places)
         kind = rng.randrange(6)
         if kind == 0:
-            struct.pack_into("<H", data, at, rng.choice((254, 256, 257, 258, 259, 262, 277, 284, 322, 339, 33550, 33922, 34264, 34735, 42113)))
+            struct.pack_into(
+                "<H",
+                data,
+                at,
+                rng.choice(
+                    (254, 256, 257, 258, 259, 262, 277, 284, 322, 339, 33550, 33922, 34264, 34735, 42113)
+                ),
+            )
         elif kind == 1:
             struct.pack_into("<H", data, at + 2, rng.choice((*TIFF_TYPES, 0, 99)))
         elif kind == 2:
@@ -117,12 +166,26 @@ def _change_values(data: bytearray, at: int, rng: Random) -> None:
     if place + size > len(data):
         return
     if kind == 12:
-        numbers = (float("nan"), float("inf"), -float("inf"), 0.0, -1.0, 1e308, -1e308, 1e-320, 1e300, 1e17, 180.0)
+        numbers = (
+            float("nan"),
+            float("inf"),
+            -float("inf"),
+            0.0,
+            -1.0,
+            1e308,
+            -1e308,
+            1e-320,
+            1e300,
+            1e17,
+            180.0,
+        )
         struct.pack_into("<d", data, place, rng.choice(numbers))
     elif kind == 2:
         data[place] = rng.choice((0, 1, 10, 27, 0x3C, 0x80, 0xE9, 0xFF, 0x22))
     else:
-        data[place : place + size] = (rng.choice((*INTEGERS, *LARGE)) % (1 << 8 * size)).to_bytes(size, "little")
+        data[place : place + size] = (rng.choice((*INTEGERS, *LARGE)) % (1 << 8 * size)).to_bytes(
+            size, "little"
+        )
 
 
 def json_mutated(content: bytes | str, rng: Random) -> bytes:
@@ -149,7 +212,9 @@ def _json_changed(document: Any, rng: Random) -> Any:
     elif kind == 3 and isinstance(holder[key], list) and holder[key]:
         holder[key] = holder[key][0]
     elif kind == 4 and isinstance(holder[key], int | float) and not isinstance(holder[key], bool):
-        holder[key] = rng.choice((holder[key] * 1e9, -holder[key], holder[key] + 0.5, str(holder[key]), 10**5))
+        holder[key] = rng.choice(
+            (holder[key] * 1e9, -holder[key], holder[key] + 0.5, str(holder[key]), 10**5)
+        )
     else:
         holder[key] = rng.choice(VALUES)
     return document

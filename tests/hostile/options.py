@@ -53,7 +53,9 @@ def case(rng: Random) -> Case:
         named = "." in line[at] and not line[at][0].isdigit()
         word = rng.choice(NAMES if named or chosen(rng, 0.15) else WORDS).replace("\0", "")
         line[at] = word
-    command = tuple(word.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape") for word in line)
+    command = tuple(
+        word.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape") for word in line
+    )
     used = {name: content for name, content in files.items() if any(name in word for word in command)}
     if chosen(rng, 0.05):
         used["x\n.tif"] = files["x.tif"]

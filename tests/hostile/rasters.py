@@ -17,7 +17,21 @@ COMMANDS: tuple[Arguments, ...] = (
     ("extract", "x.tif", "--range", "0.3,0.8", "-o", "out.shp", "--method", "paper", *ONE),
     ("extract", "x.tif", "--range", "0.5,1", "-o", "out.parquet", "--labels", "out.vrt", *ONE),
     ("extract", "x.tif", "--range", "0.5,1", "-o", "out.fgb", "--labels", "out.tif", "--simplify", "2", *ONE),
-    ("extract", "x.tif", "--range", "0.5,1", "-o", "out.geojson", "--mission", "out.plan", "--altitude", "50", "--home", "auto", *ONE),
+    (
+        "extract",
+        "x.tif",
+        "--range",
+        "0.5,1",
+        "-o",
+        "out.geojson",
+        "--mission",
+        "out.plan",
+        "--altitude",
+        "50",
+        "--home",
+        "auto",
+        *ONE,
+    ),
     ("levels", "x.tif", "--width", "0.25", "-o", "out.geojson", "--min-area", "20", *ONE),
     ("match", "x.tif", "--like", "500020,4499980,16", "-o", "out.geojson", *ONE),
     ("match", "x.tif", "--like", "40,40,20", "-o", "out.geojson", *ONE),
@@ -27,7 +41,22 @@ COMMANDS: tuple[Arguments, ...] = (
     ("classify", "x.tif", "-o", "out.yaml", "--stretch", "none", *ONE),
     ("divide", "x.tif", "-o", "out.tif", *ONE),
     ("original", "x.tif", "-o", "out.tif", "--sweeps", "1", *ONE),
-    ("path", "x.tif", "--range", "0,0.9", "--start", "500005,4499920", "--goal", "500030,4499930", "-o", "out.geojson", "--stretch", "dtype", "--smooth", *ONE),
+    (
+        "path",
+        "x.tif",
+        "--range",
+        "0,0.9",
+        "--start",
+        "500005,4499920",
+        "--goal",
+        "500030,4499930",
+        "-o",
+        "out.geojson",
+        "--stretch",
+        "dtype",
+        "--smooth",
+        *ONE,
+    ),
     ("preview", "x.tif", "-o", "out.png", "--width", "300"),
     ("extract", "x.tif", "y.tif", "--range", "0.4,1", "-o", "out.geojson", *ONE),
 )
@@ -55,7 +84,8 @@ def case(rng: Random) -> Case:
         skip = ("--skip-bad-tiles",) if command[0] not in ("classify",) and chosen(rng, 0.5) else ()
         tiles = (("--tile", "64"), ("--tile", "128"))
         commands = tuple(
-            tuple(word.replace("{n}", str(n)) for word in (*command, *skip, *tile)) for n, tile in enumerate(tiles)
+            tuple(word.replace("{n}", str(n)) for word in (*command, *skip, *tile))
+            for n, tile in enumerate(tiles)
         )
         return Case(files, commands, ("o0", "o1"), same=True)
     command = rng.choice(COMMANDS)

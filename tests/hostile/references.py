@@ -33,7 +33,11 @@ def case(rng: Random, address: str) -> Case:
     name = rng.choice(
         (
             *("../outside/secret.bin", "../outside/secret.pgm", "/proc/self/maps", f"http://{address}/a.tif"),
-            *(f"/vsicurl/http://{address}/a.tif", f"/vsicurl_streaming/http://{address}/a", f"WMS:http://{address}/"),
+            *(
+                f"/vsicurl/http://{address}/a.tif",
+                f"/vsicurl_streaming/http://{address}/a",
+                f"WMS:http://{address}/",
+            ),
             "VRT://../outside/secret.pgm?bands=1",
             "/vsisubfile/0_64,../outside/secret.bin",
         )
@@ -55,7 +59,10 @@ def case(rng: Random, address: str) -> Case:
         known = seeds.block_map()
         header = json.loads(description(known["b.tif"])) | {"rasters": [name]}
         content = with_description(known["b.tif"], json.dumps(header))
-        return Case({"b.tif": content}, (("extract", "b.tif", "--range", "0,1", "-o", "out.geojson", "--threads", "1"),))
+        return Case(
+            {"b.tif": content},
+            (("extract", "b.tif", "--range", "0,1", "-o", "out.geojson", "--threads", "1"),),
+        )
     x = seeds.vectors()["x.tif"]
     if kind == 5:
         link = {"crs": {"type": "link", "properties": {"href": name, "type": "proj4"}}}

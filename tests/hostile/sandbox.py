@@ -72,7 +72,9 @@ class Sandbox:
         Is made and removed.
     """
 
-    root: Path = field(default_factory=lambda: Path(tempfile.mkdtemp(prefix="hostile.", dir=_memory_folder())))
+    root: Path = field(
+        default_factory=lambda: Path(tempfile.mkdtemp(prefix="hostile.", dir=_memory_folder()))
+    )
 
     def __post_init__(self) -> None:
         self.inside, self.outside = self.root / "in", self.root / "outside"
@@ -233,7 +235,10 @@ def _child(body: Callable[[], None], sandbox: Sandbox, std: list[Path], case: Ca
         sys.stdin = io.TextIOWrapper(os.fdopen(0, "rb", closefd=False), encoding="utf-8")
         sys.stdout = io.TextIOWrapper(os.fdopen(1, "wb", closefd=False), encoding="utf-8")
         sys.stderr = io.TextIOWrapper(
-            os.fdopen(2, "wb", closefd=False), encoding="utf-8", errors="backslashreplace", line_buffering=True
+            os.fdopen(2, "wb", closefd=False),
+            encoding="utf-8",
+            errors="backslashreplace",
+            line_buffering=True,
         )
         os.environ.update({"HOME": str(sandbox.root / "home"), "TMPDIR": str(sandbox.root / "tmp")})
         os.environ.update(case.environment)

@@ -71,7 +71,16 @@ def rasters() -> Files:
         folder = Path(made)
         _tif(folder, "deflate.tif", grey, compress="deflate", nodata=0, **TILED, **UTM)
         _tif(folder, "lzw.tif", grey.astype(np.uint16) * 257, compress="lzw", **UTM)
-        _tif(folder, "jpeg.tif", colours, compress="jpeg", photometric="ycbcr", interleave="pixel", **TILED, **UTM)
+        _tif(
+            folder,
+            "jpeg.tif",
+            colours,
+            compress="jpeg",
+            photometric="ycbcr",
+            interleave="pixel",
+            **TILED,
+            **UTM,
+        )
         _tif(folder, "jpeg1.tif", grey, compress="jpeg", **TILED, **UTM)
         _tif(folder, "lerc.tif", grey.astype(np.float32) / 255, compress="lerc", **UTM)
         _tif(folder, "zstd.tif", (grey / 255.0), compress="zstd", predictor=3, nodata=np.nan, **TILED, **UTM)
@@ -80,15 +89,25 @@ def rasters() -> Files:
         _tif(folder, "degrees.tif", small, crs="EPSG:4326", transform=Affine(1e-4, 0, 15, 0, -1e-4, 40.6))
         _tif(folder, "sparse.tif", np.zeros((200, 200), np.uint8), sparse_ok=True, nodata=0, **TILED, **UTM)
         _tif(folder, "big.tif", small, bigtiff="YES", compress="packbits", **UTM)
-        _tif(folder, "alpha.tif", np.stack([*colours, grey // 2]), photometric="rgb", alpha="yes", compress="deflate", **TILED, **UTM)
+        _tif(
+            folder,
+            "alpha.tif",
+            np.stack([*colours, grey // 2]),
+            photometric="rgb",
+            alpha="yes",
+            compress="deflate",
+            **TILED,
+            **UTM,
+        )
         _tif(folder, "bits.tif", (grey > 90).astype(np.uint8), nbits=1, compress="ccittfax4", **UTM)
         _tif(folder, "palette.tif", small % 4, photometric="palette", **UTM)
         with rasterio.open(folder / "palette.tif", "r+") as file:
             file.write_colormap(1, {n: (60 * n, 255 - 60 * n, 10, 255) for n in range(4)})
         _tif(folder, "points.tif", small, gcps=_control_points(), crs="EPSG:4326")
-        with rasterio.open(folder / "deflate.tif") as file, rasterio.open(
-            folder / "overviews.tif", "w", **file.profile
-        ) as other:
+        with (
+            rasterio.open(folder / "deflate.tif") as file,
+            rasterio.open(folder / "overviews.tif", "w", **file.profile) as other,
+        ):
             other.write(file.read())
             other.build_overviews([2, 4])
             other.write_mask(np.where(file.read(1) > 9, 255, 0).astype(np.uint8))
@@ -115,9 +134,9 @@ def vectors() -> Files:
         ring = "15.0000 40.6000,15.0003 40.6000,15.0003 40.6003,15.0000 40.6003,15.0000 40.6000"
         (folder / "r.csv").write_text(f'id,WKT\n1,"POLYGON (({ring}))"\n2,"POLYGON (({ring}))"\n')
         (folder / "hand.geojson").write_text(json.dumps(_hand_made()))
-        (folder / "hand.kml").write_text(_KML.format(ring=" ".join(
-            ",".join(place.split()) + ",0" for place in ring.split(",")
-        )))
+        (folder / "hand.kml").write_text(
+            _KML.format(ring=" ".join(",".join(place.split()) + ",0" for place in ring.split(",")))
+        )
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
@@ -224,7 +243,13 @@ RESUMED = ("extract", "x.tif", "--range", "0.4,1", "-o", "out.geojson", "--threa
 
 def _uavseg(folder: Path, *arguments: str) -> None:
     """Run a command; in a process of its own, so that this one starts no threads, which do not survive a fork."""
-    command = [sys.executable, "-m", "uavseg", *arguments, *(["--threads", "1"] if arguments[0] in _TILED else [])]
+    command = [
+        sys.executable,
+        "-m",
+        "uavseg",
+        *arguments,
+        *(["--threads", "1"] if arguments[0] in _TILED else []),
+    ]
     subprocess.run(command, cwd=folder, check=True, capture_output=True)
 
 

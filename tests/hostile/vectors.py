@@ -19,7 +19,18 @@ COMMANDS: tuple[Arguments, ...] = (
 )
 STDIN = ("plan", "-", "-o", "out.plan", *FLIGHT)
 PARTS = {"r.shp": ("r.shp", "r.shx", "r.dbf", "r.prj", "r.cpg")}
-NAMES = ("r.geojson", "hand.geojson", "r.gpkg", "r.fgb", "r.parquet", "r.shp", "r.kml", "hand.kml", "r.csv", "lv.geojson")
+NAMES = (
+    "r.geojson",
+    "hand.geojson",
+    "r.gpkg",
+    "r.fgb",
+    "r.parquet",
+    "r.shp",
+    "r.kml",
+    "hand.kml",
+    "r.csv",
+    "lv.geojson",
+)
 
 
 def case(rng: Random) -> Case:

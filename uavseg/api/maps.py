@@ -6,6 +6,7 @@ import os
 from typing import Any
 
 from uavseg.api._values import warn, work
+from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.classify import Classification, ClassifyRequest
 from uavseg.jobs.classify import classify as run_classify
@@ -18,6 +19,7 @@ from uavseg.regions.table import Drawing
 from uavseg.segmentation.params import IntensityRange, StateLimits
 
 
+@checked
 def classify(
     source: Any,
     *,
@@ -88,6 +90,7 @@ def classify(
     return found
 
 
+@checked
 def path(
     source: Any,
     range: tuple[float, float],

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 from uavseg.api._values import warn
+from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.mission import Mission
 from uavseg.jobs.plan import Home, PlanRequest, flight_params, open_regions
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 
+@checked
 def plan(
     regions: str | os.PathLike[str] | bytes | GeoDataFrame,
     *,

@@ -46,6 +46,13 @@ class _Group(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Options of the group itself."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            raise _clean(error) from None
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
         from uavseg.cli._say import library_messages
@@ -54,6 +61,8 @@ class _Group(click.Group):
             _report_kernels()
             with library_messages():
                 return super().invoke(ctx)
+        except click.UsageError as error:
+            raise _clean(error) from None
         except UavsegError as error:
             click.echo(f"uavseg: error: {error}", err=True)
             ctx.exit(1)
@@ -70,6 +79,13 @@ class _Group(click.Group):
             traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
             click.echo("uavseg: interrupted; nothing was written", err=True)
             ctx.exit(_INTERRUPTED)
+
+
+def _clean(error: click.UsageError) -> click.UsageError:
+    """The error with its message as one printable line."""
+    from uavseg.plain_text import one_line
+
+    return click.UsageError(one_line(error.format_message()), error.ctx)
 
 
 def _system_error(error: OSError) -> str:

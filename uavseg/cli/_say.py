@@ -80,15 +80,15 @@ def library_messages() -> Iterator[None]:
         tell(cause_of(message) if isinstance(message, Warning) else message)
 
     def unraisable(found: Any) -> None:
-        # Messages of GDAL are taken for UTF-8; where one quotes other bytes of a file, its error still arrives.
+        # Messages of GDAL are taken for UTF-8. Where one quotes other bytes of a file, its error still comes.
         if not isinstance(found.exc_value, UnicodeDecodeError):
             tell(found.exc_value)
 
     handler = logging.Handler(logging.WARNING)
     handler.emit = lambda record: tell(record.getMessage())  # type: ignore[method-assign]
     before = warnings.showwarning, logging.lastResort, sys.unraisablehook
-    warnings.showwarning, logging.lastResort, sys.unraisablehook = showwarning, handler, unraisable  # type: ignore[assignment]
+    warnings.showwarning, logging.lastResort, sys.unraisablehook = showwarning, handler, unraisable
     try:
         yield
     finally:
-        warnings.showwarning, logging.lastResort, sys.unraisablehook = before  # type: ignore[assignment]
+        warnings.showwarning, logging.lastResort, sys.unraisablehook = before

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.items import FIRMWARES, MAX_DISTANCE_M, MAX_HEIGHT_M
 from uavseg.flight.mission import CRUISE_M_S
@@ -11,6 +12,7 @@ PATTERNS = ("visit", "perimeter", "survey")
 MAX_SPEED_M_S = 50.0
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class PlanParams:
     """Parameters of a mission over regions.

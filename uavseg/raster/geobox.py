@@ -7,6 +7,7 @@ from affine import Affine
 from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
+from uavseg.arguments import checked
 from uavseg.errors import MapError, RasterError
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.tiling import Window
@@ -14,6 +15,7 @@ from uavseg.raster.tiling import Window
 Floats = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class GeoBox:
     """A georeferenced grid of pixels.
@@ -45,6 +47,7 @@ class GeoBox:
         """The CRS as WKT 2, or None."""
         return None if self.crs is None else str(self.crs.to_wkt(version="WKT2_2019"))
 
+    @checked
     def xy_from_pixel(self, row: ArrayLike, col: ArrayLike) -> tuple[Floats, Floats]:
         """Map coordinates of pixel corners; (row + 0.5, col + 0.5) is the centre of a pixel.
 
@@ -60,6 +63,7 @@ class GeoBox:
         t = self.transform
         return t.a * cols + t.b * rows + t.c, t.d * cols + t.e * rows + t.f
 
+    @checked
     def lonlat_from_xy(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
         """Longitude and latitude in degrees of map coordinates.
 
@@ -76,11 +80,13 @@ class GeoBox:
         lon, lat = lonlat_transform(self.wkt)(np.asarray(x, np.float64), np.asarray(y, np.float64))
         return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
 
+    @checked
     def window(self, window: Window) -> "GeoBox":
         """The part of the grid inside `window`."""
         transform = shifted(self.transform, window.row, window.col)
         return replace(self, shape=(window.rows, window.cols), transform=transform)
 
+    @checked
     def coarsen(self, side: int) -> "GeoBox":
         """The grid of cells of `side` x `side` pixels; the last cells may extend past the edge."""
         rows, cols = (-(-length // side) for length in self.shape)
@@ -99,6 +105,7 @@ def scaled(transform: Affine, rows: float, cols: float) -> Affine:
     return Affine(a * cols, b * rows, c, d * cols, e * rows, f)
 
 
+@checked
 def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
     """A north-up grid of square cells in local metres, with its lower left corner at `origin`."""
     transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)
