@@ -23,7 +23,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams

@@ -66,7 +66,7 @@ class Work:
         """
         if self.checkpoint is not None:
             source.check_resumable()
-        tile_pass = TilePass.over(source.dataset, self.tile, self.map, self.progress)
+        tile_pass = TilePass(source.dataset.windows(self.tile), self.map, self.progress)
         if self.started is not None:
             self.started(tile_pass.windows)
         return tile_pass
