@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.open_source import Raster
+from uavseg.jobs.source import Raster
 from uavseg.jobs.work import Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox

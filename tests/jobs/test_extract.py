@@ -20,8 +20,8 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import serial, threads
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.open_source import Blocks, Raster
 from uavseg.jobs.result import Drawing, Extraction
+from uavseg.jobs.source import Blocks, Raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import parse_stretch

@@ -9,10 +9,11 @@ from uavseg.api._values import warn, work
 from uavseg.execution.executors import Progress
 from uavseg.jobs.classify import Classification, ClassifyRequest
 from uavseg.jobs.classify import classify as run_classify
-from uavseg.jobs.open_source import ReadOptions, open_probability_map
+from uavseg.jobs.open_source import open_probability_map
 from uavseg.jobs.path import PathRequest
 from uavseg.jobs.path import path as run_path
 from uavseg.jobs.result import Drawing
+from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params import IntensityRange, SegmentParams, StateLimits

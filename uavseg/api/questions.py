@@ -10,8 +10,9 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.match import MatchRequest
 from uavseg.jobs.match import match as run_match
-from uavseg.jobs.open_source import ReadOptions, open_source
+from uavseg.jobs.open_source import open_source
 from uavseg.jobs.result import Drawing
+from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.suggest import Suggestion, SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
 from uavseg.regions.edit.small import as_area

@@ -12,8 +12,9 @@ from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.extract import extract as run_extract
 from uavseg.jobs.levels import LevelsRequest, Small
 from uavseg.jobs.levels import levels as run_levels
-from uavseg.jobs.open_source import ReadOptions, open_source
+from uavseg.jobs.open_source import open_source
 from uavseg.jobs.result import Drawing
+from uavseg.jobs.source import ReadOptions
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params import IntensityRange, Levels, SegmentParams
 

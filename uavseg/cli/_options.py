@@ -11,9 +11,9 @@ from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
-    from uavseg.jobs.open_source import ReadOptions
     from uavseg.jobs.plan import Home, Planned, PlanRequest
     from uavseg.jobs.result import Drawing
+    from uavseg.jobs.source import ReadOptions
     from uavseg.regions.edit.small import Area
     from uavseg.segmentation.params import IntensityRange, SegmentParams
 
@@ -103,7 +103,7 @@ def drawing_options(command: Command) -> Command:
 
 def read_options(options: dict[str, Any]) -> ReadOptions:
     """How the source is read."""
-    from uavseg.jobs.open_source import ReadOptions
+    from uavseg.jobs.source import ReadOptions
 
     names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles")
     return ReadOptions(**{name: options[name] for name in names if name in options})

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import trim_heap
-from uavseg.jobs.open_source import Blocks, ProbabilityMap
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import TilePass

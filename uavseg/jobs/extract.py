@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
-from uavseg.jobs.open_source import Blocks, Pixels, Raster, Source, raster_of
+from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes

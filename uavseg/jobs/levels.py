@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
-from uavseg.jobs.open_source import Blocks, Pixels, Source
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions

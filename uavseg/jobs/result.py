@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.jobs.open_source import Blocks
+from uavseg.jobs.source import Blocks
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.regions.outline.rings import RegionOutlines, Rings

@@ -11,7 +11,7 @@ from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_bl
 from uavseg.raster.tiling import TilePass, Window
 
 if TYPE_CHECKING:
-    from uavseg.jobs.open_source import Pixels
+    from uavseg.jobs.source import Pixels
 
 Result = TypeVar("Result")
 
