@@ -48,18 +48,46 @@ def printable(text: str) -> str:
 def cause_of(error: BaseException) -> str:
     """The message of the first error in a chain of causes: its first sentence, as one line.
 
+    What Python says of values of a wrong kind is said in words that a user knows.
+
     Examples
     --------
     >>> cause_of(ValueError("Cannot read it.\\nSee the manual. It is long."))
     'Cannot read it'
-    >>> cause_of(KeyError())
-    'KeyError'
+    >>> cause_of(ValueError("could not convert string to float: 'x'")), cause_of(KeyError("items"))
+    ("expected a number, got 'x'", 'items is missing')
     """
     while error.__cause__ is not None:
         error = error.__cause__
+    for kind, text in _IN_WORDS.items():
+        if isinstance(error, kind):
+            return text
     words = " ".join(str(getattr(error, "strerror", None) or error).split())
-    sentence = re.split(r"(?<=[^.\s])\.(?=\s|$)|; (?=[A-Z])", words, maxsplit=1)[0]
+    if type(error) is KeyError:
+        return f"{one_line(error.args[0], MAX_CAUSE) if error.args else 'a value'} is missing"
+    for pattern, text in _REPHRASED:
+        words = re.sub(pattern, text, words)
+    sentence = re.split(r"(?<=[^.\s])\.(?=\s|$)", words, maxsplit=1)[0]
     return one_line(sentence or type(error).__name__, MAX_CAUSE)
+
+
+_IN_WORDS: dict[type[BaseException], str] = {
+    UnicodeError: "a text or a name in it is not UTF-8",
+    RecursionError: "it is nested too deeply",
+    OverflowError: "a number in it is too large",
+    TypeError: "a value in it is of a wrong kind",
+    AttributeError: "a value in it is of a wrong kind",
+    IndexError: "a list in it is too short",
+    UnboundLocalError: "it is damaged",
+}
+_REPHRASED = (
+    (r"^could not convert string to float: (.*)", r"expected a number, got \1"),
+    (r"^invalid literal for int\(\) with base \d+: (.*)", r"expected a whole number, got \1"),
+    (r"^cannot convert float \w+ to integer", "expected a whole number, got one that is not finite"),
+    (r"^Exceeds the limit \(\d+ digits\).*", "a number in it is too large"),
+    (r"^(too many|not enough) values to unpack.*", "a list in it is of a wrong length"),
+    (r".*do not form a closed linestring.*", "a ring is not closed: its last point is not its first"),
+)
 
 
 def shown(value: object) -> str:
