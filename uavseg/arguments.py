@@ -27,8 +27,8 @@ def checked(target: F) -> F:
     """Decorate a function, or a class, so that each argument fits the annotation of its parameter.
 
     Numbers are those of Python and of numpy; a bool is not one. A default fits always. Where an annotation
-    says tuple, a list or an array of as many numbers will do. Classes that are imported for types only are not
-    looked at: what such a value is, is checked by the function itself.
+    says tuple, a list or an array of as many numbers will do. Classes that are imported for types only are
+    not looked at: the function itself checks such a value.
 
     Raises
     ------

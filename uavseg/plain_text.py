@@ -55,7 +55,7 @@ def cause_of(error: BaseException) -> str:
     >>> cause_of(ValueError("Cannot read it.\\nSee the manual. It is long."))
     'Cannot read it'
     >>> cause_of(ValueError("could not convert string to float: 'x'")), cause_of(KeyError("items"))
-    ("expected a number, got 'x'", 'items is missing')
+    ("expected a number, got 'x'", "'items' is missing")
     """
     while error.__cause__ is not None:
         error = error.__cause__
@@ -64,7 +64,7 @@ def cause_of(error: BaseException) -> str:
             return text
     words = " ".join(str(getattr(error, "strerror", None) or error).split())
     if type(error) is KeyError:
-        return f"{one_line(error.args[0], MAX_CAUSE) if error.args else 'a value'} is missing"
+        return f"{shown(error.args[0]) if error.args else 'a value'} is missing"
     for pattern, text in _REPHRASED:
         words = re.sub(pattern, text, words)
     sentence = re.split(r"(?<=[^.\s])\.(?=\s|$)", words, maxsplit=1)[0]
@@ -90,8 +90,8 @@ _REPHRASED = (
 )
 
 
-def shown(value: object) -> str:
-    """A wrong value in a message: its representation, shortened.
+def shown(value: object, quoted: bool = True) -> str:
+    """A wrong value in a message: its representation, or the text itself, shortened.
 
     Examples
     --------
@@ -99,7 +99,7 @@ def shown(value: object) -> str:
     ("'aaaaaaaaaaaaaaaaaa ... aaaaaaaaaaaaaaa'", '3')
     """
     try:
-        text = repr(value)
+        text = repr(value) if quoted else str(value)
     except Exception:  # a huge int has no text, and a stranger's object may raise anything
         text = f"a value of type {type(value).__name__}"
     return one_line(" ".join(text.split()), 40 if len(text) > 60 else 60)

@@ -125,7 +125,7 @@ def _judge_files(case: Case, name: str, outcome: Outcome) -> list[Finding]:
         others = [
             made for made in outcome.made if not made.startswith(case.targets) and ".regions." not in made
         ]
-        others = [made for made in others if made != "x.preview.png"]
+        others = [made for made in others if made != "x.preview.png" and "." not in case.targets]
         changed = [made for made in outcome.changed if not made.startswith(case.targets)]
         if others or changed or outcome.gone:
             found.append(Finding("BESIDE", name, f"{others} {changed} {outcome.gone}"))

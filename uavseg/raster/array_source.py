@@ -65,7 +65,9 @@ class ArraySource:
 
     def _read_plane(self, band: int, rows: Any, cols: Any) -> Values:
         plane = self.array if self.array.ndim == 2 else self.array[band - 1]
-        return np.asarray(plane[rows][:, cols])
+        if isinstance(rows, slice) and isinstance(cols, slice):
+            return np.asarray(plane[rows, cols])
+        return np.asarray(plane[rows][:, cols])  # numpy would pair positions
 
 
 def is_array(source: object) -> bool:

@@ -13,8 +13,9 @@ from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
+from uavseg.plain_text import cause_of
 from uavseg.raster.bands import BandLayout
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, quiet_open, root_cause
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, quiet_open
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
@@ -88,7 +89,8 @@ def _crs(source: DatasetReader, warnings: list[str]) -> CRS | None:
         crs = source.crs
         source.colorinterp  # noqa: B018 - raises a pending error about the CRS
     except GDAL_ERRORS as error:
-        warnings.append(f"its coordinate reference system cannot be read ({error}): coordinates are local")
+        reason = cause_of(error)
+        warnings.append(f"its coordinate reference system cannot be read ({reason}): coordinates are local")
         return None
     return crs or None
 
@@ -101,7 +103,7 @@ def _check_proj() -> None:
     except GDAL_ERRORS as error:
         raise RasterError(
             "coordinate reference systems cannot be read: PROJ finds no database, or that of another "
-            f"installation ({root_cause(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
+            f"installation ({cause_of(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
         ) from error
 
 

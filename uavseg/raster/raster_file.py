@@ -12,6 +12,7 @@ from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterReadError
+from uavseg.plain_text import cause_of
 from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
 from uavseg.raster.opening import (
     GDAL_ERRORS,
@@ -21,7 +22,6 @@ from uavseg.raster.opening import (
     gdal_read_errors,
     quiet_open,
     rasterio_window,
-    root_cause,
 )
 from uavseg.raster.tiling import Window
 
@@ -202,7 +202,7 @@ def file_states(path: str) -> tuple[FileState, ...]:
         with gdal_env(), quiet_open(path) as source:
             names = sorted({path, *source.files})
     except GDAL_ERRORS as error:
-        raise RasterReadError(f"{path} cannot be opened as a raster ({root_cause(error)})") from error
+        raise RasterReadError(f"{path} cannot be opened as a raster ({cause_of(error)})") from error
     return tuple(_state(name) for name in names)
 
 

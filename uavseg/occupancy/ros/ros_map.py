@@ -141,7 +141,7 @@ def _image_path(path: str | os.PathLike[str], mode: str) -> Path:
 
 
 def _read_image(image: Path, name: str) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
-    if not image.is_file():
+    if not os.path.isfile(image):  # noqa: PTH113 - false for a name that is too long
         raise RasterReadError(f"{name} names the image {image}, and there is no such file")
     if is_pgm(image):
         samples, maximum = read_pgm(image)

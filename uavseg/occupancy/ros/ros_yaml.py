@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MapError, RasterReadError
+from uavseg.plain_text import cause_of, shown
 
 RosCells = NDArray[np.int8]
 
@@ -45,7 +46,7 @@ class CellRules:
 
     def __post_init__(self) -> None:
         if self.mode not in ROS_MODES:
-            raise MapError(f"mode is trinary, scale or raw, not {self.mode!r}")
+            raise MapError(f"mode is trinary, scale or raw, not {shown(self.mode)}")
         if not (math.isfinite(self.occupied) and math.isfinite(self.free)):
             raise MapError(f"thresholds are finite, not {self.occupied:g} and {self.free:g}")
         if self.free >= self.occupied:
@@ -140,8 +141,8 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
         raise RasterReadError(f"there is no file {name}") from error
     except OSError as error:
         raise RasterReadError(f"{name} cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise MapError(f"{name} is not valid YAML ({' '.join(str(error).split())})") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise MapError(f"{name} is not valid YAML ({cause_of(error)})") from error
     if not isinstance(found, dict):
         raise MapError(f"{name} is not the YAML of a ROS map: it needs {', '.join(_REQUIRED)}")
     missing = [key for key in _REQUIRED if key not in found]
@@ -156,8 +157,8 @@ def _number(name: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
         return float(value)
-    except ValueError as error:
-        raise MapError(f"{name} is a number, not {value!r}") from error
+    except (ValueError, OverflowError) as error:
+        raise MapError(f"{name} is a number, not {shown(value)}") from error
 
 
 def _flag(described: Mapping[str, Any]) -> bool:
@@ -165,7 +166,7 @@ def _flag(described: Mapping[str, Any]) -> bool:
     if isinstance(value, str) and value.strip().lstrip("+-").isdigit():
         value = int(value)
     if not isinstance(value, int):
-        raise MapError(f"negate is 0 or 1, not {value!r}")
+        raise MapError(f"negate is 0 or 1, not {shown(value)}")
     return bool(value)
 
 
@@ -179,14 +180,14 @@ def _resolution(described: Mapping[str, Any]) -> float:
 def _origin(described: Mapping[str, Any]) -> tuple[float, float, float]:
     value = described["origin"]
     if not isinstance(value, list) or len(value) != 3:
-        raise MapError(f"origin is a list of three numbers, x, y and yaw, not {value!r}")
+        raise MapError(f"origin is a list of three numbers, x, y and yaw, not {shown(value)}")
     x, y, yaw = (_number("origin", part) for part in value)
     if not all(math.isfinite(part) for part in (x, y, yaw)):
-        raise MapError(f"origin is finite x, y and yaw, not {value!r}")
+        raise MapError(f"origin is finite x, y and yaw, not {shown(value)}")
     return x, y, yaw
 
 
 def _image(path: str | os.PathLike[str], named: Any) -> Path:
-    if not isinstance(named, str) or not named:
-        raise MapError(f"image is the file name of an image, not {named!r}")
+    if not isinstance(named, str) or not named or not named.isprintable():
+        raise MapError(f"image is the file name of an image, not {shown(named)}")
     return Path(path).parent / named

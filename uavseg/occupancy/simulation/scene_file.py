@@ -30,6 +30,7 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
+from uavseg.plain_text import cause_of, shown
 from uavseg.raster.geobox import GeoBox, local_geobox
 
 _MAX_SCENE_CELLS = 1 << 28
@@ -82,11 +83,11 @@ def _read(path: str | os.PathLike[str]) -> Any:
     except FileNotFoundError as error:
         raise SceneError("there is no such file; name lens, circles or a JSON file of a scene") from error
     except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"it cannot be read as text ({error})") from error
+        raise SceneError(f"it cannot be read as text ({cause_of(error)})") from error
     try:
         return json.loads(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise SceneError(f"it is not valid JSON ({error})") from error
+    except (ValueError, RecursionError) as error:
+        raise SceneError(f"it is not valid JSON ({cause_of(error)})") from error
 
 
 def _reject_constant(word: str) -> NoReturn:
@@ -151,9 +152,12 @@ def _pair(name: str, value: Any) -> tuple[float, float]:
 
 
 def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise SceneError(f"{name} is a finite number, not {_as_json(value)}")
-    return float(value)
+    try:
+        if not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value):
+            return float(value)
+    except OverflowError:  # a whole number that no float can hold
+        pass
+    raise SceneError(f"{name} is a finite number, not {_as_json(value)}")
 
 
 def _count(name: str, value: Any) -> int:
@@ -171,5 +175,7 @@ def _join_names(words: Sequence[str]) -> str:
 
 
 def _as_json(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    try:
+        return shown(json.dumps(value), quoted=False)
+    except ValueError:  # a number of thousands of digits
+        return shown(value)

@@ -14,8 +14,9 @@ from rasterio.windows import Window as FileWindow
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
+from uavseg.plain_text import cause_of
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.tiling import Window
 
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
@@ -198,7 +199,7 @@ def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list
             geobox = GeoBox(file.shape, file.transform, file.crs)
             return file.read(), geobox, [text or "" for text in file.descriptions], file.tags()
     except GDAL_ERRORS as error:
-        raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({error})") from error
+        raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({cause_of(error)})") from error
 
 
 def _page_name(path: Path_, page: int) -> str:
@@ -243,4 +244,4 @@ def _write_errors(path: Path_) -> Iterator[None]:
         with gdal_env():
             yield
     except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error
+        raise OutputError(f"{os.fspath(path)} cannot be written ({cause_of(error)})") from error
