@@ -115,6 +115,7 @@ def _batch(
 def prepare() -> None:
     """Import what cases need, once; forked processes have it then."""
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    os.environ["PROJ_DEBUG"] = "0"  # as the command line sets it before libraries are loaded
     if os.environ.get("MPLBACKEND") is None:
         os.environ["MPLBACKEND"] = "agg"
     for name in (*LIBRARIES, *MODULES):

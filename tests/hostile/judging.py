@@ -10,7 +10,7 @@ LONGEST = 600  # characters of a message
 SLOW_S = 8.0
 _SAID = re.compile(  # what a command says on stderr beside its errors
     r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: \d+ regions?, \d+ items|"
-    r"kept out of [\d,]+ cells|G per pixel |uavseg: interrupted"
+    r" *kept out of [\d,]+ cells| *G per pixel |uavseg: interrupted"
 )
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 _RAW = re.compile(

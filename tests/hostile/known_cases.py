@@ -6,7 +6,7 @@ from pathlib import Path
 from tests.hostile.case import Case
 
 FOLDER = Path(__file__).resolve().parents[3] / "shared" / "hostile"
-KINDS = ("TRACEBACK", "MSG", "PYWARN", "RAWMSG", "CTRLMSG", "LONGMSG", "DIFF-LIST", "RAWFD2", "LEFTOVER")
+KINDS = ("TRACEBACK", "MSG", "PYWARN", "RAWMSG", "CTRLMSG", "LONGMSG", "DIFF-LIST", "LEFTOVER")
 OUTPUTS = ("-o", "--objects", "--labels", "--png", "--truth")
 MISSING = {  # values of options at which the list of commands was cut off
     "-o": "o.geojson",

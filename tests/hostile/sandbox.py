@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 import traceback
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -243,6 +244,9 @@ def _child(body: Callable[[], None], sandbox: Sandbox, std: list[Path], case: Ca
         os.environ.update({"HOME": str(sandbox.root / "home"), "TMPDIR": str(sandbox.root / "tmp")})
         os.environ.update(case.environment)
         tempfile.tempdir = None
+        warnings.resetwarnings()
+        for quiet in (DeprecationWarning, PendingDeprecationWarning, ImportWarning, ResourceWarning):
+            warnings.simplefilter("ignore", quiet, append=True)  # as Python starts
         faulthandler.register(signal.SIGUSR1, file=sys.stderr)
         code = _exit_code(body)
         sys.stdout.flush()

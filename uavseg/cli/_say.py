@@ -79,6 +79,10 @@ def library_messages() -> Iterator[None]:
     def showwarning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
         tell(cause_of(message) if isinstance(message, Warning) else message)
 
+    def excepthook(_: object, error: BaseException, *__: object) -> None:
+        if not isinstance(error, UnicodeDecodeError):
+            tell(error)
+
     def unraisable(found: Any) -> None:
         # Messages of GDAL are taken for UTF-8. Where one quotes other bytes of a file, its error still comes.
         if not isinstance(found.exc_value, UnicodeDecodeError):
@@ -86,9 +90,11 @@ def library_messages() -> Iterator[None]:
 
     handler = logging.Handler(logging.WARNING)
     handler.emit = lambda record: tell(record.getMessage())  # type: ignore[method-assign]
-    before = warnings.showwarning, logging.lastResort, sys.unraisablehook
+    os.environ.setdefault("PROJ_DEBUG", "0")  # PROJ writes its errors to stderr and reports them as well
+    before = warnings.showwarning, logging.lastResort, sys.unraisablehook, sys.excepthook
     warnings.showwarning, logging.lastResort, sys.unraisablehook = showwarning, handler, unraisable
+    sys.excepthook = excepthook  # Cython calls it before the other
     try:
         yield
     finally:
-        warnings.showwarning, logging.lastResort, sys.unraisablehook = before
+        warnings.showwarning, logging.lastResort, sys.unraisablehook, sys.excepthook = before

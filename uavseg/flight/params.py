@@ -10,6 +10,7 @@ from uavseg.flight.mission import CRUISE_M_S
 
 PATTERNS = ("visit", "perimeter", "survey")
 MAX_SPEED_M_S = 50.0
+MIN_NUMBER = 0.001  # of metres, or metres per second
 
 
 @checked
@@ -72,5 +73,5 @@ class PlanParams:
 
 
 def _check_number(what: str, value: float, maximum: float, unit: str) -> None:
-    if not 0 < value <= maximum:
-        raise ParameterError(f"the {what} is above 0 and at most {maximum:g} {unit}, not {value:g}")
+    if not MIN_NUMBER <= value <= maximum:
+        raise ParameterError(f"the {what} is {MIN_NUMBER:g} to {maximum:g} {unit}, not {value:g}")

@@ -105,7 +105,10 @@ class _Listening:
 def read_naming_bad_block(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None]:
-    """`RasterFile.read`; where it fails, the error names the first block that cannot be read.
+    """`RasterFile.read`; where it fails, the error names the first block of the file that cannot be read.
+
+    That it is the first of the whole file, not of the window, makes the error the same for any tiles. Of a
+    large file, only the blocks of the window are looked at.
 
     Raises
     ------
@@ -114,9 +117,15 @@ def read_naming_bad_block(
     try:
         return file.read(handles, choice, window, shape)
     except RasterReadError:
-        for block in file.blocks_in(window):
-            file.read(handles, choice, block)
+        anew = OpenFiles()  # what a file that failed reads afterwards may depend on the failure
+        whole = Window(0, 0, *file.shape)
+        is_small = whole.rows * whole.cols <= _LOOKED_AT
+        for block in file.blocks_in(whole if is_small else window):
+            file.read(anew, choice, block)
         raise
+
+
+_LOOKED_AT = 1 << 26  # pixels
 
 
 def read_skipping_bad_blocks(
@@ -162,13 +171,15 @@ def _read_block_by_block(
     values = np.zeros((choice.planes, *shape), choice.dtype)
     valid = np.zeros(shape, bool)
     bad = []
+    anew = OpenFiles()  # what a file that failed reads afterwards may depend on the failure
     for block in file.blocks_in(window):
         here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:
             continue
         try:
-            pixels, known = file.read(handles, choice, block)
+            pixels, known = file.read(anew, choice, block)
         except RasterReadError:
+            anew = OpenFiles()
             bad.append((BadBlock(file.path, block.row, block.col, block.rows, block.cols), here))
             continue
         sampled = np.ix_(rows[here[0]] - block.row, cols[here[1]] - block.col)

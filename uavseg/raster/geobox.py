@@ -1,5 +1,6 @@
 """Georeferenced grid: a shape, an affine transform and a coordinate reference system (CRS)."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +30,11 @@ class GeoBox:
     crs : rasterio.crs.CRS or None
         None if coordinates are local.
 
+    Raises
+    ------
+    RasterError
+        If the transform is not finite, or does not tell the pixels apart.
+
     Examples
     --------
     >>> box = GeoBox((100, 200), Affine(2.0, 0.0, 5000.0, 0.0, -2.0, 9000.0), None)
@@ -41,6 +47,9 @@ class GeoBox:
     shape: tuple[int, int]
     transform: Affine
     crs: CRS | None
+
+    def __post_init__(self) -> None:
+        check_transform(self.transform, self.shape)
 
     @property
     def wkt(self) -> str | None:
@@ -91,6 +100,35 @@ class GeoBox:
         """The grid of cells of `side` x `side` pixels; the last cells may extend past the edge."""
         rows, cols = (-(-length // side) for length in self.shape)
         return replace(self, shape=(rows, cols), transform=scaled(self.transform, side, side))
+
+
+def check_transform(transform: Affine, shape: tuple[int, int]) -> None:
+    """Check that a transform gives every pixel of a raster a place of its own.
+
+    Raises
+    ------
+    RasterError
+        If it does not: a number in it is not finite or too large, it makes the pixels lines, or they are
+        smaller than what coordinates as large as theirs can tell apart.
+    """
+    a, b, c, d, e, f = tuple(transform)[:6]
+    across, down = math.hypot(a, d), math.hypot(b, e)
+    largest = max(abs(c), abs(f), across * shape[1], down * shape[0])
+    wrong = ""
+    if not (all(map(math.isfinite, (a, b, c, d, e, f))) and largest <= _MAX_COORDINATE):
+        wrong = "is not finite, or too large"
+    elif not abs(a * e - b * d) > _MIN_SHEAR * across * down > 0:
+        wrong = "makes its pixels lines or points"
+    elif not min(across, down) > _MIN_PIXEL * max(largest, _MIN_PIXEL):
+        wrong = "has pixels too small for its coordinates to tell them apart"
+    if wrong:
+        numbers = ", ".join(f"{number:g}" for number in (c, a, b, f, d, e))
+        raise RasterError(f"the geotransform ({numbers}) {wrong}; correct it, for instance with gdal_edit.py")
+
+
+_MAX_COORDINATE = 1e15
+_MIN_SHEAR = 1e-9  # sine of the angle between rows and columns
+_MIN_PIXEL = 1e-13  # of the largest coordinate: 2^-53 is what float64 tells apart
 
 
 def shifted(transform: Affine, row: float, col: float) -> Affine:

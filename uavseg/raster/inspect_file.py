@@ -15,11 +15,13 @@ from rasterio.io import DatasetReader
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.plain_text import cause_of
 from uavseg.raster.bands import BandLayout
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, quiet_open
+from uavseg.raster.geobox import check_transform
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, open_noting_place
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
 
+_ZEROS = (0.0,) * 6  # the geotransform that some drivers give where there is none
 _BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 
 
@@ -35,13 +37,15 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
     """
     name = os.fspath(path)
     try:
-        with gdal_env(), quiet_open(name) as source:
-            return _metadata(name, source)
+        with gdal_env():
+            source, placed = open_noting_place(name)
+            with source:
+                return _metadata(name, source, placed)
     except GDAL_ERRORS as error:
         raise RasterReadError(open_error_text(name, error)) from error
 
 
-def _metadata(path: str, source: DatasetReader) -> RasterFile:
+def _metadata(path: str, source: DatasetReader, placed: bool) -> RasterFile:
     warnings: list[str] = []
     crs = _crs(source, warnings)
     if crs is not None:
@@ -51,7 +55,7 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
         raise RasterError(f"{path} has no bands{_subdatasets(source)}")
     structure = _retry(lambda: source.tags(ns="IMAGE_STRUCTURE"))
     inverted = structure.get("MINISWHITE") == "YES"
-    transform = _transform(path, source)
+    transform = _transform(path, source, placed)
     if transform is None:
         crs = None
         warnings.append("it has no place on the map (no geotransform): coordinates are pixels")
@@ -134,11 +138,14 @@ def _masks(source: DatasetReader) -> str:
     return "band" if any(not band for band in names) else ""
 
 
-def _transform(path: str, source: DatasetReader) -> Affine | None:
+def _transform(path: str, source: DatasetReader, placed: bool) -> Affine | None:
     """The geotransform, or None."""
     transform = source.transform
-    missing = transform.is_identity or not abs(transform.determinant) > 1e-200  # some drivers leave it zero
-    if not missing:
+    if placed and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
+        try:
+            check_transform(transform, source.shape)
+        except RasterError as error:
+            raise RasterError(f"{path}: {error}") from error
         return transform
     warped = f"{Path(path).stem}.warped.tif"
     if source.gcps[0]:

@@ -95,6 +95,17 @@ def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any
         return rasterio.open(path, mode, **how)
 
 
+def open_noting_place(path: str | os.PathLike[str]) -> tuple[DatasetReader, bool]:
+    """Open a raster, and tell whether GDAL finds a geotransform, control points or RPCs in it."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        source = rasterio.open(path)
+    others = [found for found in caught if not issubclass(found.category, NotGeoreferencedWarning)]
+    for found in others:
+        warnings.warn_explicit(found.message, found.category, found.filename, found.lineno)
+    return source, len(others) == len(caught)
+
+
 @contextmanager
 def gdal_read_errors(path: str, window: Window) -> Iterator[None]:
     """GDAL's messages captured; its errors on reading a window as RasterReadError."""

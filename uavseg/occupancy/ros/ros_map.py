@@ -16,7 +16,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.atomic import atomic_file, check_target
-from uavseg.errors import MapError, RasterReadError
+from uavseg.errors import MapError, RasterError, RasterReadError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_yaml import ROS_MODES, RosCells, read_ros_yaml, ros_yaml_text
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
@@ -71,7 +71,11 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     described = read_ros_yaml(path)
     grey, opaque = _read_image(described.image, os.fspath(path))
     transform = _transform(described.origin, described.resolution, grey.shape[0])
-    return RosMap(described.rules.cells(grey, opaque), GeoBox(grey.shape, transform, None))
+    try:
+        geobox = GeoBox(grey.shape, transform, None)
+    except RasterError as error:
+        raise MapError(f"{os.fspath(path)}: {error}") from error
+    return RosMap(described.rules.cells(grey, opaque), geobox)
 
 
 def check_ros_map(

@@ -18,6 +18,7 @@ RosCells = NDArray[np.int8]
 UNKNOWN_CELL = -1
 ROS_MODES = ("trinary", "scale", "raw")
 
+_MAX_THRESHOLD = 1e6
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
 
@@ -47,8 +48,9 @@ class CellRules:
     def __post_init__(self) -> None:
         if self.mode not in ROS_MODES:
             raise MapError(f"mode is trinary, scale or raw, not {shown(self.mode)}")
-        if not (math.isfinite(self.occupied) and math.isfinite(self.free)):
-            raise MapError(f"thresholds are finite, not {self.occupied:g} and {self.free:g}")
+        if not (abs(self.occupied) <= _MAX_THRESHOLD and abs(self.free) <= _MAX_THRESHOLD):
+            given = f"{self.occupied:g} and {self.free:g}"
+            raise MapError(f"thresholds are finite and at most {_MAX_THRESHOLD:g}, not {given}")
         if self.free >= self.occupied:
             raise MapError(
                 f"free_thresh ({self.free:g}) lies below occupied_thresh ({self.occupied:g}), "

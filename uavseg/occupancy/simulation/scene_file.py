@@ -25,7 +25,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from uavseg.errors import SceneError
+from uavseg.errors import RasterError, SceneError
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
@@ -112,7 +112,11 @@ def _cells(content: Any) -> GeoBox:
         raise SceneError(
             f"a map of {rows} x {cols} cells is too large; at most {_MAX_SCENE_CELLS} can be simulated"
         )
-    return local_geobox((rows, cols), cell, _pair("map origin", found.get("origin", [0, 0])))
+    origin = _pair("map origin", found.get("origin", [0, 0]))
+    try:
+        return local_geobox((rows, cols), cell, origin)
+    except RasterError as error:
+        raise SceneError(f"map: {error}") from error
 
 
 def _pose(name: str, content: Any) -> Pose:

@@ -190,7 +190,8 @@ def _repair(polygon: Any, what: str) -> Any:
     """A valid polygon for one that touches itself; one that crosses itself is refused."""
     valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
     change = abs(_shoelace_area(polygon) - valid.area)
-    if valid.geom_type not in {"Polygon", "MultiPolygon"} or change > REPAIR_TOLERANCE * valid.area:
+    is_area = valid.geom_type in {"Polygon", "MultiPolygon"} and not valid.is_empty
+    if not is_area or change > REPAIR_TOLERANCE * valid.area:
         raise RegionError(
             f"{what} is not a valid polygon ({shapely.is_valid_reason(polygon)}); repair it first"
         )

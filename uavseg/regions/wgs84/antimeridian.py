@@ -13,12 +13,16 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import densify_rings, unwrap_lon
 from uavseg.regions.shapes import RaggedPolygons
 
 Floats = NDArray[np.float64]
 
 _AT_POLE = 90 - 1e-9
+
+
+PAST_EDGE = "a region reaches past the edge of its projection; write a .gpkg instead"
 
 
 def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool) -> Any:
@@ -87,7 +91,10 @@ def _close_at_pole(ring: Floats) -> Floats:
 def _cut_into_bands(polygon: Any) -> Any:
     west, _, east, _ = polygon.bounds
     bands = range(int(np.floor((west + 180) / 360)), int(np.ceil((east + 180) / 360)))
-    return shapely.union_all([_band_of(polygon, 360.0 * k) for k in bands])
+    try:
+        return shapely.union_all([_band_of(polygon, 360.0 * k) for k in bands])
+    except shapely.errors.GEOSException as error:  # far outside of a projection, outlines cross themselves
+        raise OutputError(PAST_EDGE) from error
 
 
 def _band_of(polygon: Any, centre: float) -> Any:
