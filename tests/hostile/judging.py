@@ -109,7 +109,7 @@ def _judge_text(err: str, code: int) -> list[Finding]:
             found.append(Finding("LONGMSG", _digest(line), f"{len(line)}: {line[:300]}"))
         if _RAW.search(line):
             found.append(Finding("RAWMSG", _digest(line), line[:400]))
-        if "/hostile." in line or re.search(r"/\.[\w.]+\.[a-z0-9_]{8}/", line):
+        if re.search(r"/\.[\w.]+\.[a-z0-9_]{8}/", line):
             found.append(Finding("TMPPATH", _digest(line), line[:400]))
     return found
 

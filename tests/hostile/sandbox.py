@@ -18,6 +18,7 @@ import traceback
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from tests.hostile.case import Case
@@ -108,7 +109,7 @@ class Sandbox:
 
             call = case.call
             return [self._run(lambda: perform(call), case)]
-        return [self._run(lambda: _command(command), case) for command in case.commands]
+        return [self._run(partial(_command, command), case) for command in case.commands]
 
     def _run(self, body: Callable[[], None], case: Case) -> Outcome:
         before, beyond = _digests(self.inside), _digests(self.outside)
@@ -197,9 +198,11 @@ def _watch(folder: Path) -> int | None:
 
 
 def _resident(pid: int) -> int:
+    """Memory of a process in bytes, files aside."""
     try:
-        return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * resource.getpagesize()
-    except (OSError, IndexError):
+        _, resident, shared, *_ = map(int, Path(f"/proc/{pid}/statm").read_text().split())
+        return (resident - shared) * resource.getpagesize()
+    except (OSError, ValueError):
         return 0
 
 

@@ -46,6 +46,15 @@ class _Group(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
 
+    def main(self, *args: Any, **options: Any) -> Any:
+        """As click's; errors of the standard output too, such as of --help, are one line."""
+        try:
+            return super().main(*args, **options)
+        except OSError as error:
+            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123 - open until the end
+            click.echo(f"uavseg: error: {_system_error(error)}", err=True)
+            sys.exit(1)
+
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Options of the group itself."""
         try:
@@ -68,6 +77,9 @@ class _Group(click.Group):
             ctx.exit(1)
         except OSError as error:
             click.echo(f"uavseg: error: {_system_error(error)}", err=True)
+            ctx.exit(1)
+        except ImportError as error:
+            click.echo(f"uavseg: error: {_import_error(error)}", err=True)
             ctx.exit(1)
         except MemoryError:
             click.echo(
@@ -94,6 +106,12 @@ def _system_error(error: OSError) -> str:
 
     named = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
     return one_line(f"{named}{cause_of(error)}")
+
+
+def _import_error(error: ImportError) -> str:
+    from uavseg.plain_text import cause_of
+
+    return f"a library cannot be loaded ({cause_of(error)}): too little memory, or it is not installed whole"
 
 
 def _report_kernels() -> None:

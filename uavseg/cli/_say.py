@@ -90,6 +90,7 @@ def library_messages() -> Iterator[None]:
 
     handler = logging.Handler(logging.WARNING)
     handler.emit = lambda record: tell(record.getMessage())  # type: ignore[method-assign]
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # without a home it tells where its cache is
     os.environ.setdefault("PROJ_DEBUG", "0")  # PROJ writes its errors to stderr and reports them as well
     before = warnings.showwarning, logging.lastResort, sys.unraisablehook, sys.excepthook
     warnings.showwarning, logging.lastResort, sys.unraisablehook = showwarning, handler, unraisable

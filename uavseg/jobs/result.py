@@ -99,8 +99,10 @@ class Drawing:
 
     def __post_init__(self) -> None:
         for metres, what in ((self.smooth_m, "smoothed"), (self.simplify_m, "simplified")):
-            if metres is not None and not 0 <= metres <= _MAX_METRES:
-                raise ParameterError(f"outlines are {what} by 0 to {_MAX_METRES:g} metres, not {metres:g}")
+            if metres is not None and not 0 <= metres < float("inf"):
+                raise ParameterError(f"outlines are {what} by metres that are not negative, not {metres:g}")
+            if metres is not None and metres > _MAX_METRES:
+                raise ParameterError(f"outlines are {what} by {_MAX_METRES:g} m at most, not {metres:g}")
 
     def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> Regions:
         """The regions with their outlines smoothed and simplified.

@@ -135,6 +135,7 @@ class Dataset:
         """Rows and columns of one block of the first file."""
         return self.mosaic.files[0].block
 
+    @checked
     def windows(self, tile: int | None = None) -> list[Window]:
         """The tiles in reading order: squares of this side in pixels, or a size that suits the files.
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
 from uavseg.arguments import checked
-from uavseg.errors import MapError, RasterError
+from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.tiling import Window
 
@@ -69,8 +69,11 @@ class GeoBox:
         x, y : float64 arrays of that shape
         """
         rows, cols = np.asarray(row, np.float64), np.asarray(col, np.float64)
+        if rows.shape != cols.shape and rows.ndim and cols.ndim:
+            raise ParameterError(f"row and col have one shape, not {rows.shape} and {cols.shape}")
         t = self.transform
-        return t.a * cols + t.b * rows + t.c, t.d * cols + t.e * rows + t.f
+        with np.errstate(over="ignore", invalid="ignore"):  # of positions far away, or infinite
+            return t.a * cols + t.b * rows + t.c, t.d * cols + t.e * rows + t.f
 
     @checked
     def lonlat_from_xy(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
@@ -98,6 +101,8 @@ class GeoBox:
     @checked
     def coarsen(self, side: int) -> "GeoBox":
         """The grid of cells of `side` x `side` pixels; the last cells may extend past the edge."""
+        if side < 1:
+            raise ParameterError(f"the side of a cell is at least 1 pixel, not {side}")
         rows, cols = (-(-length // side) for length in self.shape)
         return replace(self, shape=(rows, cols), transform=scaled(self.transform, side, side))
 
