@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict
+from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from random import Random
@@ -80,8 +81,7 @@ def run(
     """
     start, count, found = time.monotonic(), Counter[str](), Found()
     batches = [(first, min(first + BATCH, cases)) for first in range(0, cases, BATCH)]
-    how = {"initializer": seeds.use, "initargs": (seeds.everything(),)}
-    with ProcessPoolExecutor(processes, get_context("spawn"), max_tasks_per_child=20, **how) as pool:
+    with started(processes, max_tasks_per_child=20) as pool:
         waiting = {pool.submit(_batch, *batch, seed, kinds, start + seconds) for batch in batches}
         for done in as_completed(waiting):
             counted, findings = done.result()
@@ -91,6 +91,22 @@ def run(
                 times, first, kept = found.get(key, (0, name, finding))
                 found[key] = (times + 1, min(first, name), kept)
     return count, found
+
+
+def started(processes: int = 1, **how: int) -> ProcessPoolExecutor:
+    """Processes from which cases are forked: fresh ones, without threads, which do not survive a fork."""
+    drawn = {"initializer": seeds.use, "initargs": (seeds.everything(),)}
+    return ProcessPoolExecutor(processes, get_context("spawn"), **drawn, **how)
+
+
+def judged(case: Case) -> list[Finding]:
+    """Findings of one case, run from this process, which is one of those that `started` gives."""
+    prepare()
+    sandbox = Sandbox()
+    try:
+        return judge(case, sandbox.run(case))
+    finally:
+        sandbox.close()
 
 
 def _batch(
@@ -112,6 +128,7 @@ def _batch(
     return count, found
 
 
+@cache
 def prepare() -> None:
     """Import what cases need, once; forked processes have it then."""
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"

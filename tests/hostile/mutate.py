@@ -1,5 +1,6 @@
 """Mutators of content: by byte, by tag of a TIFF, by value of a JSON document, by word of a text."""
 
+import copy
 import json
 import re
 import struct
@@ -200,13 +201,13 @@ def json_mutated(content: bytes | str, rng: Random) -> bytes:
 def _json_changed(document: Any, rng: Random) -> Any:
     places = list(_places(document))
     if not places:
-        return rng.choice(VALUES)
+        return copy.deepcopy(rng.choice(VALUES))
     holder, key = rng.choice(places)
     kind = rng.randrange(8)
     if kind == 0:
         del holder[key]
     elif kind == 1 and isinstance(holder, list):
-        holder.append(holder[key])
+        holder.append(copy.deepcopy(holder[key]))
     elif kind == 2:
         holder[key] = [holder[key]]
     elif kind == 3 and isinstance(holder[key], list) and holder[key]:
@@ -216,7 +217,7 @@ def _json_changed(document: Any, rng: Random) -> Any:
             (holder[key] * 1e9, -holder[key], holder[key] + 0.5, str(holder[key]), 10**5)
         )
     else:
-        holder[key] = rng.choice(VALUES)
+        holder[key] = copy.deepcopy(rng.choice(VALUES))
     return document
 
 

@@ -3,24 +3,21 @@
 import subprocess
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from tests.hostile import campaign
-from tests.hostile.judging import judge
 from tests.hostile.known_cases import FOLDER, known_cases
-from tests.hostile.sandbox import Sandbox
 
 CASES = known_cases() if FOLDER.is_dir() else {}
 
 
 @pytest.fixture(scope="module")
-def sandbox() -> Iterator[Sandbox]:
-    campaign.prepare()
-    sandbox = Sandbox()
-    yield sandbox
-    sandbox.close()
+def pool() -> Iterator[ProcessPoolExecutor]:
+    with campaign.started() as pool:
+        yield pool
 
 
 @pytest.mark.skipif(not CASES, reason="the folder of known cases, ../shared/hostile, does not exist")
@@ -34,6 +31,6 @@ def test_what_proj_says_of_a_reference_system_is_not_printed(tmp_path: Path) -> 
 
 @pytest.mark.skipif(not CASES, reason="the folder of known cases, ../shared/hostile, does not exist")
 @pytest.mark.parametrize("name", CASES)
-def test_a_known_case_ends_cleanly(name: str, sandbox: Sandbox) -> None:
+def test_a_known_case_ends_cleanly(name: str, pool: ProcessPoolExecutor) -> None:
     case = CASES[name]
-    assert judge(case, sandbox.run(case)) == []
+    assert pool.submit(campaign.judged, case).result() == []
