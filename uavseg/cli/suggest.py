@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from uavseg.cli._options import read_options, reading_options, segment_params, segmenting_options
 from uavseg.cli._run import Reporter, RunOptions, running_options
+from uavseg.cli._write import keep_inputs
 
 if TYPE_CHECKING:
     from uavseg.jobs.suggest import Suggestion, Suggestions
@@ -63,6 +64,7 @@ def command(**options: Any) -> None:
         from uavseg.plot.page import check_png_target
 
         check_png_target(output, run.overwrite)
+        keep_inputs([output], rasters)
     source = open_source(rasters, read)
     found = suggest(source, request, run.work())
     if output is not None:

@@ -111,7 +111,8 @@ def _write_tile(folder: str, geobox: GeoBox, part: LabelTile) -> Window | None:
     if not labels.any():
         return None
     place = Window(0, 0, window.rows, window.cols)
-    write_label_geotiff(Path(folder) / _tile_name(window), [(place, labels)], geobox.window(window))
+    path = Path(folder) / _tile_name(window)
+    write_label_geotiff(path, [(place, labels)], geobox.window(window), overwrite=True)  # a tile sent twice
     return window
 
 
