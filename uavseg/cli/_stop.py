@@ -1,4 +1,4 @@
-"""Signals that end the program: SIGTERM and SIGHUP unwind like Ctrl-C; the last line says what was written."""
+"""Signals that end the program: SIGTERM and SIGHUP unwind like Ctrl-C, and the last line is true."""
 
 from __future__ import annotations
 

@@ -103,8 +103,8 @@ class Transaction:
                     locks.enter_context(locked_folder(self._stages[key].home))
             with interrupts_held():
                 self._rename()
-        if self._sync:
-            note_written(*(str(part.target.given) for _, part in self._parts))
+                if self._sync:
+                    note_written(*(str(part.target.given) for _, part in self._parts))
 
     def close(self) -> None:
         """Remove the staging folders; one whose renames could not be undone stays."""
