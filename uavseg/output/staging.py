@@ -46,10 +46,17 @@ class Stage:
         try:
             for _ in range(_ATTEMPTS):
                 folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=home))
-                lock = _locked(folder)
-                if lock is not None:
+                try:
+                    lock, locked = _locked(folder)
+                except FileNotFoundError:
+                    continue  # another run has removed it
+                except OSError:
+                    folder.rmdir()
+                    raise
+                if locked is not False:
                     _open_stages.add(os.path.realpath(folder))
                     return cls(folder, home, lock)
+                os.close(lock)
         except OSError as error:
             raise OutputError(f"{home} cannot be written to: {error.strerror}") from error
         raise OutputError(f"{home} cannot be written to: another program removes what is made there")
@@ -90,8 +97,16 @@ def dead_stages(home: Path) -> list[Stage]:
     found = []
     for name in sorted(names):
         folder = home / name
-        if _is_own(folder) and (lock := _locked(folder)) is not None:
+        if not _is_own(folder):
+            continue
+        try:
+            lock, locked = _locked(folder)
+        except OSError:
+            continue  # its run has removed it, or a stranger made it
+        if locked:
             found.append(Stage(folder, home, lock))
+        else:
+            os.close(lock)
     return found
 
 
@@ -106,21 +121,23 @@ def _is_own(folder: Path) -> bool:
     return os.name == "nt" or (about.st_uid == os.geteuid() and not about.st_mode & 0o022)
 
 
-def _locked(folder: Path) -> int | None:
-    """Lock a staging folder; None if a living run holds it, if it is gone, or if nobody can tell.
+def _locked(folder: Path) -> tuple[int, bool | None]:
+    """Lock a staging folder.
 
     Another run may lock and remove a new folder before this one locks it, so the lock is of use only if its
     file is still there afterwards.
+
+    Returns
+    -------
+    lock : int
+        Descriptor of the file in it that is locked.
+    locked : bool or None
+        False if another run holds the lock or has removed the file; None if files cannot be locked there.
     """
     name = folder / _LOCK
-    try:
-        lock = os.open(name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
-    except OSError:
-        return None
-    if try_lock(lock) and _is_same(lock, name):
-        return lock
-    os.close(lock)
-    return None
+    lock = os.open(name, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+    locked = try_lock(lock)
+    return lock, locked and _is_same(lock, name)
 
 
 def _is_same(descriptor: int, name: Path) -> bool:
