@@ -234,6 +234,49 @@ def test_an_interrupted_run_leaves_nothing_but_what_is_kept(threads: int, extra:
     assert list(Path().rglob(".*")) == []  # no temporary folder of a file either
 
 
+@pytest.mark.parametrize(
+    ("by", "word"), [(signal.SIGTERM, "terminated"), (getattr(signal, "SIGHUP", None), "hung up")]
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows ends a program without asking it")
+def test_a_terminated_run_cleans_up_like_an_interrupted_one(by: signal.Signals, word: str) -> None:
+    how = (*EXTRACT, *FINE, "-o", "out.gpkg", "--labels", "labels.tif", "--threads", 2)
+    assert stopped(30, by, *how) == (128 + by, f"uavseg: {word}; nothing was written\n")
+    assert files() == {"a.tif"}
+
+
+IGNORING = """
+import os, signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_IGN)
+from uavseg.cli import _run, main
+_run.Reporter.begin = lambda *_: os.kill(os.getpid(), signal.SIGHUP)
+main(prog_name="uavseg")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGHUP")
+def test_a_signal_that_is_ignored_as_by_nohup_stays_ignored() -> None:
+    with program(*EXTRACT, "-q", "-o", "out.fgb", script=IGNORING) as process:
+        assert process.wait(PATIENCE_S) == 0
+    assert files() == {"a.tif", "out.fgb"}
+
+
+def test_nothing_goes_to_stdout_where_labels_cannot_be_written() -> None:
+    done(*EXTRACT, "-q", "-o", "whole.fgb", "--labels", "whole.tif")
+    size = Path("whole.tif").stat().st_size - 1
+    before = files()
+    command = [*map(str, EXTRACT), "-q", "-o", "-", "--labels", "labels.tif"]
+    resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
+    ran = subprocess.run(
+        [sys.executable, "-m", "uavseg", *command],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)),
+    )
+    assert ran.returncode == 1 and ran.stdout == ""
+    assert files() == before
+
+
 # Out of disk
 
 
