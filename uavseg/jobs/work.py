@@ -11,7 +11,7 @@ from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_bl
 from uavseg.raster.tiling import TilePass, Window
 
 if TYPE_CHECKING:
-    from uavseg.jobs.open_source import Pixels
+    from uavseg.jobs.source import Pixels
 
 Result = TypeVar("Result")
 
@@ -66,7 +66,7 @@ class Work:
         """
         if self.checkpoint is not None:
             source.check_resumable()
-        tile_pass = TilePass.over(source.dataset, self.tile, self.map, self.progress)
+        tile_pass = TilePass(source.dataset.windows(self.tile), self.map, self.progress)
         if self.started is not None:
             self.started(tile_pass.windows)
         return tile_pass
