@@ -83,9 +83,9 @@ def atomic_file(path: str | os.PathLike[str], overwrite: bool = False, sync: boo
 
 
 def _checked(path: str | os.PathLike[str], overwrite: bool) -> Target:
-    home = Path(os.path.realpath(path)).parent if Path(path).is_symlink() else Path(path).parent
-    left = recover(home)
-    for file in (Path(path), *sidecars(Path(path))):
+    real = Path(os.path.realpath(path) if Path(path).is_symlink() else path)
+    left = recover(real.parent)
+    for file in (real, *sidecars(real)):
         if file.name in left:
             raise OutputError(left[file.name])
     return find_target(path, overwrite)

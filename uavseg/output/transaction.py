@@ -80,6 +80,11 @@ class Transaction:
         self._parts.append((self._stages[key], part))
         return part.folder / target.path.name
 
+    @property
+    def names(self) -> str:
+        """Its targets, for messages."""
+        return ", ".join(str(part.target.given) for _, part in self._parts)
+
     def drop(self, path: Path) -> None:
         """Leave out a target whose main file was to be made at a path."""
         self._parts = [(stage, part) for stage, part in self._parts if part.folder != path.parent]
@@ -187,7 +192,7 @@ def transaction() -> Iterator[None]:
     token = _current.set(files)
     try:
         yield
-        with output_errors("the outputs"):
+        with output_errors(files.names):
             files.commit()
     finally:
         _current.reset(token)
@@ -208,8 +213,7 @@ def output_errors(name: str) -> Iterator[None]:
         raise
     except FileExistsError as error:
         raise OutputExistsError(
-            f"{error.filename2 or error.filename} was made by another program in the meantime; "
-            "give --overwrite (overwrite=True) to replace it"
+            f"{error.filename2 or error.filename} was made by another program in the meantime; try again"
         ) from error
     except OSError as error:
         raise OutputError(f"{name} cannot be written: {error.strerror or error}") from error
