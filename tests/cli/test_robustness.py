@@ -331,6 +331,22 @@ def test_so_it_is_for_standard_output() -> None:
     assert_told((result.returncode, result.stderr))
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("suggest", "a.tif", "-o", "a.png"),
+        (*EXTRACT, "-o", "-", "--labels", "labels.tif"),
+        (*EXTRACT, "-o", "-", "--mission", "fly.plan", "--altitude", 60, "--home", "auto"),
+    ],
+)
+def test_no_file_appears_where_standard_output_cannot_be_written(words: tuple[object, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "uavseg", *map(str, words)]
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert result.returncode != 0 and files() == {"a.tif"}
+
+
 # Damaged in places
 
 BAD = [(1, 2), (4, 4), (9, 0)]
