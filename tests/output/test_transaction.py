@@ -100,6 +100,26 @@ def test_outputs_in_several_folders_are_all_undone(
     assert contents(tmp_path) == before
 
 
+def test_journals_are_removed_where_one_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[Path] = []
+
+    def failing(file: Path) -> None:
+        if file.name == "journal.new":
+            written.append(file)
+            if len(written) == 2:
+                raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("uavseg.output.journal.sync_file", failing)
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+    with pytest.raises(OutputError, match="No space left on device"), transaction():
+        for folder in ("one", "two"):
+            write(tmp_path / folder / "a.tif")
+    assert len(written) == 2 and contents(tmp_path) == {"one/": "", "two/": ""}
+
+
 def test_a_file_system_without_hard_links_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As FAT, on which drones keep their pictures."""
 

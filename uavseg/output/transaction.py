@@ -127,9 +127,9 @@ class Transaction:
         if len(journals) == 1 and _is_single(journals[0][1]):
             self._rename_single(*journals[0])
             return
-        for stage, journal in journals:
-            journal.write(stage.folder)
         try:
+            for stage, journal in journals:
+                journal.write(stage.folder)
             for stage, journal in journals:
                 rename_all(stage, journal)
             for stage, _ in journals:
