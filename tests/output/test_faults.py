@@ -176,7 +176,9 @@ def assert_changes(runs: Runs) -> None:
     assert not [name for name in STALE if name in runs.after]
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    ("name", "older"), [*((name, True) for name in COMMANDS), ("shp", False), ("vrt", False)]
+)
 def test_a_run_that_is_killed_at_any_call(name: str, inputs: Path, work: Path, older: bool) -> None:
     found = runs(name, "SIGKILL", inputs, work, older)
     assert_changes(found)
