@@ -87,7 +87,8 @@ FOUNDATION = {"plain_text", "units", "_version", "_lazy_pandas"}
 LEVELS = (
     FOUNDATION,
     {"errors"},
-    {"arguments", "atomic", "_jit"},
+    {"arguments", "output", "_jit"},
+    {"atomic"},
     {"execution"},
     {"raster"},
     {"segmentation"},

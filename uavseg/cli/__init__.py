@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 
+from uavseg.cli._stop import exit_code, last_line, stopping_cleanly
 from uavseg.errors import UavsegError
 
 _COMMANDS = {
@@ -27,7 +28,6 @@ _COMMANDS = {
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",
 }
-_INTERRUPTED = 130
 
 
 class _Group(click.Group):
@@ -64,33 +64,35 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
-        from uavseg.cli._say import library_messages
+        from uavseg.cli._say import library_messages, say
+        from uavseg.output.written import recording_written
 
-        try:
-            _report_kernels()
-            with library_messages():
-                return super().invoke(ctx)
-        except click.UsageError as error:
-            raise _clean(error) from None
-        except UavsegError as error:
-            click.echo(f"uavseg: error: {error}", err=True)
-            ctx.exit(1)
-        except OSError as error:
-            click.echo(f"uavseg: error: {_system_error(error)}", err=True)
-            ctx.exit(1)
-        except ImportError as error:
-            click.echo(f"uavseg: error: {_import_error(error)}", err=True)
-            ctx.exit(1)
-        except MemoryError:
-            click.echo(
-                "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less",
-                err=True,
-            )
-            ctx.exit(1)
-        except KeyboardInterrupt as error:
-            traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
-            click.echo("uavseg: interrupted; nothing was written", err=True)
-            ctx.exit(_INTERRUPTED)
+        with stopping_cleanly(), recording_written() as written:
+            try:
+                _report_kernels()
+                with library_messages():
+                    return super().invoke(ctx)
+            except click.UsageError as error:
+                raise _clean(error) from None
+            except UavsegError as error:
+                click.echo(f"uavseg: error: {error}", err=True)
+                ctx.exit(1)
+            except OSError as error:
+                click.echo(f"uavseg: error: {_system_error(error)}", err=True)
+                ctx.exit(1)
+            except ImportError as error:
+                click.echo(f"uavseg: error: {_import_error(error)}", err=True)
+                ctx.exit(1)
+            except MemoryError:
+                click.echo(
+                    "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less",
+                    err=True,
+                )
+                ctx.exit(1)
+            except KeyboardInterrupt as error:
+                traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
+                say(last_line(error, written))
+                ctx.exit(exit_code(error))
 
 
 def _clean(error: click.UsageError) -> click.UsageError:
