@@ -16,7 +16,7 @@ class UavsegError(Exception):
         Control characters in it are escaped, and the middle of a long one is left out.
     """
 
-    def __init__(self, message: str) -> None:
+    def __init__(self, message: str = "") -> None:
         super().__init__(one_line(message))
 
 
