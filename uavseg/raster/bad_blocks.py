@@ -117,11 +117,10 @@ def read_naming_bad_block(
     try:
         return file.read(handles, choice, window, shape)
     except RasterReadError:
-        anew = OpenFiles()  # what a file that failed reads afterwards may depend on the failure
         whole = Window(0, 0, *file.shape)
         is_small = whole.rows * whole.cols <= _LOOKED_AT
         for block in file.blocks_in(whole if is_small else window):
-            file.read(anew, choice, block)
+            file.read(handles, choice, block)
         raise
 
 
@@ -171,15 +170,13 @@ def _read_block_by_block(
     values = np.zeros((choice.planes, *shape), choice.dtype)
     valid = np.zeros(shape, bool)
     bad = []
-    anew = OpenFiles()  # what a file that failed reads afterwards may depend on the failure
     for block in file.blocks_in(window):
         here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:
             continue
         try:
-            pixels, known = file.read(anew, choice, block)
+            pixels, known = file.read(handles, choice, block)
         except RasterReadError:
-            anew = OpenFiles()
             bad.append((BadBlock(file.path, block.row, block.col, block.rows, block.cols), here))
             continue
         sampled = np.ix_(rows[here[0]] - block.row, cols[here[1]] - block.col)

@@ -53,6 +53,12 @@ class OpenFiles:
         files.move_to_end(path)
         return files[path]
 
+    def close(self, path: str) -> None:
+        """Close a file, if this thread has it open; it is opened anew when it is needed."""
+        files: OrderedDict[str, DatasetReader] = self._local.__dict__.get("files", OrderedDict())
+        if path in files:
+            files.pop(path).close()
+
 
 @contextmanager
 def gdal_env() -> Iterator[None]:

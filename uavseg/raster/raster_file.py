@@ -121,8 +121,12 @@ class RasterFile:
         with gdal_read_errors(self.path, window):
             source = handles.open(self.path, self.located)
             options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
-            values, alpha = self._read_bands(source, choice, options)
-            mask = self._read_mask(source, choice, options)
+            try:
+                values, alpha = self._read_bands(source, choice, options)
+                mask = self._read_mask(source, choice, options)
+            except GDAL_ERRORS:
+                handles.close(self.path)  # a block that failed once is read as 0 the next time
+                raise
         valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, mask)
         return self._decode(values, valid, choice)
 
