@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from affine import Affine
 from rasterio.crs import CRS
-from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterReadError
+from uavseg.raster.access.limits import is_stored
 from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
 from uavseg.raster.opening import (
     GDAL_ERRORS,
@@ -50,6 +50,8 @@ class RasterFile:
         Whether large values are dark.
     palette : tuple of (red, green, blue, alpha), or None
     driver : str
+    online : bool
+        Whether reading it may make requests.
     overviews : tuple of int
         Downsampling factors of the overviews in the file.
     warnings : tuple of str
@@ -67,6 +69,7 @@ class RasterFile:
     white_is_zero: bool
     palette: tuple[tuple[int, int, int, int], ...] | None
     driver: str
+    online: bool
     overviews: tuple[int, ...]
     warnings: tuple[str, ...]
 
@@ -94,7 +97,7 @@ class RasterFile:
 
     def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
         """Content hash input: the state of each file that it consists of, and the nodata values."""
-        return file_states(self.path), self.nodatas
+        return file_states(self.path, self.driver, self.online), self.nodatas
 
     def blocks_in(self, window: Window) -> Iterator[Window]:
         """The blocks of the file that intersect a window, row by row, clipped to the raster."""
@@ -118,8 +121,11 @@ class RasterFile:
         RasterReadError
             If the file cannot be read inside the window.
         """
-        with gdal_read_errors(self.path, window):
-            source = handles.open(self.path, self.located)
+        with gdal_read_errors(self.path, window, self.online):
+            source = handles.open(self.path, self.located, self.driver)
+            filled = self._fill_values(source, choice, window)
+            if filled is not None:
+                return self._constant(filled, choice, shape or (window.rows, window.cols))
             options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
             values, alpha = self._read_bands(source, choice, options)
             mask = self._read_mask(source, choice, options)
@@ -133,13 +139,61 @@ class RasterFile:
         """
         if self.driver != "GTiff":
             return False
-        with gdal_read_errors(self.path, window):
-            source = handles.open(self.path, self.located)
-            filled = [source.nodatavals[band - 1] for band in choice.bands]  # the value of missing blocks
-            if None in filled or filled != [self.nodatas[band - 1] for band in choice.bands]:
+        with gdal_read_errors(self.path, window, self.online):
+            source = handles.open(self.path, self.located, self.driver)
+            filled = self._fill_values(source, choice, window)
+            if filled is None:
                 return False
-            blocks = ((band, i, j) for i, j in self._block_indices(window) for band in choice.bands)
-            return not any(_is_stored(source, *block) for block in blocks)
+            known = [self.nodatas[band - 1] for band in choice.bands]
+            return None not in known and known == [source.nodatavals[band - 1] for band in choice.bands]
+
+    def _fill_values(
+        self, source: DatasetReader, choice: BandChoice, window: Window
+    ) -> dict[int, float] | None:
+        """The value of every pixel in the window by band, where a sparse file stores no block of it.
+
+        GDAL gives the pixels of missing blocks the nodata value, or 0.
+        """
+        if self.driver != "GTiff" or self.masks:
+            return None
+        bands = [*choice.bands] if self.layout.alpha is None else [*choice.bands, self.layout.alpha]
+        found = {band: source.nodatavals[band - 1] or 0.0 for band in bands}
+        for band, value in found.items():
+            dtype = np.dtype(self.layout.dtypes[band - 1])
+            if dtype.kind in "iu" and not (value == int(value) and np.can_cast(np.min_scalar_type(int(value)), dtype)):
+                return None
+        blocks = ((band, i, j) for i, j in self._stored_indices(window) for band in bands)
+        return None if any(is_stored(source, *block) for block in blocks) else found
+
+    def _constant(
+        self, filled: dict[int, float], choice: BandChoice, shape: tuple[int, int]
+    ) -> tuple[Values, Valid | None]:
+        """Pixels of missing blocks, as `read` returns them."""
+        planes = {
+            band: np.full(shape, value, self.layout.dtypes[band - 1]) for band, value in filled.items()
+        }
+        values = np.stack([planes[band] for band in choice.bands])
+        alpha = None if self.layout.alpha is None else planes[self.layout.alpha]
+        valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, None)
+        return self._decode(values, valid, choice)
+
+    def _stored_indices(self, window: Window) -> Iterator[tuple[int, int]]:
+        """The blocks in a window that may be stored: the index of a small file has room for the first only."""
+        across = -(-self.shape[1] // self.block[1])
+        room = self._index_room
+        for i, j in self._block_indices(window):
+            if i * across >= room:
+                return
+            if i * across + j < room:
+                yield i, j
+
+    @property
+    def _index_room(self) -> int:
+        """How many blocks a TIFF of this size can list, with 2 bytes of offset and 2 of length for each."""
+        try:
+            return Path(self.path).stat().st_size // 4
+        except (OSError, ValueError):
+            return 1 << 62
 
     def _block_indices(self, window: Window) -> Iterator[tuple[int, int]]:
         rows, cols = self.block
@@ -180,14 +234,7 @@ class RasterFile:
         return values.astype(choice.dtype, copy=False), valid
 
 
-def _is_stored(source: DatasetReader, band: int, i: int, j: int) -> bool:
-    try:
-        return bool(source.block_size(band, i, j))
-    except RasterBlockError:
-        return False
-
-
-def file_states(path: str) -> tuple[FileState, ...]:
+def file_states(path: str, driver: str | None = None, online: bool = False) -> tuple[FileState, ...]:
     """Path, size in bytes and modification time in ns of every file that a raster consists of.
 
     These are the file itself, its sidecar files (masks, overviews) and those that it refers to (a VRT). A
@@ -199,7 +246,7 @@ def file_states(path: str) -> tuple[FileState, ...]:
         If the raster cannot be opened.
     """
     try:
-        with gdal_env(), quiet_open(path) as source:
+        with gdal_env(online), quiet_open(path, driver=driver) as source:
             names = sorted({path, *source.files})
     except GDAL_ERRORS as error:
         raise RasterReadError(f"{path} cannot be opened as a raster ({root_cause(error)})") from error
