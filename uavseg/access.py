@@ -119,10 +119,11 @@ def current_policy() -> AccessPolicy:
     return _policy.get()
 
 
+Folders = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+
+
 @contextmanager
-def allowing(
-    allow_path: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (), allow_network: bool = False
-) -> Iterator[None]:
+def allowing(allow_path: Folders = (), allow_network: bool = False) -> Iterator[None]:
     """A block in which files may name others in these folders, and addresses if the network is allowed.
 
     Raises

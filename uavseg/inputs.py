@@ -72,7 +72,7 @@ def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, lim
             raise
         raise error(f"{name} cannot be read ({cause.strerror})") from cause
     if len(content) > limit:
-        raise error(f"{name} has more than {limit >> 20} MB, which is too large for a file of its kind")
+        raise error(f"{name} has more than {limit:,} bytes, which is too much for a file of its kind")
     return content
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
@@ -29,9 +32,9 @@ map_stretch_option = click.option(
 
 
 def reading_options(command: Command) -> Command:
-    """Give a command RASTER... and the options of `read_options`."""
+    """Give a command RASTER..., the options of `read_options` and those of `access_options`."""
     return _with_options(
-        command,
+        access_options(command),
         click.argument("rasters", metavar="RASTER...", nargs=-1, required=True),
         click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1."),
         click.option("--rgb", metavar="R,G,B", callback=_three, help="Use the luminance of these bands."),
@@ -49,6 +52,46 @@ def reading_options(command: Command) -> Command:
             help="Count blocks of a file that cannot be read as nodata, and list them at the end.",
         ),
     )
+
+
+def access_options(command: Command) -> Command:
+    """Give a command --allow-path and --allow-network, and run it under the access policy that they say."""
+
+    @wraps(command)
+    def run(*args: Any, allow_path: tuple[str, ...], allow_network: bool, **options: Any) -> Any:
+        from uavseg.access import allowing
+
+        with allowing(allow_path, allow_network), _proj_requests(allow_network):
+            return command(*args, **options)
+
+    return _with_options(
+        cast(Command, run),
+        click.option(
+            "--allow-path",
+            multiple=True,
+            type=click.Path(),
+            metavar="DIR",
+            help="The contents of files may name files in this folder, beside their own; may be repeated.",
+        ),
+        click.option(
+            "--allow-network", is_flag=True, help="The contents of files may name addresses to read from."
+        ),
+    )
+
+
+@contextmanager
+def _proj_requests(allowed: bool) -> Iterator[None]:
+    """A block in which PROJ fetches no grids, unless that is allowed and its user has asked for it."""
+    before = os.environ.get("PROJ_NETWORK")
+    if not allowed:
+        os.environ["PROJ_NETWORK"] = "OFF"
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop("PROJ_NETWORK", None)
+        else:
+            os.environ["PROJ_NETWORK"] = before
 
 
 def segmenting_options(command: Command, method: str = "adaptive") -> Command:

@@ -1,6 +1,6 @@
 """Raster file: its metadata as a value, and windowed reads of its pixels."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.access.limits import is_stored
 from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
 from uavseg.raster.opening import (
     GDAL_ERRORS,
@@ -23,6 +22,7 @@ from uavseg.raster.opening import (
     rasterio_window,
     root_cause,
 )
+from uavseg.raster.sparse import SparseBlocks
 from uavseg.raster.tiling import Window
 
 FileState = tuple[str, int, int]
@@ -102,8 +102,9 @@ class RasterFile:
     def blocks_in(self, window: Window) -> Iterator[Window]:
         """The blocks of the file that intersect a window, row by row, clipped to the raster."""
         rows, cols = self.block
-        for i, j in self._block_indices(window):
-            yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
+        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
+            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
+                yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
 
     def read(
         self,
@@ -123,11 +124,8 @@ class RasterFile:
         """
         with gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver)
-            filled = self._fill_values(source, choice, window)
-            if filled is not None:
-                return self._constant(filled, choice, shape or (window.rows, window.cols))
             options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
-            values, alpha = self._read_bands(source, choice, options)
+            values, alpha = self._read_bands(source, choice, window, options)
             mask = self._read_mask(source, choice, options)
         valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, mask)
         return self._decode(values, valid, choice)
@@ -141,77 +139,29 @@ class RasterFile:
             return False
         with gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver)
-            filled = self._fill_values(source, choice, window)
-            if filled is None:
-                return False
             known = [self.nodatas[band - 1] for band in choice.bands]
-            return None not in known and known == [source.nodatavals[band - 1] for band in choice.bands]
-
-    def _fill_values(
-        self, source: DatasetReader, choice: BandChoice, window: Window
-    ) -> dict[int, float] | None:
-        """The value of every pixel in the window by band, where a sparse file stores no block of it.
-
-        GDAL gives the pixels of missing blocks the nodata value, or 0.
-        """
-        if self.driver != "GTiff" or self.masks:
-            return None
-        bands = [*choice.bands] if self.layout.alpha is None else [*choice.bands, self.layout.alpha]
-        found = {band: source.nodatavals[band - 1] or 0.0 for band in bands}
-        for band, value in found.items():
-            dtype = np.dtype(self.layout.dtypes[band - 1])
-            if dtype.kind in "iu" and not (value == int(value) and np.can_cast(np.min_scalar_type(int(value)), dtype)):
-                return None
-        blocks = ((band, i, j) for i, j in self._stored_indices(window) for band in bands)
-        return None if any(is_stored(source, *block) for block in blocks) else found
-
-    def _constant(
-        self, filled: dict[int, float], choice: BandChoice, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None]:
-        """Pixels of missing blocks, as `read` returns them."""
-        planes = {
-            band: np.full(shape, value, self.layout.dtypes[band - 1]) for band, value in filled.items()
-        }
-        values = np.stack([planes[band] for band in choice.bands])
-        alpha = None if self.layout.alpha is None else planes[self.layout.alpha]
-        valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, None)
-        return self._decode(values, valid, choice)
-
-    def _stored_indices(self, window: Window) -> Iterator[tuple[int, int]]:
-        """The blocks in a window that may be stored: the index of a small file has room for the first only."""
-        across = -(-self.shape[1] // self.block[1])
-        room = self._index_room
-        for i, j in self._block_indices(window):
-            if i * across >= room:
-                return
-            if i * across + j < room:
-                yield i, j
-
-    @property
-    def _index_room(self) -> int:
-        """How many blocks a TIFF of this size can list, with 2 bytes of offset and 2 of length for each."""
-        try:
-            return Path(self.path).stat().st_size // 4
-        except (OSError, ValueError):
-            return 1 << 62
-
-    def _block_indices(self, window: Window) -> Iterator[tuple[int, int]]:
-        rows, cols = self.block
-        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
-            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
-                yield i, j
+            if None in known or known != [source.nodatavals[band - 1] for band in choice.bands]:
+                return False  # missing blocks have another value
+            return SparseBlocks(source, self.path, choice.bands).is_empty(window)
 
     def _read_bands(
-        self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]
+        self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]
     ) -> tuple[Values, Values | None]:
         """Values of the chosen bands, and those of the alpha band."""
-        bands, alpha = list(choice.bands), self.layout.alpha
+
+        def read(bands: Sequence[int]) -> Values:
+            sparse = None
+            if self.driver == "GTiff" and not self.masks:
+                sparse = SparseBlocks(source, self.path, bands).read(window, options["out_shape"])
+            return source.read(list(bands), **options) if sparse is None else sparse
+
+        bands, alpha = choice.bands, self.layout.alpha
         if alpha is None:
-            return source.read(bands, **options), None
+            return read(bands), None
         if self.layout.dtypes[alpha - 1] == self.layout.dtypes[bands[0] - 1]:
-            pixels = source.read([*bands, alpha], **options)
+            pixels = read([*bands, alpha])
             return pixels[:-1], pixels[-1]
-        return source.read(bands, **options), source.read(alpha, **options)
+        return read(bands), read([alpha])[0]
 
     def _read_mask(self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]) -> Valid | None:
         if not self.masks:

@@ -11,6 +11,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial, split_progress
 from uavseg.units import BLOCK, CELL
 
+MAX_TILES = 10_000_000
 PANEL = 8192  # columns of a panel
 
 if TYPE_CHECKING:
@@ -70,6 +71,12 @@ def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     for length in (tile_rows, tile_cols):
         if length <= 0 or length % BLOCK:
             raise ParameterError(f"the side of a tile is a positive multiple of {BLOCK} pixels, not {length}")
+    count = -(-shape[0] // tile_rows) * -(-shape[1] // tile_cols)
+    if count > MAX_TILES:
+        raise ParameterError(
+            f"tiles of {tile_cols} x {tile_rows} pixels divide the raster into {count:,}, and at most "
+            f"{MAX_TILES:,} are worked through; choose larger ones (--tile)"
+        )
     return list(_windows(shape, tile_rows, tile_cols))
 
 
@@ -97,7 +104,8 @@ def in_panels(windows: list[Window]) -> list[Window]:
 def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int = 1 << 22) -> tuple[int, int]:
     """Rows and columns of a tile of about `pixels` pixels that suits the layout of a file.
 
-    Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole.
+    Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole, unless
+    64 rows are far more than so many pixels.
 
     Parameters
     ----------
@@ -105,7 +113,7 @@ def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int =
         Rows and columns of the raster, and of one block of the file.
     """
     in_strips = file_block[1] >= shape[1] and shape[1] > 2 * BLOCK
-    if in_strips:
+    if in_strips and BLOCK * shape[1] <= 4 * pixels:
         cols = whole_blocks(shape[1])
         return max(pixels // cols // BLOCK, 1) * BLOCK, cols
     side = max(int(pixels**0.5) // BLOCK, 1) * BLOCK

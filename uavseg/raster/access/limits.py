@@ -7,10 +7,10 @@ bounded by the size of the file: no compression in use makes more than about 100
 from pathlib import Path
 
 import numpy as np
-from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError
+from uavseg.raster.tiff_index import stored_blocks
 
 MAX_BANDS = 4096  # satellite images with most bands have a few hundred
 MAX_RATIO = 2000  # bytes of pixels for each byte of a compressed file
@@ -35,7 +35,7 @@ def check_limits(path: str, source: DatasetReader) -> None:
     rows, cols = source.block_shapes[0]
     interleaved = source.count if source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL" else 1
     size = rows * cols * np.dtype(source.dtypes[0]).itemsize * interleaved
-    if size > max(FREE_BYTES, _capacity(path, source)) and _stores_a_block(source):
+    if size > max(FREE_BYTES, _capacity(path, source)) and _stores_a_block(path, source):
         raise RasterError(
             f"{path} has blocks of {cols:,} x {rows:,} pixels in {source.count:,} bands, {size / 1e9:.1f} GB "
             "each, which the file is too small to hold; its header is damaged"
@@ -59,23 +59,12 @@ def check_readable_whole(path: str, source: DatasetReader) -> None:
         raise RasterError(f"{path} claims {cols:,} x {rows:,} pixels, which the file is too small to hold")
 
 
-def _stores_a_block(source: DatasetReader) -> bool:
+def _stores_a_block(path: str, source: DatasetReader) -> bool:
     """Whether a sparse file stores a block at all; true where that is not known."""
     if source.driver != "GTiff":
         return True
-    rows, cols = source.block_shapes[0]
-    down, across = -(-source.shape[0] // rows), -(-source.shape[1] // cols)
-    return any(
-        is_stored(source, band, i, j) for band in source.indexes for i in range(down) for j in range(across)
-    )
-
-
-def is_stored(source: DatasetReader, band: int, i: int, j: int) -> bool:
-    """Whether a TIFF stores the block in row i and column j of its blocks."""
-    try:
-        return bool(source.block_size(band, i, j))
-    except RasterBlockError:
-        return False
+    stored = stored_blocks(path, source)
+    return stored is None or bool(stored.any())
 
 
 def _capacity(path: str, source: DatasetReader) -> int:
