@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 
-from uavseg.errors import AccessError
+from uavseg.errors import AccessError, RasterReadError
 from uavseg.inputs import regular_file
 
 _NETWORK = re.compile(
@@ -46,7 +46,9 @@ class AccessPolicy:
         Raises
         ------
         AccessError
-            If it lies neither beside the owner nor in an allowed folder, or is not a regular file.
+            If it lies neither beside the owner nor in an allowed folder.
+        RasterReadError
+            If it is not a regular file.
         """
         target = Path(named)
         try:
@@ -59,7 +61,9 @@ class AccessPolicy:
                 f"{os.fspath(owner)} names {named}, which lies outside of its folder; allow the folder with "
                 f"--allow-path {resolved.parent} (allow_path in Python) if you trust this file"
             )
-        return regular_file(target, lambda text: AccessError(f"{os.fspath(owner)} names {named}: {text}"))
+        return regular_file(
+            target, lambda text: RasterReadError(f"{os.fspath(owner)} names a file that cannot be read: {text}")
+        )
 
     def check_address(self, owner: str | os.PathLike[str], named: str) -> None:
         """Whether the content of `owner` may name an address.
@@ -89,7 +93,7 @@ class AccessPolicy:
         if not named or named.startswith(("/vsi", "<", "{")) or "\0" in named or re.match(r"\w{2,}:", named):
             shown = named if len(named) <= 60 else f"{named[:57]}..."
             raise AccessError(
-                f"{os.fspath(owner)} names {shown!r}, which is neither a file nor an address; name the file itself"
+                f"{os.fspath(owner)} names {shown!r}, neither a file nor an address; name the file itself"
             )
         return self.check_file(owner, folder / named)
 

@@ -69,7 +69,7 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     RasterReadError
         If a file is missing or damaged.
     AccessError
-        If the image is missing, or the access policy does not allow to open it.
+        If the access policy does not allow to open the image.
     """
     described = read_ros_yaml(path)
     current_policy().check_file(path, described.image)
