@@ -116,6 +116,8 @@ def _layers(source: Any, name: str, layer: str | None) -> Any:
         source.seek(0)
         return geopandas.read_file(source)
     layers = [str(known) for known in pyogrio.list_layers(source)[:, 0]]
+    if not layers:
+        raise RegionError(f"{name} holds no layer of regions")
     if layer is not None and layer not in layers:
         raise RegionError(f"{name} has no layer {layer!r}; it has {', '.join(layers)}")
     wanted = layers if layer is None else [layer]
