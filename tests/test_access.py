@@ -1,4 +1,4 @@
-"""What the content of a file names is opened beside it, in allowed folders, and over the network if allowed."""
+"""What the content of a file names is opened beside it, in allowed folders, and from allowed addresses."""
 
 from pathlib import Path
 
@@ -72,7 +72,17 @@ def test_addresses_need_the_network_to_be_allowed(owner: Path, address: str) -> 
 
 
 @pytest.mark.parametrize(
-    "name", ["", "<VRTDataset/>", "/vsizip/a.zip/b", "/vsimem/a", "vrt:///etc/passwd", 'NETCDF:"a":b', "{}", "file:///etc/passwd"]
+    "name",
+    [
+        "",
+        "<VRTDataset/>",
+        "/vsizip/a.zip/b",
+        "/vsimem/a",
+        "vrt:///etc/passwd",
+        'NETCDF:"a":b',
+        "{}",
+        "file:///etc/passwd",
+    ],
 )
 def test_names_of_other_kinds_are_refused_even_where_all_is_allowed(owner: Path, name: str) -> None:
     with pytest.raises(AccessError, match="neither a file nor an address"):

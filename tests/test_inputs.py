@@ -49,7 +49,10 @@ def test_a_file_beyond_the_limit_is_not_read_whole(tmp_path: Path) -> None:
 
 
 def test_json_is_parsed_within_bounds() -> None:
-    assert parse_json('{"a": [1, 2.5, "[[[{{"], "b": {"c": null}}') == {"a": [1, 2.5, "[[[{{"], "b": {"c": None}}
+    assert parse_json('{"a": [1, 2.5, "[[[{{"], "b": {"c": null}}') == {
+        "a": [1, 2.5, "[[[{{"],
+        "b": {"c": None},
+    }
     deep = MAX_DEPTH * "[" + MAX_DEPTH * "]"
     assert parse_json(deep) is not None
     quoted = '["' + 500 * '[\\"' + '"]'

@@ -62,7 +62,8 @@ class AccessPolicy:
                 f"--allow-path {resolved.parent} (allow_path in Python) if you trust this file"
             )
         return regular_file(
-            target, lambda text: RasterReadError(f"{os.fspath(owner)} names a file that cannot be read: {text}")
+            target,
+            lambda text: RasterReadError(f"{os.fspath(owner)} names a file that cannot be read: {text}"),
         )
 
     def check_address(self, owner: str | os.PathLike[str], named: str) -> None:
@@ -115,7 +116,8 @@ def is_address(name: str) -> bool:
     return _NETWORK.match(name) is not None and not name.lower().startswith(_LOCAL_SCHEMES)
 
 
-_policy: ContextVar[AccessPolicy] = ContextVar("policy", default=AccessPolicy())
+STRICT = AccessPolicy()
+_policy: ContextVar[AccessPolicy] = ContextVar("policy", default=STRICT)
 
 
 def current_policy() -> AccessPolicy:
@@ -139,7 +141,7 @@ def allowing(allow_path: Folders = (), allow_network: bool = False) -> Iterator[
     for folder in folders:
         if not Path(folder).is_dir():
             raise AccessError(f"{os.fspath(folder)} is not a folder; allow a folder that exists")
-    token = _policy.set(AccessPolicy(tuple(map(os.fspath, folders)), bool(allow_network)))
+    token = _policy.set(AccessPolicy(tuple(os.fspath(folder) for folder in folders), bool(allow_network)))
     try:
         yield
     finally:

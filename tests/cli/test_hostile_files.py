@@ -83,7 +83,9 @@ def assert_refused(folder: Path, words: list[str], reason: str = "") -> None:
 
 
 def vrt(source: str) -> str:
-    inner = f"<SimpleSource><SourceFilename>{source}</SourceFilename><SourceBand>1</SourceBand></SimpleSource>"
+    inner = (
+        f"<SimpleSource><SourceFilename>{source}</SourceFilename><SourceBand>1</SourceBand></SimpleSource>"
+    )
     return (
         "<VRTDataset rasterXSize='64' rasterYSize='64'><VRTRasterBand dataType='Byte' band='1'>"
         f"{inner}</VRTRasterBand></VRTDataset>"
@@ -111,7 +113,9 @@ def test_no_layer_of_a_preview_waits_for_a_named_pipe(tmp_path: Path, layer: str
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", [name for name in READING if name not in ("plan", "simulate")])
-def test_no_command_makes_a_request_for_what_a_file_names(tmp_path: Path, requests: Any, command: str) -> None:
+def test_no_command_makes_a_request_for_what_a_file_names(
+    tmp_path: Path, requests: Any, command: str
+) -> None:
     address, asked = requests
     (tmp_path / "a.vrt").write_text(vrt(f"/vsicurl/{address}/a.tif"))
     assert_refused(tmp_path, [word.format("a.vrt") for word in READING[command]], "--allow-network")

@@ -38,10 +38,16 @@ def plain_read(path: Path, shape: tuple[int, int]) -> np.ndarray:
 blocks = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), max_size=6, unique=True)
 
 
-@settings(deadline=None, max_examples=30)
-@given(blocks, st.sampled_from(["uint8", "int16", "float32"]), st.sampled_from([None, 0, 7]), st.integers(3, 80))
+@settings(deadline=None, max_examples=60)
+@given(
+    blocks, st.sampled_from(["uint8", "int16", "float32"]), st.sampled_from([None, 0, 7]), st.integers(3, 80)
+)
 def test_pixels_are_those_that_gdal_reads(
-    tmp_path_factory: pytest.TempPathFactory, stored: list[tuple[int, int]], dtype: str, nodata: int | None, side: int
+    tmp_path_factory: pytest.TempPathFactory,
+    stored: list[tuple[int, int]],
+    dtype: str,
+    nodata: int | None,
+    side: int,
 ) -> None:
     path = write_sparse(tmp_path_factory.mktemp("sparse") / "a.tif", 80, stored, dtype=dtype, nodata=nodata)
     dataset = Dataset.open(path)
@@ -52,7 +58,10 @@ def test_pixels_are_those_that_gdal_reads(
     assert np.array_equal(known, np.ones_like(known) if valid is None else valid)
     coarse, seen, _ = dataset.read_coarse(side)
     shape = coarse.shape[1:]
-    assert np.array_equal(coarse[0] if seen is None else coarse[0][seen], plain_read(path, shape)[0][... if seen is None else seen])
+    assert np.array_equal(
+        coarse[0] if seen is None else coarse[0][seen],
+        plain_read(path, shape)[0][... if seen is None else seen],
+    )
 
 
 @pytest.mark.parametrize("interleave", ["pixel", "band"])
@@ -91,13 +100,20 @@ def test_a_huge_sparse_raster_is_seen_from_afar(tmp_path: Path, stored: bool) ->
         if stored:
             file.write(np.full((1, 16384, 256), 9, np.uint8), window=FileWindow(0, 0, 256, 16384))
     dataset = Dataset.open(tmp_path / "a.tif")
-    values, valid, _ = dataset.read_coarse(4096)
+    _, valid, _ = dataset.read_coarse(4096)
     assert valid is not None and valid.sum() == (67 if stored else 0)
     assert dataset.is_empty(Window(500_000, 500_000, 2048, 2048))
 
 
 def test_a_block_larger_than_the_file_can_hold_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
-    how = {"driver": "GTiff", "width": 60_000, "height": 60_000, "count": 1, "dtype": "uint8", "compress": "zstd"}
+    how = {
+        "driver": "GTiff",
+        "width": 60_000,
+        "height": 60_000,
+        "count": 1,
+        "dtype": "uint8",
+        "compress": "zstd",
+    }
     with warnings.catch_warnings(action="ignore"):
         with rasterio.open(tmp_path / "a.tif", "w", **how, blockysize=60_000, SPARSE_OK=True):
             pass

@@ -10,7 +10,6 @@ import numpy as np
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import MissionError
-from uavseg.inputs import parse_json, read_bytes
 from uavseg.flight.items import (
     FIRMWARES,
     FRAME_AMSL,
@@ -22,6 +21,7 @@ from uavseg.flight.items import (
     MissionItem,
 )
 from uavseg.flight.mission import Mission
+from uavseg.inputs import parse_json, read_bytes
 
 MissionPath = str | os.PathLike[str]
 

@@ -13,6 +13,7 @@ from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
+from uavseg.raster.access.drivers import as_file_name
 from uavseg.raster.access.open_checked import is_online, open_checked
 from uavseg.raster.bands import BandLayout
 from uavseg.raster.opening import GDAL_ERRORS, open_error_text, root_cause
@@ -35,7 +36,7 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
     AccessError
         If it names files or addresses that may not be opened.
     """
-    name = os.fspath(path)
+    name = as_file_name(os.fspath(path))
     try:
         with open_checked(name) as source:
             return _metadata(name, source)

@@ -63,7 +63,8 @@ class SparseBlocks:
         rows = sample_positions(window.row, window.rows, values.shape[1])
         cols = sample_positions(window.col, window.cols, values.shape[2])
         height, width = self.source.block_shapes[0]
-        for i, j in (np.argwhere(stored) + (window.row // height, window.col // width)).tolist():
+        first = np.array([window.row // height, window.col // width])
+        for i, j in (first + np.argwhere(stored)).tolist():
             block = Window(i * height, j * width, height, width).clipped(self.source.shape)
             here = _within(rows, block.row, block.rows), _within(cols, block.col, block.cols)
             if here[0].start == here[0].stop or here[1].start == here[1].stop:
@@ -94,8 +95,8 @@ class SparseBlocks:
             window.row // rows : -(-(window.row + window.rows) // rows),
             window.col // cols : -(-(window.col + window.cols) // cols),
         ]
-        chosen: Stored = part[0] if len(part) == 1 else part[[band - 1 for band in self.bands]].any(axis=0)
-        return chosen
+        planes = [0] if len(part) == 1 else [band - 1 for band in self.bands]
+        return np.asarray(part[planes].any(axis=0))
 
 
 def _within(indices: Indices, start: int, length: int) -> slice:

@@ -1,7 +1,7 @@
 """Index of a TIFF: which of its blocks are stored. GDAL tells that one block at a time, which takes too long.
 
-Format: https://www.awaresystems.be/imaging/tiff/tifftags.html, and BigTIFF. The index is two arrays, offsets and
-lengths of blocks, of which sparse files leave entries, or both arrays, empty.
+Format: https://www.awaresystems.be/imaging/tiff/tifftags.html, and BigTIFF. The index is two arrays, offsets
+and lengths of blocks; sparse files leave entries, or both arrays, empty.
 """
 
 import struct
@@ -58,7 +58,9 @@ def _stored(path: str, place: int, shape: tuple[int, int, int], state: tuple[int
     return stored
 
 
-def _read_index(file: BinaryIO, place: int, size: int, count: int) -> list[NDArray[np.unsignedinteger]] | None:
+def _read_index(
+    file: BinaryIO, place: int, size: int, count: int
+) -> list[NDArray[np.unsignedinteger]] | None:
     """Offsets and lengths of `count` blocks, each of them empty if the file has none; None if damaged."""
     start = file.read(4)
     order, big = {b"II": "<", b"MM": ">"}.get(start[:2], "<"), start[2:4].strip(b"\0") == b"+"

@@ -145,7 +145,8 @@ def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
     >>> sample_positions(10, 6, 3), sample_positions(10, 2, 2)
     (array([11, 13, 15]), array([10, 11]))
     """
-    return start + ((np.arange(count) + 0.5) * (length / count)).astype(np.int64)
+    positions = ((np.arange(count) + 0.5) * (length / count) + 1e-10).astype(np.int64)  # as GDAL rounds
+    return start + positions
 
 
 def window_blocks(window: Window) -> tuple[slice, slice]:

@@ -237,7 +237,9 @@ def test_real_maps_are_read_as_nav2_reads_them(shared_data: Path, name: str) -> 
 
 def test_a_real_map_whose_image_has_another_name_is_refused(shared_data: Path, tmp_path: Path) -> None:
     shutil.copy(shared_data / "maps" / "turtlebot3_map.yaml", tmp_path)
-    with pytest.raises(RasterReadError, match=r"names a file that cannot be read: there is no file .*map\.pgm"):
+    with pytest.raises(
+        RasterReadError, match=r"names a file that cannot be read: there is no file .*map\.pgm"
+    ):
         read_ros_map(tmp_path / "turtlebot3_map.yaml")
     shutil.copy(shared_data / "maps" / "turtlebot3_map.pgm", tmp_path / "map.pgm")
     found = read_ros_map(tmp_path / "turtlebot3_map.yaml")

@@ -16,7 +16,10 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.tiling import Window
 
 SECRET = b"root:x:0:0:root:/root:/bin/bash\n" * 8
-SOURCE = "<SimpleSource><SourceFilename relativeToVRT='1'>{}</SourceFilename><SourceBand>1</SourceBand></SimpleSource>"
+SOURCE = (
+    "<SimpleSource><SourceFilename relativeToVRT='1'>{}</SourceFilename>"
+    "<SourceBand>1</SourceBand></SimpleSource>"
+)
 RAW = (
     "<VRTDataset rasterXSize='16' rasterYSize='16'><VRTRasterBand dataType='Byte' band='1' "
     "subClass='VRTRawRasterBand'><SourceFilename relativeToVRT='0'>{}</SourceFilename>"
@@ -158,7 +161,8 @@ def test_overviews_that_metadata_name_are_checked(folder: Path, how: str) -> Non
         path = write_tif(folder / "o.tif", 512, **({} if how == "aux" else {"OVERVIEW_FILE": str(named)}))
         if how == "aux":
             Path(f"{path}.aux.xml").write_text(
-                f"<PAMDataset><Metadata domain='OVERVIEWS'><MDI key='OVERVIEW_FILE'>{named}</MDI></Metadata></PAMDataset>"
+                "<PAMDataset><Metadata domain='OVERVIEWS'>"
+                f"<MDI key='OVERVIEW_FILE'>{named}</MDI></Metadata></PAMDataset>"
             )
         if how == "source":
             path = folder / "m.vrt"
@@ -169,7 +173,11 @@ def test_overviews_that_metadata_name_are_checked(folder: Path, how: str) -> Non
 
 def test_web_services_are_described_in_xml_files_that_need_the_network(folder: Path) -> None:
     text = "<GDAL_WMS><Service name='TMS'><ServerUrl>http://127.0.0.1:1/${z}</ServerUrl></Service></GDAL_WMS>"
-    for name, reason in (("w.xml", "--allow-network"), ("w.tif", "a description in text"), ("w", "a description")):
+    for name, reason in (
+        ("w.xml", "--allow-network"),
+        ("w.tif", "a description in text"),
+        ("w", "a description"),
+    ):
         (folder / name).write_text(text)
         with pytest.raises(AccessError, match=reason):
             Dataset.open(folder / name)
@@ -225,6 +233,16 @@ def test_images_of_other_formats_are_read(folder: Path, name: str) -> None:
     with warnings.catch_warnings(action="ignore"):
         rasterio_copy(folder / "a.tif", folder / name, driver=driver)
     assert np.abs(read(folder / name).astype(int) - 7).max() <= 1
+
+
+def test_a_file_whose_name_looks_like_a_subdataset_is_a_file(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "evil.dat").write_text(RAW.format(folder.parent / "secret"))
+    for name in ("DERIVED_SUBDATASET:LOGAMPLITUDE:evil.dat", "GTIFF_DIR:1:evil.tif"):
+        (folder / name).write_bytes((folder / "a.tif").read_bytes())
+        assert (read(Path(name)) == 7).all()
 
 
 def test_each_extension_has_its_drivers() -> None:

@@ -214,7 +214,9 @@ def test_rasters_are_found_beside_the_block_map(tmp_path: Path) -> None:
 def test_an_absolute_path_is_found_from_anywhere(tmp_path: Path) -> None:
     (tmp_path / "a.tif").touch()
     with allowing(tmp_path):
-        assert Origin((str(tmp_path / "a.tif"),), "/gone").find_rasters("map.tif") == [str(tmp_path / "a.tif")]
+        assert Origin((str(tmp_path / "a.tif"),), "/gone").find_rasters("map.tif") == [
+            str(tmp_path / "a.tif")
+        ]
 
 
 def test_rasters_are_found_all_or_none(tmp_path: Path) -> None:

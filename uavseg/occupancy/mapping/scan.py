@@ -89,7 +89,7 @@ def check_positive(name: str, value: float) -> None:
 
 
 def check_distance(name: str, metres: float) -> None:
-    """Raise SceneError unless a distance is above 0 and at most 1e9 m; beams are followed in 64-bit integers."""
+    """Raise SceneError unless a distance is above 0 and at most 1e9 m: cells are counted in 64 bits."""
     check_positive(name, metres)
     if metres > MAX_METRES:
         raise SceneError(f"{name} is at most {MAX_METRES:g} m, not {metres:g}")

@@ -5,6 +5,7 @@ Format: http://netpbm.sourceforge.net/doc/pgm.html. GDAL reads only raw ones, an
 
 import os
 import re
+
 import numpy as np
 from numpy.typing import NDArray
 

@@ -6,7 +6,7 @@ drivers that read that file alone.
 """
 
 import re
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 from uavseg.access import is_address
 
@@ -69,6 +69,6 @@ def names_no_file(path: str) -> bool:
     return _SUBDATASET.match(path) is not None
 
 
-def is_web_service(path: str) -> bool:
-    """Whether a file is opened as the description of a web service."""
-    return drivers_of(path) == _WEB_SERVICES
+def as_file_name(path: str) -> str:
+    """The name of an existing file so that GDAL takes it for nothing else, whatever characters it has."""
+    return f"./{path}" if names_no_file(path) and Path(path).exists() else path

@@ -53,7 +53,7 @@ def check_readable_whole(path: str, source: DatasetReader) -> None:
     rows, cols = source.shape
     if rows * cols > MAX_WHOLE_PIXELS:
         raise RasterError(
-            f"{path} has {cols:,} x {rows:,} pixels, and an image of at most {MAX_WHOLE_PIXELS:,} is read whole"
+            f"{path} has {cols:,} x {rows:,} pixels, and at most {MAX_WHOLE_PIXELS:,} are read at once"
         )
     if rows * cols * source.count > max(FREE_BYTES, _capacity(path, source)):
         raise RasterError(f"{path} claims {cols:,} x {rows:,} pixels, which the file is too small to hold")

@@ -1,4 +1,4 @@
-"""What a raster file names: sources of VRTs at any depth, overviews and masks, checked before they are opened.
+"""What a raster file names: sources of VRTs at any depth, overviews and masks; checked before opening.
 
 GDAL opens the files that a VRT names, and those beside a raster (.ovr, .msk), by any driver that recognises
 them. So each of them has to lie where the access policy allows it, to be a regular file, and to be what its
@@ -112,7 +112,7 @@ class NamedFiles:
             if os.path.lexists(beside):
                 current_policy().check_file(self.owner, beside)
                 if read_start(beside, 4) not in _TIFF:
-                    raise AccessError(f"{beside} is not a TIFF file, as overviews and masks beside a raster are")
+                    raise AccessError(f"{beside} is not a TIFF file, as overviews and masks have to be")
         for beside in (*(name + end for end in _TEXTS_BESIDE), *(stem + end for end in _TEXTS_OF_STEM)):
             if os.path.lexists(beside):
                 current_policy().check_file(self.owner, beside)

@@ -11,7 +11,7 @@ from rasterio.io import DatasetReader
 from uavseg.access import current_policy, is_address
 from uavseg.errors import AccessError
 from uavseg.inputs import regular_file
-from uavseg.raster.access.drivers import drivers_of, names_no_file
+from uavseg.raster.access.drivers import as_file_name, drivers_of, names_no_file
 from uavseg.raster.access.limits import check_limits
 from uavseg.raster.access.named_files import NamedFiles, check_named_file
 from uavseg.raster.access.vrt_sources import sources_of
@@ -37,7 +37,7 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
     RasterioError
         If GDAL cannot open it.
     """
-    found = None
+    path, found = as_file_name(path), None
     if is_local(path):
         found = NamedFiles(path)
         found.check()
@@ -78,14 +78,16 @@ def is_local(path: str) -> bool:
 
 
 def is_online(path: str) -> bool:
-    """Whether a raster that the user named may make requests: by its own name, or because they are allowed."""
+    """Whether a raster that the user named may make requests: by its own name, or if they are allowed."""
     return current_policy().allow_network or is_address(path) or "://" in path
 
 
 def _check_unread_vrt(path: str) -> None:
     """A VRT that cannot be read before GDAL opens it."""
     if not is_address(path):
-        raise AccessError(f"{path} lies in an archive, so what it names cannot be checked; unpack the archive")
+        raise AccessError(
+            f"{path} lies in an archive, so what it names cannot be checked; unpack the archive"
+        )
     current_policy().check_address(path, "of a file, which cannot be checked before it is read")
 
 

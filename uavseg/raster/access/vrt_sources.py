@@ -106,8 +106,6 @@ def _check_value(path: str, name: str, value: str) -> None:
     text = value.strip()
     if name == "pixelfunctionlanguage" and text.lower() == "python":
         raise AccessError(f"{path} contains a pixel function in Python, and code of files is not run")
-    if name in _CRS and text and not text.startswith(("{", "+")) and "[" not in text:
-        if not _PLAIN_CRS.fullmatch(text):
-            raise AccessError(
-                f"{path} names its coordinate system as {text[:60]!r}; expected WKT or a code such as EPSG:32633"
-            )
+    is_definition = text.startswith(("{", "+")) or "[" in text
+    if name in _CRS and text and not is_definition and not _PLAIN_CRS.fullmatch(text):
+        raise AccessError(f"{path} names the coordinate system {text[:60]!r}; expected WKT or EPSG:NUMBER")

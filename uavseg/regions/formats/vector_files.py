@@ -50,7 +50,7 @@ _KML = re.compile(rb"<\s*(?:\w+:)?kml[\s>]", re.IGNORECASE)
 
 
 def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
-    """Check that a file of regions is of a known format, is complete by itself, and is not larger than it can be.
+    """Check that a file of regions is of a known format, that of its extension, and complete by itself.
 
     Parameters
     ----------
@@ -73,7 +73,9 @@ def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
     suffix = "" if isinstance(source, bytes) else Path(source).suffix.lower()
     expected = next((known for known, ends in _EXTENSIONS.items() if suffix in ends), kind)
     if _DESCRIPTION.search(start) or _PIPELINE in start:
-        raise AccessError(f"{name} is a description that names other files or addresses, not a file of polygons")
+        raise AccessError(
+            f"{name} is a description that names other files or addresses, not a file of polygons"
+        )
     if kind is None or kind != expected:
         raise RegionError(
             f"{name} cannot be read as regions: it is not {expected or 'one of ' + ', '.join(_EXTENSIONS)}"
@@ -185,7 +187,9 @@ def _check_sqlite(source: str | os.PathLike[str], name: str) -> None:
     address = f"{Path(source).resolve().as_uri()}?mode=ro&immutable=1"
     try:
         with closing(sqlite3.connect(address, uri=True)) as database:
-            definitions = [str(row[0]) for row in database.execute("SELECT sql FROM sqlite_master WHERE sql NOT NULL")]
+            definitions = [
+                str(row[0]) for row in database.execute("SELECT sql FROM sqlite_master WHERE sql NOT NULL")
+            ]
     except sqlite3.Error as error:
         raise RegionError(f"{name} cannot be read as regions: {error}") from error
     for text in definitions:

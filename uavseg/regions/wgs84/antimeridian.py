@@ -133,9 +133,10 @@ def densify_edges(
         if pieces.max() == 1:
             break
         if pieces.sum() > 10 * len(xy) + _MAX_ADDED:
+            longest = np.hypot(*np.diff(xy, axis=0).T).max()
             raise OutputError(
-                f"outlines have edges of up to {np.hypot(*np.diff(xy, axis=0).T).max():.3g} map units, too long for "
-                "the Earth; the georeference of the raster is damaged"
+                f"outlines have edges of up to {longest:.3g} map units, which is too long for the Earth; "
+                "the georeference of the raster is damaged"
             )
         xy, starts = densify_rings(xy, starts, pieces)
         degrees = to_degrees(xy)

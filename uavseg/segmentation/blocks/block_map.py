@@ -76,9 +76,9 @@ def check_memory(shape: tuple[int, int]) -> None:
     size, memory = blocks * (CELLS * CELLS * 5 + RATIOS * 8), _physical_memory()
     if memory is not None and size > memory:
         raise RasterError(
-            f"a raster of {cols:,} x {rows:,} pixels has a block map of {size / 1e9:,.0f} GB, and this machine "
-            f"has {memory / 1e9:,.0f} GB of memory; cut out the part that holds data (gdal_translate -srcwin), "
-            "or take a coarser copy (gdal_translate -outsize)"
+            f"a raster of {cols:,} x {rows:,} pixels has a block map of {size / 1e9:,.0f} GB, and this "
+            f"machine has {memory / 1e9:,.0f} GB of memory; cut out the part that holds data "
+            "(gdal_translate -srcwin), or take a coarser copy (gdal_translate -outsize)"
         )
 
 
