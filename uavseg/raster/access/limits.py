@@ -33,8 +33,11 @@ def check_limits(path: str, source: DatasetReader) -> None:
     if source.count == 0 or source.driver == "VRT":  # the blocks of a VRT are those of its sources
         return
     rows, cols = source.block_shapes[0]
-    interleaved = source.count if source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL" else 1
-    size = rows * cols * np.dtype(source.dtypes[0]).itemsize * interleaved
+    size = rows * cols * np.dtype(source.dtypes[0]).itemsize
+    if size * source.count <= FREE_BYTES:
+        return
+    if source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL":
+        size *= source.count
     if size > max(FREE_BYTES, _capacity(path, source)) and _stores_a_block(path, source):
         raise RasterError(
             f"{path} has blocks of {cols:,} x {rows:,} pixels in {source.count:,} bands, {size / 1e9:.1f} GB "

@@ -11,7 +11,7 @@ from pathlib import Path
 from uavseg.access import current_policy
 from uavseg.errors import AccessError, RasterError
 from uavseg.inputs import read_bytes, read_start, regular_file
-from uavseg.raster.access.drivers import names_no_file
+from uavseg.raster.access.drivers import drivers_of, names_no_file
 from uavseg.raster.access.vrt_sources import is_vrt, sources_of
 
 MAX_NESTING = 4  # VRTs in each other
@@ -92,6 +92,8 @@ class NamedFiles:
 
     def _check_content(self, path: Path, subject: str) -> None:
         """Refuse a description of other files under a name that promises an image."""
+        if drivers_of(str(path)) == ("GTiff",) and read_start(path, 4) in _TIFF:
+            return
         start = read_start(path)
         if is_vrt(start):
             raise AccessError(f"{subject} holds a VRT, which names other files; call it .vrt if you trust it")
@@ -112,7 +114,7 @@ class NamedFiles:
             if os.path.lexists(beside):
                 current_policy().check_file(self.owner, beside)
                 if read_start(beside, 4) not in _TIFF:
-                    raise AccessError(f"{beside} is not a TIFF file, as overviews and masks have to be")
+                    raise AccessError(f"{beside} is not a TIFF file, as overviews and masks are")
         for beside in (*(name + end for end in _TEXTS_BESIDE), *(stem + end for end in _TEXTS_OF_STEM)):
             if os.path.lexists(beside):
                 current_policy().check_file(self.owner, beside)

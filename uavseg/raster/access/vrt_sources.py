@@ -9,9 +9,12 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
+from typing import TYPE_CHECKING
 
 from uavseg.errors import AccessError, RasterReadError
+
+if TYPE_CHECKING:
+    from xml.etree import ElementTree
 
 _FILES = {"sourcefilename", "sourcedataset", "dempath", "grids", "indexdataset"}
 _FILE_KEYS = {"x_dataset", "y_dataset", "overview_file", "rpc_dem"}
@@ -67,6 +70,8 @@ def sources_of(path: str, text: bytes) -> Iterator[NamedSource]:
     AccessError
         If it contains something that may open files and cannot be checked.
     """
+    from xml.etree import ElementTree  # rasters other than VRTs need none
+
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise AccessError(f"{path} declares XML entities, which a VRT does not need; remove them")
     try:
@@ -76,7 +81,7 @@ def sources_of(path: str, text: bytes) -> Iterator[NamedSource]:
     yield from _named_in(path, root, False)
 
 
-def _named_in(path: str, root: ElementTree.Element, is_raw: bool) -> Iterator[NamedSource]:
+def _named_in(path: str, root: "ElementTree.Element", is_raw: bool) -> Iterator[NamedSource]:
     pending = [(root, is_raw)]
     while pending:
         element, is_raw = pending.pop()

@@ -8,7 +8,6 @@ only as that format, and GDAL makes no request meanwhile.
 import json
 import os
 import re
-import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -184,6 +183,8 @@ def _linked_crs(found: Any) -> str | None:
 
 def _check_sqlite(source: str | os.PathLike[str], name: str) -> None:
     """Refuse virtual tables other than indexes, and views that call functions of extensions."""
+    import sqlite3
+
     address = f"{Path(source).resolve().as_uri()}?mode=ro&immutable=1"
     try:
         with closing(sqlite3.connect(address, uri=True)) as database:
