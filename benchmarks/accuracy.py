@@ -177,7 +177,7 @@ def _hazard(picture: Path) -> Hazard:
 
 def _classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
     from uavseg.jobs.classify import ClassifyRequest, classify
-    from uavseg.jobs.open_source import ProbabilityMap
+    from uavseg.jobs.source import ProbabilityMap
     from uavseg.segmentation.params import SegmentParams
 
     segment = SegmentParams(method, refine=refine)  # type: ignore[arg-type]

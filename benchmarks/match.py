@@ -98,7 +98,7 @@ def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
         from affine import Affine
 
         from uavseg.jobs.match import MatchRequest, match
-        from uavseg.jobs.open_source import Raster
+        from uavseg.jobs.source import Raster
         from uavseg.raster.dataset import Dataset
         from uavseg.raster.geobox import GeoBox
         from uavseg.raster.tiling import Window

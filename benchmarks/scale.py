@@ -190,7 +190,7 @@ def _measure_segmentation(raster: str, count: str) -> tuple[float]:
         SegmentParams(),
         threads(int(count)),
     )
-    tile_pass = TilePass.over(dataset, map=work)
+    tile_pass = TilePass(dataset.windows(), map=work)
     source = GreySource(dataset, fit_stretch(dataset, "auto", tile_pass))
     start = time.perf_counter()
     blocks = measure_block_map_for(source, interval, how, tile_pass)

@@ -74,8 +74,8 @@ def _calls(grid: Any, start: tuple[float, float], goal: tuple[float, float]) -> 
 
     import uavseg
     from uavseg.jobs.classify import ClassifyRequest, classify
-    from uavseg.jobs.open_source import ProbabilityMap
     from uavseg.jobs.path import PathRequest, free_cells
+    from uavseg.jobs.source import ProbabilityMap
     from uavseg.occupancy.paths.find_path import find_path
     from uavseg.occupancy.probability_map import stretch_of
     from uavseg.segmentation.params import IntensityRange, SegmentParams

@@ -21,10 +21,11 @@ from uavseg.cli import main
 from uavseg.flight import files
 from uavseg.jobs.divide import divide as divide_job
 from uavseg.jobs.info import info as info_job
-from uavseg.jobs.open_source import ReadOptions, open_raster, open_source
+from uavseg.jobs.open_source import open_raster, open_source
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.simulate import SimulateRequest
 from uavseg.jobs.simulate import simulate as simulate_job
+from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.paths.path_geojson import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from uavseg.execution.executors import Map, serial, threads
 from uavseg.jobs.classify import ClassifyRequest, classify
 from uavseg.jobs.levels import LevelsRequest, levels
-from uavseg.jobs.open_source import ProbabilityMap
 from uavseg.jobs.result import Extraction
+from uavseg.jobs.source import ProbabilityMap
 from uavseg.jobs.work import Work
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.raster.dataset import Dataset

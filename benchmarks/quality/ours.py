@@ -8,7 +8,7 @@ from affine import Affine
 from benchmarks.quality.camera import Mask
 from benchmarks.quality.scenes import RANGE, Scene
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.open_source import Raster
+from uavseg.jobs.source import Raster
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import StretchSpec

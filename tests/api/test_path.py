@@ -11,8 +11,9 @@ from click.testing import CliRunner
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import IntensityRangeError, MapError, ParameterError, PathError
-from uavseg.jobs.open_source import ProbabilityMap, open_probability_map
+from uavseg.jobs.open_source import open_probability_map
 from uavseg.jobs.path import PathRequest, free_cells
+from uavseg.jobs.source import ProbabilityMap
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.paths.any_angle import is_visible
 from uavseg.occupancy.ros.ros_map import write_ros_map

@@ -16,7 +16,6 @@ from click.testing import CliRunner
 from uavseg.cli import _run, main
 from uavseg.cli._run import Amount, Reporter, bar
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.tiling import windows_of
 
 QUARRY = Path(__file__).resolve().parents[2] / "samples" / "quarry.tif"
 
@@ -31,7 +30,7 @@ def test_a_terminal_sees_tiles_speed_and_the_time_left(monkeypatch: pytest.Monke
     monkeypatch.setattr(_run.time, "perf_counter", lambda: float(next(seconds)))
     monkeypatch.setattr(sys, "stderr", screen := Terminal())
     reporter = Reporter(False, False, "auto")
-    reporter.begin(windows_of(Dataset.open(QUARRY), 64))  # 9 x 10 tiles of 560 x 640 pixels; ten seconds in
+    reporter.begin(Dataset.open(QUARRY).windows(64))  # 9 x 10 tiles of 560 x 640 pixels; ten seconds in
     reporter.progress(1, 2)
     reporter.progress(2, 2)
     reporter.finish()

@@ -21,7 +21,7 @@ from uavseg.cli import main
 from uavseg.errors import ClusterError, ParameterError, RasterReadError
 from uavseg.execution import cluster
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.open_source import Raster
+from uavseg.jobs.source import Raster
 from uavseg.jobs.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset

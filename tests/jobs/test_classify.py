@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import serial, threads
 from uavseg.jobs.classify import Classification, ClassifyRequest, classify
-from uavseg.jobs.open_source import ProbabilityMap, open_probability_map
+from uavseg.jobs.open_source import open_probability_map
+from uavseg.jobs.source import ProbabilityMap
 from uavseg.jobs.work import Work
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.raster.dataset import Dataset

@@ -20,15 +20,14 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import serial, threads
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.open_source import Blocks, Raster
-from uavseg.jobs.result import Extraction
+from uavseg.jobs.result import Drawing, Extraction
+from uavseg.jobs.source import Blocks, Raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import parse_stretch
-from uavseg.raster.tiling import tiles, windows_of
+from uavseg.raster.tiling import tiles
 from uavseg.regions.edit.small import Area
 from uavseg.regions.formats.label_raster import label_strips
-from uavseg.regions.table import Drawing
 from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 
@@ -395,8 +394,8 @@ def test_labels_are_painted_from_the_top_window_by_window(opened: Opened) -> Non
 
 def test_tiles_suit_the_file_where_no_side_is_given(opened: Opened) -> None:
     dataset = opened(scene(2, (200, 300)), 0)
-    assert windows_of(dataset, 128) == tiles((200, 300), 128)
-    assert {(w.rows, w.cols) for w in windows_of(dataset, None)} == {(200, 300)}
+    assert dataset.windows(128) == tiles((200, 300), 128)
+    assert {(w.rows, w.cols) for w in dataset.windows()} == {(200, 300)}
 
 
 def test_folders_and_stems_of_the_source(opened: Opened) -> None:

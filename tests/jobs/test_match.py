@@ -20,7 +20,7 @@ import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import serial, threads
 from uavseg.jobs.match import Match, MatchRequest, match
-from uavseg.jobs.open_source import Raster
+from uavseg.jobs.source import Raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox

@@ -13,16 +13,8 @@ from affine import Affine
 import uavseg
 from uavseg.errors import ParameterError, RasterReadError
 from uavseg.jobs.divide import divide
-from uavseg.jobs.open_source import (
-    Blocks,
-    ProbabilityMap,
-    Raster,
-    ReadOptions,
-    open_probability_map,
-    open_raster,
-    open_source,
-    raster_of,
-)
+from uavseg.jobs.open_source import open_probability_map, open_raster, open_source, raster_of
+from uavseg.jobs.source import Blocks, ProbabilityMap, Raster, ReadOptions
 from uavseg.jobs.work import Work
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.dataset import Dataset

@@ -12,7 +12,7 @@ from uavseg.execution.executors import threads
 from uavseg.jobs import suggest as module
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
-from uavseg.jobs.open_source import Blocks, Raster
+from uavseg.jobs.source import Blocks, Raster
 from uavseg.jobs.suggest import Suggestions, SuggestRequest, suggest
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset

@@ -3,7 +3,7 @@
 import numpy as np
 from affine import Affine
 
-from uavseg.jobs.open_source import Raster
+from uavseg.jobs.source import Raster
 from uavseg.jobs.suggest import Suggestions, suggest
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox

@@ -17,6 +17,7 @@ UAVSEG_JIT
     even on a platform that is not tested.
 """
 
-from uavseg._jit.kernels import Kernel, inlined, kernel
+from uavseg._jit.kernels import Kernel, kernel
+from uavseg._jit.loop_nest import inlined
 
 __all__ = ["Kernel", "inlined", "kernel"]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from uavseg._jit import messages, object_cache
-from uavseg._jit.kernels import Inlined, Kernel
+from uavseg._jit.loop_nest import Inlined, LoopNest
 
 _NUMBA_NAMES = {"b1": "boolean", "void": "void"}
 _LIBRARY_CALLS = {"log", "exp", "erf", "sqrt", "floor", "ceil", "floorf", "memset", "memcpy", "memmove"}
@@ -22,7 +22,7 @@ _OPTIONS = SEMANTICS | {"forceinline": True}  # a call costs as much as 200 pixe
 _BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
-def machine_code(kernel: Kernel) -> tuple[Any, int]:
+def machine_code(kernel: LoopNest) -> tuple[Any, int]:
     """The machine code of a kernel from its object file, and its address; compiled where there is no file."""
     import llvmlite
     import llvmlite.binding as llvm
@@ -41,7 +41,7 @@ def machine_code(kernel: Kernel) -> tuple[Any, int]:
     return _link(content)
 
 
-def fingerprint(kernel: Kernel, compiler: list[str]) -> str:
+def fingerprint(kernel: LoopNest, compiler: list[str]) -> str:
     """Hash of what the machine code depends on: byte code, constants, compiler and processor."""
     parts = [kernel.signature, repr(_OPTIONS), sys.version, *compiler]
     _describe(kernel.function, parts)
@@ -76,7 +76,7 @@ def _link(content: bytes) -> tuple[Any, int]:
     return engine, address
 
 
-def _compile(kernel: Kernel) -> bytes:
+def _compile(kernel: LoopNest) -> bytes:
     """Name and object code of a kernel, as native code for this processor."""
     import llvmlite.binding as llvm
     import numba
@@ -112,7 +112,7 @@ def _compile(kernel: Kernel) -> bytes:
     return b"\n".join([name.encode(), code])
 
 
-def _entry(kernel: Kernel) -> Callable[..., Any]:
+def _entry(kernel: LoopNest) -> Callable[..., Any]:
     """A function of addresses and lengths that calls the kernel with arrays."""
     import numba
 
@@ -128,7 +128,7 @@ def _entry(kernel: Kernel) -> Callable[..., Any]:
     return entry
 
 
-def _entry_types(kernel: Kernel) -> Any:
+def _entry_types(kernel: LoopNest) -> Any:
     from numba import types as nb
 
     flat: list[Any] = []

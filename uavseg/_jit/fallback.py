@@ -11,10 +11,10 @@ from typing import Any
 
 from uavseg._jit import messages, object_cache
 from uavseg._jit.compiling import SEMANTICS, fingerprint, numba_type, with_helpers
-from uavseg._jit.kernels import Kernel
+from uavseg._jit.loop_nest import LoopNest
 
 
-def dispatcher(kernel: Kernel) -> Callable[..., Any]:
+def dispatcher(kernel: LoopNest) -> Callable[..., Any]:
     """The fallback: the kernel through ``numba.njit``, from numba's cache where there is one."""
     folder = object_cache.cache_folder()
     if folder is not None:
@@ -24,7 +24,7 @@ def dispatcher(kernel: Kernel) -> Callable[..., Any]:
     return _njit(kernel, None)
 
 
-def _cached_dispatcher(kernel: Kernel, caches: Path) -> Callable[..., Any]:
+def _cached_dispatcher(kernel: LoopNest, caches: Path) -> Callable[..., Any]:
     """The kernel from numba's cache in a folder of its own, whose files have a checksum in common."""
     import numba
 
@@ -73,7 +73,7 @@ def _processor() -> str:
     return platform.processor()
 
 
-def _njit(kernel: Kernel, folder: Path | None) -> Callable[..., Any]:
+def _njit(kernel: LoopNest, folder: Path | None) -> Callable[..., Any]:
     """The kernel compiled by numba for its signature, with a cache in a folder that has a file kernel.py."""
     import numba
     from numba import types as nb

@@ -10,13 +10,14 @@ from uavseg.api._values import warn, work
 from uavseg.execution.executors import Progress
 from uavseg.jobs.classify import Classification, ClassifyRequest
 from uavseg.jobs.classify import classify as run_classify
-from uavseg.jobs.open_source import ReadOptions, open_probability_map
+from uavseg.jobs.open_source import open_probability_map
 from uavseg.jobs.path import PathRequest
 from uavseg.jobs.path import path as run_path
-from uavseg.jobs.words import area, segment_params
+from uavseg.jobs.result import Drawing
+from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
-from uavseg.regions.table import Drawing
-from uavseg.segmentation.params import IntensityRange, StateLimits
+from uavseg.regions.edit.small import as_area
+from uavseg.segmentation.params import IntensityRange, SegmentParams, StateLimits
 
 
 def classify(
@@ -81,9 +82,9 @@ def classify(
     """
     request = ClassifyRequest(
         StateLimits(free_below, occupied_above),
-        segment_params(method, threshold, intensity_step, refine),
+        SegmentParams.from_words(method, threshold, intensity_step, refine),
         drawing=Drawing(simplify_m=simplify),
-        min_area=area(min_area),
+        min_area=as_area(min_area),
     )
     with allowing(allow_path, allow_network):
         opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
@@ -171,7 +172,7 @@ def path(
         start,
         goal,
         PathParams(clearance, smooth),
-        segment_params(method, threshold, intensity_step, "scan"),
+        SegmentParams.from_words(method, threshold, intensity_step, "scan"),
     )
     with allowing(allow_path, allow_network):
         opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))

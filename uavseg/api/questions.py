@@ -11,12 +11,14 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.match import MatchRequest
 from uavseg.jobs.match import match as run_match
-from uavseg.jobs.open_source import ReadOptions, open_source
+from uavseg.jobs.open_source import open_source
+from uavseg.jobs.result import Drawing
+from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.suggest import Suggestion, SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
-from uavseg.jobs.words import area, segment_params
+from uavseg.regions.edit.small import as_area
 from uavseg.regions.sample.place import Disc, parse_like
-from uavseg.regions.table import Drawing
+from uavseg.segmentation.params import SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -94,8 +96,8 @@ def match(
         intensity,
         refine,
         Drawing(simplify_m=simplify),
-        area(fill_holes),
-        area(min_area),
+        as_area(fill_holes),
+        as_area(min_area),
     )
     with allowing(allow_path, allow_network):
         opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
@@ -157,7 +159,7 @@ def suggest(
     (0.0, 0.51) 0.875 1
     (0.51, 1.0) 0.125 1
     """
-    segment = segment_params(method, threshold, intensity_step, "none")
+    segment = SegmentParams.from_words(method, threshold, intensity_step, "none")
     request = SuggestRequest(_number_of(classes), segment)
     with allowing(allow_path, allow_network):
         opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))

@@ -13,10 +13,11 @@ from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.extract import extract as run_extract
 from uavseg.jobs.levels import LevelsRequest, Small
 from uavseg.jobs.levels import levels as run_levels
-from uavseg.jobs.open_source import ReadOptions, open_source
-from uavseg.jobs.words import area, segment_params
-from uavseg.regions.table import Drawing
-from uavseg.segmentation.params import IntensityRange, Levels
+from uavseg.jobs.open_source import open_source
+from uavseg.jobs.result import Drawing
+from uavseg.jobs.source import ReadOptions
+from uavseg.regions.edit.small import as_area
+from uavseg.segmentation.params import IntensityRange, Levels, SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -98,10 +99,10 @@ def extract(
     """
     request = ExtractRequest(
         IntensityRange(*range),
-        segment_params(method, threshold, intensity_step, refine),
+        SegmentParams.from_words(method, threshold, intensity_step, refine),
         Drawing(smooth_outline, simplify),
-        area(fill_holes),
-        area(min_area),
+        as_area(fill_holes),
+        as_area(min_area),
     )
     with allowing(allow_path, allow_network):
         opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
@@ -166,9 +167,9 @@ def levels(
     """
     request = LevelsRequest(
         Levels(width),
-        segment_params(method, threshold, intensity_step, "none"),
+        SegmentParams.from_words(method, threshold, intensity_step, "none"),
         Drawing(smooth_outline, simplify),
-        area(min_area),
+        as_area(min_area),
         small,
     )
     with allowing(allow_path, allow_network):

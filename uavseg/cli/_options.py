@@ -14,10 +14,10 @@ from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
-    from uavseg.jobs.open_source import ReadOptions
     from uavseg.jobs.plan import Home, Planned, PlanRequest
+    from uavseg.jobs.result import Drawing
+    from uavseg.jobs.source import ReadOptions
     from uavseg.regions.edit.small import Area
-    from uavseg.regions.table import Drawing
     from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 
@@ -146,7 +146,7 @@ def drawing_options(command: Command) -> Command:
 
 def read_options(options: dict[str, Any]) -> ReadOptions:
     """How the source is read."""
-    from uavseg.jobs.open_source import ReadOptions
+    from uavseg.jobs.source import ReadOptions
 
     names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles")
     return ReadOptions(**{name: options[name] for name in names if name in options})
@@ -154,23 +154,25 @@ def read_options(options: dict[str, Any]) -> ReadOptions:
 
 def segment_params(options: dict[str, Any], refine: str | None) -> SegmentParams:
     """How the source is segmented."""
-    from uavseg.jobs.words import segment_params
+    from uavseg.segmentation.params import SegmentParams
 
-    return segment_params(options["method"], options["threshold"], options["intensity_step"], refine)
+    return SegmentParams.from_words(
+        options["method"], options["threshold"], options["intensity_step"], refine
+    )
 
 
 def drawing(options: dict[str, Any]) -> Drawing:
     """How outlines are drawn."""
-    from uavseg.regions.table import Drawing
+    from uavseg.jobs.result import Drawing
 
     return Drawing(options.get("smooth_outline"), options["simplify"])
 
 
 def area(text: str | None) -> Area | None:
     """The area that an option names, if it was given."""
-    from uavseg.jobs.words import area
+    from uavseg.regions.edit.small import as_area
 
-    return area(text)
+    return as_area(text)
 
 
 def parsed_range(text: str) -> IntensityRange:

@@ -10,7 +10,7 @@ import click
 from uavseg.cli._options import read_options, reading_options
 
 if TYPE_CHECKING:
-    from uavseg.jobs.open_source import ProbabilityMap, Raster
+    from uavseg.jobs.source import ProbabilityMap, Raster
     from uavseg.raster.intensity.stretch import Stretch
 
 _LAYERS = ("levels", "states", "leaves", "regions", "path", "mission")
@@ -64,7 +64,8 @@ def _opened(options: dict[str, Any]) -> tuple[Raster | ProbabilityMap, Stretch |
     """The raster and its stretch; a ROS map has its own unless one is named."""
     from dataclasses import replace
 
-    from uavseg.jobs.open_source import ProbabilityMap, open_raster, open_source
+    from uavseg.jobs.open_source import open_raster, open_source
+    from uavseg.jobs.source import ProbabilityMap
     from uavseg.raster.intensity.stretch import Stretch
 
     rasters, stretch = options["rasters"], options["stretch"]

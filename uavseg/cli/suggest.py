@@ -52,7 +52,8 @@ def command(**options: Any) -> None:
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
     thresholds). RASTER may also be a block map from `uavseg divide`, which answers by itself.
     """
-    from uavseg.jobs.open_source import Raster, open_source
+    from uavseg.jobs.open_source import open_source
+    from uavseg.jobs.source import Raster
     from uavseg.jobs.suggest import SuggestRequest, suggest
 
     run = RunOptions.of(options)

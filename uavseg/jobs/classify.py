@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import trim_heap
-from uavseg.jobs.open_source import Blocks, ProbabilityMap
-from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import Rings
-from uavseg.regions.table import Drawing
 from uavseg.regions.tiles.kind_tiles import outline_state
 from uavseg.segmentation.blocks.leaves import cell_states
 from uavseg.segmentation.params import SegmentParams, StateLimits

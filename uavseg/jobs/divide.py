@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
-from uavseg.jobs.open_source import Raster, Source, raster_of
+from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
+from uavseg.jobs.source import Raster, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.params import SegmentParams

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
-from uavseg.jobs.open_source import Blocks, Pixels, Raster, Source, raster_of
-from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.jobs.open_source import raster_of
+from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
-from uavseg.regions.outline.region_outlines import RegionOutlines
-from uavseg.regions.table import Drawing
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range

@@ -1,6 +1,6 @@
 """Summary of a raster: what it is, what intensity it holds, and a command to try next."""
 
-from uavseg.jobs.open_source import Raster
+from uavseg.jobs.source import Raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.summary import Summary, summarize
 

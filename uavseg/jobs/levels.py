@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
-from uavseg.jobs.open_source import Blocks, Pixels, Source
-from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions
-from uavseg.regions.outline.region_outlines import RegionOutlines
-from uavseg.regions.table import Drawing
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.block_map_regions import outline_block_map
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.blocks.leaves import cell_levels

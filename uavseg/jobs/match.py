@@ -17,17 +17,17 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.jobs.extract import filled
-from uavseg.jobs.open_source import Source, raster_of
-from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.jobs.open_source import raster_of
+from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions
-from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
 from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.regions.sample.reject import reject_unlike
 from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, outline_matches, score_cells
-from uavseg.regions.table import Drawing
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS

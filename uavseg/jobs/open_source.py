@@ -2,8 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,206 +10,15 @@ import numpy as np
 from affine import Affine
 
 from uavseg.errors import ParameterError, RasterReadError
+from uavseg.jobs.source import AUTO, Blocks, ProbabilityMap, Raster, ReadOptions, Source
 from uavseg.raster.array_source import is_array
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
-from uavseg.raster.tiling import TilePass
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, is_block_map, read_block_map
-from uavseg.segmentation.source import GreySource
+from uavseg.raster.intensity.stretch import Stretch, StretchSpec
+from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map
 
 if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
-
-AUTO = StretchSpec("auto")
-
-
-@dataclass(frozen=True, slots=True)
-class ReadOptions:
-    """How a source is read.
-
-    Parameters
-    ----------
-    band : int, optional
-        The band to use, counted from 1.
-    rgb : three ints, optional
-        The bands of red, green and blue, to use their luminance.
-    nodata : float, optional
-        Takes the place of the nodata value in the files; NaN is allowed.
-    stretch : Stretch, StretchSpec or str, optional
-        How intensity becomes v: "auto", "dtype", "minmax", "percentile:P,Q", "none" or "LOW,HIGH". By default
-        "auto" for rasters, and for maps of probabilities what follows from their type.
-    skip_bad_tiles : bool
-        Whether blocks of a file that cannot be read count as nodata.
-
-    Raises
-    ------
-    ParameterError
-        If a text is not a stretch.
-    """
-
-    band: int | None = None
-    rgb: tuple[int, int, int] | None = None
-    nodata: float | None = None
-    stretch: Stretch | StretchSpec | str | None = None
-    skip_bad_tiles: bool = False
-
-    def __post_init__(self) -> None:
-        if isinstance(self.stretch, str):
-            object.__setattr__(self, "stretch", parse_stretch(self.stretch))
-
-    @property
-    def chooses_pixels(self) -> bool:
-        """Whether a band or a nodata value is chosen."""
-        return (self.band, self.rgb, self.nodata) != (None, None, None)
-
-    @property
-    def spec(self) -> Stretch | StretchSpec | None:
-        """The stretch, parsed."""
-        assert not isinstance(self.stretch, str), "a text is parsed when the options are made"
-        return self.stretch
-
-    def stretches(self, *harmless: str) -> bool:
-        """Whether a stretch is chosen, other than these forms."""
-        if self.spec is None:
-            return False
-        return not (isinstance(self.spec, StretchSpec) and self.spec.form in harmless)
-
-
-@dataclass(frozen=True)
-class Pixels:
-    """A source whose pixels are read: a raster or a map of probabilities.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    stretch : Stretch or StretchSpec
-        How values become v: fitted already, or to be fitted to the pixels.
-    """
-
-    dataset: Dataset
-    stretch: Stretch | StretchSpec = AUTO
-
-    @property
-    def geobox(self) -> GeoBox:
-        """Where the pixels lie."""
-        return self.dataset.geobox
-
-    @property
-    def name(self) -> str:
-        """Name of the first file, without folder."""
-        return self.dataset.source
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What is known of the files that the user should know."""
-        return self.dataset.warnings
-
-    def check_resumable(self) -> None:
-        """Whether its tiles may be kept in a checkpoint: those of files may."""
-
-    def grey(self, tile_pass: TilePass) -> GreySource:
-        """The pixels through their stretch, which is fitted in a pass where it follows from them."""
-        return GreySource(self.dataset, fit_stretch(self.dataset, self.stretch, tile_pass))
-
-
-@dataclass(frozen=True)
-class Raster(Pixels):
-    """A raster or a mosaic.
-
-    Parameters
-    ----------
-    options : ReadOptions
-        How it was opened.
-    given : tuple of str
-        Its files as they were named.
-    """
-
-    options: ReadOptions = ReadOptions()
-    given: tuple[str, ...] = ()
-
-    @property
-    def origin(self) -> Origin:
-        """What a block map of this raster says it was made from."""
-        options = self.options
-        return Origin(
-            self.given or self.dataset.paths, str(Path.cwd()), options.band, options.rgb, options.nodata
-        )
-
-
-@dataclass(frozen=True)
-class ProbabilityMap(Pixels):
-    """A map of the probability that a cell is occupied.
-
-    Parameters
-    ----------
-    is_ros : bool
-        Whether it is a ROS map, which is in metres and held in memory.
-    """
-
-    is_ros: bool = False
-
-    @property
-    def in_metres(self) -> bool:
-        """Whether lengths on it are metres rather than units of the map."""
-        return self.is_ros or self.geobox.crs is not None
-
-    def check_resumable(self) -> None:
-        """Whether its tiles may be kept in a checkpoint.
-
-        Raises
-        ------
-        ParameterError
-            If it is a ROS map.
-        """
-        if self.is_ros:
-            raise ParameterError("a ROS map is read whole, so there is nothing to resume; leave resume out")
-
-
-@dataclass(frozen=True)
-class Blocks:
-    """A block map from a file.
-
-    Parameters
-    ----------
-    saved : SavedBlocks
-    path : str
-        The file.
-    skip_bad_tiles : bool
-        How its raster is read.
-    """
-
-    saved: SavedBlocks
-    path: str
-    skip_bad_tiles: bool = False
-
-    @property
-    def geobox(self) -> GeoBox:
-        """Where the pixels of the raster lie, from which it was made."""
-        return self.saved.geobox
-
-    @property
-    def name(self) -> str:
-        """Name of the first file of that raster, without folder."""
-        return self.saved.origin.rasters[0].rsplit("/", 1)[-1]
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the user should know of it: the block map says nothing of its raster's files."""
-        return ()
-
-    @cached_property
-    def raster(self) -> Raster | None:
-        """The raster that it was made from, with the same stretch; None if a file is not where it was."""
-        origin = self.saved.origin
-        paths = origin.find_rasters(self.path)
-        if paths is None:
-            return None
-        options = ReadOptions(origin.band, origin.rgb, origin.nodata, self.saved.stretch, self.skip_bad_tiles)
-        return _raster(paths, options)
-
-
-Source = Raster | Blocks | ProbabilityMap
 
 
 def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
@@ -231,9 +39,9 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
     ParameterError
         If an option does not apply to this kind of source.
     """
-    if _is_value(source):
-        return _raster(source, options)
     if not _is_path(source):
+        if _is_value(source):
+            return _raster(source, options)
         if _is_grid(source):
             return _grid(source, options)
         source = list(source)

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.jobs.open_source import Source, raster_of
+from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
+from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.baseline.lbpc import LbpcParams, check_lbpc_size, segment_lbpc

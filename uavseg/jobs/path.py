@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, regions_of_pixels
-from uavseg.jobs.open_source import Blocks, ProbabilityMap
+from uavseg.jobs.source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
 from uavseg.occupancy.paths.free_cells import FreeCells

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
 from uavseg.jobs.divide import block_map_of
-from uavseg.jobs.open_source import Blocks, Source, raster_of
+from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
+from uavseg.jobs.source import Blocks, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.tiles.block_map_regions import count_segments
 from uavseg.segmentation.blocks.block_map import BlockMap

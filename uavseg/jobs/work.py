@@ -12,7 +12,7 @@ from uavseg.raster.tiling import TilePass, Window
 from uavseg.segmentation.blocks.block_map import check_memory
 
 if TYPE_CHECKING:
-    from uavseg.jobs.open_source import Pixels
+    from uavseg.jobs.source import Pixels
 
 Result = TypeVar("Result")
 
@@ -70,7 +70,7 @@ class Work:
         if self.checkpoint is not None:
             source.check_resumable()
         check_memory(source.geobox.shape)
-        tile_pass = TilePass.over(source.dataset, self.tile, self.map, self.progress)
+        tile_pass = TilePass(source.dataset.windows(self.tile), self.map, self.progress)
         if self.started is not None:
             self.started(tile_pass.windows)
         return tile_pass

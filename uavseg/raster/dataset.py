@@ -21,7 +21,7 @@ from uavseg.raster.inspect_file import inspect_file
 from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
-from uavseg.raster.tiling import Window
+from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
 
 Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
@@ -131,6 +131,17 @@ class Dataset:
     def file_block(self) -> tuple[int, int]:
         """Rows and columns of one block of the first file."""
         return self.mosaic.files[0].block
+
+    def windows(self, tile: int | None = None) -> list[Window]:
+        """The tiles in reading order: squares of this side in pixels, or a size that suits the files.
+
+        Raises
+        ------
+        ParameterError
+            If the side is not a positive multiple of 64.
+        """
+        shape = self.geobox.shape
+        return in_panels(tiles(shape, tile_side(shape, self.file_block) if tile is None else tile))
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,6 @@ from uavseg.units import BLOCK, CELL
 
 MAX_TILES = 10_000_000
 PANEL = 8192  # columns of a panel
-
-if TYPE_CHECKING:
-    from uavseg.raster.dataset import Dataset
 
 Result = TypeVar("Result")
 
@@ -164,12 +161,6 @@ def _in_units(window: Window, unit: int) -> tuple[slice, slice]:
     return Window(window.row // unit, window.col // unit, rows // unit, cols // unit).slices
 
 
-def windows_of(dataset: "Dataset", tile: int | None) -> list[Window]:
-    """The tiles of a dataset in reading order: squares of this side, or a size that suits its files."""
-    shape = dataset.geobox.shape
-    return in_panels(tiles(shape, tile_side(shape, dataset.file_block) if tile is None else tile))
-
-
 @dataclass(frozen=True, slots=True)
 class TilePass:
     """One pass over the tiles of a raster.
@@ -187,19 +178,6 @@ class TilePass:
     windows: Sequence[Window]
     map: Map = serial
     progress: Progress | None = None
-
-    @classmethod
-    def over(
-        cls, dataset: "Dataset", tile: int | None = None, map: Map = serial, progress: Progress | None = None
-    ) -> "TilePass":
-        """A pass over a dataset, in tiles of this side or of one that suits its files.
-
-        Raises
-        ------
-        ParameterError
-            If the side is not a positive multiple of 64.
-        """
-        return cls(windows_of(dataset, tile), map, progress)
 
     def run(
         self, function: Callable[[Any], Result], items: Sequence[Any] | None = None

@@ -71,6 +71,19 @@ class SegmentParams:
         if not 0 <= self.intensity_step <= 1:
             raise ParameterError(f"an intensity step lies in 0..1, not {self.intensity_step:g}")
 
+    @classmethod
+    def from_words(
+        cls, method: str, threshold: float, intensity_step: float, refine: str | None = None
+    ) -> "SegmentParams":
+        """Parameters from words, which are checked.
+
+        Raises
+        ------
+        ParameterError
+            If a parameter is out of bounds.
+        """
+        return cls(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
+
     @property
     def division(self) -> DivisionParams:
         """X, and tau as the method applies it: the paper's method has no intensity test."""

@@ -18,7 +18,7 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.edit.eliminate import border_lengths, eliminate
 from uavseg.regions.edit.small import Area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import component_sums
 

@@ -14,7 +14,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes, parse_area
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import Sums
 

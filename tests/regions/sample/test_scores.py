@@ -11,7 +11,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import TilePass, Window, tiles
-from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask

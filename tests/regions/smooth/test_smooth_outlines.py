@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from rasterio.crs import CRS
 
 from uavseg.errors import ParameterError
+from uavseg.jobs.result import Drawing
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.smooth.smooth_outlines import smooth_outlines
-from uavseg.regions.table import Drawing, make_regions
+from uavseg.regions.table import make_regions
 from uavseg.segmentation.components import Sums
 
 Labels = NDArray[np.uint32]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import label as connected
 
 from uavseg.jobs.divide import divide
-from uavseg.jobs.open_source import Raster
+from uavseg.jobs.source import Raster
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window

@@ -12,7 +12,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import TilePass, Window, cells_around, tiles
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.kind_tiles import cell_jobs, outline_segments, outline_state
 from uavseg.segmentation.params import StateLimits
 from uavseg.segmentation.source import GreySource

@@ -20,8 +20,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.region_outlines import RegionOutlines
-from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 from uavseg.regions.tiles.kind_tiles import outline_segments

@@ -151,12 +151,7 @@ def geodetic_base(wkt: str | None) -> tuple[Any, Transform | None] | None:
 
 
 def transform_between(source: Any, target: Any) -> Transform:
-    """From one CRS to another, x (longitude) first on both sides.
-
-    Parameters
-    ----------
-    source, target : str or pyproj CRS
-        WKT, PROJ JSON or a name such as "EPSG:4326".
+    """From one CRS to another, each a pyproj CRS or a text; x (longitude) first on both sides.
 
     Raises
     ------
@@ -255,17 +250,7 @@ def split_at_antimeridian(lonlat: Floats) -> list[Floats]:
 
 
 def densify_line(vertices: Floats, pieces: NDArray[np.int64]) -> Floats:
-    """A line with each of its edges divided into equal pieces.
-
-    Parameters
-    ----------
-    vertices : (n, 2) float64 array
-    pieces : (n - 1,) int64 array
-        At least 1.
-
-    Returns
-    -------
-    vertices : (1 + sum of pieces, 2) float64 array
+    """A line of n vertices, (n, 2), with each of its n - 1 edges divided into some equal pieces, at least 1.
 
     Examples
     --------

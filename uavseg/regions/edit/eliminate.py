@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.edit.small import Area, region_areas
 from uavseg.regions.outline.rasterise import LazyLabels, Rasteriser
-from uavseg.regions.outline.region_outlines import RegionOutlines, merge_sums, select_sums
-from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.rings import RegionOutlines, Rings, merge_sums, select_sums
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.sorted_keys import sorted_unique
 from uavseg.segmentation.components import Sums

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ring_areas
-from uavseg.regions.outline.region_outlines import RegionOutlines, renumber_by_size
-from uavseg.regions.outline.rings import Rings
+from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +46,19 @@ def parse_area(text: str) -> Area:
         raise ParameterError(
             f"an area is square metres such as 500, or pixels such as 64px, not {text!r}"
         ) from error
+
+
+def as_area(given: float | str | None) -> Area | None:
+    """Square metres, or an area as text such as "64px"; None is no area.
+
+    Raises
+    ------
+    ParameterError
+        If it is not a finite number of at least 0, with or without px.
+    """
+    if given is None:
+        return None
+    return parse_area(given) if isinstance(given, str) else Area(float(given))
 
 
 def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:

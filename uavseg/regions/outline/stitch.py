@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, trace_tile
-from uavseg.regions.outline.region_outlines import RegionOutlines, merge_sums, select_sums, size_order
+from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
 from uavseg.segmentation.components import Sums, component_sums, label_equal_values, union_roots
 from uavseg.units import CELL

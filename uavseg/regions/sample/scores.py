@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.sample.model import Sample
 from uavseg.regions.tiles.kind_tiles import cell_jobs

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
-from uavseg.regions.outline.region_outlines import RegionOutlines, renumber_by_size
+from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import Sums, label_equal_values

@@ -12,7 +12,7 @@ from uavseg.errors import RasterError
 from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import TilePass, Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.region_outlines import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, label_components

@@ -1,0 +1,90 @@
+"""Loop nests with their signatures: what kernels are compiled from, and the helpers that they call."""
+
+import ctypes
+import re
+import types
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+C_TYPES: dict[str, Any] = {
+    "b1": ctypes.c_bool,
+    "i1": ctypes.c_int8,
+    "i2": ctypes.c_int16,
+    "i4": ctypes.c_int32,
+    "i8": ctypes.c_int64,
+    "u1": ctypes.c_uint8,
+    "u2": ctypes.c_uint16,
+    "u4": ctypes.c_uint32,
+    "u8": ctypes.c_uint64,
+    "f4": ctypes.c_float,
+    "f8": ctypes.c_double,
+}
+
+
+class Inlined:
+    """A function that kernels may call; see `inlined`."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        self.__doc__ = function.__doc__
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.function(*arguments)
+
+
+def inlined(function: Callable[..., Any]) -> Inlined:
+    """Mark a helper that kernels call; it is compiled into each of them."""
+    return Inlined(function)
+
+
+class LoopNest:
+    """A loop nest and its signature: what a kernel is compiled from."""
+
+    def __init__(self, function: Callable[..., Any], signature: str) -> None:
+        self.function = function
+        self.__doc__ = function.__doc__
+        self.__name__ = function.__name__
+        self.signature = signature
+        result, arguments = re.fullmatch(r"(\w+)\((.*)\)", signature).groups()  # type: ignore[union-attr]
+        self.result = result
+        self.arguments = [Argument(text) for text in re.findall(r"\w+(?:\[[^\]]*\])?", arguments)]
+
+
+class Argument:
+    """One argument of a kernel: a scalar, or an array that is handed over as its address and shape."""
+
+    def __init__(self, text: str) -> None:
+        self.scalar, _, axes = text.partition("[")
+        self.ndim = axes.count(":") - axes.count("::") if axes else 0
+        self.dtype = np.dtype(bool if self.scalar == "b1" else self.scalar)
+        self.c_types = (
+            [ctypes.c_void_p] + [ctypes.c_int64] * self.ndim if self.ndim else [C_TYPES[self.scalar]]
+        )
+
+    def flatten(self, value: Any, flat: list[Any]) -> None:
+        """Append the scalar, or the address and the shape of the array."""
+        if not self.ndim:
+            flat.append(value)
+            return
+        self.check(value)
+        flat.append(value.__array_interface__["data"][0])
+        flat.extend(value.shape)
+
+    def check(self, array: Any) -> None:
+        """Refuse an array that is not of the kernel's type and layout."""
+        if array.dtype != self.dtype or array.ndim != self.ndim or not array.flags.c_contiguous:
+            raise TypeError(f"expected a C-contiguous {self.ndim}-D array of {self.dtype}, got {array.dtype}")
+
+    def for_numba(self, value: Any) -> Any:
+        """The value as numba's dispatcher accepts it, converted as ctypes converts it for object code."""
+        if not self.ndim:
+            return self.c_types[0](value).value
+        self.check(value)
+        if value.flags.writeable:
+            return value
+        # The signature says writable, as a kernel may write to some of its arrays; it only reads this one.
+        interface = value.__array_interface__
+        writable = interface | {"data": (interface["data"][0], False)}
+        return np.asarray(types.SimpleNamespace(__array_interface__=writable))
