@@ -144,7 +144,7 @@ def test_overviews_and_masks_beside_a_raster_are_tiff_files(folder: Path) -> Non
     for end in (".ovr", ".msk", ".OVR"):
         beside = folder / f"a.tif{end}"
         beside.write_text(RAW.format(folder.parent / "secret"))
-        with pytest.raises(AccessError, match="is no TIFF file"):
+        with pytest.raises(AccessError, match="is not a TIFF file"):
             Dataset.open(folder / "a.tif")
         beside.unlink()
         beside.symlink_to("../secret")

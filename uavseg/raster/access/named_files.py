@@ -99,7 +99,7 @@ class NamedFiles:
             raise AccessError(f"{subject} holds a VRT, which names other files; call it .vrt if you trust it")
         if start.startswith(_HDF5):
             raise AccessError(
-                f"{subject} is HDF5, which may name other files in ways that cannot be checked; convert it to "
+                f"{subject} is HDF5, which may name other files unseen; convert it to "
                 'GeoTIFF (gdal_translate), or name its subdataset (NETCDF:"a.nc":band) if you trust it'
             )
         if path.suffix.lower() != ".xml" and start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"["):
