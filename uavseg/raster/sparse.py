@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import Values
@@ -33,6 +34,8 @@ class SparseBlocks:
 
     def is_empty(self, window: Window) -> bool:
         """Whether no block that intersects a window is stored; false where that is not known."""
+        if self._stores_first(window):
+            return False
         stored = self._stored(window)
         return stored is not None and not stored.any()
 
@@ -45,6 +48,9 @@ class SparseBlocks:
         -------
         values : (bands, *shape) array, or None
         """
+        whole = shape == (window.rows, window.cols)
+        if whole and self._stores_first(window):
+            return None
         stored = self._stored(window)
         fill = self._fill_values()
         if stored is None or fill is None or stored.all():
@@ -53,10 +59,18 @@ class SparseBlocks:
         values[:] = fill[:, None, None]
         if not stored.any():
             return values
-        if shape == (window.rows, window.cols) or self.source.overviews(self.bands[0]):
+        if whole or self.source.overviews(self.bands[0]):
             return None
         self._sample(stored, window, values)
         return values
+
+    def _stores_first(self, window: Window) -> bool:
+        """Whether the first block of a window is stored, which most are; the index need not be read then."""
+        rows, cols = self.source.block_shapes[0]
+        try:
+            return bool(self.source.block_size(self.bands[0], window.row // rows, window.col // cols))
+        except RasterBlockError:
+            return False
 
     def _sample(self, stored: Stored, window: Window, values: Values) -> None:
         """Put the nearest pixels of stored blocks in their places."""

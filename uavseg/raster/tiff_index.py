@@ -4,10 +4,11 @@ Format: https://www.awaresystems.be/imaging/tiff/tifftags.html, and BigTIFF. The
 and lengths of blocks; sparse files leave entries, or both arrays, empty.
 """
 
+import math
 import struct
-from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,8 @@ _OFFSETS, _LENGTHS = (273, 324), (279, 325)  # of strips, of tiles
 _TYPES = {3: "u2", 4: "u4", 16: "u8"}
 
 Stored = NDArray[np.bool_]
+
+_known: "WeakKeyDictionary[DatasetReader, Stored | None]" = WeakKeyDictionary()  # by open file
 
 
 def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
@@ -28,9 +31,15 @@ def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
         Of blocks; one plane for all bands, or one for each if bands are stored one after the other. None if
         the index is incomplete or cannot be read.
     """
+    if source not in _known:
+        _known[source] = _find_stored(path, source)
+    return _known[source]
+
+
+def _find_stored(path: str, source: DatasetReader) -> Stored | None:
     place = source.get_tag_item("IFD_OFFSET", "TIFF", bidx=1)
     try:
-        state = Path(path).stat()
+        size = Path(path).stat().st_size
     except (OSError, ValueError):
         return None
     if place is None:
@@ -38,14 +47,13 @@ def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
     rows, cols = source.block_shapes[0]
     shape = -(-source.shape[0] // rows), -(-source.shape[1] // cols)
     planes = 1 if source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL" else source.count
-    return _stored(path, int(place), (planes, *shape), (state.st_size, state.st_mtime_ns))
+    return _stored(path, int(place), (planes, *shape), size)
 
 
-@lru_cache(maxsize=16)
-def _stored(path: str, place: int, shape: tuple[int, int, int], state: tuple[int, int]) -> Stored | None:
+def _stored(path: str, place: int, shape: tuple[int, int, int], size: int) -> Stored | None:
     try:
         with Path(path).open("rb") as file:
-            arrays = _read_index(file, place, state[0], int(np.prod(shape)))
+            arrays = _read_index(file, place, size, math.prod(shape))
     except (OSError, struct.error):
         return None
     if arrays is None:
@@ -54,7 +62,6 @@ def _stored(path: str, place: int, shape: tuple[int, int, int], state: tuple[int
     for values in arrays:
         if len(values):
             stored |= values.reshape(shape) != 0
-    stored.flags.writeable = False
     return stored
 
 
