@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import wraps
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
-    from uavseg.jobs.plan import Home, Planned, PlanRequest
+    from uavseg.jobs.plan import Home, PlanRequest
     from uavseg.jobs.result import Drawing
     from uavseg.jobs.source import ReadOptions
     from uavseg.regions.edit.small import Area
@@ -52,46 +50,6 @@ def reading_options(command: Command) -> Command:
             help="Count blocks of a file that cannot be read as nodata, and list them at the end.",
         ),
     )
-
-
-def access_options(command: Command) -> Command:
-    """Give a command --allow-path and --allow-network, and run it under the access policy that they say."""
-
-    @wraps(command)
-    def run(*args: Any, allow_path: tuple[str, ...], allow_network: bool, **options: Any) -> Any:
-        from uavseg.access import allowing
-
-        with allowing(allow_path, allow_network), _proj_requests(allow_network):
-            return command(*args, **options)
-
-    return _with_options(
-        cast(Command, run),
-        click.option(
-            "--allow-path",
-            multiple=True,
-            type=click.Path(),
-            metavar="DIR",
-            help="The contents of files may name files in this folder, beside their own; may be repeated.",
-        ),
-        click.option(
-            "--allow-network", is_flag=True, help="The contents of files may name addresses to read from."
-        ),
-    )
-
-
-@contextmanager
-def _proj_requests(allowed: bool) -> Iterator[None]:
-    """A block in which PROJ fetches no grids, unless that is allowed and its user has asked for it."""
-    before = os.environ.get("PROJ_NETWORK")
-    if not allowed:
-        os.environ["PROJ_NETWORK"] = "OFF"
-    try:
-        yield
-    finally:
-        if before is None:
-            os.environ.pop("PROJ_NETWORK", None)
-        else:
-            os.environ["PROJ_NETWORK"] = before
 
 
 def segmenting_options(command: Command, method: str = "adaptive") -> Command:
@@ -304,15 +262,6 @@ def parse_angle(text: str) -> float | None:
         return float(text)
     except ValueError:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
-
-
-def write_and_report(planned: Planned, path: str, overwrite: bool, quiet: bool) -> None:
-    """Write a mission, and report it unless the command is quiet."""
-    from uavseg.flight import files
-
-    files.write_mission(planned.mission, path, overwrite)
-    if not quiet:
-        report(planned.mission, planned.regions, path)
 
 
 def report(mission: Mission, regions: int, output: str) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.tiling import TilePass, Window
-from uavseg.segmentation.blocks.block_map import check_memory
+from uavseg.segmentation.blocks.memory import check_memory
 
 if TYPE_CHECKING:
     from uavseg.jobs.source import Pixels

@@ -197,9 +197,9 @@ def test_rasters_are_found_where_they_were(tmp_path: Path) -> None:
     (tmp_path / "elsewhere").mkdir()
     origin, beside = Origin(("in/a.tif",), str(tmp_path)), tmp_path / "elsewhere" / "map.tif"
     with allowing(tmp_path / "in"):
-        assert origin.find_rasters(beside) == [str(tmp_path / "in" / "a.tif")]
+        assert origin.allowed_rasters(beside) == [str(tmp_path / "in" / "a.tif")]
     with pytest.raises(AccessError, match="--allow-path"):
-        origin.find_rasters(beside)
+        origin.allowed_rasters(beside)
 
 
 def test_rasters_are_found_beside_the_block_map(tmp_path: Path) -> None:
@@ -227,9 +227,9 @@ def test_rasters_are_found_all_or_none(tmp_path: Path) -> None:
 def test_remote_paths_are_kept_as_they_are(tmp_path: Path) -> None:
     name = "/vsicurl/https://example.org/a.tif"
     with allowing(allow_network=True):
-        assert Origin((name,), str(tmp_path)).find_rasters(tmp_path / "map.tif") == [name]
+        assert Origin((name,), str(tmp_path)).allowed_rasters(tmp_path / "map.tif") == [name]
     with pytest.raises(AccessError, match="--allow-network"):
-        Origin((name,), str(tmp_path)).find_rasters(tmp_path / "map.tif")
+        Origin((name,), str(tmp_path)).allowed_rasters(tmp_path / "map.tif")
 
 
 def test_a_crop_of_a_block_map_is_refused(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.access import current_policy, is_address
 from uavseg.errors import RasterError, RasterReadError, UavsegError
+from uavseg.output.inputs import check_not_inputs
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
@@ -47,20 +48,25 @@ class Origin:
     nodata: float | None = None
 
     def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
-        """Paths of the rasters, at their old place or beside the block map; None if one does not exist.
+        """Paths of the rasters, at their old place or beside the block map; None if one does not exist."""
+        for folder in (Path(self.folder), Path(beside).resolve().parent):
+            paths = [raster if is_address(raster) else str(folder / raster) for raster in self.rasters]
+            if all(is_address(path) or Path(path).exists() for path in paths):
+                return paths
+        return None
+
+    def allowed_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
+        """As `find_rasters`, to be opened.
 
         Raises
         ------
         AccessError
             If the access policy does not allow to open one of them.
         """
-        for folder in (Path(self.folder), Path(beside).resolve().parent):
-            paths = [raster if is_address(raster) else str(folder / raster) for raster in self.rasters]
-            if all(is_address(path) or Path(path).exists() for path in paths):
-                for path in paths:
-                    current_policy().check_name(beside, path, folder)
-                return paths
-        return None
+        found = self.find_rasters(beside)
+        for path in found or ():
+            current_policy().check_name(beside, path, Path())
+        return found
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,16 @@ def is_block_map(path: str | os.PathLike[str]) -> bool:
         return False  # the error is reported when the file is opened as a raster
 
 
+def rasters_of(path: str | os.PathLike[str]) -> list[str]:
+    """Paths of the rasters that a block map was made from; none if it is no block map or they are gone."""
+    try:
+        with open_checked(os.fspath(path)) as file:
+            header = json.loads(file.tags()[_TAG])
+        return Origin(tuple(header["rasters"]), header["folder"]).find_rasters(path) or []
+    except (*GDAL_ERRORS, UavsegError, KeyError, ValueError, TypeError):
+        return []  # the error is reported when the file is opened
+
+
 def write_block_map(
     path: str | os.PathLike[str], saved: SavedBlocks, division: DivisionParams, overwrite: bool = False
 ) -> None:
@@ -100,7 +116,13 @@ def write_block_map(
         Of the leaves in the first page.
     overwrite : bool
         Whether an existing file is replaced.
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        If the file exists, cannot be written, or is one of the rasters that the block map was made from.
     """
+    check_not_inputs([path], saved.origin.find_rasters(path) or [])
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = find_leaves(blocks, division)
     bands = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]

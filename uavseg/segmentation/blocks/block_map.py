@@ -4,7 +4,6 @@ It holds the sum and the number of the valid pixels of each cell of 8 x 8, and t
 64, 32 and 16. Neither depends on a threshold or a range of intensity.
 """
 
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.errors import RasterError
 from uavseg.segmentation.blocks.division import RATIOS
+from uavseg.segmentation.blocks.memory import check_memory
 from uavseg.segmentation.params import DivisionParams
 from uavseg.units import CELLS
 
@@ -61,33 +60,6 @@ class BlockMap:
     def blocks(self) -> tuple[int, int]:
         """Rows and columns of blocks."""
         return self.ratios.shape[0], self.ratios.shape[1]
-
-
-def check_memory(shape: tuple[int, int]) -> None:
-    """Check that the block map of an image fits into the memory of this machine; nothing is allocated.
-
-    Raises
-    ------
-    RasterError
-        If it does not.
-    """
-    rows, cols = shape
-    blocks = -(-rows // (8 * CELLS)) * -(-cols // (8 * CELLS))
-    size, memory = blocks * (CELLS * CELLS * 5 + RATIOS * 8), _physical_memory()
-    if memory is not None and size > memory:
-        raise RasterError(
-            f"a raster of {cols:,} x {rows:,} pixels has a block map of {size / 1e9:,.0f} GB, and this "
-            f"machine has {memory / 1e9:,.0f} GB of memory; cut out the part that holds data "
-            "(gdal_translate -srcwin), or take a coarser copy (gdal_translate -outsize)"
-        )
-
-
-def _physical_memory() -> int | None:
-    """Bytes of memory of this machine; None where the system does not say."""
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, ValueError, OSError):
-        return None
 
 
 def find_leaves(
