@@ -87,8 +87,8 @@ FOUNDATION = {"plain_text", "units", "_version", "_lazy_pandas"}
 LEVELS = (
     FOUNDATION,
     {"errors"},
-    {"arguments", "output", "_jit"},
-    {"atomic"},
+    {"arguments", "output", "_jit", "inputs"},
+    {"atomic", "access"},
     {"execution"},
     {"raster"},
     {"segmentation"},
@@ -132,7 +132,8 @@ PHASES = {
     "blocks.lbp": set(),
     "blocks.g_statistic": set(),
     "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
-    "blocks.block_map": {"blocks.division", "params"},
+    "blocks.memory": {"blocks.division"},
+    "blocks.block_map": {"blocks.division", "blocks.memory", "params"},
     "blocks.leaves": {"blocks.block_map", "params"},
     "refine.noise": {"dilation"},
     "refine.total_variation": set(),

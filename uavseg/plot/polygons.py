@@ -15,6 +15,7 @@ from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.raster.opening import file_exists
 from uavseg.regions.formats.read import read_regions, vector_errors
+from uavseg.regions.formats.vector_files import check_feature_count, check_vector, reading_vectors
 from uavseg.regions.table import Regions
 
 PolygonArray = NDArray[np.object_]
@@ -91,11 +92,13 @@ def _table_of_file(name: str) -> PolygonTable:
     suffix = Path(name).suffix.lower()
     if not file_exists(name):
         raise RegionError(f"there is no file {name} with regions; uavseg extract makes one")
+    check_vector(name, name)
     if suffix in {".kml", ".kmz"}:
         return _table_of_memory(read_regions(name))
     if suffix in {".parquet", ".geoparquet"}:
         return _table_of_parquet(name)
-    with vector_errors(name):
+    with vector_errors(name), reading_vectors():
+        check_feature_count(name, name)
         metadata, _, geometry, columns = read(name)
         polygons = None if geometry is None else shapely.from_wkb(geometry)
     if polygons is None:

@@ -14,9 +14,11 @@ from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.plain_text import cause_of
+from uavseg.raster.access.drivers import as_file_name
+from uavseg.raster.access.open_checked import is_online, open_checked
 from uavseg.raster.bands import BandLayout
 from uavseg.raster.geobox import check_transform
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, open_noting_place
+from uavseg.raster.opening import GDAL_ERRORS, has_place, open_error_text
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
@@ -34,18 +36,18 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
         If the file is not a raster that can be opened.
     RasterError
         If it is of an unsupported kind.
+    AccessError
+        If it names files or addresses that may not be opened.
     """
-    name = os.fspath(path)
+    name = as_file_name(os.fspath(path))
     try:
-        with gdal_env():
-            source, placed = open_noting_place(name)
-            with source:
-                return _metadata(name, source, placed)
+        with open_checked(name) as source:
+            return _metadata(name, source)
     except GDAL_ERRORS as error:
         raise RasterReadError(open_error_text(name, error)) from error
 
 
-def _metadata(path: str, source: DatasetReader, placed: bool) -> RasterFile:
+def _metadata(path: str, source: DatasetReader) -> RasterFile:
     warnings: list[str] = []
     crs = _crs(source, warnings)
     if crs is not None:
@@ -55,7 +57,7 @@ def _metadata(path: str, source: DatasetReader, placed: bool) -> RasterFile:
         raise RasterError(f"{path} has no bands{_subdatasets(source)}")
     structure = _retry(lambda: source.tags(ns="IMAGE_STRUCTURE"))
     inverted = structure.get("MINISWHITE") == "YES"
-    transform = _transform(path, source, placed)
+    transform = _transform(path, source)
     if transform is None:
         crs = None
         warnings.append("it has no place on the map (no geotransform): coordinates are pixels")
@@ -74,6 +76,7 @@ def _metadata(path: str, source: DatasetReader, placed: bool) -> RasterFile:
         white_is_zero=inverted and np.dtype(layout.dtypes[0]).kind == "u",
         palette=None if inverted else _palette(source, layout),
         driver=source.driver,
+        online=is_online(path),
         overviews=tuple(source.overviews(1)),
         warnings=tuple(f"{Path(path).name}: {text}" for text in warnings),
     )
@@ -138,10 +141,10 @@ def _masks(source: DatasetReader) -> str:
     return "band" if any(not band for band in names) else ""
 
 
-def _transform(path: str, source: DatasetReader, placed: bool) -> Affine | None:
+def _transform(path: str, source: DatasetReader) -> Affine | None:
     """The geotransform, or None."""
     transform = source.transform
-    if placed and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
+    if has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
         try:
             check_transform(transform, source.shape)
         except RasterError as error:

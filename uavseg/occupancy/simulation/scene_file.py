@@ -22,10 +22,10 @@ import json
 import math
 import os
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any, NoReturn
 
 from uavseg.errors import RasterError, SceneError
+from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
@@ -78,14 +78,16 @@ def build_simulation(content: Any) -> Simulation:
 
 
 def _read(path: str | os.PathLike[str]) -> Any:
+    if not os.path.exists(path):  # noqa: PTH110 - false for a name that is too long
+        raise SceneError("there is no such file; name lens, circles or a JSON file of a scene")
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise SceneError("there is no such file; name lens, circles or a JSON file of a scene") from error
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_bytes(path, SceneError).decode()
+    except UnicodeDecodeError as error:
         raise SceneError(f"it cannot be read as text ({cause_of(error)})") from error
     try:
-        return json.loads(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
+        return parse_json(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
+    except SceneError:
+        raise
     except (ValueError, RecursionError) as error:
         raise SceneError(f"it is not valid JSON ({cause_of(error)})") from error
 

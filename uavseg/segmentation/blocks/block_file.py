@@ -11,16 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import RasterError, RasterReadError
+from uavseg.access import current_policy, is_address
+from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.inputs import check_not_inputs
 from uavseg.plain_text import cause_of, shown
+from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.opening import GDAL_ERRORS, file_exists, gdal_env, is_remote, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS, file_exists
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.params import DivisionParams
-from uavseg.units import CELL, CELLS, GREY_MAX
+from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
 
 _TAG = "UAVSEG_BLOCK_MAP"
 _BAND_NAMES = ("mean v", "side of the leaf in pixels")
@@ -51,10 +53,23 @@ class Origin:
     def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
         """Paths of the rasters, at their old place or beside the block map; None if one does not exist."""
         for folder in (Path(self.folder), Path(beside).resolve().parent):
-            paths = [raster if is_remote(raster) else str(folder / raster) for raster in self.rasters]
-            if all(is_remote(path) or file_exists(path) for path in paths):
+            paths = [raster if is_address(raster) else str(folder / raster) for raster in self.rasters]
+            if all(is_address(path) or file_exists(path) for path in paths):
                 return paths
         return None
+
+    def allowed_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
+        """As `find_rasters`, to be opened.
+
+        Raises
+        ------
+        AccessError
+            If the access policy does not allow to open one of them.
+        """
+        found = self.find_rasters(beside)
+        for path in found or ():
+            current_policy().check_name(beside, path, Path())
+        return found
 
 
 @dataclass(frozen=True)
@@ -71,19 +86,19 @@ class SavedBlocks:
 def is_block_map(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a block map rather than a raster of its own."""
     try:
-        with gdal_env(), quiet_open(path) as file:
+        with open_checked(os.fspath(path)) as file:
             return _TAG in file.tags()
-    except GDAL_ERRORS:
+    except (*GDAL_ERRORS, UavsegError):
         return False  # the error is reported when the file is opened as a raster
 
 
 def rasters_of(path: str | os.PathLike[str]) -> list[str]:
     """Paths of the rasters that a block map was made from; none if it is no block map or they are gone."""
     try:
-        with gdal_env(), quiet_open(path) as file:
+        with open_checked(os.fspath(path)) as file:
             header = json.loads(file.tags()[_TAG])
         return Origin(tuple(header["rasters"]), header["folder"]).find_rasters(path) or []
-    except (*GDAL_ERRORS, KeyError, ValueError, TypeError):
+    except (*GDAL_ERRORS, UavsegError, KeyError, ValueError, TypeError):
         return []  # the error is reported when the file is opened
 
 
@@ -146,9 +161,7 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         header = _checked_header(json.loads(tags[_TAG]))
         shape = (header["rows"], header["cols"])
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
-        if geobox.coarsen(CELL).shape != cells.shape:
-            raise ValueError(f"a raster of {shape[0]} x {shape[1]} pixels has other cells")
-        blocks = _read_blocks(path, shape)
+        blocks = _read_blocks(path, shape, _checked_shape(shape, CELL, cells.shape))
     except (KeyError, ValueError, RecursionError, RasterReadError) as error:
         raise RasterError(
             f"{path} is not a block map that this version reads ({cause_of(error)}); make it again with "
@@ -161,24 +174,28 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     return SavedBlocks(blocks, geobox, stretch, header["bands"], origin)
 
 
-def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int]) -> BlockMap:
+def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tuple[int, int]) -> BlockMap:
     """The pages of a block map, each of the shape and type that a raster of `shape` has."""
-    blocks = BlockMap.empty(shape)
-    rows, cols = (-(-length // CELL) for length in shape)
-    pages: dict[int, NDArray[Any]] = {
-        _SUMS: blocks.sums[np.newaxis, :rows, :cols],
-        _COUNTS: blocks.counts[np.newaxis, :rows, :cols],
-        _RATIOS: blocks.ratios.transpose(2, 0, 1),
-    }
-    for number, page in pages.items():
-        found = read_geotiff(path, number)[0]
-        if found.shape != page.shape or found.dtype != page.dtype:
-            raise ValueError(f"page {number} is not {page.dtype} of {page.shape}")
-        page[...] = found
-    most = blocks.counts.astype(np.uint32) * GREY_MAX
-    if (blocks.counts > CELL * CELL).any() or (blocks.sums > most).any():
+    in_blocks = (-(-shape[0] // BLOCK), -(-shape[1] // BLOCK))
+    sums = _read_page(path, _SUMS, cells, 1, np.uint32)[0]
+    counts = _read_page(path, _COUNTS, cells, 1, np.uint8)[0]
+    ratios = _read_page(path, _RATIOS, in_blocks, len(_RATIO_NAMES), np.float64)
+    if (counts > CELL * CELL).any() or (sums > counts.astype(np.uint32) * GREY_MAX).any():
         raise ValueError("its cells hold more than pixels can")
+    blocks = BlockMap.empty(shape)
+    blocks.sums[: cells[0], : cells[1]] = sums
+    blocks.counts[: cells[0], : cells[1]] = counts
+    blocks.ratios[:] = ratios.transpose(1, 2, 0)
     return blocks
+
+
+def _read_page(
+    path: str | os.PathLike[str], page: int, shape: tuple[int, int], bands: int, dtype: Any
+) -> NDArray[Any]:
+    found = read_geotiff(path, page, shape, bands)[0]
+    if found.dtype != dtype:
+        raise ValueError(f"page {page} is of {found.dtype}, not of {np.dtype(dtype)}")
+    return found
 
 
 def _is_list(value: Any, fits: Callable[[Any], bool]) -> bool:
@@ -232,6 +249,13 @@ def _checked_header(header: Any) -> dict[str, Any]:
         if name not in header or not fits(header[name]):
             raise ValueError(f"its {name} are {shown(header.get(name))}")
     return header
+
+
+def _checked_shape(shape: tuple[int, int], unit: int, found: tuple[int, int]) -> tuple[int, int]:
+    """The shape of an array with a value for each `unit` pixels of the raster, which has to be that found."""
+    if min(shape) < 1 or found != tuple(-(-length // unit) for length in shape):
+        raise ValueError(f"{found} cells do not cover {shape} pixels")
+    return found
 
 
 def _tags(saved: SavedBlocks) -> dict[str, str]:
