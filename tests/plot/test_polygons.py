@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.plot.pictures import UTM
+from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
 from uavseg.plot.polygons import PolygonTable, polygon_paths
 from uavseg.raster.geobox import GeoBox
@@ -52,3 +53,10 @@ def test_areas_in_the_plot_are_those_of_the_map(crs: object) -> None:
     drawn = PolygonTable.of(table).in_plot(Frame(box))
     assert shapely.area(drawn) == pytest.approx([1000, 81])
     assert shapely.bounds(drawn[1]).tolist() == pytest.approx([-60, 41, -51, 50])
+
+
+def test_a_polygon_without_finite_coordinates_is_refused() -> None:
+    far = geopandas.GeoDataFrame(geometry=[shapely.box(0, 0, 1e300, 1e300)])
+    frame = Frame(GeoBox((4, 4), Affine(1, 0, 0, 0, -1, 4), None))
+    with pytest.raises(RegionError, match="not finite"):
+        PolygonTable.of(far).in_plot(frame)

@@ -4,6 +4,7 @@ from affine import Affine
 
 from uavseg.errors import MosaicError, RasterError
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 
 xarray = pytest.importorskip("xarray", reason="xarray and rioxarray are optional")
@@ -102,3 +103,11 @@ def test_other_shapes_are_refused(shape):
     Odd.shape = shape
     with pytest.raises(RasterError, match="must have dimensions"):
         Dataset.open(Odd())
+
+
+def test_a_plain_array_is_read_coarsely_by_its_nearest_pixels() -> None:
+    values = np.arange(60 * 90).reshape(60, 90)
+    dataset = Dataset.of_values(values, GeoBox(values.shape, Affine.identity(), None), "a")
+    coarse, _, geobox = dataset.read_coarse(30)
+    assert coarse.shape == (1, *geobox.shape)
+    assert np.isin(coarse, values).all() and len(np.unique(coarse)) == coarse.size

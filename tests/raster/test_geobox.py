@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from rasterio.crs import CRS
 from rasterio.transform import xy
 
-from uavseg.errors import RasterError
+from uavseg.errors import ParameterError, RasterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 
@@ -81,3 +81,28 @@ def test_wkt_round_trips_to_the_same_crs():
     box = GeoBox((1, 1), TRANSFORMS[0], CRS.from_epsg(32618))
     assert CRS.from_wkt(box.wkt) == box.crs
     assert GeoBox((1, 1), TRANSFORMS[0], None).wkt is None
+
+
+@pytest.mark.parametrize(
+    ("transform", "said"),
+    [
+        (Affine(np.nan, 0, 0, 0, -1, 0), "is not finite"),
+        (Affine(1, 0, np.inf, 0, -1, 0), "is not finite"),
+        (Affine(1, 0, 0, 0, -1, np.nan), "is not finite"),
+        (Affine(1e300, 0, 0, 0, -1, 0), "too large"),
+        (Affine(0, 0, 5, 0, -1, 5), "lines or points"),
+        (Affine(1, 1, 0, 1, 1, 0), "lines or points"),
+        (Affine(1e-3, 0, 1e14, 0, -1e-3, 0), "too small"),
+    ],
+)
+def test_a_transform_that_gives_pixels_no_place_is_refused(transform: Affine, said: str) -> None:
+    with pytest.raises(RasterError, match=said):
+        GeoBox((10, 20), transform, None)
+
+
+def test_positions_that_do_not_belong_together_are_refused() -> None:
+    box = GeoBox((10, 20), Affine(1, 0, 0, 0, -1, 0), None)
+    with pytest.raises(ParameterError, match="one shape"):
+        box.xy_from_pixel([1, 2], [1, 2, 3])
+    with pytest.raises(ParameterError, match="at least 1 pixel"):
+        box.coarsen(0)

@@ -20,6 +20,7 @@ from uavseg.regions.table import Regions
 
 PolygonArray = NDArray[np.object_]
 
+_LARGEST = 1e100  # the square of it is a number too
 _DRAWN_COLUMNS = ("id", "area_m2", "level", "range_low", "range_high")  # the attributes that pictures use
 
 
@@ -54,12 +55,21 @@ class PolygonTable:
         return cls(found.polygons[present], found.crs, columns)
 
     def in_plot(self, frame: Frame) -> PolygonArray:
-        """The polygons in plot coordinates; not reprojected if they or the raster have no CRS."""
+        """The polygons in plot coordinates; not reprojected if they or the raster have no CRS.
+
+        Raises
+        ------
+        RegionError
+            If one has no coordinates in the raster's CRS.
+        """
         polygons, wkt = self.polygons, frame.geobox.wkt
         if self.crs is not None and wkt is not None:
             project = transform_between(self.crs, wkt)
             polygons = shapely.transform(polygons, lambda x, y: project(x, y), interleaved=False)
-        return np.asarray(shapely.transform(polygons, frame.plot_from_xy), dtype=object)
+        drawn = np.asarray(shapely.transform(polygons, frame.plot_from_xy), dtype=object)
+        if not (np.abs(shapely.get_coordinates(drawn)) < _LARGEST).all():
+            raise RegionError("a polygon has no place in the picture: its coordinates are not finite")
+        return drawn
 
 
 def polygon_paths(shapes: PolygonArray) -> list[Any]:

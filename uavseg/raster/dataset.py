@@ -9,6 +9,7 @@ import numpy as np
 
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
+from uavseg.plain_text import shown
 from uavseg.raster.array_source import from_array, from_values, is_array
 from uavseg.raster.bad_blocks import (
     MissingPart,
@@ -267,6 +268,8 @@ def _listed(sources: Any) -> list[Any]:
     """The sources as a list."""
     if isinstance(sources, str | os.PathLike) or is_array(sources):
         return [sources]
+    if not isinstance(sources, Sequence) or isinstance(sources, bytes):
+        raise ParameterError(f"sources is a path, a DataArray or a list of these, not {shown(sources)}")
     if not sources:
         raise ParameterError("there is no raster to open; give at least one")
     return list(sources)

@@ -16,6 +16,11 @@ _MAX_LABELS = 40
 _MIN_LABEL_RADIUS = 6.0  # radius in points of the largest circle inside a region
 
 
+def _total(areas: NDArray[Any]) -> float | None:
+    """Sum of the areas that are known; None if the column holds something other than numbers."""
+    return float(np.nansum(areas)) if areas.dtype.kind in "iuf" else None
+
+
 @dataclass(frozen=True)
 class RegionLayer:
     """Polygons in plot coordinates, with their ids.
@@ -45,7 +50,7 @@ class RegionLayer:
         ids, areas = found.columns.get("id"), found.columns.get("area_m2")
         if ids is None or any(own is None or own != own for own in ids):
             ids = np.arange(1, len(found.polygons) + 1)
-        return cls(ids, found.in_plot(frame), None if areas is None else float(np.nansum(areas)))
+        return cls(ids, found.in_plot(frame), None if areas is None else _total(areas))
 
     def title_parts(self, has_crs: bool) -> list[str]:
         """The number of regions and their total area."""

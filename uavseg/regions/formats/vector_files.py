@@ -192,7 +192,7 @@ def _check_sqlite(source: str | os.PathLike[str], name: str) -> None:
             definitions = [
                 str(row[0]) for row in database.execute("SELECT sql FROM sqlite_master WHERE sql NOT NULL")
             ]
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeError) as error:
         raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
     for text in definitions:
         virtual = re.match(r"\s*create\s+virtual\s+table.*?\susing\s+(\w+)", text, re.IGNORECASE | re.DOTALL)
