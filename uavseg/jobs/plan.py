@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from uavseg.errors import MissionError
+from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.planner import plan_mission
+from uavseg.plain_text import shown
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 
@@ -127,6 +128,8 @@ def open_regions(
 
     if isinstance(source, str | os.PathLike | bytes):
         return read.read_regions(source, layer)
+    if not hasattr(source, "geometry") or not hasattr(source, "columns"):
+        raise ParameterError(f"regions is a file of polygons or a GeoDataFrame, not {shown(source)}")
     return read.regions_of_frame(source)
 
 
