@@ -68,7 +68,7 @@ class Camera:
             )
 
     def gsd_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> float:
-        """Ground sampling distance (GSD) in metres, in the middle of the image, across the direction of flight.
+        """Ground sampling distance (GSD) in metres, across the flight direction in the middle of the image.
 
         Height above the ground times the pixel size over the focal length, H p / f; with a tilted camera the
         slant distance takes the place of the height.
