@@ -86,7 +86,8 @@ def package_of(module: str) -> str:
 FOUNDATION = {"errors", "units", "_version", "_lazy_pandas"}
 LEVELS = (
     FOUNDATION,
-    {"atomic", "_jit"},
+    {"output", "_jit"},
+    {"atomic"},
     {"execution"},
     {"raster"},
     {"segmentation"},

@@ -11,7 +11,7 @@ from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
-    from uavseg.jobs.plan import Home, Planned, PlanRequest
+    from uavseg.jobs.plan import Home, PlanRequest
     from uavseg.jobs.result import Drawing
     from uavseg.jobs.source import ReadOptions
     from uavseg.regions.edit.small import Area
@@ -261,15 +261,6 @@ def parse_angle(text: str) -> float | None:
         return float(text)
     except ValueError:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
-
-
-def write_and_report(planned: Planned, path: str, overwrite: bool, quiet: bool) -> None:
-    """Write a mission, and report it unless the command is quiet."""
-    from uavseg.flight import files
-
-    files.write_mission(planned.mission, path, overwrite)
-    if not quiet:
-        report(planned.mission, planned.regions, path)
 
 
 def report(mission: Mission, regions: int, output: str) -> None:

@@ -6,7 +6,8 @@ from typing import Any
 
 import click
 
-from uavseg.cli._options import mission_options, plan_request, write_and_report
+from uavseg.cli._options import mission_options, plan_request, report
+from uavseg.cli._write import keep_inputs
 
 
 @click.command("plan")
@@ -37,7 +38,10 @@ def command(**options: Any) -> None:
     output, regions = options["output"], options["regions"]
     files.check_mission_format(output)
     check_target(output, options["overwrite"])
+    keep_inputs([output], regions)
     request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     planned = plan(open_regions(source, options["layer"]), request)
-    write_and_report(planned, output, options["overwrite"], options["quiet"])
+    files.write_mission(planned.mission, output, options["overwrite"])
+    if not options["quiet"]:
+        report(planned.mission, planned.regions, output)

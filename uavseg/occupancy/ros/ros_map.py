@@ -84,7 +84,7 @@ def check_ros_map(
     MapError, OutputExistsError, OutputError
         As for `write_ros_map`.
     """
-    for target in (Path(path), _image_path(path, mode)):
+    for target in (Path(path), image_path(path, mode)):
         check_target(target, overwrite)
     _placement(geobox)
 
@@ -119,22 +119,29 @@ def write_ros_map(
     OutputExistsError, OutputError
         If a file may not or cannot be written.
     """
-    image_path = _image_path(path, mode)
-    check_target(image_path, overwrite)
+    image = image_path(path, mode)
+    check_target(image, overwrite)
     resolution, origin, mirrored = _placement(geobox)
     rows_down = np.asarray(states)[::-1] if mirrored else np.asarray(states)
     grey = GREY_OF_STATE[mode][rows_down]
     position = {"resolution": resolution, "origin": origin}
-    described = {"image": image_path.name, "mode": mode, **position, "negate": 0, **_WRITTEN_THRESHOLDS}
+    described = {"image": image.name, "mode": mode, **position, "negate": 0, **_WRITTEN_THRESHOLDS}
     with atomic_file(path, overwrite) as target:
         if mode == "scale":
-            write_png(target.with_name(image_path.name), grey, opaque=rows_down % 2 == 1)
+            write_png(target.with_name(image.name), grey, opaque=rows_down % 2 == 1)
         else:
-            target.with_name(image_path.name).write_bytes(pgm_bytes(grey))
+            target.with_name(image.name).write_bytes(pgm_bytes(grey))
         target.write_text(ros_yaml_text(described), encoding="utf-8")
 
 
-def _image_path(path: str | os.PathLike[str], mode: str) -> Path:
+def image_path(path: str | os.PathLike[str], mode: str) -> Path:
+    """Path of the image that is written beside a YAML file.
+
+    Raises
+    ------
+    MapError
+        If the mode is unknown.
+    """
     if mode not in ROS_MODES:
         raise MapError(f"mode is trinary, scale or raw, not {mode!r}")
     return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterError, RasterReadError
+from uavseg.output.inputs import check_not_inputs
 from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
@@ -73,6 +74,16 @@ def is_block_map(path: str | os.PathLike[str]) -> bool:
         return False  # the error is reported when the file is opened as a raster
 
 
+def rasters_of(path: str | os.PathLike[str]) -> list[str]:
+    """Paths of the rasters that a block map was made from; none if it is no block map or they are gone."""
+    try:
+        with gdal_env(), quiet_open(path) as file:
+            header = json.loads(file.tags()[_TAG])
+        return Origin(tuple(header["rasters"]), header["folder"]).find_rasters(path) or []
+    except (*GDAL_ERRORS, KeyError, ValueError, TypeError):
+        return []  # the error is reported when the file is opened
+
+
 def write_block_map(
     path: str | os.PathLike[str], saved: SavedBlocks, division: DivisionParams, overwrite: bool = False
 ) -> None:
@@ -90,7 +101,13 @@ def write_block_map(
         Of the leaves in the first page.
     overwrite : bool
         Whether an existing file is replaced.
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        If the file exists, cannot be written, or is one of the rasters that the block map was made from.
     """
+    check_not_inputs([path], saved.origin.find_rasters(path) or [])
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = find_leaves(blocks, division)
     bands = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
