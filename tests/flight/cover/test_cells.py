@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 import shapely
-from tests.flight.cover.cover_fields import fields
 from hypothesis import given, settings
 
+from tests.flight.cover.cover_fields import fields
 from uavseg.flight.cover.cells import monotone_cells
 
 

@@ -16,10 +16,11 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.flight import route
 from uavseg.flight.avoid.free_space import FreeSpace, ShortestPaths
 from uavseg.flight.cover.cells import merge_flat_cells, monotone_cells
 from uavseg.flight.cover.strips import strip_lines
+from uavseg.flight.order.stops import Stops
+from uavseg.flight.order.tour import short_tour
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -34,6 +35,7 @@ TURN_M = 10.0
 MAX_VERTICES = 200  # outlines with more are simplified
 STEP_DEG = 15.0  # azimuths that are tried besides those of edges
 MAX_AZIMUTHS = 40
+ROUNDS = 300  # of the search for the order of many cells
 FLOWN_AZIMUTHS = 6  # those that need the fewest lines are planned to the end
 
 
@@ -196,8 +198,7 @@ def _join_cells(candidates: list[list[Ints]], ends: Floats, space: FreeSpace) ->
     entries = np.array([[(way[0], way[-1] ^ 1) for way in ways] for ways in candidates])
     points, index = np.unique(entries.ravel(), return_inverse=True)
     lengths = space.paths(ends[points]).lengths
-    options = list(index.reshape(entries.shape))
-    tour = route.order_stops(options, lambda here, there: lengths[here, there])
+    tour = short_tour(Stops.of(list(index.reshape(entries.shape))), lengths, rounds=ROUNDS)
     return np.concatenate([candidates[cell][way] for cell, way in tour])
 
 
