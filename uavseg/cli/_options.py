@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
@@ -29,9 +30,9 @@ map_stretch_option = click.option(
 
 
 def reading_options(command: Command) -> Command:
-    """Give a command RASTER... and the options of `read_options`."""
+    """Give a command RASTER..., the options of `read_options` and those of `access_options`."""
     return _with_options(
-        command,
+        access_options(command),
         click.argument("rasters", metavar="RASTER...", nargs=-1, required=True),
         click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1."),
         click.option("--rgb", metavar="R,G,B", callback=_three, help="Use the luminance of these bands."),

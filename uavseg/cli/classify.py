@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.cli._options import (
     area,
     drawing,
@@ -91,6 +92,7 @@ if TYPE_CHECKING:
 @click.option("--min-area", metavar="M2|Npx", help="Drop objects of less; states stay as they are.")
 @click.option("--simplify", type=float, metavar="METRES", help="Simplify the outlines of objects.")
 @running_options
+@access_options
 def command(**options: Any) -> None:
     """Find what is free (1), unknown (2) and occupied (3) in MAP; 0 is nodata.
 

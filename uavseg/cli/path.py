@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.cli._options import (
     map_stretch_option,
     parse_home,
@@ -62,6 +63,7 @@ _LINES = (".geojson", ".json")
 @click.option("--speed", type=float, default=5.0, metavar="M_S", show_default=True, help="For a mission.")
 @click.option("--firmware", type=click.Choice(["ardupilot", "px4"]), default="ardupilot", show_default=True)
 @running_options
+@access_options
 def command(**options: Any) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
 

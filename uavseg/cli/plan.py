@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.cli._options import mission_options, plan_request, report
 from uavseg.cli._write import keep_inputs
 
@@ -25,6 +26,7 @@ from uavseg.cli._write import keep_inputs
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@access_options
 def command(**options: Any) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
+from uavseg.access import current_policy
 from uavseg.errors import UavsegError
 from uavseg.output.inputs import check_not_inputs
 from uavseg.output.targets import existing_files
@@ -67,4 +68,12 @@ def _ros_image(path: str) -> list[str]:
 def _block_map_rasters(path: str) -> list[str]:
     from uavseg.segmentation.blocks.block_file import rasters_of
 
-    return [name for raster in rasters_of(path) for name in raster_files(raster)]
+    found = []
+    for raster in rasters_of(path):
+        try:
+            current_policy().check_name(path, raster, Path())
+        except UavsegError:
+            found.append(raster)  # it is not opened, and so not replaced either
+        else:
+            found += raster_files(raster)
+    return found

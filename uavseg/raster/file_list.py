@@ -3,7 +3,9 @@
 import os
 from pathlib import Path
 
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, is_remote, quiet_open
+from uavseg.errors import UavsegError
+from uavseg.raster.access.open_checked import open_checked
+from uavseg.raster.opening import GDAL_ERRORS, is_remote
 
 
 def raster_files(path: str | os.PathLike[str]) -> list[str]:
@@ -25,7 +27,7 @@ def raster_files(path: str | os.PathLike[str]) -> list[str]:
 
 def _listed(path: str) -> list[str]:
     try:
-        with gdal_env(), quiet_open(path) as file:
+        with open_checked(path) as file:
             return list(file.files)
-    except GDAL_ERRORS:
+    except (*GDAL_ERRORS, UavsegError):
         return []  # the error is reported when the raster is opened for its pixels

@@ -15,8 +15,9 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg.access import current_policy
 from uavseg.atomic import atomic_file, check_target
-from uavseg.errors import MapError, RasterReadError
+from uavseg.errors import MapError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_yaml import ROS_MODES, RosCells, read_ros_yaml, ros_yaml_text
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
@@ -67,9 +68,12 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
         If the YAML file does not describe a ROS map.
     RasterReadError
         If a file is missing or damaged.
+    AccessError
+        If the access policy does not allow to open the image.
     """
     described = read_ros_yaml(path)
-    grey, opaque = _read_image(described.image, os.fspath(path))
+    current_policy().check_file(path, described.image)
+    grey, opaque = _read_image(described.image)
     transform = _transform(described.origin, described.resolution, grey.shape[0])
     return RosMap(described.rules.cells(grey, opaque), GeoBox(grey.shape, transform, None))
 
@@ -147,9 +151,7 @@ def image_path(path: str | os.PathLike[str], mode: str) -> Path:
     return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")
 
 
-def _read_image(image: Path, name: str) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
-    if not image.is_file():
-        raise RasterReadError(f"{name} names the image {image}, and there is no such file")
+def _read_image(image: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
     if is_pgm(image):
         samples, maximum = read_pgm(image)
         return to_8_bits(samples, maximum), None
