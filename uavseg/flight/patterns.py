@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.flight.cover.survey import CoverParams, survey
+from uavseg.flight.cover.survey import CoverParams
+from uavseg.flight.cover.survey import surveys as cover_region
 from uavseg.flight.params import PlanParams
 from uavseg.flight.perimeter import default_tolerance_m, perimeter
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
-CandidateTracks = tuple[list[list[Track]], list[str]]  # candidate tracks of each region; notes
+CandidateTracks = tuple[
+    list[list[Track]], list[str]
+]  # candidate tracks of each region, which may be reversed; notes
 
 MAX_STARTS = 16  # corners at which a perimeter may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
@@ -47,7 +50,7 @@ def perimeters(parts: Sequence[RegionPart], params: PlanParams) -> CandidateTrac
 
 
 def surveys(parts: Sequence[RegionPart], params: PlanParams) -> CandidateTracks:
-    """Survey lines over each region, in either direction."""
+    """Survey lines over each region."""
     assert params.spacing_m is not None
     photos, height = params.photos, params.altitude_m
     reach = 0.0 if photos is None else photos.reach_m(height)
@@ -55,8 +58,8 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams) -> CandidateTracks:
     cover = CoverParams(params.spacing_m, params.angle_deg, reach, turn)
     candidates = []
     for part in parts:
-        track = Track.of_survey(survey(part.polygon, cover), photos, height)
-        candidates.append([track, track.reversed()])
+        ways = cover_region(part.polygon, cover)
+        candidates.append([Track.of_survey(way, photos, height) for way in ways])
     return candidates, _photo_notes(params)
 
 

@@ -111,7 +111,7 @@ def _order_tracks(candidates: Sequence[Sequence[Track]], plane: Plane, home: Hom
     """One track for each region, in an order that makes a short tour from home and back."""
     if len(candidates) > MAX_REGIONS:
         raise MissionError(
-            f"there are {len(candidates):,} regions, and at most {MAX_REGIONS:,} are put in order; choose fewer"
+            f"there are {len(candidates):,} regions, and at most {MAX_REGIONS:,} are ordered; choose fewer"
         )
     ends = np.concatenate([[track.xy[[0, -1]] for track in tracks] for tracks in candidates])
     start = np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat]))
@@ -125,7 +125,7 @@ def _order_tracks(candidates: Sequence[Sequence[Track]], plane: Plane, home: Hom
         both = [*tracks, *(track.reversed() for track in tracks)]
         flown.append(both)
         options.append(np.concatenate([own, own[:, ::-1]]))
-        costs.append(np.array([track.length_m for track in both]))
+        costs.append(np.array([track.length_m for track in tracks] * 2))
     steps = points[:, None] - points[None]
     tour = short_tour(Stops.of(options, costs), np.hypot(steps[..., 0], steps[..., 1]), index[0], index[0])
     return [flown[region][option] for region, option in tour]

@@ -99,6 +99,11 @@ class Survey:
 
 
 def survey(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> Survey:
+    """Cover a region with parallel lines in a short order: the first of `surveys`."""
+    return surveys(region, params, obstacles)[0]
+
+
+def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> list[Survey]:
     """Cover a region with parallel lines in a short order.
 
     Parameters
@@ -109,6 +114,11 @@ def survey(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> S
     obstacles : sequence of shapely Polygon
         Where no line or leg may lead.
 
+    Returns
+    -------
+    list of Survey
+        The shortest; one cell is also flown from the other end of its lines. Each may be reversed.
+
     Raises
     ------
     ParameterError
@@ -118,7 +128,7 @@ def survey(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> S
 
     Examples
     --------
-    >>> flown = survey(shapely.box(0, 0, 20, 100), CoverParams(10))
+    >>> flown, _ = surveys(shapely.box(0, 0, 20, 100), CoverParams(10))
     >>> flown.angle_deg, flown.cells, flown.lines.round(6).tolist()
     (0.0, 1, [[[5.0, 0.0], [5.0, 100.0]], [[15.0, 100.0], [15.0, 0.0]]])
     """
@@ -131,7 +141,7 @@ def survey(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> S
         for azimuth in _azimuths(simple, params)
         for step_m in (math.inf, STEP * params.spacing_m)
     ]
-    return min(flown, key=lambda one: one.length_m + params.turn_m * one.turns)
+    return min(flown, key=lambda ways: ways[0].length_m + params.turn_m * ways[0].turns)
 
 
 def _is_complex(region: Any) -> bool:
@@ -170,19 +180,24 @@ def axes(angle_deg: float) -> Floats:
     return np.array([[sine, cosine], [cosine, -sine]])
 
 
-def _fly(region: Any, angle_deg: float, step_m: float, params: CoverParams, space: FreeSpace) -> Survey:
-    """The region in lines of one azimuth, cell by cell, in a short order."""
+def _fly(region: Any, angle_deg: float, step_m: float, params: CoverParams, space: FreeSpace) -> list[Survey]:
+    """The region in lines of one azimuth, cell by cell, in a short order; see `surveys`."""
     turned = shapely.transform(region, lambda xy: xy @ axes(angle_deg))
     cells = merge_flat_cells(monotone_cells(turned, step_m), LEAST_HEIGHT * params.spacing_m)
     laid = [strip_lines(cell, params.spacing_m, params.reach_m) for cell in cells]
     lines = np.concatenate(laid) @ axes(angle_deg).T
     stops = np.cumsum([len(some) for some in laid])
     candidates = [_candidates(range(stop - len(some), stop)) for some, stop in zip(laid, stops, strict=True)]
-    order = candidates[0][0] if len(cells) == 1 else _join_cells(candidates, lines.reshape(-1, 2), space)
+    one = len(cells) == 1
+    orders = candidates[0][:2] if one else [_join_cells(candidates, lines.reshape(-1, 2), space)]
+    return [_survey(angle_deg, len(cells), lines, order, space) for order in orders]
+
+
+def _survey(angle_deg: float, cells: int, lines: Floats, order: Ints, space: FreeSpace) -> Survey:
     flown = lines[order // 2]
-    turned_back = order % 2 == 1
-    flown[turned_back] = flown[turned_back, ::-1]
-    return Survey(angle_deg, len(cells), flown, _legs(flown, space))
+    turned = order % 2 == 1
+    flown[turned] = flown[turned, ::-1]
+    return Survey(angle_deg, cells, flown, _legs(flown, space))
 
 
 def _candidates(cell: Sequence[int]) -> list[Ints]:
