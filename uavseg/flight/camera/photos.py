@@ -1,4 +1,4 @@
-"""Photographs of a survey: from a camera, a height and overlaps to line spacing, trigger distance and speed."""
+"""Photographs of a survey: spacing, trigger distance and speed from a camera, a height and overlaps."""
 
 import math
 from dataclasses import dataclass
