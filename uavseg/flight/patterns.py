@@ -69,7 +69,7 @@ def _photo_notes(params: PlanParams) -> list[str]:
         return ["no photographs are taken; give a camera (--camera) for that"]
     across, along = photos.camera.footprint_m(height, photos.pitch_deg)
     return [
-        f"{photos.camera.name} at {height:g} m over flat ground: "
+        f"{photos.camera.name} at {height:.1f} m over flat ground: "
         f"{100 * photos.camera.gsd_m(height, photos.pitch_deg):.2f} cm per pixel, footprint "
         f"{across:.0f} x {along:.0f} m, lines {params.spacing_m:.1f} m apart, a photograph every "
         f"{photos.trigger_m(height):.1f} m"

@@ -67,7 +67,7 @@ def test_a_camera_of_one_s_own(tmp_path: Path) -> None:
         (json.dumps({**OWN, "focal_mm": [1]}), "is not a number"),
         (json.dumps({**OWN, "image_width_px": 1e400}), "is not a number|above 0"),
         ("[" * 5000, "cannot be read as a camera"),
-        (" " * 200_000, "too large"),
+        (" " * 200_000, "too much"),
     ],
 )
 def test_a_file_that_is_no_camera_is_refused(tmp_path: Path, text: str, told: str) -> None:

@@ -57,13 +57,13 @@ def test_few_stops_get_the_shortest_tour(
 
 @given(st.integers(0, 10**6), st.integers(5, 9))
 @settings(deadline=None, max_examples=25)
-def test_the_search_finds_the_exact_tour_of_few_stops(seed: int, count: int) -> None:
+def test_the_search_comes_near_the_exact_tour_of_few_stops(seed: int, count: int) -> None:
     stops, distances, home = near_stops(seed, count, 20)
     exact, searched = (
         cost(stops, distances, find(stops, distances, home, home), home, home)
         for find in (exact_tour, good_tour)
     )
-    assert searched == pytest.approx(exact)
+    assert exact - 1e-9 <= searched <= 1.02 * exact
 
 
 @given(st.integers(0, 10**6), st.integers(1, 60), st.booleans())

@@ -2,7 +2,6 @@
 
 import csv
 import difflib
-import json
 import os
 from functools import cache
 from importlib import resources
@@ -11,6 +10,8 @@ from typing import Any
 
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
+from uavseg.inputs import parse_json, read_bytes
+from uavseg.plain_text import cause_of
 
 _KEYS = ("sensor_width_mm", "sensor_height_mm", "image_width_px", "image_height_px", "focal_mm")
 MAX_FILE_BYTES = 100_000
@@ -76,19 +77,18 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
     ParameterError
         If the file cannot be read, a key is missing or unknown, or a number is not one.
     """
-    file = Path(path)
     try:
-        if file.stat().st_size > MAX_FILE_BYTES:
-            raise ParameterError(f"{path} is too large for a camera; expected a small JSON object")
-        given = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ParameterError(f"{path} cannot be read as a camera in JSON: {error}") from error
+        given = parse_json(read_bytes(path, ParameterError, MAX_FILE_BYTES).decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise ParameterError(f"{path} cannot be read as a camera in JSON ({cause_of(error)})") from error
     if not isinstance(given, dict) or not set(_KEYS) <= set(given) <= {*_KEYS, "name", "min_interval_s"}:
         raise ParameterError(
             f"{path} is not a camera; expected a JSON object with {', '.join(_KEYS)} and, if they are known, "
             "name and min_interval_s"
         )
-    return _camera(given, str(given.get("name", file.stem)))
+    return _camera(given, str(given.get("name", Path(path).stem)))
 
 
 def _camera(row: dict[str, Any], name: str) -> Camera:

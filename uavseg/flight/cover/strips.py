@@ -12,11 +12,11 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.items import MAX_ITEMS
 
 Floats = NDArray[np.float64]
 
-WIDTH_SLACK = 5e-4  # share of its height by which a cell may be higher before it needs another line
+MAX_LINES = 32_000  # a mission has 65 534 items at most, and a line takes two of them
+WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
 
 
 def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0) -> Floats:
@@ -75,7 +75,7 @@ def line_count(width_m: float, spacing_m: float) -> int:
     if not (math.isfinite(spacing_m) and spacing_m > 0):
         raise ParameterError(f"the spacing of survey lines is a positive number of metres, not {spacing_m}")
     count = max(math.ceil(width_m / spacing_m * (1 - WIDTH_SLACK)), 1)
-    if 2 * count > MAX_ITEMS:
+    if count > MAX_LINES:
         raise MissionError(
             f"{width_m:.0f} m at a spacing of {spacing_m:g} m make {count} lines, more than a mission holds; "
             "use a wider spacing"
