@@ -8,7 +8,7 @@ from click.testing import CliRunner, Result
 from uavseg.cli.plan import command
 from uavseg.errors import MissionError, OutputExistsError, ParameterError, RegionError, UavsegError
 from uavseg.flight import files
-from uavseg.flight.items import WAYPOINT
+from uavseg.flight.items import CAMERA_DISTANCE, WAYPOINT
 from uavseg.flight.mission import Mission
 
 HOME = "47.0,8.0,430"
@@ -28,9 +28,10 @@ def run(*arguments: object, text: bytes | None = None) -> Result:
     return CliRunner().invoke(command, [str(argument) for argument in arguments], input=text)
 
 
-def flown(regions: Path, *options: object, suffix: str = ".plan") -> Mission:
+def flown(regions: Path, *options: object, suffix: str = ".plan", altitude: float | None = 60) -> Mission:
     output = regions.with_suffix(suffix)
-    done = run(regions, "-o", output, "--altitude", 60, "--home", HOME, "--overwrite", *options)
+    height = [] if altitude is None else ["--altitude", altitude]
+    done = run(regions, "-o", output, *height, "--home", HOME, "--overwrite", *options)
     assert done.exception is None, done.output
     return files.read_mission(output)
 
@@ -53,9 +54,10 @@ def test_by_default_every_region_is_visited(regions: Path) -> None:
 
 def test_a_spacing_makes_a_survey_and_the_pattern_decides(regions: Path) -> None:
     assert waypoints(flown(regions, "--spacing", 25, "--angle", 90)) == 2 * (6 + 5 + 1)
-    assert waypoints(flown(regions, "--pattern", "survey", "--spacing", 25, "--angle", "auto")) == 2 * (
-        6 + 4 + 1
-    )
+    survey = ("--pattern", "survey", "--spacing", 25, "--angle")
+    assert waypoints(flown(regions, *survey, 0)) == 2 * (13 + 4 + 4)
+    # 5 lines of 76 m are shorter than 4 of 111 m, by more than the two turns cost at 5 m/s
+    assert waypoints(flown(regions, *survey, "auto")) == 2 * (6 + 5 + 1)
     assert waypoints(flown(regions, "--pattern", "perimeter", "--tolerance", 0.5)) == 15
 
 
@@ -160,3 +162,31 @@ def test_a_mission_is_not_replaced_without_overwrite(regions: Path) -> None:
 def test_a_word_that_is_no_choice_is_a_usage_error(regions: Path) -> None:
     assert run(regions, "-o", "x.plan", *FLY, "--firmware", "dji").exit_code == 2
     assert run(regions, "-o", "x.plan", *FLY, "--largest", "0").exit_code == 2
+
+
+def test_a_camera_gives_height_spacing_and_photographs(regions: Path) -> None:
+    mission = flown(regions, "--camera", "phantom 4 rtk", "--gsd", 2, "--where", "mean < 0.7", altitude=None)
+    heights = {item.altitude_m for item in mission.items if item.command == WAYPOINT}
+    assert len(heights) == 1 and heights.pop() == pytest.approx(72.97, abs=0.01)
+    assert sum(item.command == CAMERA_DISTANCE for item in mission.items) == waypoints(mission)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--camera", "mavik 3", "--altitude", 60), "DJI Mavic 3"),
+        (("--gsd", 2), "needs a camera"),
+        (("--camera", "phantom 4 rtk", "--gsd", 2, "--altitude", 60), "one of the two"),
+        (("--camera", "phantom 4 rtk", "--gsd", 0), "100 cm"),
+        (("--camera", "phantom 4 rtk"), "--altitude"),
+        (("--camera", "phantom 4 rtk", "--altitude", 60, "--overlap", "75"), "two numbers"),
+        (("--camera", "phantom 4 rtk", "--altitude", 60, "--overlap", "75,100"), "per cent"),
+        (("--camera", "phantom 4 rtk", "--altitude", 60, "--overlap", "a,b"), "per cent"),
+        (("--camera", "phantom 4 rtk", "--altitude", 60, "--gimbal-pitch", "0"), "gimbal pitch"),
+        (("--camera", "phantom 4 rtk", "--altitude", 60, "--pattern", "visit"), "for a survey"),
+    ],
+)
+def test_a_camera_that_cannot_photograph_so_is_refused(
+    regions: Path, options: tuple[object, ...], words: str
+) -> None:
+    assert words in str(error(regions, "--home", HOME, *options))

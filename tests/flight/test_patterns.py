@@ -1,9 +1,18 @@
 """Flight patterns and their notes for the pilot."""
 
-import numpy as np
-import shapely
+import math
 
-from tests.flight.small_regions import box, degrees, inside, planned, waypoints
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.flight.small_regions import box, inside, planned, waypoints
+from uavseg.errors import ParameterError
+from uavseg.flight.camera.camera import Camera
+from uavseg.flight.camera.photos import LAST_PHOTO_M, Photos
+from uavseg.flight.items import CAMERA_DISTANCE, CHANGE_SPEED, MOUNT_CONTROL, RETURN, TAKEOFF, WAYPOINT
 
 
 def test_a_visit_goes_to_the_point_of_every_region_once() -> None:
@@ -20,12 +29,42 @@ def test_a_perimeter_is_the_outline_and_closed() -> None:
     assert "1 m" in planned(polygons, pattern="perimeter").warnings[0]
 
 
-def test_legs_outside_of_a_region_and_uncovered_area_give_warnings() -> None:
-    around = shapely.box(0, 0, 300, 200) - shapely.box(100, 50, 200, 150)
-    said = planned([degrees(around)], pattern="survey", spacing_m=30, angle_deg=45).warnings
-    assert any("outside of their regions" in warning for warning in said)
-    arm = shapely.box(0, 0, 100, 120) | shapely.box(100, 55, 250, 65)  # between the lines, and no line in it
-    said = planned([degrees(arm)], pattern="survey", spacing_m=60, angle_deg=90).warnings
-    assert any("farther than half a spacing" in warning for warning in said)
-    plain = planned([box(0, 0, 100, 100)], pattern="survey", spacing_m=20)
-    assert plain.warnings == ()
+CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 2.0)
+
+
+def test_a_survey_without_a_camera_says_that_it_takes_no_photographs() -> None:
+    mission = planned([box(0, 0, 100, 100)], pattern="survey", spacing_m=20)
+    assert mission.warnings == ("no photographs are taken; give a camera (--camera) for that",)
+    assert not [item for item in mission.items if item.command == CAMERA_DISTANCE]
+
+
+def test_photographs_begin_and_end_with_each_line() -> None:
+    photos = Photos(CAMERA)
+    mission = planned([box(0, 0, 300, 400)], pattern="survey", spacing_m=photos.spacing_m(60), photos=photos)
+    kinds = [item.command for item in mission.items]
+    assert kinds[:3] == [TAKEOFF, CHANGE_SPEED, MOUNT_CONTROL] and kinds[-1] == RETURN
+    flight = [(item.command, item.params[0]) for item in mission.items[3:-1]]
+    lines = [flight[k : k + 4] for k in range(0, len(flight), 4)]
+    for line in lines:
+        commands, values = zip(*line, strict=True)
+        assert commands == (WAYPOINT, CAMERA_DISTANCE, WAYPOINT, CAMERA_DISTANCE)
+        assert 0 < values[1] <= photos.trigger_m(60) and values[3] == 0
+    assert "1.64 cm per pixel, footprint 90 x 60 m" in mission.warnings[0]
+
+
+@given(st.floats(1, 3000), st.floats(20, 200))
+@settings(deadline=None, max_examples=50)
+def test_photographs_of_a_line_overlap_and_reach_its_ends(length: float, height: float) -> None:
+    photos = Photos(CAMERA)
+    trigger = photos.line_trigger_m(length, height)
+    count = math.floor(length / trigger + 1e-9) + 1
+    last = (count - 1) * trigger
+    assert 0 < trigger <= photos.trigger_m(height) + 0.1
+    assert length - last <= max(LAST_PHOTO_M, length / 2) + trigger * 1e-6
+    assert length - last < photos.reach_m(height) or length < 2 * LAST_PHOTO_M
+
+
+@pytest.mark.parametrize("pattern", ["visit", "perimeter"])
+def test_a_camera_is_for_surveys(pattern: str) -> None:
+    with pytest.raises(ParameterError, match="camera are for a survey"):
+        planned([box(0, 0, 100, 100)], pattern=pattern, photos=Photos(CAMERA))

@@ -10,8 +10,9 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import warn
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
+from uavseg.flight.camera.camera import Camera
 from uavseg.flight.mission import Mission
-from uavseg.jobs.plan import Home, PlanRequest, flight_params, open_regions
+from uavseg.jobs.plan import Home, PlanRequest, flight_params, open_regions, photos_of
 from uavseg.jobs.plan import plan as run_plan
 from uavseg.plain_text import shown
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 def plan(
     regions: str | os.PathLike[str] | bytes | GeoDataFrame,
     *,
-    altitude: float,
+    altitude: float | None = None,
     home: Sequence[float] | str,
     pattern: str | None = None,
     spacing: float | None = None,
@@ -35,6 +36,10 @@ def plan(
     largest: int | None = None,
     where: str | None = None,
     layer: str | None = None,
+    camera: str | os.PathLike[str] | Camera | None = None,
+    gsd: float | None = None,
+    overlap: Sequence[float] = (75.0, 70.0),
+    gimbal_pitch: float = -90.0,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Mission:
@@ -44,8 +49,8 @@ def plan(
     ----------
     regions : path, bytes or GeoDataFrame
         A file of polygons, the content of one such as GeoJSON, or what `extract` gives.
-    altitude : float
-        Height of the whole flight above home, in metres.
+    altitude : float, optional
+        Height of the whole flight above home, in metres; with a camera, `gsd` may take its place.
     home : (lat, lon), (lat, lon, altitude_m) or "auto"
         Where the vehicle starts, in degrees; the altitude is above the sea. With "auto", inside the first
         chosen region.
@@ -68,6 +73,15 @@ def plan(
         Only those that fulfil a condition, such as "mean > 0.7 and area_m2 > 500".
     layer : str, optional
         The layer of a file that has several.
+    camera : str, path or Camera, optional
+        Photograph with this camera: a name that `uavseg cameras` lists, or a JSON file. The spacing of lines,
+        the distance between photographs and the highest speed follow from it.
+    gsd : float, optional
+        Ground sampling distance in centimetres per pixel.
+    overlap : (float, float)
+        Of photographs, along the lines and between them, in per cent.
+    gimbal_pitch : float
+        Where the camera looks, in degrees; -90 is straight down.
     allow_path, allow_network
         As of `extract`.
 
@@ -101,6 +115,8 @@ def plan(
         speed=speed,
         firmware=firmware,
         tolerance=tolerance,
+        photos=photos_of(camera, overlap, gimbal_pitch),
+        gsd=gsd,
     )
     request = PlanRequest(flight, _home(home), ids, largest, where)
     with allowing(allow_path, allow_network):

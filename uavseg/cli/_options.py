@@ -169,12 +169,39 @@ F = TypeVar("F", bound=Callable[..., Any])
 def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
-    They arrive as `altitude`, `home`, `pattern`, `spacing`, `angle`, `speed`, `firmware` and `tolerance`:
-    see `plan_request`.
+    They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
+    `angle`, `speed`, `firmware` and `tolerance`: see `plan_request`.
     """
     options = [
         click.option(
             "--altitude", type=float, metavar="M", help="Height of the flight above home, in metres."
+        ),
+        click.option(
+            "--camera",
+            metavar="NAME|FILE.json",
+            help="Photograph with this camera: spacing, trigger distance and the highest speed follow. "
+            "uavseg cameras lists them.",
+        ),
+        click.option(
+            "--gsd",
+            type=float,
+            metavar="CM",
+            help="Ground sampling distance, in place of --altitude: centimetres per pixel.",
+        ),
+        click.option(
+            "--overlap",
+            default="75,70",
+            metavar="FRONT,SIDE",
+            show_default=True,
+            help="Overlap of photographs along lines and between them, in per cent.",
+        ),
+        click.option(
+            "--gimbal-pitch",
+            type=float,
+            default=-90.0,
+            metavar="DEG",
+            show_default=True,
+            help="Where the camera looks: -90 is straight down.",
         ),
         click.option(
             "--home",
@@ -214,14 +241,14 @@ def mission_options(command: F) -> F:
 
 def plan_request(options: dict[str, Any]) -> PlanRequest:
     """How to fly, from where and over which regions, from the values of `mission_options`."""
-    from uavseg.jobs.plan import PlanRequest, flight_params
+    from uavseg.jobs.plan import PlanRequest, flight_params, photos_of
 
-    if options["altitude"] is None:
-        raise ParameterError("a mission needs --altitude, in metres above home")
-    names = ("pattern", "spacing", "speed", "firmware", "tolerance")
+    names = ("pattern", "spacing", "speed", "firmware", "tolerance", "gsd")
+    photos = photos_of(options["camera"], parse_overlap(options["overlap"]), options["gimbal_pitch"])
     flight = flight_params(
         options["altitude"],
         angle=parse_angle(options["angle"]),
+        photos=photos,
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])
@@ -253,6 +280,14 @@ def parse_ids(text: str | None) -> list[int] | None:
         return [int(part) for part in text.split(",")]
     except ValueError:
         raise RegionError(f"--ids is whole numbers between commas, as in 1,4,7, not {text!r}") from None
+
+
+def parse_overlap(text: str) -> list[float]:
+    """FRONT,SIDE as numbers."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ParameterError(f"--overlap is FRONT,SIDE in per cent, such as 75,70, not {text!r}") from None
 
 
 def parse_angle(text: str) -> float | None:

@@ -6,9 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.flight.items import (
+    CAMERA_DISTANCE,
     CHANGE_SPEED,
     FRAME_MISSION,
     FRAME_RELATIVE,
+    MOUNT_CONTROL,
     RETURN,
     TAKEOFF,
     WAYPOINT,
@@ -45,17 +47,47 @@ def fly_along(
     return Mission(start, items, params.firmware, params.name, tuple(home_notes(home)))
 
 
-def items_along(lon: Any, lat: Any, home: HomePosition, params: PlanParams) -> tuple[MissionItem, ...]:
-    """Items of a flight along a line in degrees: takeoff, speed, waypoints, return."""
+def items_along(
+    lon: Any, lat: Any, home: HomePosition, params: PlanParams, trigger_m: Any = ()
+) -> tuple[MissionItem, ...]:
+    """Items of a flight along a line in degrees: takeoff, speed, waypoints, return.
+
+    Parameters
+    ----------
+    lon, lat : (n,) arrays
+    home : HomePosition
+    params : PlanParams
+    trigger_m : (n - 1,) array, optional
+        Distance between the photographs on each leg, 0 where none are taken.
+    """
     positions = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
+    triggers = np.round(np.append(trigger_m, 0.0), 3).tolist() if len(trigger_m) else [0.0] * len(lon)
     any_heading = (0.0, 0.0, 0.0, None)
     height = float(params.altitude_m)
+    flight = []
+    before = 0.0
+    for position, trigger in zip(positions, triggers, strict=True):
+        flight.append(MissionItem(WAYPOINT, FRAME_RELATIVE, any_heading, *position, height))
+        if trigger or before:  # each line has its own distance, and begins with a photograph
+            flight.append(
+                MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (trigger, 0.0, float(trigger > 0), 0.0))
+            )
+        before = trigger
     return (
         MissionItem(TAKEOFF, FRAME_RELATIVE, any_heading, home.lat, home.lon, height),
         MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, float(params.speed_m_s), -1.0, 0.0)),
-        *(MissionItem(WAYPOINT, FRAME_RELATIVE, any_heading, *position, height) for position in positions),
+        *_gimbal_items(params),
+        *flight,
         MissionItem(RETURN, FRAME_MISSION),
     )
+
+
+def _gimbal_items(params: PlanParams) -> list[MissionItem]:
+    """The gimbal is turned to its pitch, and stays there (MAV_MOUNT_MODE_MAVLINK_TARGETING)."""
+    if params.photos is None:
+        return []
+    pitch = float(params.photos.pitch_deg)
+    return [MissionItem(MOUNT_CONTROL, FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=2.0)]
 
 
 def home_notes(home: tuple[float, ...]) -> list[str]:

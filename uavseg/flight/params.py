@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
+from uavseg.flight.camera.photos import Photos
 from uavseg.flight.items import FIRMWARES, MAX_DISTANCE_M, MAX_HEIGHT_M
 from uavseg.flight.mission import CRUISE_M_S
 
@@ -37,6 +38,8 @@ class PlanParams:
         region are larger.
     name : str
         Name of the mission.
+    photos : Photos, optional
+        How a survey is photographed; without, it takes no photographs.
 
     Raises
     ------
@@ -52,6 +55,7 @@ class PlanParams:
     firmware: str = "ardupilot"
     tolerance_m: float | None = None
     name: str = ""
+    photos: Photos | None = None
 
     def __post_init__(self) -> None:
         _check_number("altitude", self.altitude_m, MAX_HEIGHT_M, "m above home")
@@ -62,8 +66,10 @@ class PlanParams:
             raise ParameterError(f"a firmware is one of {', '.join(FIRMWARES)}, not {self.firmware!r}")
         if self.pattern == "survey" and self.spacing_m is None:
             raise ParameterError("a survey needs the spacing of its lines in metres")
-        if self.pattern != "survey" and (self.spacing_m, self.angle_deg) != (None, None):
-            raise ParameterError(f"spacing and angle are for a survey, not for the pattern {self.pattern}")
+        if self.pattern != "survey" and (self.spacing_m, self.angle_deg, self.photos) != (None,) * 3:
+            raise ParameterError(
+                f"spacing, angle and camera are for a survey, not for the pattern {self.pattern}"
+            )
         if self.spacing_m is not None:
             _check_number("spacing", self.spacing_m, MAX_DISTANCE_M, "m")
         if self.angle_deg is not None and not math.isfinite(self.angle_deg):

@@ -5,19 +5,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.legs import leaving_hull, legs_between, outside_m
+from uavseg.flight.cover.survey import CoverParams
+from uavseg.flight.cover.survey import surveys as cover_region
 from uavseg.flight.params import PlanParams
 from uavseg.flight.perimeter import default_tolerance_m, perimeter
-from uavseg.flight.survey import reverse_path, survey
+from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
-CandidatePaths = tuple[list[list[Floats]], list[str]]  # candidate paths (N, 2) of each region; notes
+CandidateTracks = tuple[
+    list[list[Track]], list[str]
+]  # candidate tracks of each region, which may be reversed; notes
 
 MAX_STARTS = 16  # corners at which a perimeter may begin
-MAX_UNCOVERED = 0.01  # share of the area that needs no note
+MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
+BRAKING_M_S2 = 2.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,55 +31,46 @@ class RegionPart:
     point: tuple[float, float]
 
 
-def visits(parts: Sequence[RegionPart], params: PlanParams) -> CandidatePaths:
+def visits(parts: Sequence[RegionPart], params: PlanParams) -> CandidateTracks:
     """The point inside each region."""
-    return [[np.array([part.point])] for part in parts], []
+    return [[Track.of_path(np.array([part.point]))] for part in parts], []
 
 
-def perimeters(parts: Sequence[RegionPart], params: PlanParams) -> CandidatePaths:
+def perimeters(parts: Sequence[RegionPart], params: PlanParams) -> CandidateTracks:
     """The outline of each region, with several corners as candidates for its start."""
     tolerances = [params.tolerance_m or default_tolerance_m(part.polygon) for part in parts]
+    most = max(min(MAX_STARTS, MAX_CANDIDATES // len(parts)), 1)
     candidates = []
     for part, tolerance_m in zip(parts, tolerances, strict=True):
         ring = perimeter(part.polygon, tolerance_m)[:-1]
-        starts = range(0, len(ring), -(-len(ring) // MAX_STARTS))
-        candidates.append([np.roll(ring, -start, axis=0)[[*range(len(ring)), 0]] for start in starts])
+        starts = range(0, len(ring), -(-len(ring) // most))
+        rings = [np.roll(ring, -start, axis=0)[[*range(len(ring)), 0]] for start in starts]
+        candidates.append([Track.of_path(one) for one in rings])
     return candidates, [f"outlines are simplified by up to {max(tolerances):.3g} m (--tolerance)"]
 
 
-def surveys(parts: Sequence[RegionPart], params: PlanParams) -> CandidatePaths:
-    """Survey lines over each region, in either direction, with notes on the legs between them."""
+def surveys(parts: Sequence[RegionPart], params: PlanParams) -> CandidateTracks:
+    """Survey lines over each region."""
     assert params.spacing_m is not None
-    candidates, outside, uncovered, leaving = [], 0.0, 0.0, 0
+    photos, height = params.photos, params.altitude_m
+    reach = 0.0 if photos is None else photos.reach_m(height)
+    turn = params.speed_m_s**2 / BRAKING_M_S2
+    cover = CoverParams(params.spacing_m, params.angle_deg, reach, turn)
+    candidates = []
     for part in parts:
-        flown = survey(part.polygon, params.spacing_m, params.angle_deg)
-        candidates.append([path.reshape(-1, 2) for one in flown.paths for path in (one, reverse_path(one))])
-        legs = legs_between(flown.paths[0])
-        outside += float(outside_m(part.polygon, legs).sum())
-        uncovered += _uncovered_m2(part.polygon, flown.paths[0], params.spacing_m)
-        leaving += len(leaving_hull(part.polygon, legs, params.spacing_m))
-    return candidates, _survey_notes(outside, uncovered / sum(part.polygon.area for part in parts), leaving)
+        ways = cover_region(part.polygon, cover)
+        candidates.append([Track.of_survey(way, photos, height) for way in ways])
+    return candidates, _photo_notes(params)
 
 
-def _uncovered_m2(region: Any, path: Floats, spacing_m: float) -> float:
-    """Area of a region that is farther than half a spacing from every line, in square metres."""
-    swaths = shapely.buffer(shapely.linestrings(path), spacing_m / 2, quad_segs=4)
-    return float(shapely.difference(region, shapely.union_all(swaths)).area)
-
-
-def _survey_notes(outside: float, uncovered: float, leaving: int) -> list[str]:
-    notes = []
-    if leaving:
-        notes.append(
-            f"{leaving} legs between survey lines leave the hull of their region by more than a spacing"
-        )
-    if outside >= 1:
-        notes.append(
-            f"legs between survey lines lie outside of their regions, inside their hulls, for {outside:.0f} m"
-        )
-    if uncovered > MAX_UNCOVERED:
-        notes.append(
-            f"{uncovered:.0%} of the area lies farther than half a spacing from every line; "
-            "a narrower spacing or another angle reaches it"
-        )
-    return notes
+def _photo_notes(params: PlanParams) -> list[str]:
+    photos, height = params.photos, params.altitude_m
+    if photos is None:
+        return ["no photographs are taken; give a camera (--camera) for that"]
+    across, along = photos.camera.footprint_m(height, photos.pitch_deg)
+    return [
+        f"{photos.camera.name} at {height:.1f} m over flat ground: "
+        f"{100 * photos.camera.gsd_m(height, photos.pitch_deg):.2f} cm per pixel, footprint "
+        f"{across:.0f} x {along:.0f} m, lines {params.spacing_m:.1f} m apart, a photograph every "
+        f"{photos.trigger_m(height):.1f} m"
+    ]

@@ -8,7 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.flight import patterns, route
+from uavseg.flight import patterns
 from uavseg.flight.along import home_notes, items_along
 from uavseg.flight.items import (
     MAX_DISTANCE_M,
@@ -19,12 +19,16 @@ from uavseg.flight.items import (
     distance_m,
 )
 from uavseg.flight.mission import Mission
+from uavseg.flight.order.stops import Stops
+from uavseg.flight.order.tour import short_tour
 from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns import RegionPart
 from uavseg.flight.plane import Plane, plane_around
+from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
 
+MAX_REGIONS = 4000  # far more than any vehicle stores
 _PATTERN_FUNCTIONS = {"visit": patterns.visits, "perimeter": patterns.perimeters, "survey": patterns.surveys}
 
 
@@ -58,9 +62,9 @@ def plan_mission(
     plane = _plane(polygons, points, start)
     parts = _parts(plane.project_polygons(polygons), plane, points)
     candidates, notes = _PATTERN_FUNCTIONS[params.pattern](parts, params)
-    paths = _order_paths(candidates, plane, start)
+    tracks = _order_tracks(candidates, plane, start)
     notes = [*home_notes(home), *notes]
-    return Mission(start, _items(paths, plane, start, params), params.firmware, params.name, tuple(notes))
+    return Mission(start, _items(tracks, plane, start, params), params.firmware, params.name, tuple(notes))
 
 
 def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:
@@ -103,21 +107,35 @@ def _connected_parts(region: Any) -> list[Any]:
     return [part for part in shapely.get_parts(region) if part.geom_type == "Polygon" and part.area > 0]
 
 
-def _order_paths(candidates: Sequence[Sequence[Floats]], plane: Plane, home: HomePosition) -> list[Floats]:
-    """One path for each region, in an order that makes a short tour from home and back."""
-    ends = np.concatenate([[path[[0, -1]] for path in region] for region in candidates])
-    points = np.concatenate(
-        (np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat])), ends.reshape(-1, 2))
-    )
-    pairs = np.arange(1, len(points)).reshape(-1, 2)
-    options = np.split(pairs, np.cumsum([len(region) for region in candidates])[:-1])
-    tour = route.order_stops(options, route.straight_distance(points), home=0)
-    return [candidates[region][option] for region, option in tour]
+def _order_tracks(candidates: Sequence[Sequence[Track]], plane: Plane, home: HomePosition) -> list[Track]:
+    """One track for each region, in an order that makes a short tour from home and back."""
+    if len(candidates) > MAX_REGIONS:
+        raise MissionError(
+            f"there are {len(candidates):,} regions, and at most {MAX_REGIONS:,} are ordered; choose fewer"
+        )
+    ends = np.concatenate([[track.xy[[0, -1]] for track in tracks] for tracks in candidates])
+    start = np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat]))
+    points, index = np.unique(np.concatenate([start, ends.reshape(-1, 2)]), axis=0, return_inverse=True)
+    pairs = index.ravel()[1:].reshape(-1, 2)
+    options, costs, flown = [], [], []
+    first = 0
+    for tracks in candidates:
+        own = pairs[first : first + len(tracks)]
+        first += len(tracks)
+        both = [*tracks, *(track.reversed() for track in tracks)]
+        flown.append(both)
+        options.append(np.concatenate([own, own[:, ::-1]]))
+        costs.append(np.array([track.length_m for track in tracks] * 2))
+    steps = points[:, None] - points[None]
+    tour = short_tour(Stops.of(options, costs), np.hypot(steps[..., 0], steps[..., 1]), index[0], index[0])
+    return [flown[region][option] for region, option in tour]
 
 
 def _items(
-    paths: Sequence[Floats], plane: Plane, home: HomePosition, params: PlanParams
+    tracks: Sequence[Track], plane: Plane, home: HomePosition, params: PlanParams
 ) -> tuple[MissionItem, ...]:
-    xy = np.concatenate(paths)
+    xy = np.concatenate([track.xy for track in tracks])
+    trigger = np.concatenate([np.append(track.trigger_m, 0.0) for track in tracks])[:-1]
     moved = np.r_[True, np.hypot(*np.diff(xy, axis=0).T) > 1e-3]
-    return items_along(*plane.lonlat_from_xy(*xy[moved].T), home, params)
+    lon, lat = plane.lonlat_from_xy(*xy[moved].T)
+    return items_along(lon, lat, home, params, trigger[moved[1:]])

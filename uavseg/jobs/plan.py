@@ -1,11 +1,15 @@
 """Planning of a mission over regions: which of them, from where, and how to fly."""
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from uavseg.errors import MissionError, ParameterError
+from uavseg.flight.camera.camera import Camera, Overlap
+from uavseg.flight.camera.catalogue import camera_named
+from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.planner import plan_mission
@@ -15,6 +19,8 @@ from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
+
+MAX_GSD_CM = 100.0
 
 Home = tuple[float, ...] | Literal["auto"]
 
@@ -85,7 +91,7 @@ def plan(regions: Regions, request: PlanRequest) -> Planned:
 
 
 def flight_params(
-    altitude: float,
+    altitude: float | None,
     *,
     pattern: str | None = None,
     spacing: float | None = None,
@@ -93,17 +99,72 @@ def flight_params(
     speed: float = 5.0,
     firmware: str = "ardupilot",
     tolerance: float | None = None,
+    photos: Photos | None = None,
+    gsd: float | None = None,
 ) -> PlanParams:
-    """How to fly; regions are visited, or surveyed where a spacing is given, if no pattern is named."""
+    """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
+
+    With a camera, the height follows from the ground sampling distance (`gsd`, centimetres) where that is
+    given, and the spacing from the overlap. The speed is lowered to what the camera allows.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of bounds, or values do not go together.
+    """
+    if gsd is not None:
+        if photos is None:
+            raise ParameterError("a ground sampling distance needs a camera (--camera)")
+        if altitude is not None:
+            raise ParameterError("the height follows from the ground sampling distance; give one of the two")
+        if not 0 < gsd <= MAX_GSD_CM:
+            raise ParameterError(f"a ground sampling distance is above 0 and at most 100 cm, not {gsd:g}")
+        altitude = photos.camera.height_m(gsd / 100, photos.pitch_deg)
+    if altitude is None:
+        raise ParameterError("a mission needs --altitude, in metres above home, or --camera and --gsd")
+    surveyed = pattern == "survey" or (pattern is None and (spacing is not None or photos is not None))
+    if photos is not None and surveyed and 0 < altitude < math.inf:
+        spacing = photos.spacing_m(altitude) if spacing is None else spacing
+        speed = min(speed, photos.max_speed_m_s(altitude))
     return PlanParams(
         altitude_m=altitude,
-        pattern=pattern or ("visit" if spacing is None else "survey"),
+        pattern=pattern or ("survey" if surveyed else "visit"),
         spacing_m=spacing,
         angle_deg=angle,
         speed_m_s=speed,
         firmware=firmware,
         tolerance_m=tolerance,
+        photos=photos,
     )
+
+
+def photos_of(
+    camera: str | os.PathLike[str] | Camera | None,
+    overlap: Sequence[float] = (75.0, 70.0),
+    gimbal_pitch: float = -90.0,
+) -> Photos | None:
+    """How to photograph with a camera that is named; None without one.
+
+    Parameters
+    ----------
+    camera : str, path or Camera, optional
+        A name of the catalogue, or a JSON file; see `uavseg.flight.camera.catalogue`.
+    overlap : (float, float)
+        Along the lines and between them, in per cent.
+    gimbal_pitch : float
+        Degrees; -90 is straight down.
+
+    Raises
+    ------
+    ParameterError
+        If the camera is not known, or a number is out of bounds.
+    """
+    if camera is None:
+        return None
+    if len(overlap) != 2:
+        raise ParameterError(f"an overlap is two numbers, along the lines and between them, not {overlap!r}")
+    found = camera if isinstance(camera, Camera) else camera_named(camera)
+    return Photos(found, Overlap(float(overlap[0]), float(overlap[1])), float(gimbal_pitch))
 
 
 def open_regions(

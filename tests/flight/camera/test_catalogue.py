@@ -1,0 +1,77 @@
+"""The catalogue: its size and order, names and their neighbours, and cameras in files."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from uavseg.errors import ParameterError
+from uavseg.flight.camera.catalogue import camera_named, cameras, find_cameras, read_camera
+
+OWN = {
+    "sensor_width_mm": 13.2,
+    "sensor_height_mm": 8.8,
+    "image_width_px": 5472,
+    "image_height_px": 3648,
+    "focal_mm": 8.8,
+}
+
+
+def test_there_are_many_cameras_each_once_and_sorted() -> None:
+    names = [camera.name for camera in cameras()]
+    assert len(names) >= 40 and len(set(names)) == len(names)
+    assert names == sorted(names, key=str.lower)
+
+
+def test_fields_of_view_are_those_of_lenses_on_drones() -> None:
+    for camera in cameras():
+        assert 0.3 < camera.sensor_mm[0] / camera.focal_mm < 2.2, camera.name
+        assert 0.1 <= camera.min_interval_s <= 3, camera.name
+
+
+def test_every_camera_is_found_by_its_name_in_any_case() -> None:
+    for camera in cameras():
+        assert camera_named(camera.name.upper()) == camera
+        assert camera in find_cameras(camera.name)
+
+
+def test_part_of_a_name_serves_if_it_is_clear() -> None:
+    assert camera_named("phantom 4 rtk").name == "DJI Phantom 4 RTK"
+    with pytest.raises(ParameterError, match=r"several cameras are called phantom: DJI Phantom 3"):
+        camera_named("phantom")
+
+
+def test_the_nearest_names_are_offered() -> None:
+    with pytest.raises(ParameterError, match=r"no camera called DJI Mavik 3; .*DJI Mavic 3"):
+        camera_named("DJI Mavik 3")
+    with pytest.raises(ParameterError, match=r"uavseg cameras lists"):
+        camera_named("@@@@")
+
+
+def test_a_camera_of_one_s_own(tmp_path: Path) -> None:
+    path = tmp_path / "own.json"
+    path.write_text(json.dumps(OWN))
+    assert camera_named(path).name == "own" and camera_named(path).min_interval_s == 0
+    path.write_text(json.dumps(OWN | {"name": "Mine", "min_interval_s": 1.5}))
+    assert camera_named(path).name == "Mine" and read_camera(path).min_interval_s == 1.5
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[1]", "expected a JSON object"),
+        ("{", "cannot be read as a camera"),
+        (json.dumps({**OWN, "focus": 1}), "expected a JSON object"),
+        (json.dumps({k: v for k, v in OWN.items() if k != "focal_mm"}), "expected a JSON object"),
+        (json.dumps({**OWN, "focal_mm": "wide"}), "is not a number"),
+        (json.dumps({**OWN, "focal_mm": [1]}), "is not a number"),
+        (json.dumps({**OWN, "image_width_px": 1e400}), "is not a number|above 0"),
+        ("[" * 5000, "cannot be read as a camera"),
+        (" " * 200_000, "too much"),
+    ],
+)
+def test_a_file_that_is_no_camera_is_refused(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "bad.json"
+    path.write_text(text)
+    with pytest.raises(ParameterError, match=told):
+        camera_named(path)

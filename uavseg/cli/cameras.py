@@ -1,0 +1,29 @@
+"""`uavseg cameras`: the cameras that a survey can be planned for."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command("cameras")
+@click.argument("words", nargs=-1)
+def command(words: tuple[str, ...]) -> None:
+    """List the cameras that are known; those whose names have all WORDS, if some are given.
+
+    A camera of one's own is a JSON file with sensor_width_mm, sensor_height_mm, image_width_px,
+    image_height_px, focal_mm and, if they are known, name and min_interval_s.
+    """
+    from uavseg.cli._say import show
+    from uavseg.errors import ParameterError
+    from uavseg.flight.camera.catalogue import find_cameras
+
+    found = find_cameras(" ".join(words))
+    if not found:
+        raise ParameterError(f"no camera has {' '.join(words)} in its name; uavseg cameras lists all")
+    lines = [f"{'camera':<34}{'sensor mm':>14}{'image px':>15}{'focal mm':>10}{'cm at 100 m':>13}"]
+    for camera in found:
+        sensor = "{:g} x {:g}".format(*camera.sensor_mm)
+        image = "{} x {}".format(*camera.image_px)
+        gsd = f"{100 * camera.gsd_m(100):.2f}"
+        lines.append(f"{camera.name:<34}{sensor:>14}{image:>15}{camera.focal_mm:>10g}{gsd:>13}")
+    show("\n".join(lines))

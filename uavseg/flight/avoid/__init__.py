@@ -1,0 +1,1 @@
+"""Where the vehicle may fly: keep-out zones, and the shortest ways around them."""

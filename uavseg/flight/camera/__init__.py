@@ -1,0 +1,1 @@
+"""Cameras: ground sampling distance, footprint, overlap, and the cameras that operators own."""
