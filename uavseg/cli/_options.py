@@ -265,11 +265,23 @@ def parse_angle(text: str) -> float | None:
 
 def write_and_report(planned: Planned, path: str, overwrite: bool, quiet: bool) -> None:
     """Write a mission, and report it unless the command is quiet."""
-    from uavseg.flight import files
-
-    files.write_mission(planned.mission, path, overwrite)
+    unwritten = write_mission_file(planned.mission, path, overwrite)
     if not quiet:
         report(planned.mission, planned.regions, path)
+        for warning in unwritten:
+            click.echo(f"note: {warning}", err=True)
+
+
+def write_mission_file(mission: Mission, path: str, overwrite: bool) -> list[str]:
+    """Write a mission, and return the warnings about what its format cannot hold."""
+    import warnings
+
+    from uavseg.flight import files
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        files.write_mission(mission, path, overwrite)
+    return [str(one.message) for one in caught]
 
 
 def report(mission: Mission, regions: int, output: str) -> None:
