@@ -7,6 +7,9 @@ Each message says what is wrong, what was expected and what to do; the command l
 class UavsegError(Exception):
     """Base class: an error that the user can correct."""
 
+    exit_code = 1
+    """With which a command ends."""
+
 
 class ParameterError(UavsegError, ValueError):
     """A parameter is out of its domain."""
@@ -54,6 +57,16 @@ class ClusterError(UavsegError, OSError):
 
 class MissionError(UavsegError, ValueError):
     """A mission would be unsafe, or its reader would refuse it."""
+
+
+class LinkError(UavsegError, OSError):
+    """A vehicle cannot be reached, refuses a mission, falls silent, or is not alone on its link."""
+
+
+class UnverifiedError(LinkError):
+    """A vehicle accepted a mission, which could then not be read back and compared."""
+
+    exit_code = 3
 
 
 class OutputError(UavsegError, OSError):

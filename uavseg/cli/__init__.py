@@ -52,7 +52,7 @@ class _Group(click.Group):
             return super().invoke(ctx)
         except UavsegError as error:
             click.echo(f"uavseg: error: {error}", err=True)
-            ctx.exit(1)
+            ctx.exit(error.exit_code)
         except MemoryError:
             click.echo(
                 "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less",
