@@ -20,6 +20,8 @@ _COMMANDS = {
     "classify": "Find what is free, unknown and occupied in a map of probabilities.",
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
+    "upload": "Send a mission to a vehicle, and verify it.",
+    "download": "Read the mission of a vehicle.",
     "path": "Find the shortest path between two places of one region.",
     "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like.",
