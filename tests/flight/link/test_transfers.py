@@ -157,7 +157,7 @@ def test_a_lost_last_acknowledgement_is_no_failure(make: type[FakeVehicle], time
 
 
 def test_an_upload_that_a_starting_vehicle_has_no_space_for_is_repeated() -> None:
-    vehicle = ArduPilot(boots_s=15.0)
+    vehicle = ArduPilot(boots_s=14.0)
     assert not upload_mission(linked(Network([vehicle])), survey())
     assert len(vehicle.stored[0]) == 13
 

@@ -2,14 +2,16 @@
 
 FIRST_S = 0.5  # before a round trip was measured
 SHORTEST_S, LONGEST_S = 0.1, 1.5
+QUICK = 4  # repetitions
 _ROUND_TRIPS = 3.0
 _SMOOTHING = 0.2
 
 
 class Patience:
-    """Waiting time that follows the round trips of a link, and doubles with each repetition.
+    """Waiting time that follows the round trips of a link, and doubles after the fourth repetition.
 
-    A fixed time does not fit all links: 250 ms repeat a third of all messages over a telemetry radio, and are
+    The first repetitions are quick, because a vehicle may give up after few (MAVSDK after five, or 2.5 s). A
+    fixed time does not fit all links: 250 ms repeat a third of all messages over a telemetry radio, and are
     long over a network. Round trips of repeated messages are not measured, because the answer may be to any
     of them (Karn and Partridge, 1987, "Improving Round-Trip Time Estimates in Reliable Transport Protocols").
 
@@ -21,9 +23,10 @@ class Patience:
     >>> patience.answered(0.06)
     >>> round(patience.wait_s, 3)
     0.18
-    >>> patience.repeated()
+    >>> for _ in range(6):
+    ...     patience.repeated()
     >>> round(patience.wait_s, 3)
-    0.36
+    0.72
     """
 
     def __init__(self) -> None:
@@ -34,7 +37,7 @@ class Patience:
     def wait_s(self) -> float:
         """Seconds to wait for an answer."""
         first = FIRST_S if self._round_trip_s is None else _ROUND_TRIPS * self._round_trip_s
-        return float(min(max(first, SHORTEST_S) * 2 ** min(self._repeats, 10), LONGEST_S))
+        return float(min(max(first, SHORTEST_S) * 2 ** min(max(self._repeats - QUICK, 0), 10), LONGEST_S))
 
     def repeated(self) -> None:
         """A message had to be repeated."""

@@ -12,7 +12,8 @@ from uavseg.flight.link.send import STOPPED_S
 Progress = Callable[[int, int], None]
 """Called with the number of items that are done, and of all."""
 
-PAUSES_S = (0.0, 0.02, 0.05, 0.1, 0.2)  # between items; of each attempt
+PAUSES_S = (0.0, 0.02, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2)  # between items; of each attempt
+STALL_S = 4.0  # MAVSDK ends a transfer after 2.5 s, PX4 after 5 s; then only a new one goes on
 SETTLE_S = 0.5  # for what is still on its way, before a new attempt
 COUNT_S = 3.0  # for a list that is only counted
 _LATE = (Result.ACCEPTED, Result.INVALID_SEQUENCE)  # answers to items of an earlier upload
@@ -86,7 +87,8 @@ class _Receiving:
         """Send a question until it is answered."""
         link = self.link
         sent_at = asked_at = link.now()
-        give_up_at = asked_at + self.timeout_s
+        keeps_state = number is not None and link.vehicle.firmware != "ardupilot"
+        give_up_at = asked_at + (min(STALL_S, self.timeout_s) if keeps_state else self.timeout_s)
         refusal: int | None = None
         send()
         while True:
