@@ -12,6 +12,8 @@ from uavseg.cli._run import Reporter
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
 
+INTERRUPTED = 130  # exit code
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 

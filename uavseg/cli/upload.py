@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from uavseg.cli._link import link_options, reporter_of, vehicle_report
+from uavseg.cli._link import INTERRUPTED, link_options, reporter_of, vehicle_report
 
 
 @click.command("upload", short_help="Send a mission to a vehicle, and verify it.")
@@ -26,7 +26,9 @@ def command(**options: Any) -> None:
     try:
         done = upload(options["file"], LinkRequest(options["connect"], options["timeout"]), reporter.progress)
     except KeyboardInterrupt:
-        reporter.finish(["interrupted: the vehicle may hold a part of the mission; upload it again"])
-        raise
+        click.echo(
+            "uavseg: interrupted; the vehicle may hold a part of the mission: upload it again", err=True
+        )
+        click.get_current_context().exit(INTERRUPTED)
     reporter.finish(done.warnings)
     reporter.say(f"{options['file']}: {vehicle_report(done.mission, done.vehicle)}, read back and equal")

@@ -13,6 +13,7 @@ import pytest
 from tests.flight.link.vehicles import FakeVehicle
 
 LOOPBACK = "127.0.0.1"
+HEARTBEAT_S = 0.1
 
 
 def free_port(kind: int = socket.SOCK_DGRAM) -> int:
@@ -46,6 +47,7 @@ def udp_vehicle(vehicle: FakeVehicle, ground: int | None = None) -> Iterator[str
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         port.bind((LOOPBACK, 0))
         port.settimeout(0.01)
+        vehicle.heartbeat_s = HEARTBEAT_S
         peer: list[Any] = [] if ground is None else [(LOOPBACK, ground)]
 
         def turn() -> None:
@@ -70,6 +72,7 @@ def tcp_vehicle(vehicle: FakeVehicle, closes_after: int | None = None) -> Iterat
         server.bind((LOOPBACK, 0))
         server.listen()
         server.settimeout(0.05)
+        vehicle.heartbeat_s = HEARTBEAT_S
         open_: list[socket.socket] = []
 
         def turn() -> None:
@@ -77,6 +80,7 @@ def tcp_vehicle(vehicle: FakeVehicle, closes_after: int | None = None) -> Iterat
                 with suppress(TimeoutError):
                     open_.append(server.accept()[0])
                     open_[0].settimeout(0.01)
+                    open_[0].setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 return
             with suppress(TimeoutError, ConnectionError):
                 vehicle.handle(open_[0].recv(65535), time.monotonic())

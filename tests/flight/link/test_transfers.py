@@ -202,7 +202,7 @@ def test_a_last_item_that_is_refused_is_not_taken_for_a_lost_acknowledgement() -
 
 
 def test_errors_of_a_vehicle_that_goes_on_are_no_refusal() -> None:
-    vehicle, network = Px4(), Network([Px4()])
+    vehicle = Px4()
     network = Network([vehicle])
     link = linked(network)
     inject = iter([3, 6])
@@ -300,7 +300,7 @@ def test_a_vehicle_that_asks_for_the_same_item_for_ever_does_not_hold_the_upload
 
 
 def test_a_cancelled_upload_is_begun_again() -> None:
-    vehicle, network = ArduPilot(), Network([])
+    vehicle = ArduPilot()
     network = Network([vehicle])
     link = linked(network, timeout_s=20.0)
     until = network.now() + 8.5

@@ -57,6 +57,7 @@ class FakeVehicle:
     """A vehicle: `handle` takes bytes, `tick` passes time, both collect what is sent in `outbox`."""
 
     autopilot = 0
+    heartbeat_s = 1.0
     repeat_s = 0.5
     give_up_s = 3.0
 
@@ -99,7 +100,7 @@ class FakeVehicle:
     def tick(self, now: float) -> None:
         """Let time pass: heartbeats, repeated requests, time-outs."""
         self.now = now
-        if now - self._heartbeat_at >= 1:
+        if now - self._heartbeat_at >= self.heartbeat_s:
             self._heartbeat_at = now
             self._mav.heartbeat_send(2, self.autopilot, 128 if self.armed else 0, 0, 4)
         if self.upload is not None and not self.is_mute:
@@ -262,7 +263,7 @@ class Px4(FakeVehicle):
 
     def tick(self, now: float) -> None:
         super().tick(now)
-        if self.home is not None and now - self._home_at >= 2:
+        if self.home is not None and now - self._home_at >= 2 * self.heartbeat_s:
             self._home_at = now
             lat, lon, alt = self.home
             place = round(lat * 1e7), round(lon * 1e7), round(alt * 1e3)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from uavseg.errors import MissionError
 from uavseg.flight.items import FIRMWARES, HomePosition, MissionItem
-from uavseg.flight.link.link import Link
+from uavseg.flight.link.link import POLL_S, Link
 from uavseg.flight.link.link_items import (
     FENCE_RETURN,
     LinkItem,
@@ -71,7 +71,9 @@ def _home(
     if known is not None:
         return known
     if link.home is None and link.vehicle.firmware == "px4":
-        link.next_message(link.now() + HOME_S, none_expected=True)
+        until = link.now() + HOME_S
+        while link.home is None and link.now() < until:
+            link.next_message(min(link.now() + POLL_S, until), none_expected=True)
     if link.home is not None:
         return HomePosition(*link.home)
     first = next((item for item in items if item.has_position and not item.is_at_vehicle), None)
