@@ -16,7 +16,7 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError, MissionError, UnverifiedError
-from uavseg.flight.items import FRAME_TERRAIN, HomePosition, MissionItem
+from uavseg.flight.items import CONDITION_GATE, FRAME_MISSION, FRAME_TERRAIN, HomePosition, MissionItem
 from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.link import Link
 from uavseg.flight.link.results import Result
@@ -432,6 +432,14 @@ def test_another_autopilot_or_address_with_the_same_id_is_refused() -> None:
         upload_mission(link, survey(100))
 
 
+def test_another_system_that_answers_in_place_of_the_vehicle_is_refused() -> None:
+    network = Network([ArduPilot()])
+    link, stranger = linked(network), GroundStation(network, system=9, component=1)
+    during_upload(network, lambda: stranger.mav.mission_request_int_send(255, link.component, 2, 0))
+    with pytest.raises(LinkError, match=r"another system \(9\) answers on the link"):
+        upload_mission(link, survey())
+
+
 def test_a_mission_for_another_autopilot_is_refused() -> None:
     for make, firmware in ((ArduPilot, "px4"), (Px4, "ardupilot")):
         vehicle = make()
@@ -448,8 +456,8 @@ def test_a_fence_that_the_mission_does_not_have_is_kept_with_a_warning() -> None
     vehicle, _ = sent_to(Px4, fenced(survey(firmware="px4")))
     warnings = upload_mission(linked(Network([vehicle])), survey(firmware="px4"))
     assert warnings == (
-        "the vehicle keeps an earlier fence (8 items); the mission has none",
-        "the vehicle keeps an earlier rally points (2 items); the mission has none",
+        "the vehicle keeps its fence (8 items): the mission has none",
+        "the vehicle keeps its rally points (2 items): the mission has none",
     )
     assert len(vehicle.stored[1]) == 8
 
@@ -475,6 +483,29 @@ def test_a_vehicle_without_a_mission_says_so() -> None:
     for make in VEHICLES:
         with pytest.raises(MissionError, match="holds no mission"):
             download_mission(linked(Network([make()])))
+
+
+def test_a_return_point_of_a_fence_gives_a_note() -> None:
+    vehicle, _ = sent_to(ArduPilot, fenced(survey()))
+    vehicle.stored[1].append(Item(5000, 0, (0.0,) * 4, 470000000, 80000000, 0.0))
+    found = download_mission(linked(Network([vehicle])))
+    assert found.fence == fenced(survey()).fence
+    assert found.notes == ("the return point of the fence was not read",)
+
+
+def test_a_mission_of_a_generic_vehicle_is_read_as_one_for_the_autopilot_whose_rules_it_keeps() -> None:
+    gate = MissionItem(CONDITION_GATE, FRAME_MISSION, (0.0,) * 4)
+    mission = survey(firmware="px4")
+    for items, firmware in (
+        (mission.items, "ardupilot"),
+        ((*mission.items, gate), "px4"),
+    ):
+        vehicle, _ = sent_to(Generic, replace(mission, items=items))
+        found = download_mission(linked(Network([vehicle])))
+        assert found.firmware == firmware and "generic" in found.notes[-1]
+    vehicle.stored[0][3] = replace(vehicle.stored[0][3], frame=10)  # which PX4 refuses, as ArduPilot the gate
+    with pytest.raises(MissionError, match="cannot be used: ArduPilot does not know command 4501"):
+        download_mission(linked(Network([vehicle])))
 
 
 def test_a_vehicle_without_fences_gives_a_note() -> None:

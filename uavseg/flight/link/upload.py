@@ -55,7 +55,7 @@ def upload_mission(link: Link, mission: Mission, progress: Progress | None = Non
     for kind in (Kind.FENCE, Kind.RALLY):
         left = None if kind in lists else count_items(link, kind)
         if left:
-            warnings.append(f"the vehicle keeps an earlier {kind} ({left} items); the mission has none")
+            warnings.append(f"the vehicle keeps its {kind} ({left} items): the mission has none")
     return tuple(warnings)
 
 
