@@ -1,6 +1,7 @@
 """Atomic output files: complete or not at all, also after a crash."""
 
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ def test_an_existing_file_is_replaced_only_if_allowed(tmp_path: Path) -> None:
 def test_several_parts_move_together(tmp_path: Path) -> None:
     (tmp_path / "a.dbf").write_text("old")
     (tmp_path / "b.shp").write_text("another's")
-    with atomic_file(tmp_path / "a.shp") as path:
+    with atomic_file(tmp_path / "a.shp", overwrite=True) as path:
         for suffix in (".shp", ".shx", ".dbf"):
             path.with_suffix(suffix).write_text(suffix)
     assert contents(tmp_path) == {"a.shp": ".shp", "a.shx": ".shx", "a.dbf": ".dbf", "b.shp": "another's"}
@@ -80,11 +81,24 @@ def test_a_file_that_was_not_written_does_not_appear(tmp_path: Path) -> None:
     assert names_in(tmp_path) == []
 
 
-def test_two_writers_of_one_file_do_not_interfere(tmp_path: Path) -> None:
-    with atomic_file(tmp_path / "a.tif") as first, atomic_file(tmp_path / "a.tif") as second:
+def test_of_two_writers_that_may_replace_the_last_one_wins(tmp_path: Path) -> None:
+    place = tmp_path / "a.tif"
+    with atomic_file(place, overwrite=True) as first, atomic_file(place, overwrite=True) as second:
         first.write_text("first")
         second.write_text("second")
     assert contents(tmp_path) == {"a.tif": "first"}  # the one that ends last
+
+
+def test_of_two_writers_that_may_not_the_first_one_wins(tmp_path: Path) -> None:
+    place = tmp_path / "a.tif"
+    with (
+        pytest.raises(OutputExistsError, match=r"a\.tif exists; give --overwrite"),
+        atomic_file(place) as first,
+    ):
+        first.write_text("first")
+        with atomic_file(place) as second:
+            second.write_text("second")
+    assert contents(tmp_path) == {"a.tif": "second"}
 
 
 @pytest.mark.parametrize("act", [check_target, lambda path: atomic_file(path).__enter__()])
@@ -116,7 +130,7 @@ def test_a_read_only_folder_is_an_error(tmp_path: Path, monkeypatch: pytest.Monk
     def refuse(**_: object) -> str:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("uavseg.atomic.tempfile.mkdtemp", refuse)
+    monkeypatch.setattr("uavseg.output.staging.tempfile.mkdtemp", refuse)
     with (
         pytest.raises(OutputError, match="cannot be written to: Permission denied"),
         atomic_file(tmp_path / "a.tif"),
@@ -132,10 +146,10 @@ class Calls:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.seen: list[tuple[str, str]] = []
-        self._sync, self._replace = os.fsync, os.replace
+        self._sync, self._replace, self._link = os.fsync, os.replace, os.link
         self._opened: dict[int, str] = {}
         self._open = os.open
-        for name in ("open", "fsync", "replace"):
+        for name in ("open", "fsync", "replace", "link"):
             monkeypatch.setattr(os, name, getattr(self, f"_seen_{name}"))
 
     def _seen_open(self, path: Any, *how: Any, **more: Any) -> int:
@@ -150,6 +164,10 @@ class Calls:
     def _seen_replace(self, old: Any, new: Any) -> None:
         self.seen.append(("rename", Path(new).name))
         self._replace(old, new)
+
+    def _seen_link(self, old: Any, new: Any, **how: Any) -> None:
+        self.seen.append(("rename", Path(new).name))
+        self._link(old, new, **how)
 
 
 @pytest.fixture
@@ -168,11 +186,12 @@ def test_all_parts_are_synced_before_the_first_is_renamed(tmp_path: Path, calls:
         (path.parent / "a.tiles" / "deep").mkdir(parents=True)
         for part in ("a.vrt", "a.tiles/1.tif", "a.tiles/deep/2.tif"):
             (path.parent / part).write_text(part)
-    assert len(calls.seen) == 8
     synced = [name for what, name in calls.seen[:5] if what == "sync"]
     assert sorted(synced) == ["1.tif", "2.tif", "a.tiles", "a.vrt", "deep"]
     assert synced.index("2.tif") < synced.index("deep") and synced.index("1.tif") < synced.index("a.tiles")
-    assert calls.seen[5:] == [("rename", "a.tiles"), ("rename", "a.vrt"), ("sync", tmp_path.name)]
+    journal, stage = calls.seen[5:7], calls.seen[7]
+    assert journal == [("sync", "journal.new"), ("rename", "journal")] and stage[1].startswith(".uavseg-")
+    assert calls.seen[8:] == [("rename", "a.tiles"), ("rename", "a.vrt"), ("sync", tmp_path.name)]
 
 
 def test_nothing_is_synced_after_an_error(tmp_path: Path, calls: Calls) -> None:
@@ -200,10 +219,12 @@ def test_files_are_synced_where_folders_cannot_be(
         return opened(path, *how, **more)
 
     monkeypatch.setattr(os, "open", refuse)
+    monkeypatch.setattr(shutil, "_use_fd_functions", False)  # which removes folders by opening them
     with atomic_file(tmp_path / "a.tif") as path:
         path.write_text("new")
         (path.parent / "a.tiles").mkdir()
-    assert calls.seen == [("sync", "a.tif"), ("rename", "a.tif"), ("rename", "a.tiles")]
+    journal = [("sync", "journal.new"), ("rename", "journal")]
+    assert calls.seen == [("sync", "a.tif"), *journal, ("rename", "a.tiles"), ("rename", "a.tif")]
     assert contents(tmp_path) == {"a.tif": "new"}
 
 

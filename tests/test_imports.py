@@ -86,7 +86,8 @@ def package_of(module: str) -> str:
 FOUNDATION = {"errors", "units", "_version", "_lazy_pandas"}
 LEVELS = (
     FOUNDATION,
-    {"atomic", "_jit"},
+    {"output", "_jit", "inputs"},
+    {"atomic", "access"},
     {"execution"},
     {"raster"},
     {"segmentation"},
@@ -130,7 +131,8 @@ PHASES = {
     "blocks.lbp": set(),
     "blocks.g_statistic": set(),
     "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
-    "blocks.block_map": {"blocks.division", "params"},
+    "blocks.memory": {"blocks.division"},
+    "blocks.block_map": {"blocks.division", "blocks.memory", "params"},
     "blocks.leaves": {"blocks.block_map", "params"},
     "refine.noise": {"dilation"},
     "refine.total_variation": set(),

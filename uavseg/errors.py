@@ -27,6 +27,10 @@ class RasterReadError(UavsegError, OSError):
     """A raster cannot be opened, or its pixels cannot be read."""
 
 
+class AccessError(UavsegError, PermissionError):
+    """The content of a file names another file or an address that may not be opened."""
+
+
 class MosaicError(RasterError):
     """Rasters do not fit together as one mosaic."""
 

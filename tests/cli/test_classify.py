@@ -252,7 +252,7 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
         (["nothing.tif"], "nothing.tif has no valid cell: all of it is nodata or NaN"),
         (["high.tif"], "a map of probabilities lies in 0..1 and this one holds 7"),
         (["stretched.tif", "-o", "s.yaml"], "square cells"),
-        (["lone.yaml"], "lone.yaml names the image lone.pgm, and there is no such file"),
+        (["lone.yaml"], "lone.yaml names a file that cannot be read: there is no file lone.pgm"),
         (["overlap.yaml"], "free_thresh (0.7) lies below occupied_thresh (0.6)"),
         (["negative.yaml"], "resolution is metres per cell, a number above 0, not -0.05"),
         (["nan.yaml"], "resolution is metres per cell, a number above 0, not nan"),

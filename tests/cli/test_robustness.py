@@ -228,9 +228,53 @@ def test_an_array_cannot_be_resumed() -> None:
 @pytest.mark.parametrize(("threads", "extra"), [(1, ()), (2, ()), (2, ("--resume", "kept"))])
 def test_an_interrupted_run_leaves_nothing_but_what_is_kept(threads: int, extra: tuple[str, ...]) -> None:
     how = (*EXTRACT, *FINE, "-o", "out.gpkg", "--labels", "labels.tif", "--threads", threads, *extra)
-    assert stopped(30, signal.SIGINT, *how) == (130, "uavseg: interrupted; nothing was written\n")
+    kept = "; finished tiles are kept in kept" if extra else ""
+    assert stopped(30, signal.SIGINT, *how) == (130, f"uavseg: interrupted; nothing was written{kept}\n")
     assert files() == {"a.tif", *extra[1:]}
     assert list(Path().rglob(".*")) == []  # no temporary folder of a file either
+
+
+@pytest.mark.parametrize(
+    ("by", "word"), [(signal.SIGTERM, "terminated"), (getattr(signal, "SIGHUP", None), "hung up")]
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows ends a program without asking it")
+def test_a_terminated_run_cleans_up_like_an_interrupted_one(by: signal.Signals, word: str) -> None:
+    how = (*EXTRACT, *FINE, "-o", "out.gpkg", "--labels", "labels.tif", "--threads", 2)
+    assert stopped(30, by, *how) == (128 + by, f"uavseg: {word}; nothing was written\n")
+    assert files() == {"a.tif"}
+
+
+IGNORING = """
+import os, signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_IGN)
+from uavseg.cli import _run, main
+_run.Reporter.begin = lambda *_: os.kill(os.getpid(), signal.SIGHUP)
+main(prog_name="uavseg")
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGHUP")
+def test_a_signal_that_is_ignored_as_by_nohup_stays_ignored() -> None:
+    with program(*EXTRACT, "-q", "-o", "out.fgb", script=IGNORING) as process:
+        assert process.wait(PATIENCE_S) == 0
+    assert files() == {"a.tif", "out.fgb"}
+
+
+def test_nothing_goes_to_stdout_where_labels_cannot_be_written() -> None:
+    done(*EXTRACT, "-q", "-o", "whole.fgb", "--labels", "whole.tif")
+    size = Path("whole.tif").stat().st_size - 1
+    before = files()
+    command = [*map(str, EXTRACT), "-q", "-o", "-", "--labels", "labels.tif"]
+    resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
+    ran = subprocess.run(
+        [sys.executable, "-m", "uavseg", *command],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size)),
+    )
+    assert ran.returncode == 1 and ran.stdout == ""
+    assert files() == before
 
 
 # Out of disk
@@ -285,6 +329,22 @@ def test_so_it_is_for_standard_output() -> None:
         command = [sys.executable, "-m", "uavseg", *map(str, EXTRACT), "-o", "-", "-q"]
         result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
     assert_told((result.returncode, result.stderr))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("suggest", "a.tif", "-o", "a.png"),
+        (*EXTRACT, "-o", "-", "--labels", "labels.tif"),
+        (*EXTRACT, "-o", "-", "--mission", "fly.plan", "--altitude", 60, "--home", "auto"),
+    ],
+)
+def test_no_file_appears_where_standard_output_cannot_be_written(words: tuple[object, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "uavseg", *map(str, words)]
+        result = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert result.returncode != 0 and files() == {"a.tif"}
 
 
 # Damaged in places

@@ -204,3 +204,14 @@ def test_stages_have_readable_names() -> None:
 class _Callable:
     def __call__(self, item: Any) -> Any:
         return item
+
+
+def test_what_a_killed_run_left_in_the_folder_is_removed(tmp_path: Path) -> None:
+    list(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS[:3]))
+    [stage] = tmp_path.iterdir()
+    left = stage / ".uavseg-killed" / "0"
+    left.mkdir(parents=True)
+    left.parent.chmod(0o700)
+    (left / "half.npz").write_text("half")
+    assert text(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
+    assert not left.parent.exists() and len(list(stage.iterdir())) == 20

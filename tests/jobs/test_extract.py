@@ -102,7 +102,9 @@ def saved(dataset: Dataset, raster: Dataset | None = None) -> Blocks:
     """The block map of a raster that is not where it was, or has become another."""
     path = "there.tif" if raster is None else raster.paths[0]
     blocks = divide(Raster(dataset)).saved
-    return Blocks(replace(blocks, origin=Origin((path,), "/nowhere")), "/nowhere/blocks.tif")
+    return Blocks(
+        replace(blocks, origin=Origin((path,), "/nowhere")), str(Path(path).with_name("blocks.tif"))
+    )
 
 
 def equal(one: Extraction, other: Extraction) -> bool:

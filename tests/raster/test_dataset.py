@@ -115,9 +115,10 @@ def test_nan_is_invalid_whatever_nodata_is(write_raster):
         assert dataset.read(whole(dataset))[1].tolist() == [[True, False], [False, True]]
 
 
-def test_a_palette_is_read_as_its_colours(write_raster):
+def test_a_palette_is_read_as_its_colours(write_raster, tmp_path):
     palette = {0: (0, 0, 0, 0), 1: (10, 20, 30, 255), 2: (200, 100, 50, 255)}
-    path = write_raster(np.array([[0, 1, 2]], np.uint8), palette=palette, driver="PNG")
+    pixels = np.array([[0, 1, 2]], np.uint8)
+    path = write_raster(pixels, tmp_path / "palette.png", palette=palette, driver="PNG")
     dataset = Dataset.open(path)
     values, valid = dataset.read(whole(dataset))
     assert valid.tolist() == [[False, True, True]]

@@ -78,4 +78,5 @@ def test_strips_are_read_by_whole_rows_and_tiles_by_squares() -> None:
     assert tile_side((9000, 5000), (1, 5000)) == (768, 5056)
     assert tile_side((9000, 5000), (512, 512)) == (2048, 2048)
     assert tile_side((9000, 100), (1, 100)) == (2048, 2048)  # narrow: the strips are short anyway
-    assert tile_side((10, 10_000_000), (1, 10_000_000)) == (64, 10_000_000)
+    assert tile_side((10, 200_000), (1, 200_000)) == (64, 200_000)
+    assert tile_side((10, 10_000_000), (1, 10_000_000)) == (2048, 2048)  # 64 whole rows are too much at once

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
+from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.execution.executors import Progress
 from uavseg.jobs.classify import Classification, ClassifyRequest
@@ -37,6 +38,8 @@ def classify(
     threads: int | None = None,
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
 ) -> Classification:
     """What is free, unknown and occupied in a map of probabilities.
 
@@ -52,7 +55,7 @@ def classify(
         the largest of their type, floats are taken as they are, if left out. A ROS map is never stretched.
     min_area, simplify
         Of the objects: as of `extract`.
-    band, ..., resume
+    band, ..., allow_network
         As of `extract`.
 
     Returns
@@ -83,8 +86,9 @@ def classify(
         drawing=Drawing(simplify_m=simplify),
         min_area=as_area(min_area),
     )
-    opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
-    found = run_classify(opened, request, work(threads, tile, progress, resume))
+    with allowing(allow_path, allow_network):
+        opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
+        found = run_classify(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found
 
@@ -107,6 +111,8 @@ def path(
     threads: int | None = None,
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
 ) -> PlannedPath:
     """The shortest path between two places of one region of a map.
 
@@ -168,7 +174,8 @@ def path(
         PathParams(clearance, smooth),
         SegmentParams.from_words(method, threshold, intensity_step, "scan"),
     )
-    opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
-    found = run_path(opened, request, work(threads, tile, progress, resume))
+    with allowing(allow_path, allow_network):
+        opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
+        found = run_path(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found.path

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
+from uavseg.access import Folders, allowing
 from uavseg.api._values import warn
 from uavseg.errors import ParameterError
 from uavseg.flight.mission import Mission
@@ -31,6 +32,8 @@ def plan(
     largest: int | None = None,
     where: str | None = None,
     layer: str | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
 ) -> Mission:
     """A mission over regions: take off, fly to or over them in a short order, return.
 
@@ -62,6 +65,8 @@ def plan(
         Only those that fulfil a condition, such as "mean > 0.7 and area_m2 > 500".
     layer : str, optional
         The layer of a file that has several.
+    allow_path, allow_network
+        As of `extract`.
 
     Returns
     -------
@@ -95,7 +100,8 @@ def plan(
         tolerance=tolerance,
     )
     request = PlanRequest(flight, _home(home), ids, largest, where)
-    planned = run_plan(open_regions(regions, layer), request)
+    with allowing(allow_path, allow_network):
+        planned = run_plan(open_regions(regions, layer), request)
     warn(planned.warnings)
     return planned.mission
 

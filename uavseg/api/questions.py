@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
+from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
@@ -43,6 +44,8 @@ def match(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    allow_path: Folders = (),
+    allow_network: bool = False,
 ) -> GeoDataFrame:
     """Regions of a raster whose texture and intensity are like those of a sample of it.
 
@@ -63,7 +66,7 @@ def match(
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
-    band, ..., skip_bad_tiles
+    band, ..., allow_network
         As of `extract`.
 
     Returns
@@ -96,8 +99,9 @@ def match(
         as_area(fill_holes),
         as_area(min_area),
     )
-    opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
-    found = run_match(opened, request, work(threads, tile, progress, resume))
+    with allowing(allow_path, allow_network):
+        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+        found = run_match(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found.found.regions.frame()
 
@@ -118,6 +122,8 @@ def suggest(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    allow_path: Folders = (),
+    allow_network: bool = False,
 ) -> list[Suggestion]:
     """Ranges of v that a raster suggests by itself: the classes of the means of its leaves.
 
@@ -127,7 +133,7 @@ def suggest(
         As of `extract`; or the path of a block map, which answers by itself.
     classes : int or "auto"
         How many ranges, 2 to 8; as many as the histogram of means has by itself, if left out.
-    band, ..., skip_bad_tiles
+    band, ..., allow_network
         As of `extract`.
 
     Returns
@@ -155,8 +161,9 @@ def suggest(
     """
     segment = SegmentParams.from_words(method, threshold, intensity_step, "none")
     request = SuggestRequest(_number_of(classes), segment)
-    opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
-    found = run_suggest(opened, request, work(threads, tile, progress, resume))
+    with allowing(allow_path, allow_network):
+        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+        found = run_suggest(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return list(found.ranges)
 

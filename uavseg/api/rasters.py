@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
+from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.execution.executors import Progress
 from uavseg.jobs.divide import divide as run_divide
@@ -45,6 +46,8 @@ def extract(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    allow_path: Folders = (),
+    allow_network: bool = False,
 ) -> GeoDataFrame:
     """Regions of a raster whose mean intensity lies in a range.
 
@@ -72,6 +75,11 @@ def extract(
         stays there in the end, and may be removed.
     skip_bad_tiles : bool
         Whether blocks of a file that cannot be read count as nodata. Each gives a warning.
+    allow_path : path or sequence of paths
+        Folders in which the contents of files may name others (sources of a VRT, the image of a ROS map, the
+        raster of a block map), beside their own folder.
+    allow_network : bool
+        Whether the contents of files may name addresses.
 
     Returns
     -------
@@ -96,8 +104,9 @@ def extract(
         as_area(fill_holes),
         as_area(min_area),
     )
-    opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
-    found = run_extract(opened, request, work(threads, tile, progress, resume))
+    with allowing(allow_path, allow_network):
+        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+        found = run_extract(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found.regions.frame()
 
@@ -122,6 +131,8 @@ def levels(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    allow_path: Folders = (),
+    allow_network: bool = False,
 ) -> GeoDataFrame:
     """A raster divided into levels of equal width, and each of them into segments of adjacent blocks.
 
@@ -135,7 +146,7 @@ def levels(
     small : {"merge", "drop"}
         What becomes of segments of less than `min_area`: the smallest first, each becomes part of the
         neighbour with the longest common border; or they are dropped.
-    band, ..., skip_bad_tiles
+    band, ..., allow_network
         As of `extract`.
 
     Returns
@@ -161,8 +172,9 @@ def levels(
         as_area(min_area),
         small,
     )
-    opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
-    found = run_levels(opened, request, work(threads, tile, progress, resume))
+    with allowing(allow_path, allow_network):
+        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+        found = run_levels(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found.regions.frame()
 
@@ -175,6 +187,8 @@ def divide(
     threads: int | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    allow_path: Folders = (),
+    allow_network: bool = False,
 ) -> BlockMap:
     """The block map of a raster, from which `uavseg.segmentation` answers any range.
 
@@ -184,10 +198,12 @@ def divide(
     stretch : str
     tile, threads : int, optional
     resume : path, optional
-    skip_bad_tiles : bool
+    skip_bad_tiles, allow_network : bool
+    allow_path : path or sequence of paths
         As of `extract`.
     """
-    opened = open_source(source, ReadOptions(stretch=stretch, skip_bad_tiles=skip_bad_tiles))
-    found = run_divide(opened, work=work(threads, tile, None, resume))
+    with allowing(allow_path, allow_network):
+        opened = open_source(source, ReadOptions(stretch=stretch, skip_bad_tiles=skip_bad_tiles))
+        found = run_divide(opened, work=work(threads, tile, None, resume))
     warn(found.warnings)
     return found.saved.blocks

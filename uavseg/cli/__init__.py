@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from uavseg.cli._stop import exit_code, last_line, stopping_cleanly
 from uavseg.errors import UavsegError
 
 _COMMANDS = {
@@ -28,7 +29,6 @@ _COMMANDS = {
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",
 }
-_INTERRUPTED = 130
 
 
 class _Group(click.Group):
@@ -49,22 +49,25 @@ class _Group(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
-        try:
-            _report_kernels()
-            return super().invoke(ctx)
-        except UavsegError as error:
-            click.echo(f"uavseg: error: {error}", err=True)
-            ctx.exit(error.exit_code)
-        except MemoryError:
-            click.echo(
-                "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less",
-                err=True,
-            )
-            ctx.exit(1)
-        except KeyboardInterrupt as error:
-            traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
-            click.echo("uavseg: interrupted; nothing was written", err=True)
-            ctx.exit(_INTERRUPTED)
+        from uavseg.output.written import recording_written
+
+        with stopping_cleanly(), recording_written() as written:
+            try:
+                _report_kernels()
+                return super().invoke(ctx)
+            except UavsegError as error:
+                click.echo(f"uavseg: error: {error}", err=True)
+                ctx.exit(error.exit_code)
+            except MemoryError:
+                click.echo(
+                    "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less",
+                    err=True,
+                )
+                ctx.exit(1)
+            except KeyboardInterrupt as error:
+                traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
+                click.echo(last_line(error, written), err=True)
+                ctx.exit(exit_code(error))
 
 
 def _report_kernels() -> None:

@@ -12,8 +12,6 @@ from uavseg.cli._run import Reporter
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
 
-INTERRUPTED = 130  # exit code
-
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 

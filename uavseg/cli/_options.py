@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
-    from uavseg.jobs.plan import Home, Planned, PlanRequest
+    from uavseg.jobs.plan import Home, PlanRequest
     from uavseg.jobs.result import Drawing
     from uavseg.jobs.source import ReadOptions
     from uavseg.regions.edit.small import Area
@@ -29,9 +30,9 @@ map_stretch_option = click.option(
 
 
 def reading_options(command: Command) -> Command:
-    """Give a command RASTER... and the options of `read_options`."""
+    """Give a command RASTER..., the options of `read_options` and those of `access_options`."""
     return _with_options(
-        command,
+        access_options(command),
         click.argument("rasters", metavar="RASTER...", nargs=-1, required=True),
         click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1."),
         click.option("--rgb", metavar="R,G,B", callback=_three, help="Use the luminance of these bands."),
@@ -263,29 +264,8 @@ def parse_angle(text: str) -> float | None:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
 
 
-def write_and_report(planned: Planned, path: str, overwrite: bool, quiet: bool) -> None:
-    """Write a mission, and report it unless the command is quiet."""
-    unwritten = write_mission_file(planned.mission, path, overwrite)
-    if not quiet:
-        report(planned.mission, planned.regions, path)
-        for warning in unwritten:
-            click.echo(f"note: {warning}", err=True)
-
-
-def write_mission_file(mission: Mission, path: str, overwrite: bool) -> list[str]:
-    """Write a mission, and return the warnings about what its format cannot hold."""
-    import warnings
-
-    from uavseg.flight import files
-
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        files.write_mission(mission, path, overwrite)
-    return [str(one.message) for one in caught]
-
-
-def report(mission: Mission, regions: int, output: str) -> None:
-    """Print length, duration and warnings of a mission on stderr."""
+def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str] = ()) -> None:
+    """Print length, duration and warnings of a mission on stderr, and what its format cannot hold."""
     minutes, seconds = divmod(round(mission.duration_s), 60)
     say = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
     click.echo(f"{say}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s", err=True)
@@ -293,5 +273,5 @@ def report(mission: Mission, regions: int, output: str) -> None:
         click.echo(
             "note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free", err=True
         )
-    for warning in mission.warnings:
+    for warning in (*mission.warnings, *unwritten):
         click.echo(f"note: {warning}", err=True)

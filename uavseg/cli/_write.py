@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from uavseg.flight.mission import Mission
     from uavseg.jobs.result import Extraction
     from uavseg.jobs.work import Work
 
@@ -38,11 +41,48 @@ def check_distinct(*paths: str | None) -> None:
         raise OutputError("two outputs have the same name; give each its own")
 
 
+def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
+    """No output is one of the files that the command reads.
+
+    Raises
+    ------
+    OutputError
+        If one is.
+    """
+    from uavseg.jobs import inputs as read
+
+    read.keep_inputs(outputs, inputs)
+
+
+def transaction() -> AbstractContextManager[None]:
+    """Context whose files appear together at its end."""
+    from uavseg.output import transaction as files
+
+    return files.transaction()
+
+
 def write_region_output(found: Extraction, target: str, overwrite: bool) -> None:
     """Write regions to a file, or to stdout where it is called -."""
+    from uavseg.output.written import noted_stream
     from uavseg.regions.formats import export
 
-    export.write_regions(found.regions, sys.stdout.buffer if target == "-" else target, overwrite)
+    if target != "-":
+        export.write_regions(found.regions, target, overwrite)
+        return
+    with noted_stream("stdout"):
+        export.write_regions(found.regions, sys.stdout.buffer)
+
+
+def write_regions_and_labels(
+    found: Extraction, target: str, labels: str | None, work: Work, overwrite: bool
+) -> None:
+    """Write regions and their labels; what goes to stdout comes after all that can fail."""
+    if target != "-":
+        write_region_output(found, target, overwrite)
+    if labels is not None:
+        write_label_output(found, labels, work, overwrite)
+    if target == "-":
+        write_region_output(found, target, overwrite)
 
 
 def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool) -> None:
@@ -51,6 +91,18 @@ def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool
 
     run = work.executor if label_raster.is_vrt(path) else work.local
     label_raster.write_label_raster(path, found.rings, found.geobox, run, overwrite)
+
+
+def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[str]:
+    """Write a mission; what its format cannot hold is returned as warnings."""
+    import warnings
+
+    from uavseg.flight import files
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        files.write_mission(mission, path, overwrite)
+    return [str(one.message) for one in caught]
 
 
 def shown(target: str) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.cli._options import (
     area,
     drawing,
@@ -20,8 +21,10 @@ from uavseg.cli._run import RunOptions, running_options
 from uavseg.cli._write import (
     check_distinct,
     check_targets,
+    keep_inputs,
     largest,
     shown,
+    transaction,
     write_label_output,
     write_region_output,
 )
@@ -89,6 +92,7 @@ if TYPE_CHECKING:
 @click.option("--min-area", metavar="M2|Npx", help="Drop objects of less; states stay as they are.")
 @click.option("--simplify", type=float, metavar="METRES", help="Simplify the outlines of objects.")
 @running_options
+@access_options
 def command(**options: Any) -> None:
     """Find what is free (1), unknown (2) and occupied (3) in MAP; 0 is nodata.
 
@@ -103,16 +107,18 @@ def command(**options: Any) -> None:
     target = options["output"] or f"{Path(options['path']).stem}.states.tif"
     request, read = _request(options), read_options(options)
     _check_targets(target, options, run.overwrite)
+    keep_inputs([*_files(target, options["mode"]), options["objects"], options["labels"]], options["path"])
     source = open_probability_map(options["path"], read)
     _check_place(target, options, source.geobox, run.overwrite)
     work = run.work()
     found = classify(source, request, work)
     run.reporter.finish(found.warnings)
-    _write_states(found, target, options["mode"], run)
-    if found.objects is not None and options["objects"] is not None:
-        write_region_output(found.objects, options["objects"], run.overwrite)
-    if found.objects is not None and options["labels"] is not None:
-        write_label_output(found.objects, options["labels"], work, run.overwrite)
+    with transaction():
+        _write_states(found, target, options["mode"], run)
+        if found.objects is not None and options["labels"] is not None:
+            write_label_output(found.objects, options["labels"], work, run.overwrite)
+        if found.objects is not None and options["objects"] is not None:
+            write_region_output(found.objects, options["objects"], run.overwrite)
     rows = _rows(found, request.limits, target, options["objects"])
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 
@@ -139,6 +145,13 @@ def _check_targets(target: str, options: dict[str, Any], overwrite: bool) -> Non
     check_target(target, overwrite)
     check_targets(options["objects"], options["labels"], overwrite)
     check_distinct(target, options["objects"], options["labels"])
+
+
+def _files(target: str, mode: str) -> list[str]:
+    """The states, and the image of a ROS map."""
+    from uavseg.occupancy.ros.ros_map import image_path, is_ros_map
+
+    return [target, str(image_path(target, mode))] if is_ros_map(target) else [target]
 
 
 def _check_place(target: str, options: dict[str, Any], geobox: GeoBox, overwrite: bool) -> None:

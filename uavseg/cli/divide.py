@@ -8,6 +8,7 @@ import click
 
 from uavseg.cli._options import read_options, reading_options, segment_params, segmenting_options
 from uavseg.cli._run import RunOptions, running_options
+from uavseg.cli._write import keep_inputs
 
 
 @click.command("divide")
@@ -29,6 +30,7 @@ def command(**options: Any) -> None:
     run = RunOptions.of(options)
     output = options["output"]
     check_target(output, run.overwrite)
+    keep_inputs([output], options["rasters"])
     request = DivideRequest(segment_params(options, None))
     found = divide(open_source(options["rasters"], read_options(options)), request, run.work())
     write_block_map(output, found.saved, request.segment.division, run.overwrite)

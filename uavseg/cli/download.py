@@ -5,6 +5,7 @@ from typing import Any
 import click
 
 from uavseg.cli._link import link_options, reporter_of, vehicle_report
+from uavseg.cli._write import write_mission_output
 
 
 @click.command("download", short_help="Read the mission of a vehicle.")
@@ -17,7 +18,6 @@ def command(**options: Any) -> None:
     The file is for QGroundControl (.plan) or for Mission Planner (.waypoints, which holds no fence).
     """
     from uavseg.atomic import check_target
-    from uavseg.cli._options import write_mission_file
     from uavseg.flight.files import check_mission_format
     from uavseg.jobs.link import LinkRequest, download
 
@@ -25,6 +25,6 @@ def command(**options: Any) -> None:
     check_mission_format(output)
     check_target(output, options["overwrite"])
     found = download(LinkRequest(options["connect"], options["timeout"]), reporter.progress)
-    unwritten = write_mission_file(found.mission, output, options["overwrite"])
+    unwritten = write_mission_output(found.mission, output, options["overwrite"])
     reporter.finish((*found.warnings, *unwritten))
     reporter.say(f"{output}: {vehicle_report(found.mission, found.vehicle)}")

@@ -19,7 +19,15 @@ from uavseg.cli._options import (
     segmenting_options,
 )
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import check_targets, shown, summary_rows, write_label_output, write_region_output
+from uavseg.cli._write import (
+    check_targets,
+    keep_inputs,
+    shown,
+    summary_rows,
+    transaction,
+    write_mission_output,
+    write_regions_and_labels,
+)
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
@@ -70,6 +78,7 @@ def command(**options: Any) -> None:
     flight = None if mission is None else _flight(options)
     check_targets(target, labels, run.overwrite)
     _check_mission_target(mission, run.overwrite)
+    keep_inputs([target, labels, mission], options["rasters"])
     source = open_source(options["rasters"], read)
     _check_place(target, mission, source.geobox.wkt)
     work = run.work()
@@ -77,16 +86,17 @@ def command(**options: Any) -> None:
     run.reporter.finish(found.warnings)
     planned = None
     if flight is not None:
+        from uavseg.cli._options import report
         from uavseg.jobs.plan import open_regions, plan
 
         planned = plan(open_regions(found.regions), flight)
-    write_region_output(found, target, run.overwrite)
-    if labels is not None:
-        write_label_output(found, labels, work, run.overwrite)
-    if planned is not None:
-        from uavseg.cli._options import write_and_report
-
-        write_and_report(planned, mission, run.overwrite, run.reporter.quiet)
+    unwritten: list[str] = []
+    with transaction():
+        if planned is not None:
+            unwritten = write_mission_output(planned.mission, options["mission"], run.overwrite)
+        write_regions_and_labels(found, target, labels, work, run.overwrite)
+    if planned is not None and not run.reporter.quiet:
+        report(planned.mission, planned.regions, options["mission"], unwritten)
     rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 

@@ -17,7 +17,14 @@ from uavseg.cli._options import (
     segmenting_options,
 )
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import check_targets, shown, summary_rows, write_label_output, write_region_output
+from uavseg.cli._write import (
+    check_targets,
+    keep_inputs,
+    shown,
+    summary_rows,
+    transaction,
+    write_regions_and_labels,
+)
 
 if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
@@ -69,14 +76,14 @@ def command(**options: Any) -> None:
     labels = options["labels"]
     request, read = _request(options), read_options(options)
     check_targets(target, labels, run.overwrite)
+    keep_inputs([target, labels], options["rasters"])
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt)
     work = run.work()
     found = levels(source, request, work)
     run.reporter.finish(found.warnings)
-    write_region_output(found, target, run.overwrite)
-    if labels is not None:
-        write_label_output(found, labels, work, run.overwrite)
+    with transaction():
+        write_regions_and_labels(found, target, labels, work, run.overwrite)
     wanted = request.levels
     there = len(set(found.regions.columns["level"].tolist()))
     rows = {

@@ -9,7 +9,14 @@ import click
 
 from uavseg.cli._options import area, drawing, read_options, reading_options
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import check_targets, shown, summary_rows, write_label_output, write_region_output
+from uavseg.cli._write import (
+    check_targets,
+    keep_inputs,
+    shown,
+    summary_rows,
+    transaction,
+    write_regions_and_labels,
+)
 
 if TYPE_CHECKING:
     from uavseg.jobs.match import Match, MatchRequest
@@ -90,14 +97,14 @@ def command(**options: Any) -> None:
     labels = options["labels"]
     request, read = _request(options), read_options(options)
     check_targets(target, labels, run.overwrite)
+    keep_inputs([target, labels], options["rasters"], options["like"])
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt)
     work = run.work()
     found = match(source, request, work)
     run.reporter.finish(found.warnings)
-    write_region_output(found.found, target, run.overwrite)
-    if labels is not None:
-        write_label_output(found.found, labels, work, run.overwrite)
+    with transaction():
+        write_regions_and_labels(found.found, target, labels, work, run.overwrite)
     run.reporter.table(_rows(found, target) | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 

@@ -9,6 +9,7 @@ import click
 
 from uavseg.cli._options import read_options, reading_options
 from uavseg.cli._run import RunOptions, running_options
+from uavseg.cli._write import keep_inputs
 from uavseg.errors import ParameterError
 
 
@@ -66,6 +67,7 @@ def command(**options: Any) -> None:
     if Path(output).suffix.lower() not in (".tif", ".tiff"):
         raise ParameterError(f"labels are written as GeoTIFF; name a .tif, not {output}")
     check_target(output, run.overwrite)
+    keep_inputs([output], options["rasters"])
     found = original(open_source(options["rasters"], read), request, run.work())
     geobox = found.source.geobox
     write_label_geotiff(output, [(Window(0, 0, *geobox.shape), found.labels)], geobox, run.overwrite)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.cli._options import (
     map_stretch_option,
     parse_home,
@@ -17,7 +18,7 @@ from uavseg.cli._options import (
     segmenting_options,
 )
 from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._write import shown
+from uavseg.cli._write import keep_inputs, shown
 from uavseg.errors import MissionError, OutputError, ParameterError
 
 if TYPE_CHECKING:
@@ -62,6 +63,7 @@ _LINES = (".geojson", ".json")
 @click.option("--speed", type=float, default=5.0, metavar="M_S", show_default=True, help="For a mission.")
 @click.option("--firmware", type=click.Choice(["ardupilot", "px4"]), default="ardupilot", show_default=True)
 @running_options
+@access_options
 def command(**options: Any) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
 
@@ -77,6 +79,7 @@ def command(**options: Any) -> None:
     request, read = _request(options), read_options(options)
     flight = _flight(output, options)
     _check_target(output, run.overwrite)
+    keep_inputs([output], options["map_"])
     source = open_probability_map(options["map_"], read)
     _check_place(source.geobox, flight)
     found = path(source, request, run.work())
@@ -162,11 +165,13 @@ def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bo
     from uavseg.atomic import atomic_file
     from uavseg.flight import files
     from uavseg.occupancy.paths.path_geojson import path_to_geojson
+    from uavseg.output.written import noted_stream
 
     if mission is not None:
         files.write_mission(mission, output, overwrite)
     elif output == "-":
-        sys.stdout.write(path_to_geojson(way))
+        with noted_stream("stdout"):
+            sys.stdout.write(path_to_geojson(way))
     else:
         with atomic_file(output, overwrite) as temporary:
             temporary.write_text(path_to_geojson(way), encoding="utf-8", newline="\n")

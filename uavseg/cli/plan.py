@@ -6,7 +6,9 @@ from typing import Any
 
 import click
 
-from uavseg.cli._options import mission_options, plan_request, write_and_report
+from uavseg.cli._access import access_options
+from uavseg.cli._options import mission_options, plan_request, report
+from uavseg.cli._write import keep_inputs, write_mission_output
 
 
 @click.command("plan")
@@ -24,6 +26,7 @@ from uavseg.cli._options import mission_options, plan_request, write_and_report
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@access_options
 def command(**options: Any) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 
@@ -37,7 +40,10 @@ def command(**options: Any) -> None:
     output, regions = options["output"], options["regions"]
     files.check_mission_format(output)
     check_target(output, options["overwrite"])
+    keep_inputs([output], regions)
     request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     planned = plan(open_regions(source, options["layer"]), request)
-    write_and_report(planned, output, options["overwrite"], options["quiet"])
+    unwritten = write_mission_output(planned.mission, output, options["overwrite"])
+    if not options["quiet"]:
+        report(planned.mission, planned.regions, output, unwritten)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._write import check_distinct
+from uavseg.cli._write import check_distinct, keep_inputs, transaction
 
 if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
@@ -56,17 +56,19 @@ def command(**options: Any) -> None:
     scene, overwrite = options["scene"], options["overwrite"]
     outputs = [options[name] for name in ("output", "png", "truth") if options[name]]
     _check_targets(outputs, overwrite)
+    keep_inputs(outputs, scene)
     sensor = {name: options[option] for option, name in _SENSOR.items()}
     found = simulate(scene, SimulateRequest(options["seed"], options["poses"], **sensor))
     grid = found.grid
     tags = {"scene": scene, "seed": str(options["seed"])}
-    write_geotiff(
-        options["output"], [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite=overwrite
-    )
-    if options["png"]:
-        write_png(options["png"], grey_picture(grid.probabilities), overwrite)
-    if options["truth"]:
-        _write_truth(options["truth"], found.simulation, overwrite)
+    with transaction():
+        write_geotiff(
+            options["output"], [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite=overwrite
+        )
+        if options["png"]:
+            write_png(options["png"], grey_picture(grid.probabilities), overwrite)
+        if options["truth"]:
+            _write_truth(options["truth"], found.simulation, overwrite)
     if not options["quiet"]:
         _report(found.simulation, grid, outputs)
 

@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from uavseg.cli._options import read_options, reading_options, segment_params, segmenting_options
 from uavseg.cli._run import Reporter, RunOptions, running_options
+from uavseg.cli._write import keep_inputs, transaction
 
 if TYPE_CHECKING:
     from uavseg.jobs.suggest import Suggestion, Suggestions
@@ -64,16 +65,18 @@ def command(**options: Any) -> None:
         from uavseg.plot.page import check_png_target
 
         check_png_target(output, run.overwrite)
+        keep_inputs([output], rasters)
     source = open_source(rasters, read)
     found = suggest(source, request, run.work())
-    if output is not None:
-        from uavseg.plot.suggestions import draw_suggestions
-
-        dataset = source.dataset if isinstance(source, Raster) else None
-        draw_suggestions(found, output, dataset, run.overwrite)
-    run.reporter.finish(found.warnings)
     commands = [_command(chosen, rasters, found, options) for chosen in found.ranges]
-    click.echo(_as_json(found, commands) if options["as_json"] else _table(found, commands))
+    with transaction():
+        if output is not None:
+            from uavseg.plot.suggestions import draw_suggestions
+
+            dataset = source.dataset if isinstance(source, Raster) else None
+            draw_suggestions(found, output, dataset, run.overwrite)
+        run.reporter.finish(found.warnings)
+        click.echo(_as_json(found, commands) if options["as_json"] else _table(found, commands))
     _report(found, output, len(rasters), run.reporter)
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from uavseg.cli._link import INTERRUPTED, link_options, reporter_of, vehicle_report
+from uavseg.cli._link import link_options, reporter_of, vehicle_report
 
 
 @click.command("upload", short_help="Send a mission to a vehicle, and verify it.")
@@ -21,14 +21,10 @@ def command(**options: Any) -> None:
     mission, which could then not be read back.
     """
     from uavseg.jobs.link import LinkRequest, upload
+    from uavseg.output.written import noted_stream
 
     reporter = reporter_of(options)
-    try:
+    with noted_stream("the mission of the vehicle"):
         done = upload(options["file"], LinkRequest(options["connect"], options["timeout"]), reporter.progress)
-    except KeyboardInterrupt:
-        click.echo(
-            "uavseg: interrupted; the vehicle may hold a part of the mission: upload it again", err=True
-        )
-        click.get_current_context().exit(INTERRUPTED)
     reporter.finish(done.warnings)
     reporter.say(f"{options['file']}: {vehicle_report(done.mission, done.vehicle)}, read back and equal")

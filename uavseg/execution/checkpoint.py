@@ -21,6 +21,8 @@ from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.execution.fingerprint import fingerprint
 from uavseg.execution.lazy_sequence import lazy_selection
 from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
+from uavseg.output.renames import recover
+from uavseg.output.written import note_kept
 
 OnResume = Callable[[str, int, int], object]
 """Called with the name of a stage, how many of its tiles are done already, and how many it has."""
@@ -49,6 +51,7 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
     """
     root = Path(folder)
     _make_folder(root)
+    note_kept(str(folder))
 
     def run(
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
@@ -57,6 +60,7 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
         stage = root / f"{name}-{fingerprint(__version__, _code_hash(), function)}"
         _make_folder(stage)
         keys = [fingerprint(item) for item in items]
+        recover(stage)
         existing = {path.name for path in stage.iterdir()}
         missing = [k for k, key in enumerate(keys) if _file_name(key) not in existing]
         if on_resume is not None and len(missing) < len(keys):

@@ -23,6 +23,7 @@ from uavseg.flight.items import (
     MissionItem,
 )
 from uavseg.flight.mission import Mission
+from uavseg.inputs import parse_json, read_bytes
 
 MissionPath = str | os.PathLike[str]
 
@@ -81,8 +82,8 @@ def read_mission(path: MissionPath) -> Mission:
     """
     reader = _READERS[check_mission_format(path)]
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_bytes(path, MissionError).decode()
+    except UnicodeDecodeError as error:
         raise MissionError(f"{path} cannot be read as a mission: {error}") from error
     try:
         return reader(text, Path(path).stem)
@@ -172,7 +173,7 @@ def _decimal(value: float, min_decimals: int) -> str:
 
 
 def _mission_of_plan(text: str, name: str) -> Mission:
-    plan = json.loads(text)
+    plan = parse_json(text)
     if not isinstance(plan, dict) or plan.get("fileType") != "Plan":
         raise MissionError('it is not a plan: "fileType" is not "Plan"')
     if plan["version"] != 1 or plan["mission"]["version"] != 2:

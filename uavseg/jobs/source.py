@@ -193,7 +193,7 @@ class Blocks:
     def raster(self) -> Raster | None:
         """The raster that it was made from, with the same stretch; None if a file is not where it was."""
         origin = self.saved.origin
-        paths = origin.find_rasters(self.path)
+        paths = origin.allowed_rasters(self.path)
         if paths is None:
             return None
         options = ReadOptions(origin.band, origin.rgb, origin.nodata, self.saved.stretch, self.skip_bad_tiles)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.tiling import TilePass, Window
+from uavseg.segmentation.blocks.memory import check_memory
 
 if TYPE_CHECKING:
     from uavseg.jobs.source import Pixels
@@ -63,9 +64,12 @@ class Work:
             map, which is read whole.
         OutputError
             If the folder of the checkpoint cannot be made.
+        RasterError
+            If the raster is too large for its block map to fit into memory.
         """
         if self.checkpoint is not None:
             source.check_resumable()
+        check_memory(source.geobox.shape)
         tile_pass = TilePass(source.dataset.windows(self.tile), self.map, self.progress)
         if self.started is not None:
             self.started(tile_pass.windows)

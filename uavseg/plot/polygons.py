@@ -14,6 +14,7 @@ from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.regions.formats.read import read_regions
+from uavseg.regions.formats.vector_files import check_feature_count, check_vector, reading_vectors
 from uavseg.regions.table import Regions
 
 PolygonArray = NDArray[np.object_]
@@ -91,12 +92,15 @@ def _table_of_file(name: str) -> PolygonTable:
     suffix = Path(name).suffix.lower()
     if not Path(name).exists():
         raise RegionError(f"there is no file {name} with regions; uavseg extract makes one")
+    check_vector(name, name)
     if suffix in {".kml", ".kmz"}:
         return _table_of_memory(read_regions(name))
     if suffix in {".parquet", ".geoparquet"}:
         return _table_of_parquet(name)
     try:
-        metadata, _, geometry, columns = read(name)
+        with reading_vectors():
+            check_feature_count(name, name)
+            metadata, _, geometry, columns = read(name)
     except (DataSourceError, ValueError) as error:
         raise RegionError(f"{name} has no regions that can be read ({error})") from error
     if geometry is None:

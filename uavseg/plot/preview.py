@@ -9,6 +9,7 @@ import numpy as np
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import ParameterError
+from uavseg.jobs.inputs import keep_inputs
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.plot.frame import Frame
@@ -92,6 +93,7 @@ def preview(
     if not 200 <= width_px <= 8000:
         raise ParameterError(f"a picture is 200 to 8000 pixels wide, not {width_px}")
     target = check_png_target(out, overwrite)
+    keep_inputs([target], [_given(raster), regions, mission, levels, states and _given(states), leaves, path])
     dataset, grey = _open_raster(raster, stretch, states is not None or path is not None)
     frame = Frame(dataset.geobox)
     sources = LayerSources(levels, states, leaves, regions, path, mission)
@@ -100,6 +102,11 @@ def preview(
     with atomic_file(target, overwrite) as temporary:
         save_figure(figure, temporary)
     return target
+
+
+def _given(raster: Any) -> Any:
+    """The paths of a raster, however it is given."""
+    return list(raster.paths) if isinstance(raster, Dataset) else raster
 
 
 def _open_raster(

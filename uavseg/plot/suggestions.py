@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from uavseg.atomic import atomic_file
+from uavseg.jobs.inputs import keep_inputs
 from uavseg.jobs.suggest import Suggestion, Suggestions
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.range_layer import RangeLayer, draw_cells, range_colors
@@ -51,6 +52,7 @@ def draw_suggestions(
         If the picture exists, cannot be written there, or does not end in .png.
     """
     target = check_png_target(out, overwrite)
+    keep_inputs([target], dataset.paths if dataset is not None else ())
     figure = _figure(found, dataset)
     with atomic_file(target, overwrite) as temporary:
         save_figure(figure, temporary)

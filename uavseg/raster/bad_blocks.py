@@ -157,8 +157,8 @@ def _read_block_by_block(
 ) -> tuple[Values, Valid, list[MissingPart]]:
     rows = sample_positions(window.row, window.rows, shape[0])
     cols = sample_positions(window.col, window.cols, shape[1])
-    with gdal_read_errors(file.path, window):
-        handles.open(file.path, file.located)  # a missing file is an error, not a bad block
+    with gdal_read_errors(file.path, window, file.online):
+        handles.open(file.path, file.located, file.driver)  # a missing file is an error, not a bad block
     values = np.zeros((choice.planes, *shape), choice.dtype)
     valid = np.zeros(shape, bool)
     bad = []

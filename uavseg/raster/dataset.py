@@ -249,8 +249,6 @@ class Dataset:
         self, file: RasterSource, part: Window, shape: tuple[int, int]
     ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
         """Values and validity of a part of a file, and which blocks of it cannot be read."""
-        if file.is_empty(self._handles, self.choice, part):
-            return np.zeros((self.choice.planes, *shape), self.dtype), np.zeros(shape, bool), ()
         if not isinstance(file, RasterFile):
             return *file.read(self._handles, self.choice, part, shape), ()
         if self.skip_bad_tiles:

@@ -13,8 +13,10 @@ from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
+from uavseg.raster.access.drivers import as_file_name
+from uavseg.raster.access.open_checked import is_online, open_checked
 from uavseg.raster.bands import BandLayout
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, open_error_text, quiet_open, root_cause
+from uavseg.raster.opening import GDAL_ERRORS, open_error_text, root_cause
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
@@ -31,10 +33,12 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
         If the file is not a raster that can be opened.
     RasterError
         If it is of an unsupported kind.
+    AccessError
+        If it names files or addresses that may not be opened.
     """
-    name = os.fspath(path)
+    name = as_file_name(os.fspath(path))
     try:
-        with gdal_env(), quiet_open(name) as source:
+        with open_checked(name) as source:
             return _metadata(name, source)
     except GDAL_ERRORS as error:
         raise RasterReadError(open_error_text(name, error)) from error
@@ -69,6 +73,7 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
         white_is_zero=inverted and np.dtype(layout.dtypes[0]).kind == "u",
         palette=None if inverted else _palette(source, layout),
         driver=source.driver,
+        online=is_online(path),
         overviews=tuple(source.overviews(1)),
         warnings=tuple(f"{Path(path).name}: {text}" for text in warnings),
     )

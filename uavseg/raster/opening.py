@@ -5,12 +5,13 @@ import re
 import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import rasterio
+from rasterio._env import del_gdal_config
 from rasterio._err import CPLE_BaseError
 from rasterio.env import get_gdal_config, set_gdal_config
 from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
@@ -21,7 +22,14 @@ from uavseg.raster.tiling import Window
 
 MAX_OPEN = 64  # open files per thread
 CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
-GDAL_OPTIONS = {"GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO"}  # it reads missing parts of truncated files as 0
+GDAL_OPTIONS = {
+    "GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO",  # it reads missing parts of truncated files as 0
+    "GDAL_VRT_ENABLE_PYTHON": "NO",  # code of files is not run
+}
+OFFLINE_OPTIONS = {  # the second line of defence: what files name is checked before they are opened
+    "GDAL_HTTP_PROXY": "none://offline",  # no such kind of proxy: every request fails before it is sent
+    "CPL_VSIL_CURL_ALLOWED_FILENAME": "\n",  # no file of a network file system has this name
+}
 GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError)  # they have no common base class
 
 
@@ -34,12 +42,13 @@ class OpenFiles:
     def __reduce__(self) -> tuple[type["OpenFiles"], tuple[()]]:
         return OpenFiles, ()
 
-    def open(self, path: str, located: bool) -> DatasetReader:
+    def open(self, path: str, located: bool, driver: str | None = None) -> DatasetReader:
         """The open file, opened now if it is not; beyond 64 files the least recently used is closed."""
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
             try:
-                files[path] = rasterio.open(path) if located else quiet_open(path)
+                opener = rasterio.open if located else quiet_open
+                files[path] = opener(path, driver=driver)
             except GDAL_ERRORS as error:
                 raise RasterReadError(open_error_text(path, error)) from error
             if len(files) > MAX_OPEN:
@@ -49,36 +58,73 @@ class OpenFiles:
 
 
 @contextmanager
-def gdal_env() -> Iterator[None]:
-    """GDAL with its messages captured, and with a small block cache unless GDAL_CACHEMAX is set."""
-    with rasterio.Env(**GDAL_OPTIONS), _small_cache:
+def gdal_env(online: bool = False) -> Iterator[None]:
+    """GDAL with its messages captured, without requests unless `online`, and with a small block cache.
+
+    The cache is left as it is where GDAL_CACHEMAX is set.
+    """
+    with rasterio.Env(), _process_options.in_use(online):
         yield
 
 
-class _SmallCache:
-    """Limits GDAL's block cache, which belongs to the process, while at least one thread reads."""
+class _ProcessOptions:
+    """GDAL's options while at least one thread reads: they belong to the process, not to a thread.
+
+    Requests are possible while at least one of the readers is online.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._readers = 0
-        self._default: int | None = None
+        self._online = 0
+        self._before: dict[str, Any] = {}
 
-    def __enter__(self) -> None:
+    @contextmanager
+    def in_use(self, online: bool) -> Iterator[None]:
         with self._lock:
             self._readers += 1
-            if self._readers == 1 and "GDAL_CACHEMAX" not in os.environ:
-                self._default = get_gdal_config("GDAL_CACHEMAX")
-                set_gdal_config("GDAL_CACHEMAX", min(CACHE_BYTES, self._default or CACHE_BYTES))
+            self._online += online
+            if self._readers == 1:
+                self._set(GDAL_OPTIONS | self._cache())
+            if online and self._online == 1:
+                self._restore(OFFLINE_OPTIONS)
+            elif not self._online and self._readers == 1:
+                self._set(OFFLINE_OPTIONS)
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._readers -= 1
+                self._online -= online
+                if self._readers == 0:
+                    self._restore(list(self._before))
+                elif online and not self._online:
+                    self._set(OFFLINE_OPTIONS)
 
-    def __exit__(self, *_: object) -> None:
-        with self._lock:
-            self._readers -= 1
-            if self._readers == 0 and self._default is not None:
-                set_gdal_config("GDAL_CACHEMAX", self._default)
-                self._default = None
+    @staticmethod
+    def _cache() -> dict[str, Any]:
+        if "GDAL_CACHEMAX" in os.environ:
+            return {}
+        default: int | None = get_gdal_config("GDAL_CACHEMAX")
+        return {"GDAL_CACHEMAX": min(CACHE_BYTES, default or CACHE_BYTES)}
+
+    def _set(self, options: dict[str, Any]) -> None:
+        for name, value in options.items():
+            self._before[name] = get_gdal_config(name, normalize=False)
+            set_gdal_config(name, value)
+
+    def _restore(self, names: Iterable[str]) -> None:
+        for name in names:
+            if name not in self._before:
+                continue
+            value = self._before.pop(name)
+            if value is None:
+                del_gdal_config(name)
+            else:
+                set_gdal_config(name, value, normalize=False)
 
 
-_small_cache = _SmallCache()
+_process_options = _ProcessOptions()
 _warning_filters = threading.Lock()  # they belong to the process: only one thread at a time may change them
 
 
@@ -90,10 +136,10 @@ def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any
 
 
 @contextmanager
-def gdal_read_errors(path: str, window: Window) -> Iterator[None]:
+def gdal_read_errors(path: str, window: Window, online: bool = False) -> Iterator[None]:
     """GDAL's messages captured; its errors on reading a window as RasterReadError."""
     try:
-        with gdal_env():
+        with gdal_env(online):
             yield
     except GDAL_ERRORS as error:
         rows, cols = rasterio_window(window)

@@ -1,6 +1,6 @@
 """Raster file: its metadata as a value, and windowed reads of its pixels."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from affine import Affine
 from rasterio.crs import CRS
-from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterReadError
@@ -23,6 +22,7 @@ from uavseg.raster.opening import (
     rasterio_window,
     root_cause,
 )
+from uavseg.raster.sparse import SparseBlocks
 from uavseg.raster.tiling import Window
 
 FileState = tuple[str, int, int]
@@ -50,6 +50,8 @@ class RasterFile:
         Whether large values are dark.
     palette : tuple of (red, green, blue, alpha), or None
     driver : str
+    online : bool
+        Whether reading it may make requests.
     overviews : tuple of int
         Downsampling factors of the overviews in the file.
     warnings : tuple of str
@@ -67,6 +69,7 @@ class RasterFile:
     white_is_zero: bool
     palette: tuple[tuple[int, int, int, int], ...] | None
     driver: str
+    online: bool
     overviews: tuple[int, ...]
     warnings: tuple[str, ...]
 
@@ -94,13 +97,14 @@ class RasterFile:
 
     def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
         """Content hash input: the state of each file that it consists of, and the nodata values."""
-        return file_states(self.path), self.nodatas
+        return file_states(self.path, self.driver, self.online), self.nodatas
 
     def blocks_in(self, window: Window) -> Iterator[Window]:
         """The blocks of the file that intersect a window, row by row, clipped to the raster."""
         rows, cols = self.block
-        for i, j in self._block_indices(window):
-            yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
+        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
+            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
+                yield Window(i * rows, j * cols, rows, cols).clipped(self.shape)
 
     def read(
         self,
@@ -118,10 +122,10 @@ class RasterFile:
         RasterReadError
             If the file cannot be read inside the window.
         """
-        with gdal_read_errors(self.path, window):
-            source = handles.open(self.path, self.located)
+        with gdal_read_errors(self.path, window, self.online):
+            source = handles.open(self.path, self.located, self.driver)
             options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
-            values, alpha = self._read_bands(source, choice, options)
+            values, alpha = self._read_bands(source, choice, window, options)
             mask = self._read_mask(source, choice, options)
         valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, mask)
         return self._decode(values, valid, choice)
@@ -133,31 +137,31 @@ class RasterFile:
         """
         if self.driver != "GTiff":
             return False
-        with gdal_read_errors(self.path, window):
-            source = handles.open(self.path, self.located)
-            filled = [source.nodatavals[band - 1] for band in choice.bands]  # the value of missing blocks
-            if None in filled or filled != [self.nodatas[band - 1] for band in choice.bands]:
-                return False
-            blocks = ((band, i, j) for i, j in self._block_indices(window) for band in choice.bands)
-            return not any(_is_stored(source, *block) for block in blocks)
-
-    def _block_indices(self, window: Window) -> Iterator[tuple[int, int]]:
-        rows, cols = self.block
-        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
-            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
-                yield i, j
+        with gdal_read_errors(self.path, window, self.online):
+            source = handles.open(self.path, self.located, self.driver)
+            known = [self.nodatas[band - 1] for band in choice.bands]
+            if None in known or known != [source.nodatavals[band - 1] for band in choice.bands]:
+                return False  # missing blocks have another value
+            return SparseBlocks(source, self.path, choice.bands).is_empty(window)
 
     def _read_bands(
-        self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]
+        self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]
     ) -> tuple[Values, Values | None]:
         """Values of the chosen bands, and those of the alpha band."""
-        bands, alpha = list(choice.bands), self.layout.alpha
+
+        def read(bands: Sequence[int]) -> Values:
+            sparse = None
+            if self.driver == "GTiff" and not self.masks:
+                sparse = SparseBlocks(source, self.path, bands).read(window, options["out_shape"])
+            return source.read(list(bands), **options) if sparse is None else sparse
+
+        bands, alpha = choice.bands, self.layout.alpha
         if alpha is None:
-            return source.read(bands, **options), None
+            return read(bands), None
         if self.layout.dtypes[alpha - 1] == self.layout.dtypes[bands[0] - 1]:
-            pixels = source.read([*bands, alpha], **options)
+            pixels = read([*bands, alpha])
             return pixels[:-1], pixels[-1]
-        return source.read(bands, **options), source.read(alpha, **options)
+        return read(bands), read([alpha])[0]
 
     def _read_mask(self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]) -> Valid | None:
         if not self.masks:
@@ -180,14 +184,7 @@ class RasterFile:
         return values.astype(choice.dtype, copy=False), valid
 
 
-def _is_stored(source: DatasetReader, band: int, i: int, j: int) -> bool:
-    try:
-        return bool(source.block_size(band, i, j))
-    except RasterBlockError:
-        return False
-
-
-def file_states(path: str) -> tuple[FileState, ...]:
+def file_states(path: str, driver: str | None = None, online: bool = False) -> tuple[FileState, ...]:
     """Path, size in bytes and modification time in ns of every file that a raster consists of.
 
     These are the file itself, its sidecar files (masks, overviews) and those that it refers to (a VRT). A
@@ -199,7 +196,7 @@ def file_states(path: str) -> tuple[FileState, ...]:
         If the raster cannot be opened.
     """
     try:
-        with gdal_env(), quiet_open(path) as source:
+        with gdal_env(online), quiet_open(path, driver=driver) as source:
             names = sorted({path, *source.files})
     except GDAL_ERRORS as error:
         raise RasterReadError(f"{path} cannot be opened as a raster ({root_cause(error)})") from error

@@ -11,6 +11,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial, split_progress
 from uavseg.units import BLOCK, CELL
 
+MAX_TILES = 10_000_000
 PANEL = 8192  # columns of a panel
 
 Result = TypeVar("Result")
@@ -67,6 +68,12 @@ def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     for length in (tile_rows, tile_cols):
         if length <= 0 or length % BLOCK:
             raise ParameterError(f"the side of a tile is a positive multiple of {BLOCK} pixels, not {length}")
+    count = -(-shape[0] // tile_rows) * -(-shape[1] // tile_cols)
+    if count > MAX_TILES:
+        raise ParameterError(
+            f"tiles of {tile_cols} x {tile_rows} pixels divide the raster into {count:,}, and at most "
+            f"{MAX_TILES:,} are worked through; choose larger ones (--tile)"
+        )
     return list(_windows(shape, tile_rows, tile_cols))
 
 
@@ -94,7 +101,8 @@ def in_panels(windows: list[Window]) -> list[Window]:
 def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int = 1 << 22) -> tuple[int, int]:
     """Rows and columns of a tile of about `pixels` pixels that suits the layout of a file.
 
-    Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole.
+    Square if the file is tiled; whole rows if it is stored in strips, which are always decoded whole, unless
+    64 rows are far more than so many pixels.
 
     Parameters
     ----------
@@ -102,7 +110,7 @@ def tile_side(shape: tuple[int, int], file_block: tuple[int, int], pixels: int =
         Rows and columns of the raster, and of one block of the file.
     """
     in_strips = file_block[1] >= shape[1] and shape[1] > 2 * BLOCK
-    if in_strips:
+    if in_strips and BLOCK * shape[1] <= 4 * pixels:
         cols = whole_blocks(shape[1])
         return max(pixels // cols // BLOCK, 1) * BLOCK, cols
     side = max(int(pixels**0.5) // BLOCK, 1) * BLOCK
@@ -134,7 +142,8 @@ def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
     >>> sample_positions(10, 6, 3), sample_positions(10, 2, 2)
     (array([11, 13, 15]), array([10, 11]))
     """
-    return start + ((np.arange(count) + 0.5) * (length / count)).astype(np.int64)
+    positions = ((np.arange(count) + 0.5) * (length / count) + 1e-10).astype(np.int64)  # as GDAL rounds
+    return start + positions
 
 
 def window_blocks(window: Window) -> tuple[slice, slice]:

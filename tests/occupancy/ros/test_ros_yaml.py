@@ -39,7 +39,7 @@ from uavseg.occupancy.ros.ros_yaml import (
         ({"mode": "ternary"}, "mode is trinary, scale or raw, not 'ternary'"),
         ({"negate": "maybe"}, "negate is 0 or 1, not 'maybe'"),
         ({"image": "[]"}, "image is the file name of an image"),
-        ({"image": "none.pgm"}, "there is no such file"),
+        ({"image": "none.pgm"}, "there is no file"),
         ({"image": None}, "missing here: image"),
         ({"resolution": None, "negate": None}, "missing here: resolution, negate"),
         ({"origin": "[0, 0"}, "is not valid YAML"),

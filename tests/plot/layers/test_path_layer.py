@@ -71,7 +71,7 @@ def test_files_without_a_path_are_refused(tmp_path: Path) -> None:
     (tmp_path / "local.geojson").write_text(json.dumps({"features": [{"properties": {}, "geometry": line}]}))
     with pytest.raises(PathError, match="local coordinates"):
         path_layer.PathLayer.of(tmp_path / "local.geojson", frame)
-    with pytest.raises(PathError, match="cannot be read"):
+    with pytest.raises(PathError, match="there is no file"):
         path_layer.PathLayer.of(tmp_path / "missing.geojson", frame)
     with pytest.raises(MissionError):
         path_layer.PathLayer.of(tmp_path / "missing.plan", frame)

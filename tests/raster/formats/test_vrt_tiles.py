@@ -115,7 +115,7 @@ def test_existing_files_are_replaced_only_if_allowed(tmp_path: Path) -> None:
     with pytest.raises(OutputExistsError, match=r"a\.vrt exists; give --overwrite"):
         write(tmp_path / "a.vrt", picture((128, 128)))
     (tmp_path / "a.vrt").unlink()
-    with pytest.raises(OutputExistsError, match=r"a\.tiles exists; give --overwrite"):
+    with pytest.raises(OutputExistsError, match=r"a\.tiles exists and is a part of a\.vrt; give --overwrite"):
         write(tmp_path / "a.vrt", picture((128, 128)))
     write(tmp_path / "a.vrt", picture((128, 128)), overwrite=True)
     assert (tmp_path / "a.vrt").read_bytes() != before

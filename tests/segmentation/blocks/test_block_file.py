@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rasterio.crs import CRS
 
-from uavseg.errors import OutputExistsError, RasterError, RasterReadError
+from uavseg.access import allowing
+from uavseg.errors import AccessError, OutputExistsError, RasterError, RasterReadError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.segmentation.blocks.block_file import (
@@ -179,10 +180,10 @@ def test_another_raster_is_not_a_block_map(tmp_path: Path) -> None:
 
 def test_a_file_that_is_not_a_raster_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("no raster")
-    for path in (tmp_path / "a.txt", tmp_path / "nowhere.tif"):
-        assert not is_block_map(path)
-        with pytest.raises(RasterReadError, match="cannot be read"):
-            read_block_map(path)
+    for name, reason in (("a.txt", "cannot be read"), ("nowhere.tif", "there is no file")):
+        assert not is_block_map(tmp_path / name)
+        with pytest.raises(RasterReadError, match=reason):
+            read_block_map(tmp_path / name)
 
 
 def test_a_block_map_is_recognised(tmp_path: Path) -> None:
@@ -193,8 +194,12 @@ def test_a_block_map_is_recognised(tmp_path: Path) -> None:
 def test_rasters_are_found_where_they_were(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "a.tif").touch()
-    found = Origin(("in/a.tif",), str(tmp_path)).find_rasters(tmp_path / "elsewhere" / "map.tif")
-    assert found == [str(tmp_path / "in" / "a.tif")]
+    (tmp_path / "elsewhere").mkdir()
+    origin, beside = Origin(("in/a.tif",), str(tmp_path)), tmp_path / "elsewhere" / "map.tif"
+    with allowing(tmp_path / "in"):
+        assert origin.allowed_rasters(beside) == [str(tmp_path / "in" / "a.tif")]
+    with pytest.raises(AccessError, match="--allow-path"):
+        origin.allowed_rasters(beside)
 
 
 def test_rasters_are_found_beside_the_block_map(tmp_path: Path) -> None:
@@ -208,7 +213,10 @@ def test_rasters_are_found_beside_the_block_map(tmp_path: Path) -> None:
 
 def test_an_absolute_path_is_found_from_anywhere(tmp_path: Path) -> None:
     (tmp_path / "a.tif").touch()
-    assert Origin((str(tmp_path / "a.tif"),), "/gone").find_rasters("map.tif") == [str(tmp_path / "a.tif")]
+    with allowing(tmp_path):
+        assert Origin((str(tmp_path / "a.tif"),), "/gone").find_rasters("map.tif") == [
+            str(tmp_path / "a.tif")
+        ]
 
 
 def test_rasters_are_found_all_or_none(tmp_path: Path) -> None:
@@ -218,7 +226,10 @@ def test_rasters_are_found_all_or_none(tmp_path: Path) -> None:
 
 def test_remote_paths_are_kept_as_they_are(tmp_path: Path) -> None:
     name = "/vsicurl/https://example.org/a.tif"
-    assert Origin((name,), str(tmp_path)).find_rasters(tmp_path / "map.tif") == [name]
+    with allowing(allow_network=True):
+        assert Origin((name,), str(tmp_path)).allowed_rasters(tmp_path / "map.tif") == [name]
+    with pytest.raises(AccessError, match="--allow-network"):
+        Origin((name,), str(tmp_path)).allowed_rasters(tmp_path / "map.tif")
 
 
 def test_a_crop_of_a_block_map_is_refused(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from uavseg.errors import SceneError
 Floats = NDArray[np.float64]
 
 MAX_BEAMS = 1_000_000
+MAX_METRES = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +62,7 @@ class Scan:
     ------
     SceneError
         If the arrays differ in shape, a range is negative, an angle is not finite, or the maximum range or
-        the standard deviation is not positive.
+        the standard deviation is not positive or above 1e9 m.
     """
 
     pose: Pose
@@ -71,8 +72,8 @@ class Scan:
     sigma_m: float
 
     def __post_init__(self) -> None:
-        check_positive("a maximum range", self.max_range_m)
-        check_positive("a standard deviation of ranges", self.sigma_m)
+        check_distance("a maximum range", self.max_range_m)
+        check_distance("a standard deviation of ranges", self.sigma_m)
         if self.angles.ndim != 1 or self.angles.shape != self.ranges.shape:
             raise SceneError(
                 f"a scan has one range for each angle, not {self.angles.shape} and {self.ranges.shape}"
@@ -85,3 +86,10 @@ def check_positive(name: str, value: float) -> None:
     """Raise SceneError unless a number is finite and above 0."""
     if not (math.isfinite(value) and value > 0):
         raise SceneError(f"{name} is a number above 0, not {value:g}")
+
+
+def check_distance(name: str, metres: float) -> None:
+    """Raise SceneError unless a distance is above 0 and at most 1e9 m: cells are counted in 64 bits."""
+    check_positive(name, metres)
+    if metres > MAX_METRES:
+        raise SceneError(f"{name} is at most {MAX_METRES:g} m, not {metres:g}")

@@ -5,24 +5,21 @@ Format: http://netpbm.sourceforge.net/doc/pgm.html. GDAL reads only raw ones, an
 
 import os
 import re
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import RasterReadError
+from uavseg.inputs import read_bytes, read_start
 
+MAX_BYTES = 1 << 30  # of a file, which is held in memory
 MAGIC = (b"P2", b"P5")
 _HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\r\n]*[\r\n])+(\d{1,20})" + rb"(?=\s|$)")
 
 
 def is_pgm(path: str | os.PathLike[str]) -> bool:
     """Whether a file begins with the magic number of a PGM; False if it cannot be read."""
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(2) in MAGIC
-    except OSError:
-        return False
+    return read_start(path, 2) in MAGIC
 
 
 def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.uint16], int]:
@@ -39,7 +36,7 @@ def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.uint16], int]:
     RasterReadError
         If the header is invalid, or there are fewer samples than it says.
     """
-    content = Path(path).read_bytes()
+    content = read_bytes(path, limit=MAX_BYTES)
     header = _HEADER.match(content)
     if header is None:
         raise RasterReadError(

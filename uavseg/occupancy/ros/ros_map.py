@@ -15,8 +15,9 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
+from uavseg.access import current_policy
 from uavseg.atomic import atomic_file, check_target
-from uavseg.errors import MapError, RasterReadError
+from uavseg.errors import MapError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_yaml import ROS_MODES, RosCells, read_ros_yaml, ros_yaml_text
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
@@ -67,9 +68,12 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
         If the YAML file does not describe a ROS map.
     RasterReadError
         If a file is missing or damaged.
+    AccessError
+        If the access policy does not allow to open the image.
     """
     described = read_ros_yaml(path)
-    grey, opaque = _read_image(described.image, os.fspath(path))
+    current_policy().check_file(path, described.image)
+    grey, opaque = _read_image(described.image)
     transform = _transform(described.origin, described.resolution, grey.shape[0])
     return RosMap(described.rules.cells(grey, opaque), GeoBox(grey.shape, transform, None))
 
@@ -84,7 +88,7 @@ def check_ros_map(
     MapError, OutputExistsError, OutputError
         As for `write_ros_map`.
     """
-    for target in (Path(path), _image_path(path, mode)):
+    for target in (Path(path), image_path(path, mode)):
         check_target(target, overwrite)
     _placement(geobox)
 
@@ -119,30 +123,35 @@ def write_ros_map(
     OutputExistsError, OutputError
         If a file may not or cannot be written.
     """
-    image_path = _image_path(path, mode)
-    check_target(image_path, overwrite)
+    image = image_path(path, mode)
+    check_target(image, overwrite)
     resolution, origin, mirrored = _placement(geobox)
     rows_down = np.asarray(states)[::-1] if mirrored else np.asarray(states)
     grey = GREY_OF_STATE[mode][rows_down]
     position = {"resolution": resolution, "origin": origin}
-    described = {"image": image_path.name, "mode": mode, **position, "negate": 0, **_WRITTEN_THRESHOLDS}
+    described = {"image": image.name, "mode": mode, **position, "negate": 0, **_WRITTEN_THRESHOLDS}
     with atomic_file(path, overwrite) as target:
         if mode == "scale":
-            write_png(target.with_name(image_path.name), grey, opaque=rows_down % 2 == 1)
+            write_png(target.with_name(image.name), grey, opaque=rows_down % 2 == 1)
         else:
-            target.with_name(image_path.name).write_bytes(pgm_bytes(grey))
+            target.with_name(image.name).write_bytes(pgm_bytes(grey))
         target.write_text(ros_yaml_text(described), encoding="utf-8")
 
 
-def _image_path(path: str | os.PathLike[str], mode: str) -> Path:
+def image_path(path: str | os.PathLike[str], mode: str) -> Path:
+    """Path of the image that is written beside a YAML file.
+
+    Raises
+    ------
+    MapError
+        If the mode is unknown.
+    """
     if mode not in ROS_MODES:
         raise MapError(f"mode is trinary, scale or raw, not {mode!r}")
     return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")
 
 
-def _read_image(image: Path, name: str) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
-    if not image.is_file():
-        raise RasterReadError(f"{name} names the image {image}, and there is no such file")
+def _read_image(image: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
     if is_pgm(image):
         samples, maximum = read_pgm(image)
         return to_8_bits(samples, maximum), None

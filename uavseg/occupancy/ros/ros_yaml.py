@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import MapError, RasterReadError
+from uavseg.errors import MapError
+from uavseg.inputs import read_bytes
 
 RosCells = NDArray[np.int8]
 
+MAX_BYTES = 1 << 16  # of a YAML file
 UNKNOWN_CELL = -1
 ROS_MODES = ("trinary", "scale", "raw")
 
@@ -133,14 +135,15 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     import yaml
 
     name = os.fspath(path)
+    content = read_bytes(path, limit=MAX_BYTES)
     try:
-        with Path(path).open("rb") as file:
-            found = yaml.safe_load(file)
-    except FileNotFoundError as error:
-        raise RasterReadError(f"there is no file {name}") from error
-    except OSError as error:
-        raise RasterReadError(f"{name} cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        tokens = yaml.scan(content, Loader=yaml.SafeLoader)
+        if any(isinstance(token, yaml.AliasToken) for token in tokens):
+            raise MapError(f"{name} holds YAML aliases (*name), which the file of a ROS map does not need")
+        found = yaml.safe_load(content)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        if isinstance(error, MapError):
+            raise
         raise MapError(f"{name} is not valid YAML ({' '.join(str(error).split())})") from error
     if not isinstance(found, dict):
         raise MapError(f"{name} is not the YAML of a ROS map: it needs {', '.join(_REQUIRED)}")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavseg.errors import SceneError
-from uavseg.occupancy.mapping.scan import MAX_BEAMS, Floats, Pose, Scan, check_positive
+from uavseg.occupancy.mapping.scan import MAX_BEAMS, Floats, Pose, Scan, check_distance, check_positive
 from uavseg.occupancy.simulation.scene import Scene
 
 
@@ -27,7 +27,7 @@ class RangeFinder:
     Raises
     ------
     SceneError
-        If a value is not positive, or the field of view is wider than 360 degrees.
+        If a value is not positive or a distance above 1e9 m, or the field of view is wider than 360 degrees.
 
     Examples
     --------
@@ -41,8 +41,8 @@ class RangeFinder:
     step_deg: float = 0.5
 
     def __post_init__(self) -> None:
-        check_positive("a standard deviation of ranges", self.sigma_m)
-        check_positive("a maximum range", self.max_range_m)
+        check_distance("a standard deviation of ranges", self.sigma_m)
+        check_distance("a maximum range", self.max_range_m)
         check_positive("an angular step", self.step_deg)
         if not 0 < self.fov_deg <= 360:
             raise SceneError(f"a field of view is more than 0 and at most 360 degrees, not {self.fov_deg:g}")

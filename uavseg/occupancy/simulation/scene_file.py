@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from uavseg.errors import SceneError
+from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
@@ -77,15 +78,17 @@ def build_simulation(content: Any) -> Simulation:
 
 
 def _read(path: str | os.PathLike[str]) -> Any:
+    if not Path(path).exists():
+        raise SceneError("there is no such file; name lens, circles or a JSON file of a scene")
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise SceneError("there is no such file; name lens, circles or a JSON file of a scene") from error
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_bytes(path, SceneError).decode()
+    except UnicodeDecodeError as error:
         raise SceneError(f"it cannot be read as text ({error})") from error
     try:
-        return json.loads(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
-    except (json.JSONDecodeError, RecursionError) as error:
+        return parse_json(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
+    except SceneError:
+        raise
+    except ValueError as error:
         raise SceneError(f"it is not valid JSON ({error})") from error
 
 

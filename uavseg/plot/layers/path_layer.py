@@ -1,6 +1,5 @@
 """Layer of a path: its line in white, its start and its goal."""
 
-import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import PathError
+from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.plot.frame import Frame
 
@@ -95,15 +95,13 @@ def _read_mission_path(source: str | os.PathLike[str], frame: Frame) -> Floats:
 def _read_geojson(source: Path) -> tuple[list[Floats], float | None]:
     """The lines of a GeoJSON file, and the length in its properties."""
     try:
-        [feature] = json.loads(source.read_text(encoding="utf-8"))["features"]
+        [feature] = parse_json(read_bytes(source, PathError).decode())["features"]
         shape = feature["geometry"]
         parts = {"LineString": [shape["coordinates"]], "MultiLineString": shape["coordinates"]}[shape["type"]]
         lines = [np.array(part, np.float64).reshape(-1, 2) for part in parts]
         length = feature["properties"].get("length_m")
         return lines, None if length is None else float(length)
-    except OSError as error:
-        raise PathError(
-            f"{source} cannot be read ({error.strerror}); uavseg path makes such a file"
-        ) from error
+    except PathError as error:
+        raise PathError(f"{error}; uavseg path makes such a file") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise PathError(f"{source} holds no line of a path; uavseg path makes such a file") from error

@@ -14,6 +14,8 @@ from rasterio.windows import Window as FileWindow
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
+from uavseg.inputs import regular_file
+from uavseg.raster.access.limits import check_limits, check_readable_whole
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 from uavseg.raster.tiling import Window
@@ -171,7 +173,9 @@ def _write_bands(file: Any, page: Page, dtype: np.dtype[Any]) -> None:
             file.set_band_description(band, name)
 
 
-def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list[str], dict[str, str]]:
+def read_geotiff(
+    path: Path_, page: int = 1, shape: tuple[int, ...] | None = None, bands: int | None = None
+) -> tuple[NDArray[Any], GeoBox, list[str], dict[str, str]]:
     """Read a whole image that `write_geotiff` wrote.
 
     Parameters
@@ -179,6 +183,9 @@ def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list
     path : path
     page : int
         Which image of the file, counted from 1.
+    shape : (int, int), optional
+    bands : int, optional
+        What the image must have, so that nothing is allocated for a damaged header.
 
     Returns
     -------
@@ -191,10 +198,18 @@ def read_geotiff(path: Path_, page: int = 1) -> tuple[NDArray[Any], GeoBox, list
     Raises
     ------
     RasterReadError
-        If there is no such raster.
+        If there is no such raster, or it is another one than expected.
+    RasterError
+        If its header claims more than the file can hold.
     """
+    regular_file(path)
     try:
-        with gdal_env(), quiet_open(_page_name(path, page), num_threads="all_cpus") as file:
+        options = {"driver": "GTiff", "num_threads": "all_cpus"}
+        with gdal_env(), quiet_open(_page_name(path, page), **options) as file:
+            check_limits(os.fspath(path), file)
+            if shape not in (None, file.shape) or bands not in (None, file.count):
+                raise RasterReadError(f"image {page} of {os.fspath(path)} has another size than expected")
+            check_readable_whole(os.fspath(path), file)
             geobox = GeoBox(file.shape, file.transform, file.crs)
             return file.read(), geobox, [text or "" for text in file.descriptions], file.tags()
     except GDAL_ERRORS as error:

@@ -8,6 +8,8 @@ from rasterio.io import DatasetReader
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
+from uavseg.raster.access.limits import check_readable_whole
+from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
 
 Bytes = NDArray[np.uint8]
@@ -34,7 +36,8 @@ def read_grey(path: Path_) -> tuple[Bytes, Opaque | None]:
         If it is not an image, or damaged.
     """
     try:
-        with gdal_env(), quiet_open(path) as file:
+        with open_checked(os.fspath(path)) as file:
+            check_readable_whole(os.fspath(path), file)
             if any(name not in ("uint8", "uint16") for name in file.dtypes):
                 raise RasterReadError(f"{os.fspath(path)} holds {file.dtypes[0]}; a picture has 8 or 16 bits")
             return _grey(file)

@@ -10,8 +10,9 @@ from xml.etree import ElementTree
 from affine import Affine
 
 from uavseg.atomic import atomic_file, check_target
-from uavseg.errors import OutputError, OutputExistsError
+from uavseg.errors import OutputError
 from uavseg.execution.executors import Map, serial
+from uavseg.output.renames import recover
 from uavseg.raster.formats.geotiff import STRIPE, Labels, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, tiles
@@ -53,11 +54,7 @@ def check_label_tiles(path: Path_, overwrite: bool = False) -> None:
     """
     check_target(path, overwrite)
     folder = tiles_folder(path)
-    if not folder.exists():
-        return
-    if not overwrite:
-        raise OutputExistsError(f"{folder} exists; give --overwrite (overwrite=True) to replace it")
-    if not folder.is_dir() or any(not _is_tile(file) for file in folder.iterdir()):
+    if folder.exists() and any(not _is_tile(file) for file in folder.iterdir()):
         raise OutputError(f"{folder} contains something else than label tiles; move it away")
 
 
@@ -96,6 +93,7 @@ def write_label_tiles(
         folder.mkdir()
         write = partial(_write_tile, str(folder.absolute()), geobox)
         written = [part for part in map(write, parts) if part is not None]
+        recover(folder)  # what workers left that were killed
         missing = [name for window in written if not (folder / (name := _tile_name(window))).is_file()]
         if missing:
             raise OutputError(
@@ -111,7 +109,8 @@ def _write_tile(folder: str, geobox: GeoBox, part: LabelTile) -> Window | None:
     if not labels.any():
         return None
     place = Window(0, 0, window.rows, window.cols)
-    write_label_geotiff(Path(folder) / _tile_name(window), [(place, labels)], geobox.window(window))
+    path = Path(folder) / _tile_name(window)
+    write_label_geotiff(path, [(place, labels)], geobox.window(window), overwrite=True)  # a tile sent twice
     return window
 
 

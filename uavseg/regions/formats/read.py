@@ -11,8 +11,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.errors import RegionError
+from uavseg.errors import RegionError, UavsegError
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
+from uavseg.regions.formats.vector_files import check_feature_count, check_vector, reading_vectors
 from uavseg.regions.table import COLUMNS, Regions
 
 if TYPE_CHECKING:
@@ -39,8 +40,7 @@ def read_regions(source: str | os.PathLike[str] | bytes, layer: str | None = Non
     Parameters
     ----------
     source : path or bytes
-        GeoJSON, GeoPackage, FlatGeobuf, Parquet, Shapefile, KML, or another format that GDAL reads; or the
-        content of such a file.
+        GeoJSON, GeoPackage, FlatGeobuf, GeoParquet, Shapefile or KML; or the content of such a file.
     layer : str, optional
         The layer, if the file has several. All layers of a KML file are read.
 
@@ -84,13 +84,15 @@ def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | 
 
     if not isinstance(source, bytes) and not Path(source).exists():
         raise RegionError(f"{name} does not exist; name a file of regions")
+    check_vector(source, name)
     try:
         if not isinstance(source, bytes) and Path(source).suffix.lower() in {".parquet", ".geoparquet"}:
             frame = geopandas.read_parquet(source)
         else:
-            frame = _layers(io.BytesIO(source) if isinstance(source, bytes) else source, name, layer)
+            with reading_vectors():
+                frame = _layers(io.BytesIO(source) if isinstance(source, bytes) else source, name, layer)
     except (RuntimeError, ValueError, OSError, ArrowException) as error:
-        if isinstance(error, RegionError):
+        if isinstance(error, UavsegError):
             raise
         raise RegionError(f"{name} cannot be read as regions: {_cause(error)}") from error
     if not isinstance(frame, geopandas.GeoDataFrame):
@@ -110,13 +112,19 @@ def _layers(source: Any, name: str, layer: str | None) -> Any:
     import pyogrio
 
     if isinstance(source, io.BytesIO):
+        check_feature_count(source, name)
+        source.seek(0)
         return geopandas.read_file(source)
     layers = [str(known) for known in pyogrio.list_layers(source)[:, 0]]
+    if not layers:
+        raise RegionError(f"{name} holds no layer of regions")
     if layer is not None and layer not in layers:
         raise RegionError(f"{name} has no layer {layer!r}; it has {', '.join(layers)}")
     wanted = layers if layer is None else [layer]
     if len(wanted) > 1 and Path(source).suffix.lower() not in {".kml", ".kmz"}:
         raise RegionError(f"{name} has {len(layers)} layers; choose with --layer one of {', '.join(layers)}")
+    for one in wanted:
+        check_feature_count(source, name, one)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about winding and measures, which do not matter here
         frames = [geopandas.read_file(source, layer=one) for one in wanted]

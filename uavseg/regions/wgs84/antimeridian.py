@@ -13,12 +13,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import densify_rings, unwrap_lon
 from uavseg.regions.shapes import RaggedPolygons
 
 Floats = NDArray[np.float64]
 
 _AT_POLE = 90 - 1e-9
+_MAX_ADDED = 10_000_000  # vertices that may be added to the edges of a batch
 
 
 def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool) -> Any:
@@ -119,12 +121,23 @@ def densify_edges(
         Of the Earth, in units of the map.
     to_degrees : callable
         From map coordinates to longitudes and latitudes, both (m, 2) arrays.
+
+    Raises
+    ------
+    OutputError
+        If edges are so long that millions of vertices would be added.
     """
     xy, starts = flat.vertices, flat.rings
     for _ in range(8):
         pieces = _pieces(xy, degrees, starts, side, radius)
         if pieces.max() == 1:
             break
+        if pieces.sum() > 10 * len(xy) + _MAX_ADDED:
+            longest = np.hypot(*np.diff(xy, axis=0).T).max()
+            raise OutputError(
+                f"outlines have edges of up to {longest:.3g} map units, which is too long for the Earth; "
+                "the georeference of the raster is damaged"
+            )
         xy, starts = densify_rings(xy, starts, pieces)
         degrees = to_degrees(xy)
     return replace(flat, vertices=degrees, rings=starts)
@@ -138,7 +151,7 @@ def _pieces(xy: Floats, degrees: Floats, starts: Integers, side: float, radius: 
     if steps.max() <= _straight_enough(slope.max(), side, radius):
         return np.ones(len(xy), np.int64)
     limit = _straight_enough(np.maximum(slope, np.roll(slope, -1)), side, radius)
-    pieces: Integers = np.maximum(np.ceil(steps / np.maximum(limit, side / 16)), 1).astype(np.int64)
+    pieces: Integers = np.clip(np.ceil(steps / np.maximum(limit, side / 16)), 1, 1 << 32).astype(np.int64)
     return pieces
 
 

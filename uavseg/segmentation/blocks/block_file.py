@@ -9,14 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import RasterError, RasterReadError
+from uavseg.access import current_policy, is_address
+from uavseg.errors import RasterError, RasterReadError, UavsegError
+from uavseg.output.inputs import check_not_inputs
+from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, is_remote, quiet_open
+from uavseg.raster.opening import GDAL_ERRORS
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.params import DivisionParams
-from uavseg.units import CELL, CELLS
+from uavseg.units import BLOCK, CELL, CELLS
 
 _TAG = "UAVSEG_BLOCK_MAP"
 _BAND_NAMES = ("mean v", "side of the leaf in pixels")
@@ -47,10 +50,23 @@ class Origin:
     def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
         """Paths of the rasters, at their old place or beside the block map; None if one does not exist."""
         for folder in (Path(self.folder), Path(beside).resolve().parent):
-            paths = [raster if is_remote(raster) else str(folder / raster) for raster in self.rasters]
-            if all(is_remote(path) or Path(path).exists() for path in paths):
+            paths = [raster if is_address(raster) else str(folder / raster) for raster in self.rasters]
+            if all(is_address(path) or Path(path).exists() for path in paths):
                 return paths
         return None
+
+    def allowed_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
+        """As `find_rasters`, to be opened.
+
+        Raises
+        ------
+        AccessError
+            If the access policy does not allow to open one of them.
+        """
+        found = self.find_rasters(beside)
+        for path in found or ():
+            current_policy().check_name(beside, path, Path())
+        return found
 
 
 @dataclass(frozen=True)
@@ -67,10 +83,20 @@ class SavedBlocks:
 def is_block_map(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a block map rather than a raster of its own."""
     try:
-        with gdal_env(), quiet_open(path) as file:
+        with open_checked(os.fspath(path)) as file:
             return _TAG in file.tags()
-    except GDAL_ERRORS:
+    except (*GDAL_ERRORS, UavsegError):
         return False  # the error is reported when the file is opened as a raster
+
+
+def rasters_of(path: str | os.PathLike[str]) -> list[str]:
+    """Paths of the rasters that a block map was made from; none if it is no block map or they are gone."""
+    try:
+        with open_checked(os.fspath(path)) as file:
+            header = json.loads(file.tags()[_TAG])
+        return Origin(tuple(header["rasters"]), header["folder"]).find_rasters(path) or []
+    except (*GDAL_ERRORS, UavsegError, KeyError, ValueError, TypeError):
+        return []  # the error is reported when the file is opened
 
 
 def write_block_map(
@@ -90,7 +116,13 @@ def write_block_map(
         Of the leaves in the first page.
     overwrite : bool
         Whether an existing file is replaced.
+
+    Raises
+    ------
+    OutputExistsError, OutputError
+        If the file exists, cannot be written, or is one of the rasters that the block map was made from.
     """
+    check_not_inputs([path], saved.origin.find_rasters(path) or [])
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = find_leaves(blocks, division)
     bands = [np.where(mean < 0, np.nan, mean).astype(np.float32), side.astype(np.float32)]
@@ -125,11 +157,15 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     try:
         header = json.loads(tags[_TAG])
         shape = (int(header["rows"]), int(header["cols"]))
+        rows, cols = _checked_shape(shape, CELL, cells.shape)
+        sums = read_geotiff(path, _SUMS, (rows, cols), 1)[0][0]
+        counts = read_geotiff(path, _COUNTS, (rows, cols), 1)[0][0]
+        in_blocks = tuple(-(-length // BLOCK) for length in shape)
+        ratios = read_geotiff(path, _RATIOS, in_blocks, len(_RATIO_NAMES))[0]
         blocks = BlockMap.empty(shape)
-        rows, cols = cells.shape
-        blocks.sums[:rows, :cols] = read_geotiff(path, _SUMS)[0][0]
-        blocks.counts[:rows, :cols] = read_geotiff(path, _COUNTS)[0][0]
-        blocks.ratios[:] = read_geotiff(path, _RATIOS)[0].transpose(1, 2, 0)
+        blocks.sums[:rows, :cols] = sums
+        blocks.counts[:rows, :cols] = counts
+        blocks.ratios[:] = ratios.transpose(1, 2, 0)
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
         rgb = header["rgb"] and tuple(header["rgb"])
         nodata = None if header["nodata"] is None else float(header["nodata"])
@@ -140,6 +176,13 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         raise RasterError(
             f"{path} is not a block map that this version reads; make it again with uavseg divide"
         ) from error
+
+
+def _checked_shape(shape: tuple[int, int], unit: int, found: tuple[int, int]) -> tuple[int, int]:
+    """The shape of an array with a value for each `unit` pixels of the raster, which has to be that found."""
+    if min(shape) < 1 or found != tuple(-(-length // unit) for length in shape):
+        raise ValueError(f"{found} cells do not cover {shape} pixels")
+    return found
 
 
 def _tags(saved: SavedBlocks) -> dict[str, str]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.division import RATIOS
+from uavseg.segmentation.blocks.memory import check_memory
 from uavseg.segmentation.params import DivisionParams
 from uavseg.units import CELLS
 
@@ -41,7 +42,14 @@ class BlockMap:
 
     @classmethod
     def empty(cls, shape: tuple[int, int]) -> "BlockMap":
-        """A block map of an image without valid pixels."""
+        """A block map of an image without valid pixels.
+
+        Raises
+        ------
+        RasterError
+            If it is larger than the memory of this machine.
+        """
+        check_memory(shape)
         rows, cols = (-(-length // (8 * CELLS)) for length in shape)
         cells = (rows * CELLS, cols * CELLS)
         return cls(

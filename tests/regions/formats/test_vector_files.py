@@ -1,0 +1,220 @@
+"""Vector files are of the format that their extension promises, and name nothing else."""
+
+import json
+import os
+import sqlite3
+import struct
+import threading
+from collections.abc import Iterator
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import pytest
+import shapely
+
+from uavseg.access import allowing
+from uavseg.errors import AccessError, RegionError
+from uavseg.plot.polygons import PolygonTable
+from uavseg.regions.formats.read import read_regions
+
+RING = [[15, 40], [15.01, 40], [15.01, 40.01], [15, 40.01], [15, 40]]
+FEATURE = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [RING]}}
+READERS = [read_regions, PolygonTable.of]
+
+
+@pytest.fixture
+def requests() -> Iterator[tuple[str, list[str]]]:
+    """Address of a server on this machine, and the paths that it was asked for."""
+    asked: list[str] = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_response(404)
+            self.end_headers()
+
+        do_HEAD = do_GET  # noqa: N815
+
+        def log_message(self, *_: Any) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}", asked
+        server.shutdown()
+        thread.join()
+
+
+def collection(**more: Any) -> str:
+    return json.dumps({"type": "FeatureCollection", **more, "features": [FEATURE]})
+
+
+def kml(inner: str = "") -> str:
+    ring = " ".join(f"{x},{y}" for x, y in RING)
+    outline = f"<LinearRing><coordinates>{ring}</coordinates></LinearRing>"
+    polygon = f"<Polygon><outerBoundaryIs>{outline}</outerBoundaryIs></Polygon>"
+    return (
+        '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>'
+        f"{inner}<Placemark>{polygon}</Placemark></Document></kml>"
+    )
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("form", ["link", "LINK", "url", "escaped", "single", "feature"])
+def test_a_linked_crs_is_not_fetched(tmp_path: Path, requests: Any, reader: Any, form: str) -> None:
+    address, asked = requests
+    crs = {
+        "type": "url" if form == "url" else "link",
+        "properties": {"href": f"{address}/crs", "url": f"{address}/crs"},
+    }
+    text = collection(crs=crs)
+    if form == "LINK":
+        text = text.replace('"crs"', '"CRS"').replace('"link"', '"LINK"')
+    if form == "escaped":
+        text = (
+            text.replace('"href"', '"\\u0068ref"')
+            .replace('"url"', '"\\u0075rl"')
+            .replace('"link"', '"l\\u0069nk"')
+        )
+    if form == "single":
+        text = text.replace('"', "'")
+    if form == "feature":
+        text = json.dumps({"type": "FeatureCollection", "features": [{**FEATURE, "crs": crs}]})
+    (tmp_path / "a.geojson").write_text(text)
+    with pytest.raises((AccessError, RegionError)):
+        reader(tmp_path / "a.geojson")
+    assert asked == []
+
+
+def test_a_linked_crs_is_fetched_where_that_is_allowed(tmp_path: Path, requests: Any) -> None:
+    address, asked = requests
+    (tmp_path / "a.geojson").write_text(
+        collection(crs={"type": "link", "properties": {"href": f"{address}/crs"}})
+    )
+    with allowing(allow_network=True):
+        read_regions(tmp_path / "a.geojson")
+    assert set(asked) == {"/crs"}  # the server of these tests sees what is sent
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_attributes_with_addresses_are_only_attributes(tmp_path: Path, reader: Any) -> None:
+    named = {**FEATURE, "properties": {"url": "http://127.0.0.1:1/", "href": "a", "crs": "link"}}
+    (tmp_path / "a.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [named]}))
+    reader(tmp_path / "a.geojson")
+
+
+@pytest.mark.parametrize(
+    "name", ["http://{}/crs", "ftp://{}/crs", "/vsicurl/http://{}/crs", "urn:ogc:def:crs:http://{}/crs"]
+)
+def test_the_name_of_a_crs_makes_no_request(tmp_path: Path, requests: Any, name: str) -> None:
+    address, asked = requests
+    crs = {"type": "name", "properties": {"name": name.format(address.removeprefix("http://"))}}
+    for more in ({"crs": crs}, {"coordRefSys": crs["properties"]["name"]}):
+        (tmp_path / "a.geojson").write_text(collection(**more))
+        with suppress(RegionError):
+            read_regions(tmp_path / "a.geojson")
+    assert asked == []
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_links_in_kml_make_no_request(tmp_path: Path, requests: Any, reader: Any) -> None:
+    address, asked = requests
+    links = (
+        f"<NetworkLink><Link><href>{address}/a.kml</href></Link></NetworkLink>"
+        f"<Placemark><styleUrl>{address}/s.kml#x</styleUrl></Placemark>"
+        f"<GroundOverlay><Icon><href>{address}/i.png</href></Icon></GroundOverlay>"
+    )
+    (tmp_path / "a.kml").write_text(kml(links))
+    with suppress(RegionError):
+        reader(tmp_path / "a.kml")
+    assert asked == []
+    (tmp_path / "b.kml").write_text(kml())
+    reader(tmp_path / "b.kml")
+
+
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize("name", ["a.geojson", "a.json", "a.kml", "a.gpkg", "a.fgb", "a.shp", "a.vrt", "a"])
+def test_descriptions_of_other_sources_are_refused(tmp_path: Path, reader: Any, name: str) -> None:
+    (tmp_path / "secret.geojson").write_text(collection())
+    inner = f'<OGRVRTLayer name="r"><SrcDataSource>{tmp_path}/secret.geojson</SrcDataSource></OGRVRTLayer>'
+    pipeline = {
+        "type": "gdal_streamed_alg",
+        "command_line": f"gdal vector pipeline ! read {tmp_path}/secret.geojson",
+    }
+    for text in (
+        f"<OGRVRTDataSource>{inner}</OGRVRTDataSource>",
+        "<OGRWFSDataSource><URL>http://127.0.0.1:1/</URL></OGRWFSDataSource>",
+        json.dumps(pipeline),
+    ):
+        (tmp_path / name).write_text(text)
+        with pytest.raises((AccessError, RegionError)):
+            reader(tmp_path / name)
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_a_file_is_of_the_format_of_its_extension(tmp_path: Path, reader: Any) -> None:
+    (tmp_path / "a.gpkg").write_text(collection())
+    (tmp_path / "a.geojson").write_bytes(b"SQLite format 3\0" + bytes(100))
+    (tmp_path / "a.txt").write_text("id,wkt\n1,POINT (0 0)\n")
+    for name, kind in (("a.gpkg", "not GeoPackage"), ("a.geojson", "not GeoJSON"), ("a.txt", "not one of")):
+        with pytest.raises(RegionError, match=kind):
+            reader(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", ["a.geojson", "a.gpkg", "a.fgb", "a.parquet", "a.shp", "a.kml"])
+def test_what_geopandas_writes_is_read(tmp_path: Path, name: str) -> None:
+    frame = geopandas.GeoDataFrame({"id": [1]}, geometry=[shapely.Polygon(RING)], crs="EPSG:4326")
+    if name == "a.parquet":
+        frame.to_parquet(tmp_path / name)
+    elif name == "a.kml":
+        (tmp_path / name).write_text(kml())
+    else:
+        frame.to_file(tmp_path / name)
+    assert len(read_regions(tmp_path / name)) == 1
+
+
+@pytest.mark.parametrize(
+    ("statement", "reason"),
+    [
+        ("CREATE VIEW v AS SELECT load_extension('/tmp/x.so') AS a", "view"),
+        ("CREATE VIEW v AS SELECT ogr_layer_SRID('a') AS a", "view"),
+    ],
+)
+def test_a_geopackage_with_code_is_refused(tmp_path: Path, statement: str, reason: str) -> None:
+    frame = geopandas.GeoDataFrame({"id": [1]}, geometry=[shapely.Polygon(RING)], crs="EPSG:4326")
+    frame.to_file(tmp_path / "a.gpkg")
+    with sqlite3.connect(tmp_path / "a.gpkg") as database:
+        database.execute(statement)
+    database.close()
+    with pytest.raises(AccessError, match=reason):
+        read_regions(tmp_path / "a.gpkg")
+
+
+def test_more_features_than_bytes_are_refused(tmp_path: Path) -> None:
+    frame = geopandas.GeoDataFrame(geometry=77 * [shapely.Polygon(RING)], crs="EPSG:4326")
+    frame.to_file(tmp_path / "a.fgb", SPATIAL_INDEX="NO")
+    content = (tmp_path / "a.fgb").read_bytes()
+    assert content[:600].count(struct.pack("<Q", 77)) == 1
+    (tmp_path / "a.fgb").write_bytes(content.replace(struct.pack("<Q", 77), struct.pack("<Q", 10**6), 1))
+    for reader in READERS:
+        with pytest.raises(RegionError, match="1,000,000 features"):
+            reader(tmp_path / "a.fgb")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes on this system")
+@pytest.mark.parametrize("reader", READERS)
+def test_named_pipes_are_not_opened(tmp_path: Path, reader: Any) -> None:
+    for name in ("a.geojson", "a.parquet", "a.kml"):
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(RegionError, match="named pipe"):
+            reader(tmp_path / name)
+    frame = geopandas.GeoDataFrame({"id": [1]}, geometry=[shapely.Polygon(RING)], crs="EPSG:4326")
+    frame.to_file(tmp_path / "a.shp")
+    (tmp_path / "a.prj").unlink()
+    os.mkfifo(tmp_path / "a.prj")
+    with pytest.raises(OSError, match="named pipe"):
+        reader(tmp_path / "a.shp")

@@ -1,0 +1,148 @@
+"""Access policy: which files and addresses the content of a file may name.
+
+What the user names is opened, whatever it is. What the content of a file names (sources of a VRT, the image
+of a ROS map, the rasters of a block map) is opened only in the folder of that file or below it, or in folders
+that the user allows; and over the network only if the user allows that. See docs/security.md.
+"""
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavseg.errors import AccessError, RasterReadError
+from uavseg.inputs import regular_file
+
+_NETWORK = re.compile(
+    r"(?:/vsi(?:curl|s3|gs|az|adls|oss|swift)(?:_streaming)?[/?]|/vsi(?:hdfs|webhdfs)/|[a-z][a-z0-9+.-]*://)",
+    re.IGNORECASE,
+)
+_LOCAL_SCHEMES = ("file://", "zip://", "tar://", "gzip://", "vrt://")
+
+
+@dataclass(frozen=True, slots=True)
+class AccessPolicy:
+    """What the content of a file may name, beside what lies in its own folder.
+
+    Parameters
+    ----------
+    allow_paths : tuple of str
+        Folders from which, and from below which, files may be opened.
+    allow_network : bool
+        Whether addresses may be opened.
+    """
+
+    allow_paths: tuple[str, ...] = ()
+    allow_network: bool = False
+
+    def check_file(self, owner: str | os.PathLike[str], named: str | os.PathLike[str]) -> Path:
+        """The path of a file that the content of `owner` names, as it was named.
+
+        Symbolic links and `..` are resolved before folders are compared.
+
+        Raises
+        ------
+        AccessError
+            If it lies neither beside the owner nor in an allowed folder.
+        RasterReadError
+            If it is not a regular file.
+        """
+        target = Path(named)
+        try:
+            resolved = target.resolve()
+            allowed = any(resolved.is_relative_to(folder) for folder in self._folders(Path(owner)))
+        except (OSError, ValueError, RuntimeError) as error:
+            raise AccessError(f"{os.fspath(owner)} names {named}, which is no valid path") from error
+        if not allowed:
+            raise AccessError(
+                f"{os.fspath(owner)} names {named}, which lies outside of its folder; allow the folder with "
+                f"--allow-path {resolved.parent} (allow_path in Python) if you trust this file"
+            )
+        return regular_file(
+            target,
+            lambda text: RasterReadError(f"{os.fspath(owner)} names a file that cannot be read: {text}"),
+        )
+
+    def check_address(self, owner: str | os.PathLike[str], named: str) -> None:
+        """Whether the content of `owner` may name an address.
+
+        Raises
+        ------
+        AccessError
+            If requests are not allowed.
+        """
+        if not self.allow_network:
+            raise AccessError(
+                f"{os.fspath(owner)} names the address {named}; allow requests with --allow-network "
+                "(allow_network=True in Python) if you trust this file"
+            )
+
+    def check_name(self, owner: str | os.PathLike[str], named: str, folder: Path) -> Path | None:
+        """A path relative to `folder`, as of `check_file`; or an address, for which None is returned.
+
+        Raises
+        ------
+        AccessError
+            If it may not be opened, or is neither a path nor an address.
+        """
+        if is_address(named):
+            self.check_address(owner, named)
+            return None
+        if not named or named.startswith(("/vsi", "<", "{")) or "\0" in named or re.match(r"\w{2,}:", named):
+            shown = named if len(named) <= 60 else f"{named[:57]}..."
+            raise AccessError(
+                f"{os.fspath(owner)} names {shown!r}, neither a file nor an address; name the file itself"
+            )
+        return self.check_file(owner, folder / named)
+
+    def _folders(self, owner: Path) -> Iterator[Path]:
+        yield owner.parent.resolve()
+        yield owner.resolve().parent
+        for folder in self.allow_paths:
+            yield Path(folder).resolve()
+
+
+def is_address(name: str) -> bool:
+    """Whether a name is opened over the network: a URL, or a path of GDAL's network file systems.
+
+    Examples
+    --------
+    >>> is_address("/vsicurl/https://example.org/a.tif"), is_address("/vsizip/a.zip/a.tif")
+    (True, False)
+    """
+    return _NETWORK.match(name) is not None and not name.lower().startswith(_LOCAL_SCHEMES)
+
+
+STRICT = AccessPolicy()
+_policy: ContextVar[AccessPolicy] = ContextVar("policy", default=STRICT)
+
+
+def current_policy() -> AccessPolicy:
+    """The policy in effect; the strict one by default."""
+    return _policy.get()
+
+
+Folders = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+
+
+@contextmanager
+def allowing(allow_path: Folders = (), allow_network: bool = False) -> Iterator[None]:
+    """A block in which files may name others in these folders, and addresses if the network is allowed.
+
+    Raises
+    ------
+    AccessError
+        If one is not a folder.
+    """
+    folders = [allow_path] if isinstance(allow_path, str | os.PathLike) else list(allow_path)
+    for folder in folders:
+        if not Path(folder).is_dir():
+            raise AccessError(f"{os.fspath(folder)} is not a folder; allow a folder that exists")
+    token = _policy.set(AccessPolicy(tuple(os.fspath(folder) for folder in folders), bool(allow_network)))
+    try:
+        yield
+    finally:
+        _policy.reset(token)

@@ -1,0 +1,1 @@
+"""Opening of raster files that may be hostile: drivers by extension, named files, sizes."""
