@@ -10,6 +10,8 @@ from uavseg.flight.link.link import Link
 from uavseg.flight.link.link_items import LinkItem
 from uavseg.flight.link.results import Kind, Result, TransferLostError, result_words
 
+ASKS_S = 0.7  # within which MAVSDK and PX4 ask again, if no item comes; every item puts MAVSDK off
+LAST_ACK_S = 4.0  # after the last item; a vehicle that misses it asks again before
 NO_SPACE_S = 5.0  # how long a vehicle that starts may have no space yet
 STOPPED_S = 2.0  # after an error the vehicle asks again within 1 s, if it goes on
 TEXT_S = 0.5  # within which the vehicle says why it refuses
@@ -25,9 +27,10 @@ def send_items(link: Link, kind: Kind, items: Sequence[LinkItem], count: Count) 
     """Send a list to the vehicle, which drives the transfer by its requests.
 
     Both MISSION_REQUEST and MISSION_REQUEST_INT are answered with MISSION_ITEM_INT. What is not answered is
-    sent again: MISSION_COUNT until the first request, then the item that was requested last. A vehicle that
-    is busy, or starts and has no space yet, is offered the list again. MISSION_ACK with INVALID_SEQUENCE is
-    ArduPilot's answer to an item that it did not expect; it goes on, and so does this.
+    sent again: MISSION_COUNT until the first request, then the item that was requested last, once soon and
+    then seldom, because the vehicle asks again as well. A vehicle that is busy, or starts and has no space
+    yet, is offered the list again. MISSION_ACK with INVALID_SEQUENCE is ArduPilot's answer to an item that it
+    did not expect; it goes on, and so does this.
 
     Returns
     -------
@@ -52,7 +55,7 @@ class _Sending:
         self.link, self.kind, self.items, self.count = link, kind, items, count
         self.last = -1  # the item that was requested last
         self.farthest = -1
-        self.restarts = 0
+        self.restarts = self.repeats = 0
         self.started_at = self.progress_at = link.now()
         self.sent_at = 0.0
         self.error_at: float | None = None
@@ -71,6 +74,7 @@ class _Sending:
                 if self.link.now() >= self._give_up_at:
                     return self._give_up()
                 self.link.patience.repeated()
+                self.repeats += 1
                 self._send_last()
             elif message.mission_type != self.kind:
                 continue  # late, of an earlier transfer
@@ -93,6 +97,7 @@ class _Sending:
             self.restarts += 1
             self._progress(number)
         self.last = number
+        self.repeats = 0
         self.error_at = self.refusal = None
         self._send_last()
 
@@ -130,13 +135,16 @@ class _Sending:
 
     @property
     def _repeat_at(self) -> float:
-        return self.sent_at + self.link.patience.wait_s
+        wait_s = self.link.patience.wait_s
+        return self.sent_at + (max(wait_s, ASKS_S) if self.last >= 0 and self.repeats else wait_s)
 
     @property
     def _give_up_at(self) -> float:
         give_up_at = self.progress_at + self.link.timeout_s
         if self.error_at is not None:
             return min(give_up_at, self.error_at + STOPPED_S)
+        if self._is_all_sent:
+            return min(give_up_at, self.progress_at + LAST_ACK_S)
         if self.refusal == Result.NO_SPACE:
             return min(give_up_at, self.started_at + NO_SPACE_S)
         return give_up_at
