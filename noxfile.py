@@ -1,4 +1,4 @@
-"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`; `nox -l` lists them.
+"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`, `hostile`; `nox -l` lists them.
 
 ``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed,
 with the lowest version of every dependency that pyproject.toml allows and with the newest; ``-- job`` or
@@ -8,6 +8,7 @@ object files besides. A Python that is not installed is named and skipped.
 """
 
 import hashlib
+import os
 import re
 import shutil
 import tomllib
@@ -74,6 +75,14 @@ def bench(session: nox.Session) -> None:
     """Benchmarks: `nox -s bench -- --help` says which there are."""
     session.install("-e", ".[bench,test]")
     session.run("python", "-m", "benchmarks", *session.posargs)
+
+
+@nox.session
+def hostile(session: nox.Session) -> None:
+    """Damaged files and wrong arguments: `nox -s hostile -- 100000`; ends with what was found."""
+    session.install("-e", ".[test]")
+    cores = str(len(os.sched_getaffinity(0)))
+    session.run("python", "-m", "tests.hostile", *(session.posargs or ["4000"]), "--processes", cores)
 
 
 @nox.session(python=PYTHONS)

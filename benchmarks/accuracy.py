@@ -155,6 +155,7 @@ def hazards(folder: Path = MAPS) -> Iterator[Hazard]:
 def _hazard(picture: Path) -> Hazard:
     import tempfile
 
+    from uavseg.access import allowing
     from uavseg.occupancy.probability_map import open_map
     from uavseg.raster.tiling import Window
 
@@ -165,7 +166,8 @@ def _hazard(picture: Path) -> Hazard:
             f"image: {picture}\nresolution: {metres}\norigin: [0, 0, 0]\nnegate: 0\n"
             f"occupied_thresh: {occupied}\nfree_thresh: {free}\n"
         )
-        dataset, stretch = open_map(described)
+        with allowing(picture.parent):
+            dataset, stretch = open_map(described)
     values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
     cells = int((values > 0.502).sum())
     shares = [

@@ -1,5 +1,6 @@
 """States, levels and objects of maps agree with the reference implementation."""
 
+import shutil
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -180,8 +181,9 @@ def real_map(folder: Path, name: str, tmp_path: Path) -> Path:
     if described.is_file() and f"image: {picture.name}" in described.read_text():
         return described
     path = tmp_path / f"{name}.yaml"
+    shutil.copy(picture, tmp_path)
     place = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
-    path.write_text(f"image: {picture}\n{place}")
+    path.write_text(f"image: {picture.name}\n{place}")
     return path
 
 

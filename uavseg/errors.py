@@ -1,14 +1,26 @@
 """Exception hierarchy: one class for each kind of error that the user can correct.
 
-Each message says what is wrong, what was expected and what to do; the command line prints it as it is.
+Each message says what is wrong, what was expected and what to do; the command line prints it as it is. It is
+one printable line: a name or a text of a file in it cannot change what a terminal shows.
 """
+
+from uavseg.plain_text import one_line
 
 
 class UavsegError(Exception):
-    """Base class: an error that the user can correct."""
+    """Base class: an error that the user can correct.
+
+    Parameters
+    ----------
+    message : str
+        Control characters in it are escaped, and the middle of a long one is left out.
+    """
 
     exit_code = 1
     """With which a command ends."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(one_line(message))
 
 
 class ParameterError(UavsegError, ValueError):

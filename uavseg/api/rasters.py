@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
+from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.divide import divide as run_divide
 from uavseg.jobs.extract import ExtractRequest
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from uavseg.segmentation.blocks.block_map import BlockMap
 
 
+@checked
 def extract(
     source: Any,
     range: tuple[float, float],
@@ -111,6 +113,7 @@ def extract(
     return found.regions.frame()
 
 
+@checked
 def levels(
     source: Any,
     width: float,
@@ -179,6 +182,7 @@ def levels(
     return found.regions.frame()
 
 
+@checked
 def divide(
     source: Any,
     *,

@@ -4,6 +4,7 @@ Importing it brings in click and nothing heavy; a command's own module is import
 """
 
 import importlib
+import os
 import sys
 import traceback
 from typing import Any
@@ -47,17 +48,43 @@ class _Group(click.Group):
         with formatter.section("Commands"):
             formatter.write_dl(list(_COMMANDS.items()))
 
+    def main(self, *args: Any, **options: Any) -> Any:
+        """As click's; errors of the standard output too, such as of --help, are one line."""
+        try:
+            return super().main(*args, **options)
+        except OSError as error:
+            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115, PTH123 - open until the end
+            click.echo(f"uavseg: error: {_system_error(error)}", err=True)
+            sys.exit(1)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Options of the group itself."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.UsageError as error:
+            raise _clean(error) from None
+
     def invoke(self, ctx: click.Context) -> Any:
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
+        from uavseg.cli._say import library_messages, say
         from uavseg.output.written import recording_written
 
         with stopping_cleanly(), recording_written() as written:
             try:
                 _report_kernels()
-                return super().invoke(ctx)
+                with library_messages():
+                    return super().invoke(ctx)
+            except click.UsageError as error:
+                raise _clean(error) from None
             except UavsegError as error:
                 click.echo(f"uavseg: error: {error}", err=True)
                 ctx.exit(error.exit_code)
+            except OSError as error:
+                click.echo(f"uavseg: error: {_system_error(error)}", err=True)
+                ctx.exit(1)
+            except ImportError as error:
+                click.echo(f"uavseg: error: {_import_error(error)}", err=True)
+                ctx.exit(1)
             except MemoryError:
                 click.echo(
                     "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less",
@@ -66,13 +93,35 @@ class _Group(click.Group):
                 ctx.exit(1)
             except KeyboardInterrupt as error:
                 traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
-                click.echo(last_line(error, written), err=True)
+                say(last_line(error, written))
                 ctx.exit(exit_code(error))
+
+
+def _clean(error: click.UsageError) -> click.UsageError:
+    """The error with its message as one printable line."""
+    from uavseg.plain_text import one_line
+
+    return click.UsageError(one_line(error.format_message()), error.ctx)
+
+
+def _system_error(error: OSError) -> str:
+    """What the system refused, and for which file."""
+    from uavseg.plain_text import cause_of, one_line
+
+    named = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
+    return one_line(f"{named}{cause_of(error)}")
+
+
+def _import_error(error: ImportError) -> str:
+    from uavseg.plain_text import cause_of
+
+    return f"a library cannot be loaded ({cause_of(error)}): too little memory, or it is not installed whole"
 
 
 def _report_kernels() -> None:
     """Print once that kernels are being compiled, which takes a while, or run through the fallback."""
     from uavseg._jit import messages
+    from uavseg.cli._say import say
 
     told: list[str] = []
 
@@ -82,7 +131,7 @@ def _report_kernels() -> None:
             click.echo("uavseg: compiling for this machine, once (about half a minute)", err=True)
 
     messages.on_compile = tell
-    messages.on_note = lambda note: click.echo(f"uavseg: note: {note}", err=True)
+    messages.on_note = lambda note: say(f"uavseg: note: {note}")
 
 
 def _version(ctx: click.Context, param: click.Parameter, value: bool) -> None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli._access import access_options
+from uavseg.cli._say import say
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
@@ -267,11 +268,9 @@ def parse_angle(text: str) -> float | None:
 def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str] = ()) -> None:
     """Print length, duration and warnings of a mission on stderr, and what its format cannot hold."""
     minutes, seconds = divmod(round(mission.duration_s), 60)
-    say = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
-    click.echo(f"{say}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s", err=True)
+    flown = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
+    say(f"{flown}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s")
     if mission.firmware == "px4" and output.lower().endswith(".waypoints"):
-        click.echo(
-            "note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free", err=True
-        )
+        say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
     for warning in (*mission.warnings, *unwritten):
-        click.echo(f"note: {warning}", err=True)
+        say(f"note: {warning}")

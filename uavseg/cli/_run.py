@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._say import say
+
 if TYPE_CHECKING:
     from uavseg.execution.executors import Map
     from uavseg.jobs.work import Work
@@ -196,12 +198,12 @@ class Reporter:
     def warn(self, text: str) -> None:
         """Something that the user should know."""
         if not self.quiet:
-            click.echo(f"uavseg: warning: {text}", err=True)
+            say(f"uavseg: warning: {text}")
 
     def say(self, text: str) -> None:
         """A line, unless the command is quiet."""
         if not self.quiet:
-            click.echo(text, err=True)
+            say(text)
 
     def table(self, rows: dict[str, str]) -> None:
         """The short table at the end."""
@@ -211,7 +213,7 @@ class Reporter:
     def detail(self, text: str) -> None:
         """A line where the command is verbose."""
         if self.verbose and not self.quiet:
-            click.echo(f"uavseg: {text}", err=True)
+            say(f"uavseg: {text}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from uavseg.cli._say import standard_output
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
@@ -69,8 +70,8 @@ def write_region_output(found: Extraction, target: str, overwrite: bool) -> None
     if target != "-":
         export.write_regions(found.regions, target, overwrite)
         return
-    with noted_stream("stdout"):
-        export.write_regions(found.regions, sys.stdout.buffer)
+    with noted_stream("stdout"), standard_output() as stream:
+        export.write_regions(found.regions, stream)
 
 
 def write_regions_and_labels(

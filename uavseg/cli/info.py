@@ -6,6 +6,7 @@ from typing import Any
 import click
 
 from uavseg.cli._options import read_options, reading_options
+from uavseg.cli._say import show
 
 
 @click.command("info", short_help="Tell what a raster is and what its intensity looks like.")
@@ -29,11 +30,11 @@ def command(**options: Any) -> None:
     if options["as_json"]:
         import json
 
-        click.echo(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
+        show(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
         return
     from uavseg.plot.summary_text import summary_text
 
-    click.echo(_printable(summary_text(summary)))
+    show(_printable(summary_text(summary)))
 
 
 def _printable(text: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +17,7 @@ from uavseg.cli._options import (
     segmenting_options,
 )
 from uavseg.cli._run import RunOptions, running_options
+from uavseg.cli._say import show
 from uavseg.cli._write import keep_inputs, shown
 from uavseg.errors import MissionError, OutputError, ParameterError
 
@@ -171,7 +171,7 @@ def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bo
         files.write_mission(mission, output, overwrite)
     elif output == "-":
         with noted_stream("stdout"):
-            sys.stdout.write(path_to_geojson(way))
+            show(path_to_geojson(way).rstrip("\n"))
     else:
         with atomic_file(output, overwrite) as temporary:
             temporary.write_text(path_to_geojson(way), encoding="utf-8", newline="\n")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._options import read_options, reading_options
+from uavseg.cli._say import say
 
 if TYPE_CHECKING:
     from uavseg.jobs.source import ProbabilityMap, Raster
@@ -56,8 +57,8 @@ def command(**options: Any) -> None:
     if options["quiet"]:
         return
     for warning in (*source.warnings, *map(str, sorted(work.bad_blocks))):
-        click.echo(f"uavseg: warning: {warning}", err=True)
-    click.echo(f"wrote {out}", err=True)
+        say(f"uavseg: warning: {warning}")
+    say(f"wrote {out}")
 
 
 def _opened(options: dict[str, Any]) -> tuple[Raster | ProbabilityMap, Stretch | str]:

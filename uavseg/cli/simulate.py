@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._say import say
 from uavseg.cli._write import check_distinct, keep_inputs, transaction
 
 if TYPE_CHECKING:
@@ -94,15 +95,14 @@ def _report(simulation: Simulation, grid: OccupancyGrid, outputs: list[str]) -> 
     sensor, (rows, cols) = simulation.sensor, grid.geobox.shape
     values = grid.probabilities
     shares = [(values < 0.5).mean(), (values == 0.5).mean(), (values > 0.5).mean()]
-    click.echo(f"  map         {rows} x {cols} cells of {grid.geobox.transform.a:g} m", err=True)
-    click.echo(
+    say(f"  map         {rows} x {cols} cells of {grid.geobox.transform.a:g} m")
+    say(
         f"  scans       {len(simulation.poses)} of {len(sensor.angles)} beams, "
-        f"{sensor.step_deg:g} degrees apart, sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m",
-        err=True,
+        f"{sensor.step_deg:g} degrees apart, sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m"
     )
     text = ", ".join(
         f"{name} {100 * share:.1f} %"
         for name, share in zip(("below 0.5", "never seen", "above 0.5"), shares, strict=True)
     )
-    click.echo(f"  cells       {text}", err=True)
-    click.echo(f"  written     {', '.join(outputs)}", err=True)
+    say(f"  cells       {text}")
+    say(f"  written     {', '.join(outputs)}")

@@ -13,6 +13,7 @@ from click.core import ParameterSource
 
 from uavseg.cli._options import read_options, reading_options, segment_params, segmenting_options
 from uavseg.cli._run import Reporter, RunOptions, running_options
+from uavseg.cli._say import show
 from uavseg.cli._write import keep_inputs, transaction
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def command(**options: Any) -> None:
             dataset = source.dataset if isinstance(source, Raster) else None
             draw_suggestions(found, output, dataset, run.overwrite)
         run.reporter.finish(found.warnings)
-        click.echo(_as_json(found, commands) if options["as_json"] else _table(found, commands))
+        show(_as_json(found, commands) if options["as_json"] else _table(found, commands))
     _report(found, output, len(rasters), run.reporter)
 
 

@@ -24,6 +24,7 @@ from uavseg.flight.items import (
 )
 from uavseg.flight.mission import Mission
 from uavseg.inputs import parse_json, read_bytes
+from uavseg.plain_text import cause_of, shown
 
 MissionPath = str | os.PathLike[str]
 
@@ -34,6 +35,7 @@ ALTITUDE_MODES = {
 }  # QGroundControl's own enum, by MAV_FRAME
 _QUADROTOR = 2  # MAV_TYPE
 _PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
+_MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
 WAYPOINTS_HEADER = "QGC WPL 110"
 
 
@@ -84,13 +86,13 @@ def read_mission(path: MissionPath) -> Mission:
     try:
         text = read_bytes(path, MissionError).decode()
     except UnicodeDecodeError as error:
-        raise MissionError(f"{path} cannot be read as a mission: {error}") from error
+        raise MissionError(f"{path} cannot be read as a mission: {cause_of(error)}") from error
     try:
         return reader(text, Path(path).stem)
     except MissionError as error:
         raise MissionError(f"{path}: {error}") from error
-    except (LookupError, AttributeError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise MissionError(f"{path} is not a mission that can be read: {_cause(error)}") from error
+    except _MISFITS as error:
+        raise MissionError(f"{path} is not a mission that can be read: {cause_of(error)}") from error
 
 
 def check_mission_format(path: MissionPath) -> str:
@@ -182,7 +184,7 @@ def _mission_of_plan(text: str, name: str) -> Mission:
     firmware = {number: name for name, number in FIRMWARES.items()}.get(mission["firmwareType"])
     if firmware is None:
         raise MissionError(
-            f"its firmwareType is {mission['firmwareType']}; expected 3 (ArduPilot) or 12 (PX4)"
+            f"its firmwareType is {shown(mission['firmwareType'])}; expected 3 (ArduPilot) or 12 (PX4)"
         )
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     geofence = plan.get("geoFence") or {}
@@ -199,9 +201,8 @@ def _mission_of_plan(text: str, name: str) -> Mission:
 
 def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
     if item["type"] != "SimpleItem":
-        raise MissionError(
-            f"it holds a {item.get('complexItemType', item['type'])} item; only simple items can be read"
-        )
+        kind = shown(item.get("complexItemType", item["type"]), quoted=False)
+        raise MissionError(f"it holds a {kind} item; only simple items can be read")
     first, second, third, fourth, *place = (None if p is None else float(p) for p in item["params"])
     lat, lon, altitude_m = (value or 0.0 for value in place)
     return MissionItem(
@@ -228,10 +229,6 @@ def _item_of_row(number: int, row: str) -> HomePosition | MissionItem:
         return HomePosition(lat, lon, altitude_m)
     heading = None if command in HEADING_COMMANDS and fourth == 0 else fourth
     return MissionItem(command, frame, (first, second, third, heading), lat, lon, altitude_m)
-
-
-def _cause(error: Exception) -> str:
-    return f"{error} is missing" if isinstance(error, KeyError) else str(error) or type(error).__name__
 
 
 _WRITERS: dict[str, Callable[[Mission], str]] = {".plan": plan_text, ".waypoints": waypoints_text}

@@ -3,14 +3,17 @@
 import math
 from dataclasses import dataclass
 
+from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.items import FIRMWARES, MAX_DISTANCE_M, MAX_HEIGHT_M
 from uavseg.flight.mission import CRUISE_M_S
 
 PATTERNS = ("visit", "perimeter", "survey")
 MAX_SPEED_M_S = 50.0
+MIN_NUMBER = 0.001  # of metres, or metres per second
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class PlanParams:
     """Parameters of a mission over regions.
@@ -70,5 +73,5 @@ class PlanParams:
 
 
 def _check_number(what: str, value: float, maximum: float, unit: str) -> None:
-    if not 0 < value <= maximum:
-        raise ParameterError(f"the {what} is above 0 and at most {maximum:g} {unit}, not {value:g}")
+    if not MIN_NUMBER <= value <= maximum:
+        raise ParameterError(f"the {what} is {MIN_NUMBER:g} to {maximum:g} {unit}, not {value:g}")

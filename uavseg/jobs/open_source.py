@@ -1,7 +1,7 @@
 """Opening of sources: rasters, mosaics, arrays, block maps and maps of probabilities, all recognised here."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from affine import Affine
 
 from uavseg.errors import ParameterError, RasterReadError
 from uavseg.jobs.source import AUTO, Blocks, ProbabilityMap, Raster, ReadOptions, Source
+from uavseg.plain_text import shown
 from uavseg.raster.array_source import is_array
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
@@ -44,7 +45,7 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
             return _raster(source, options)
         if _is_grid(source):
             return _grid(source, options)
-        source = list(source)
+        source = _listed(source)
     parts = [source] if _is_path(source) else source
     if any(_is_path(part) and _is_ros_map(part) for part in parts):
         return _ros_map(parts, options)
@@ -113,6 +114,15 @@ def _is_path(source: Any) -> bool:
 
 def _is_value(source: Any) -> bool:
     return isinstance(source, Dataset | np.ndarray) or is_array(source)
+
+
+def _listed(source: Any) -> list[Any]:
+    """The parts of a mosaic."""
+    if isinstance(source, Iterable) and not isinstance(source, bytes | Mapping):
+        parts = list(source)
+        if all(_is_path(part) or is_array(part) for part in parts):
+            return parts
+    raise ParameterError(f"source is a path, a list of paths, an array or a Dataset, not {shown(source)}")
 
 
 def _is_grid(source: Any) -> bool:

@@ -73,6 +73,9 @@ class SourceInfo:
         return cls(dataset.source, dataset.geobox, stretch, dataset.band_names, warnings)
 
 
+_MAX_METRES = 1e8  # more than twice around the Earth
+
+
 @dataclass(frozen=True, slots=True)
 class Drawing:
     """How outlines are smoothed and simplified; attributes stay those of the pixels.
@@ -98,6 +101,8 @@ class Drawing:
         for metres, what in ((self.smooth_m, "smoothed"), (self.simplify_m, "simplified")):
             if metres is not None and not 0 <= metres < float("inf"):
                 raise ParameterError(f"outlines are {what} by metres that are not negative, not {metres:g}")
+            if metres is not None and metres > _MAX_METRES:
+                raise ParameterError(f"outlines are {what} by {_MAX_METRES:g} m at most, not {metres:g}")
 
     def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> Regions:
         """The regions with their outlines smoothed and simplified.

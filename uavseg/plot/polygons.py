@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
-from uavseg.regions.formats.read import read_regions
+from uavseg.raster.opening import file_exists
+from uavseg.regions.formats.read import read_regions, vector_errors
 from uavseg.regions.formats.vector_files import check_feature_count, check_vector, reading_vectors
 from uavseg.regions.table import Regions
 
@@ -86,45 +87,39 @@ def _table_of_memory(regions: Any) -> PolygonTable:
 
 def _table_of_file(name: str) -> PolygonTable:
     """Polygons of a file, in its own CRS and without repair, which a picture does not need."""
-    from pyogrio.errors import DataSourceError
     from pyogrio.raw import read
 
     suffix = Path(name).suffix.lower()
-    if not Path(name).exists():
+    if not file_exists(name):
         raise RegionError(f"there is no file {name} with regions; uavseg extract makes one")
     check_vector(name, name)
     if suffix in {".kml", ".kmz"}:
         return _table_of_memory(read_regions(name))
     if suffix in {".parquet", ".geoparquet"}:
         return _table_of_parquet(name)
-    try:
-        with reading_vectors():
-            check_feature_count(name, name)
-            metadata, _, geometry, columns = read(name)
-    except (DataSourceError, ValueError) as error:
-        raise RegionError(f"{name} has no regions that can be read ({error})") from error
-    if geometry is None:
+    with vector_errors(name), reading_vectors():
+        check_feature_count(name, name)
+        metadata, _, geometry, columns = read(name)
+        polygons = None if geometry is None else shapely.from_wkb(geometry)
+    if polygons is None:
         raise RegionError(f"{name} is a table without geometry; give a file of polygons")
-    return PolygonTable(
-        shapely.from_wkb(geometry), metadata["crs"], dict(zip(metadata["fields"], columns, strict=True))
-    )
+    return PolygonTable(polygons, metadata["crs"], dict(zip(metadata["fields"], columns, strict=True)))
 
 
 def _table_of_parquet(name: str) -> PolygonTable:
     import json
 
-    from pyarrow import ArrowInvalid
     from pyarrow.parquet import read_table
 
-    try:
+    with vector_errors(name):
         table = read_table(name)
+        if b"geo" not in (table.schema.metadata or {}):
+            raise RegionError(f"{name} is not GeoParquet; give a file that uavseg extract wrote")
         metadata = json.loads(table.schema.metadata[b"geo"])
-    except (ArrowInvalid, KeyError, TypeError) as error:
-        raise RegionError(f"{name} is not GeoParquet; give a file that uavseg extract wrote") from error
-    column = metadata["primary_column"]
-    crs = metadata["columns"][column].get("crs", "OGC:CRS84")
-    return PolygonTable(
-        shapely.from_wkb(table[column].to_numpy()),
-        crs if isinstance(crs, str | None) else json.dumps(crs),
-        {key: table[key].to_numpy() for key in _DRAWN_COLUMNS if key in table.column_names},
-    )
+        column = metadata["primary_column"]
+        crs = metadata["columns"][column].get("crs", "OGC:CRS84")
+        return PolygonTable(
+            shapely.from_wkb(table[column].to_numpy()),
+            crs if isinstance(crs, str | None) else json.dumps(crs),
+            {key: table[key].to_numpy() for key in _DRAWN_COLUMNS if key in table.column_names},
+        )

@@ -64,8 +64,10 @@ class ArraySource:
         return False
 
     def _read_plane(self, band: int, rows: Any, cols: Any) -> Values:
-        index = (rows, cols) if self.array.ndim == 2 else (band - 1, rows, cols)
-        return np.asarray(self.array[index])
+        plane = self.array if self.array.ndim == 2 else self.array[band - 1]
+        if isinstance(rows, slice) and isinstance(cols, slice):
+            return np.asarray(plane[rows, cols])
+        return np.asarray(plane[rows][:, cols])  # numpy would pair positions
 
 
 def is_array(source: object) -> bool:
@@ -107,8 +109,17 @@ def from_array(array: Any) -> ArraySource:
 
 
 def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
-    """A source of a (rows, cols) array, which is neither copied nor changed."""
-    assert values.shape == geobox.shape, f"values of shape {values.shape} for a grid of {geobox.shape}"
+    """A source of a (rows, cols) array, which is neither copied nor changed.
+
+    Raises
+    ------
+    ParameterError
+        If it has not the shape of the grid, or holds no numbers.
+    """
+    if values.shape != geobox.shape or values.dtype.kind not in "iuf":
+        raise ParameterError(
+            f"values are numbers of shape {geobox.shape}, as their grid, not {values.dtype} of {values.shape}"
+        )
     return ArraySource(
         array=values,
         path=name,

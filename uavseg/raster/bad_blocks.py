@@ -105,7 +105,10 @@ class _Listening:
 def read_naming_bad_block(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None]:
-    """`RasterFile.read`; where it fails, the error names the first block that cannot be read.
+    """`RasterFile.read`; where it fails, the error names the first block of the file that cannot be read.
+
+    That it is the first of the whole file, not of the window, makes the error the same for any tiles. Of a
+    large file, only the blocks of the window are looked at.
 
     Raises
     ------
@@ -114,9 +117,14 @@ def read_naming_bad_block(
     try:
         return file.read(handles, choice, window, shape)
     except RasterReadError:
-        for block in file.blocks_in(window):
+        whole = Window(0, 0, *file.shape)
+        is_small = whole.rows * whole.cols <= _LOOKED_AT
+        for block in file.blocks_in(whole if is_small else window):
             file.read(handles, choice, block)
         raise
+
+
+_LOOKED_AT = 1 << 26  # pixels
 
 
 def read_skipping_bad_blocks(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.raster.array_source import from_array, from_values, is_array
 from uavseg.raster.bad_blocks import (
@@ -46,6 +47,7 @@ class Dataset:
     _handles: OpenFiles = field(default_factory=OpenFiles, repr=False)
 
     @classmethod
+    @checked
     def open(
         cls,
         sources: Any,
@@ -97,6 +99,7 @@ class Dataset:
         return cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles)
 
     @classmethod
+    @checked
     def of_values(cls, values: Values, geobox: GeoBox, name: str) -> "Dataset":
         """A dataset of a (rows, cols) array in memory, which is not copied."""
         source = from_values(values, geobox, name)
@@ -132,6 +135,7 @@ class Dataset:
         """Rows and columns of one block of the first file."""
         return self.mosaic.files[0].block
 
+    @checked
     def windows(self, tile: int | None = None) -> list[Window]:
         """The tiles in reading order: squares of this side in pixels, or a size that suits the files.
 
@@ -158,12 +162,14 @@ class Dataset:
         files = tuple(file.fingerprint() for file in self.mosaic.files)
         return files, self.mosaic.boxes, self.choice, self.skip_bad_tiles
 
+    @checked
     def is_empty(self, window: Window) -> bool:
         """Whether no pixel of `window` is valid, as far as is known without decoding."""
         return all(
             file.is_empty(self._handles, self.choice, part) for file, part, _ in self.mosaic.parts(window)
         )
 
+    @checked
     def read(self, window: Window) -> tuple[Values, Valid | None]:
         """Values and validity of a window inside the raster.
 
@@ -186,6 +192,7 @@ class Dataset:
             return values, valid
         return self._fill((window.rows, window.cols), self.mosaic.parts(window))
 
+    @checked
     def read_coarse(self, max_side: int) -> tuple[Values, Valid | None, GeoBox]:
         """Downsampled read of the whole for display: nearest pixels, from overviews where there are any.
 

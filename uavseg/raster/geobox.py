@@ -1,5 +1,6 @@
 """Georeferenced grid: a shape, an affine transform and a coordinate reference system (CRS)."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,13 +8,15 @@ from affine import Affine
 from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
-from uavseg.errors import MapError, RasterError
+from uavseg.arguments import checked
+from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.tiling import Window
 
 Floats = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class GeoBox:
     """A georeferenced grid of pixels.
@@ -26,6 +29,11 @@ class GeoBox:
         From pixel corners (col, row) to the map (x, y); the outer corner of the first pixel is (0, 0).
     crs : rasterio.crs.CRS or None
         None if coordinates are local.
+
+    Raises
+    ------
+    RasterError
+        If the transform is not finite, or does not tell the pixels apart.
 
     Examples
     --------
@@ -40,11 +48,15 @@ class GeoBox:
     transform: Affine
     crs: CRS | None
 
+    def __post_init__(self) -> None:
+        check_transform(self.transform, self.shape)
+
     @property
     def wkt(self) -> str | None:
         """The CRS as WKT 2, or None."""
         return None if self.crs is None else str(self.crs.to_wkt(version="WKT2_2019"))
 
+    @checked
     def xy_from_pixel(self, row: ArrayLike, col: ArrayLike) -> tuple[Floats, Floats]:
         """Map coordinates of pixel corners; (row + 0.5, col + 0.5) is the centre of a pixel.
 
@@ -57,9 +69,13 @@ class GeoBox:
         x, y : float64 arrays of that shape
         """
         rows, cols = np.asarray(row, np.float64), np.asarray(col, np.float64)
+        if rows.shape != cols.shape and rows.ndim and cols.ndim:
+            raise ParameterError(f"row and col have one shape, not {rows.shape} and {cols.shape}")
         t = self.transform
-        return t.a * cols + t.b * rows + t.c, t.d * cols + t.e * rows + t.f
+        with np.errstate(over="ignore", invalid="ignore"):  # of positions far away, or infinite
+            return t.a * cols + t.b * rows + t.c, t.d * cols + t.e * rows + t.f
 
+    @checked
     def lonlat_from_xy(self, x: ArrayLike, y: ArrayLike) -> tuple[Floats, Floats]:
         """Longitude and latitude in degrees of map coordinates.
 
@@ -76,15 +92,48 @@ class GeoBox:
         lon, lat = lonlat_transform(self.wkt)(np.asarray(x, np.float64), np.asarray(y, np.float64))
         return np.asarray(lon, np.float64), np.asarray(lat, np.float64)
 
+    @checked
     def window(self, window: Window) -> "GeoBox":
         """The part of the grid inside `window`."""
         transform = shifted(self.transform, window.row, window.col)
         return replace(self, shape=(window.rows, window.cols), transform=transform)
 
+    @checked
     def coarsen(self, side: int) -> "GeoBox":
         """The grid of cells of `side` x `side` pixels; the last cells may extend past the edge."""
+        if side < 1:
+            raise ParameterError(f"the side of a cell is at least 1 pixel, not {side}")
         rows, cols = (-(-length // side) for length in self.shape)
         return replace(self, shape=(rows, cols), transform=scaled(self.transform, side, side))
+
+
+def check_transform(transform: Affine, shape: tuple[int, int]) -> None:
+    """Check that a transform gives every pixel of a raster a place of its own.
+
+    Raises
+    ------
+    RasterError
+        If it does not: a number in it is not finite or too large, it makes the pixels lines, or they are
+        smaller than what coordinates as large as theirs can tell apart.
+    """
+    a, b, c, d, e, f = tuple(transform)[:6]
+    across, down = math.hypot(a, d), math.hypot(b, e)
+    largest = max(abs(c), abs(f), across * shape[1], down * shape[0])
+    wrong = ""
+    if not (all(map(math.isfinite, (a, b, c, d, e, f))) and largest <= _MAX_COORDINATE):
+        wrong = "is not finite, or too large"
+    elif not abs(a * e - b * d) > _MIN_SHEAR * across * down > 0:
+        wrong = "makes its pixels lines or points"
+    elif not min(across, down) > _MIN_PIXEL * max(largest, _MIN_PIXEL):
+        wrong = "has pixels too small for its coordinates to tell them apart"
+    if wrong:
+        numbers = ", ".join(f"{number:g}" for number in (c, a, b, f, d, e))
+        raise RasterError(f"the geotransform ({numbers}) {wrong}; correct it, for instance with gdal_edit.py")
+
+
+_MAX_COORDINATE = 1e15
+_MIN_SHEAR = 1e-9  # sine of the angle between rows and columns
+_MIN_PIXEL = 1e-13  # of the largest coordinate: 2^-53 is what float64 tells apart
 
 
 def shifted(transform: Affine, row: float, col: float) -> Affine:
@@ -99,6 +148,7 @@ def scaled(transform: Affine, rows: float, cols: float) -> Affine:
     return Affine(a * cols, b * rows, c, d * cols, e * rows, f)
 
 
+@checked
 def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, float]) -> GeoBox:
     """A north-up grid of square cells in local metres, with its lower left corner at `origin`."""
     transform = Affine(cell_m, 0.0, origin[0], 0.0, -cell_m, origin[1] + shape[0] * cell_m)

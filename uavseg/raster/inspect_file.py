@@ -13,14 +13,17 @@ from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
+from uavseg.plain_text import cause_of
 from uavseg.raster.access.drivers import as_file_name
 from uavseg.raster.access.open_checked import is_online, open_checked
 from uavseg.raster.bands import BandLayout
-from uavseg.raster.opening import GDAL_ERRORS, open_error_text, root_cause
+from uavseg.raster.geobox import check_transform
+from uavseg.raster.opening import GDAL_ERRORS, has_place, open_error_text
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
 
+_ZEROS = (0.0,) * 6  # the geotransform that some drivers give where there is none
 _BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 
 
@@ -93,7 +96,8 @@ def _crs(source: DatasetReader, warnings: list[str]) -> CRS | None:
         crs = source.crs
         source.colorinterp  # noqa: B018 - raises a pending error about the CRS
     except GDAL_ERRORS as error:
-        warnings.append(f"its coordinate reference system cannot be read ({error}): coordinates are local")
+        reason = cause_of(error)
+        warnings.append(f"its coordinate reference system cannot be read ({reason}): coordinates are local")
         return None
     return crs or None
 
@@ -106,7 +110,7 @@ def _check_proj() -> None:
     except GDAL_ERRORS as error:
         raise RasterError(
             "coordinate reference systems cannot be read: PROJ finds no database, or that of another "
-            f"installation ({root_cause(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
+            f"installation ({cause_of(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
         ) from error
 
 
@@ -140,8 +144,11 @@ def _masks(source: DatasetReader) -> str:
 def _transform(path: str, source: DatasetReader) -> Affine | None:
     """The geotransform, or None."""
     transform = source.transform
-    missing = transform.is_identity or not abs(transform.determinant) > 1e-200  # some drivers leave it zero
-    if not missing:
+    if has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
+        try:
+            check_transform(transform, source.shape)
+        except RasterError as error:
+            raise RasterError(f"{path}: {error}") from error
         return transform
     warped = f"{Path(path).stem}.warped.tif"
     if source.gcps[0]:

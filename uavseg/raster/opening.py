@@ -18,6 +18,7 @@ from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterReadError
+from uavseg.plain_text import cause_of
 from uavseg.raster.tiling import Window
 
 MAX_OPEN = 64  # open files per thread
@@ -30,7 +31,12 @@ OFFLINE_OPTIONS = {  # the second line of defence: what files name is checked be
     "GDAL_HTTP_PROXY": "none://offline",  # no such kind of proxy: every request fails before it is sent
     "CPL_VSIL_CURL_ALLOWED_FILENAME": "\n",  # no file of a network file system has this name
 }
-GDAL_ERRORS = (RasterioError, CRSError, CPLE_BaseError)  # they have no common base class
+GDAL_ERRORS = (  # they have no common base class
+    RasterioError,
+    CRSError,
+    CPLE_BaseError,
+    UnicodeError,  # of a name, or of a text in the file
+)
 
 
 class OpenFiles:
@@ -55,6 +61,12 @@ class OpenFiles:
                 files.popitem(last=False)[1].close()
         files.move_to_end(path)
         return files[path]
+
+    def close(self, path: str) -> None:
+        """Close a file, if this thread has it open; it is opened anew when it is needed."""
+        files: OrderedDict[str, DatasetReader] = self._local.__dict__.get("files", OrderedDict())
+        if path in files:
+            files.pop(path).close()
 
 
 @contextmanager
@@ -135,6 +147,14 @@ def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any
         return rasterio.open(path, mode, **how)
 
 
+def has_place(source: DatasetReader) -> bool:
+    """Whether GDAL finds a geotransform, ground control points or RPCs in a raster."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        source.read_transform()
+    return not any(issubclass(found.category, NotGeoreferencedWarning) for found in caught)
+
+
 @contextmanager
 def gdal_read_errors(path: str, window: Window, online: bool = False) -> Iterator[None]:
     """GDAL's messages captured; its errors on reading a window as RasterReadError."""
@@ -145,18 +165,23 @@ def gdal_read_errors(path: str, window: Window, online: bool = False) -> Iterato
         rows, cols = rasterio_window(window)
         raise RasterReadError(
             f"{path} cannot be read in rows {rows[0]} to {rows[1]}, columns {cols[0]} to {cols[1]} "
-            f"({root_cause(error)}); the file is damaged or incomplete: repair it, or give --skip-bad-tiles "
+            f"({cause_of(error)}); the file is damaged or incomplete: repair it, or give --skip-bad-tiles "
             "(skip_bad_tiles=True) to count unreadable blocks as nodata"
         ) from error
 
 
 def open_error_text(path: str, error: BaseException) -> str:
     """Reason why a raster cannot be opened, as one line."""
-    if Path(path).is_dir():
+    if os.path.isdir(path):  # noqa: PTH112 - false for a name that is too long
         return f"{path} is a folder; name the rasters in it"
-    if not (is_remote(path) or ":" in path[2:] or Path(path).exists()):
+    if not (is_remote(path) or ":" in path[2:] or file_exists(path)):
         return f"there is no file {path}"
-    return f"{path} cannot be opened as a raster ({root_cause(error)})"
+    return f"{path} cannot be opened as a raster ({cause_of(error)})"
+
+
+def file_exists(path: str | os.PathLike[str]) -> bool:
+    """Whether there is a file or folder; False too for what is too long for a name."""
+    return os.path.exists(path)  # noqa: PTH110 - the method of Path raises then
 
 
 def is_remote(path: str) -> bool:
@@ -175,14 +200,7 @@ def absolute_path(path: str) -> str:
     archive = re.match(r"/vsi(?:zip|tar|gzip|7z|rar)/(?!/|vsi|\{)", path)
     if archive:
         return path[: archive.end()] + str(Path(path[archive.end() :]).absolute())
-    return str(Path(path).absolute()) if Path(path).exists() else path
-
-
-def root_cause(error: BaseException) -> str:
-    """Message of the first error in a chain of causes, as one line."""
-    while error.__cause__ is not None:
-        error = error.__cause__
-    return str(error).strip().rstrip(".").replace("\n", " ")
+    return str(Path(path).absolute()) if file_exists(path) else path
 
 
 def rasterio_window(window: Window) -> tuple[tuple[int, int], tuple[int, int]]:

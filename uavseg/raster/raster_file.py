@@ -11,6 +11,7 @@ from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterReadError
+from uavseg.plain_text import cause_of
 from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
 from uavseg.raster.opening import (
     GDAL_ERRORS,
@@ -20,7 +21,6 @@ from uavseg.raster.opening import (
     gdal_read_errors,
     quiet_open,
     rasterio_window,
-    root_cause,
 )
 from uavseg.raster.sparse import SparseBlocks
 from uavseg.raster.tiling import Window
@@ -125,8 +125,12 @@ class RasterFile:
         with gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver)
             options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
-            values, alpha = self._read_bands(source, choice, window, options)
-            mask = self._read_mask(source, choice, options)
+            try:
+                values, alpha = self._read_bands(source, choice, window, options)
+                mask = self._read_mask(source, choice, options)
+            except GDAL_ERRORS:
+                handles.close(self.path)  # a block that failed once is read as 0 the next time
+                raise
         valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, mask)
         return self._decode(values, valid, choice)
 
@@ -199,7 +203,7 @@ def file_states(path: str, driver: str | None = None, online: bool = False) -> t
         with gdal_env(online), quiet_open(path, driver=driver) as source:
             names = sorted({path, *source.files})
     except GDAL_ERRORS as error:
-        raise RasterReadError(f"{path} cannot be opened as a raster ({root_cause(error)})") from error
+        raise RasterReadError(f"{path} cannot be opened as a raster ({cause_of(error)})") from error
     return tuple(_state(name) for name in names)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arguments import checked
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
@@ -14,6 +15,7 @@ from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.units import BLOCK
 
 
+@checked
 def block_map_of_array(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:
     """The block map of an image.
 
@@ -41,6 +43,7 @@ def block_map_of_array(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None
     return blocks
 
 
+@checked
 def label_regions(
     grey: NDArray[np.uint16],
     interval: IntensityRange,

@@ -3,11 +3,12 @@
 import math
 from dataclasses import dataclass
 from math import inf
-from typing import Any, Literal, Protocol
+from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from uavseg.arguments import checked
 from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.units import FREE, GREY_LEVELS, GREY_MAX
 
@@ -32,6 +33,7 @@ class DivisionParams:
     step: float
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class SegmentParams:
     """Parameters of the segmentation.
@@ -101,6 +103,7 @@ class Intervals(Protocol):
         """Edges between the intervals, increasing; an edge belongs to the interval below it."""
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class IntensityRange:
     """A closed interval of v: both ends belong to it.
@@ -137,6 +140,7 @@ class IntensityRange:
         return low, high
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class StateLimits:
     """Probabilities of occupancy that separate free, unknown and occupied cells.
@@ -176,7 +180,8 @@ class StateLimits:
         """The two limits."""
         return self.free_below, self.occupied_above
 
-    def of(self, v: Any) -> NDArray[np.uint8]:
+    @checked
+    def of(self, v: ArrayLike) -> NDArray[np.uint8]:
         """The state of each probability: 1 free, 2 unknown, 3 occupied."""
         states: NDArray[np.uint8] = (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
         return states
@@ -187,6 +192,7 @@ class StateLimits:
         return self.of(np.arange(GREY_LEVELS) / GREY_MAX)
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class Levels:
     """Levels of equal width over 0..1; the last may be narrower.

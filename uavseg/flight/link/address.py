@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
+from uavseg.plain_text import shown
 
 KINDS = ("udpout", "udpin", "tcp", "serial")
 DEFAULT_BAUD = 57600  # of telemetry radios; over USB it has no effect
@@ -48,12 +49,12 @@ def parse_address(text: str) -> Address:
     kind, _, rest = text.strip().partition(":")
     if kind not in KINDS or not rest:
         hint = "; udpin listens, udpout speaks first" if kind == "udp" else ""
-        raise ParameterError(f"a vehicle's address is {_EXPECTED}, not {text!r}{hint}")
+        raise ParameterError(f"a vehicle's address is {_EXPECTED}, not {shown(text)}{hint}")
     place, colon, number = rest.rpartition(":")
     if kind == "serial" and not (colon and number.isdecimal()):
         return Address(kind, rest, DEFAULT_BAUD)
     maximum = 65535 if kind != "serial" else 10_000_000
     is_number = number.isascii() and number.isdecimal() and 0 < int(number) <= maximum
     if not is_number or (not place and kind != "udpin"):
-        raise ParameterError(f"a vehicle's address is {_EXPECTED}, not {text!r}")
+        raise ParameterError(f"a vehicle's address is {_EXPECTED}, not {shown(text)}")
     return Address(kind, place.removeprefix("[").removesuffix("]"), int(number))

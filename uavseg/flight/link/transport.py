@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from uavseg.errors import LinkError
 from uavseg.flight.link.address import Address
+from uavseg.plain_text import shown
 
 SEND_S = 2.0  # a peer that takes no bytes for this long is lost
 _BYTES = 65535
@@ -222,5 +223,5 @@ def _resolve(address: Address, timeout_s: float) -> tuple[int, Any]:
     thread.join(timeout_s)
     if not found or isinstance(found[0], Exception):
         why = found[0] if found else f"no answer within {timeout_s:g} s"
-        raise LinkError(f"cannot open {address}: the host {address.place!r} is not known ({why})")
+        raise LinkError(f"cannot open {address}: the host {shown(address.place)} is not known ({why})")
     return found[0][0], found[0][4]

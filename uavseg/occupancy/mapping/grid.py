@@ -7,6 +7,7 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from uavseg.arguments import checked
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.apply_pending import apply_pending
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
@@ -38,6 +39,7 @@ class Update:
     blocks: NDArray[np.bool_]
 
 
+@checked
 class OccupancyGrid:
     """Probabilities of cells, updated by adding log-odds.
 
@@ -80,6 +82,7 @@ class OccupancyGrid:
         self._recompute()
 
     @classmethod
+    @checked
     def empty(
         cls, shape: tuple[int, int], cell_m: float, origin: tuple[float, float] = (0.0, 0.0)
     ) -> "OccupancyGrid":
@@ -97,6 +100,7 @@ class OccupancyGrid:
         return cls(local_geobox(shape, cell_m, origin))
 
     @classmethod
+    @checked
     def from_probabilities(cls, probabilities: ArrayLike, geobox: GeoBox) -> "OccupancyGrid":
         """A grid that begins with a given map; log-odds are clamped to -6..6 (0.0025 and 0.9975).
 
@@ -132,6 +136,7 @@ class OccupancyGrid:
             self._probabilities, _ = probabilities_and_grey(self.log_odds)
         return self._probabilities
 
+    @checked
     def merge(self, scan: Scan) -> Window:
         """Update the cells that the beams of a scan cross.
 
@@ -153,6 +158,7 @@ class OccupancyGrid:
         apply_pending(self._pending, self.log_odds, self._probabilities, self._grey_map, window)
         return window
 
+    @checked
     def segment(
         self, partition: Intervals | None = None, params: SegmentParams | None = None
     ) -> LiveSegmentation:
@@ -181,6 +187,7 @@ class OccupancyGrid:
             self._default_segmentation = self.segment()
         return self._default_segmentation
 
+    @checked
     def update(self, scan: Scan) -> Update:
         """Merge a scan and divide again only those blocks that the change affects, in all segmentations.
 
@@ -223,6 +230,7 @@ class OccupancyGrid:
             self._probabilities[...] = p
         self._grey_map.set_grey(grey)
 
+    @checked
     def dataset(self, name: str = "occupancy grid") -> Dataset:
         """The probabilities as a dataset for windowed reads; later scans show in it."""
         return Dataset.of_values(self.probabilities, self.geobox, name)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arguments import checked
 from uavseg.errors import SceneError
 
 Floats = NDArray[np.float64]
@@ -14,6 +15,7 @@ MAX_BEAMS = 1_000_000
 MAX_METRES = 1e9
 
 
+@checked
 @dataclass(frozen=True, slots=True)
 class Pose:
     """Position and heading of a sensor, in map coordinates.
@@ -42,6 +44,7 @@ class Pose:
             )
 
 
+@checked
 @dataclass(frozen=True, slots=True, eq=False)
 class Scan:
     """One turn of a range finder.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from uavseg.access import current_policy
 from uavseg.atomic import atomic_file, check_target
-from uavseg.errors import MapError
+from uavseg.errors import MapError, RasterError
 from uavseg.occupancy.ros.pgm import is_pgm, pgm_bytes, read_pgm
 from uavseg.occupancy.ros.ros_yaml import ROS_MODES, RosCells, read_ros_yaml, ros_yaml_text
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
@@ -75,7 +75,11 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     current_policy().check_file(path, described.image)
     grey, opaque = _read_image(described.image)
     transform = _transform(described.origin, described.resolution, grey.shape[0])
-    return RosMap(described.rules.cells(grey, opaque), GeoBox(grey.shape, transform, None))
+    try:
+        geobox = GeoBox(grey.shape, transform, None)
+    except RasterError as error:
+        raise MapError(f"{os.fspath(path)}: {error}") from error
+    return RosMap(described.rules.cells(grey, opaque), geobox)
 
 
 def check_ros_map(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError
 from uavseg.inputs import read_bytes
+from uavseg.plain_text import cause_of, shown
 
 RosCells = NDArray[np.int8]
 
@@ -19,6 +20,7 @@ MAX_BYTES = 1 << 16  # of a YAML file
 UNKNOWN_CELL = -1
 ROS_MODES = ("trinary", "scale", "raw")
 
+_MAX_THRESHOLD = 1e6
 _REQUIRED = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 
 
@@ -47,9 +49,10 @@ class CellRules:
 
     def __post_init__(self) -> None:
         if self.mode not in ROS_MODES:
-            raise MapError(f"mode is trinary, scale or raw, not {self.mode!r}")
-        if not (math.isfinite(self.occupied) and math.isfinite(self.free)):
-            raise MapError(f"thresholds are finite, not {self.occupied:g} and {self.free:g}")
+            raise MapError(f"mode is trinary, scale or raw, not {shown(self.mode)}")
+        if not (abs(self.occupied) <= _MAX_THRESHOLD and abs(self.free) <= _MAX_THRESHOLD):
+            given = f"{self.occupied:g} and {self.free:g}"
+            raise MapError(f"thresholds are finite and at most {_MAX_THRESHOLD:g}, not {given}")
         if self.free >= self.occupied:
             raise MapError(
                 f"free_thresh ({self.free:g}) lies below occupied_thresh ({self.occupied:g}), "
@@ -144,7 +147,7 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         if isinstance(error, MapError):
             raise
-        raise MapError(f"{name} is not valid YAML ({' '.join(str(error).split())})") from error
+        raise MapError(f"{name} is not valid YAML ({cause_of(error)})") from error
     if not isinstance(found, dict):
         raise MapError(f"{name} is not the YAML of a ROS map: it needs {', '.join(_REQUIRED)}")
     missing = [key for key in _REQUIRED if key not in found]
@@ -159,8 +162,8 @@ def _number(name: str, value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
         return float(value)
-    except ValueError as error:
-        raise MapError(f"{name} is a number, not {value!r}") from error
+    except (ValueError, OverflowError) as error:
+        raise MapError(f"{name} is a number, not {shown(value)}") from error
 
 
 def _flag(described: Mapping[str, Any]) -> bool:
@@ -168,7 +171,7 @@ def _flag(described: Mapping[str, Any]) -> bool:
     if isinstance(value, str) and value.strip().lstrip("+-").isdigit():
         value = int(value)
     if not isinstance(value, int):
-        raise MapError(f"negate is 0 or 1, not {value!r}")
+        raise MapError(f"negate is 0 or 1, not {shown(value)}")
     return bool(value)
 
 
@@ -182,14 +185,14 @@ def _resolution(described: Mapping[str, Any]) -> float:
 def _origin(described: Mapping[str, Any]) -> tuple[float, float, float]:
     value = described["origin"]
     if not isinstance(value, list) or len(value) != 3:
-        raise MapError(f"origin is a list of three numbers, x, y and yaw, not {value!r}")
+        raise MapError(f"origin is a list of three numbers, x, y and yaw, not {shown(value)}")
     x, y, yaw = (_number("origin", part) for part in value)
     if not all(math.isfinite(part) for part in (x, y, yaw)):
-        raise MapError(f"origin is finite x, y and yaw, not {value!r}")
+        raise MapError(f"origin is finite x, y and yaw, not {shown(value)}")
     return x, y, yaw
 
 
 def _image(path: str | os.PathLike[str], named: Any) -> Path:
-    if not isinstance(named, str) or not named:
-        raise MapError(f"image is the file name of an image, not {named!r}")
+    if not isinstance(named, str) or not named or not named.isprintable():
+        raise MapError(f"image is the file name of an image, not {shown(named)}")
     return Path(path).parent / named

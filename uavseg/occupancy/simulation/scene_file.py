@@ -22,15 +22,15 @@ import json
 import math
 import os
 from collections.abc import Iterable, Sequence
-from pathlib import Path
 from typing import Any, NoReturn
 
-from uavseg.errors import SceneError
+from uavseg.errors import RasterError, SceneError
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.range_finder import RangeFinder
 from uavseg.occupancy.simulation.scene import Scene
 from uavseg.occupancy.simulation.simulate import Simulation
+from uavseg.plain_text import cause_of, shown
 from uavseg.raster.geobox import GeoBox, local_geobox
 
 _MAX_SCENE_CELLS = 1 << 28
@@ -78,18 +78,18 @@ def build_simulation(content: Any) -> Simulation:
 
 
 def _read(path: str | os.PathLike[str]) -> Any:
-    if not Path(path).exists():
+    if not os.path.exists(path):  # noqa: PTH110 - false for a name that is too long
         raise SceneError("there is no such file; name lens, circles or a JSON file of a scene")
     try:
         text = read_bytes(path, SceneError).decode()
     except UnicodeDecodeError as error:
-        raise SceneError(f"it cannot be read as text ({error})") from error
+        raise SceneError(f"it cannot be read as text ({cause_of(error)})") from error
     try:
         return parse_json(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
     except SceneError:
         raise
-    except ValueError as error:
-        raise SceneError(f"it is not valid JSON ({error})") from error
+    except (ValueError, RecursionError) as error:
+        raise SceneError(f"it is not valid JSON ({cause_of(error)})") from error
 
 
 def _reject_constant(word: str) -> NoReturn:
@@ -114,7 +114,11 @@ def _cells(content: Any) -> GeoBox:
         raise SceneError(
             f"a map of {rows} x {cols} cells is too large; at most {_MAX_SCENE_CELLS} can be simulated"
         )
-    return local_geobox((rows, cols), cell, _pair("map origin", found.get("origin", [0, 0])))
+    origin = _pair("map origin", found.get("origin", [0, 0]))
+    try:
+        return local_geobox((rows, cols), cell, origin)
+    except RasterError as error:
+        raise SceneError(f"map: {error}") from error
 
 
 def _pose(name: str, content: Any) -> Pose:
@@ -154,9 +158,12 @@ def _pair(name: str, value: Any) -> tuple[float, float]:
 
 
 def _number(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise SceneError(f"{name} is a finite number, not {_as_json(value)}")
-    return float(value)
+    try:
+        if not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value):
+            return float(value)
+    except OverflowError:  # a whole number that no float can hold
+        pass
+    raise SceneError(f"{name} is a finite number, not {_as_json(value)}")
 
 
 def _count(name: str, value: Any) -> int:
@@ -174,5 +181,7 @@ def _join_names(words: Sequence[str]) -> str:
 
 
 def _as_json(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    try:
+        return shown(json.dumps(value), quoted=False)
+    except ValueError:  # a number of thousands of digits
+        return shown(value)

@@ -11,6 +11,8 @@ from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
 from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths
 
+_LARGEST = 2.0**53
+
 
 @dataclass(frozen=True)
 class LevelsLayer:
@@ -41,7 +43,7 @@ class LevelsLayer:
         found = PolygonTable.of(source)
         if "level" not in found.columns:
             raise RegionError("the segments to draw in grey have no column level; uavseg levels makes them")
-        levels = np.asarray(found.columns["level"], np.int64)
+        levels = _numbers("level", found.columns).astype(np.int64)
         return cls(found.in_plot(frame), levels, _greys(levels, found.columns))
 
     def title_parts(self, has_crs: bool) -> list[str]:
@@ -61,10 +63,21 @@ class LevelsLayer:
             ax.add_collection(PathCollection(paths, facecolor=color, edgecolor=color, lw=0.3, zorder=2.2))
 
 
+def _numbers(name: str, columns: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
+    """A column that holds finite numbers, as texts too."""
+    try:
+        numbers = np.array([float(value) for value in columns[name]])
+        if (np.abs(numbers) < _LARGEST).all():
+            return numbers
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise RegionError(f"the column {name} of the segments holds something other than numbers")
+
+
 def _greys(levels: NDArray[np.int64], columns: dict[str, NDArray[Any]]) -> NDArray[np.float64]:
     """The middle of each segment's interval; evenly spaced greys if the intervals are not given."""
     if "range_low" in columns and "range_high" in columns:
-        ends = [np.asarray(columns[name], np.float64) for name in ("range_low", "range_high")]
-        return np.clip((ends[0] + ends[1]) / 2, 0, 1)
+        low, high = (np.clip(_numbers(name, columns), 0, 1) for name in ("range_low", "range_high"))
+        return (low + high) / 2
     apart = np.unique(levels)
     return np.searchsorted(apart, levels) / max(len(apart) - 1, 1)

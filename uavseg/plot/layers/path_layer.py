@@ -99,9 +99,11 @@ def _read_geojson(source: Path) -> tuple[list[Floats], float | None]:
         shape = feature["geometry"]
         parts = {"LineString": [shape["coordinates"]], "MultiLineString": shape["coordinates"]}[shape["type"]]
         lines = [np.array(part, np.float64).reshape(-1, 2) for part in parts]
+        if not lines or not all(len(line) and np.isfinite(line).all() for line in lines):
+            raise ValueError("a line without places")
         length = feature["properties"].get("length_m")
         return lines, None if length is None else float(length)
     except PathError as error:
         raise PathError(f"{error}; uavseg path makes such a file") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (LookupError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise PathError(f"{source} holds no line of a path; uavseg path makes such a file") from error

@@ -15,9 +15,10 @@ from rasterio.windows import Window as FileWindow
 from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.inputs import regular_file
+from uavseg.plain_text import cause_of
 from uavseg.raster.access.limits import check_limits, check_readable_whole
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.tiling import Window
 
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
@@ -213,7 +214,7 @@ def read_geotiff(
             geobox = GeoBox(file.shape, file.transform, file.crs)
             return file.read(), geobox, [text or "" for text in file.descriptions], file.tags()
     except GDAL_ERRORS as error:
-        raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({error})") from error
+        raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({cause_of(error)})") from error
 
 
 def _page_name(path: Path_, page: int) -> str:
@@ -258,4 +259,4 @@ def _write_errors(path: Path_) -> Iterator[None]:
         with gdal_env():
             yield
     except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error
+        raise OutputError(f"{os.fspath(path)} cannot be written ({cause_of(error)})") from error

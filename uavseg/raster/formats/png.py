@@ -8,9 +8,10 @@ from rasterio.io import DatasetReader
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import OutputError, RasterReadError
+from uavseg.plain_text import cause_of
 from uavseg.raster.access.limits import check_readable_whole
 from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, root_cause
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open
 
 Bytes = NDArray[np.uint8]
 Opaque = NDArray[np.bool_]
@@ -43,7 +44,7 @@ def read_grey(path: Path_) -> tuple[Bytes, Opaque | None]:
             return _grey(file)
     except GDAL_ERRORS as error:
         raise RasterReadError(
-            f"{os.fspath(path)} cannot be read as a picture ({root_cause(error)}); it is of another "
+            f"{os.fspath(path)} cannot be read as a picture ({cause_of(error)}); it is of another "
             "kind, damaged or incomplete"
         ) from error
 
@@ -72,7 +73,7 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque 
         with atomic_file(path, overwrite) as target, gdal_env(), quiet_open(target, "w", **how) as file:
             file.write(np.stack(bands))
     except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({root_cause(error)})") from error
+        raise OutputError(f"{os.fspath(path)} cannot be written ({cause_of(error)})") from error
 
 
 def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import RasterError
+from uavseg.plain_text import cause_of
 
 Floats = NDArray[np.float64]
 Transform = Callable[[Any, Any], tuple[Floats, Floats]]
@@ -119,7 +120,7 @@ def lonlat_transform(wkt: str | None) -> Transform:
 
     target = WGS84 if is_on_earth(wkt) else parse_crs(wkt or "").geodetic_crs
     try:
-        return transform_between(parse_crs(wkt or ""), target)
+        return _transformer(parse_crs(wkt or ""), target)
     except ProjError as error:
         raise _no_lonlat() from error
 
@@ -145,7 +146,7 @@ def geodetic_base(wkt: str | None) -> tuple[Any, Transform | None] | None:
         base = crs.geodetic_crs
         if base is None:
             return None
-        return base, None if crs.is_geographic else transform_between(crs, base)
+        return base, None if crs.is_geographic else _transformer(crs, base)
     except ProjError:
         return None
 
@@ -155,9 +156,21 @@ def transform_between(source: Any, target: Any) -> Transform:
 
     Raises
     ------
-    pyproj.exceptions.ProjError
+    RasterError
         If one is not a CRS, or there is no transformation.
     """
+    from pyproj.exceptions import ProjError
+
+    try:
+        return _transformer(source, target)
+    except ProjError as error:
+        reason = cause_of(error)
+        raise RasterError(
+            f"there is no transformation between two of the coordinate reference systems ({reason})"
+        ) from error
+
+
+def _transformer(source: Any, target: Any) -> Transform:
     import pyproj
 
     transform: Transform = pyproj.Transformer.from_crs(source, target, always_xy=True).transform

@@ -233,6 +233,6 @@ def _count_lower(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> N
 def _floats(values: Values) -> NDArray[np.float32]:
     if len(values) == 3:
         return luminance_f4(values)
-    with np.errstate(over="ignore"):  # doubles beyond the range of float32 count as infinite
+    with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite, or NaN
         floats: NDArray[np.float32] = values[0].astype(np.float32, copy=False)
     return floats

@@ -4,6 +4,8 @@ import io
 import os
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +14,9 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError, UavsegError
+from uavseg.plain_text import cause_of
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
+from uavseg.raster.opening import file_exists
 from uavseg.regions.formats.vector_files import check_feature_count, check_vector, reading_vectors
 from uavseg.regions.table import COLUMNS, Regions
 
@@ -80,28 +84,48 @@ def _complete_frame(frame: "GeoDataFrame", name: str) -> Regions:
 
 def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> "GeoDataFrame":
     import geopandas
-    from pyarrow import ArrowException
 
-    if not isinstance(source, bytes) and not Path(source).exists():
+    if not isinstance(source, bytes) and not file_exists(source):
         raise RegionError(f"{name} does not exist; name a file of regions")
     check_vector(source, name)
-    try:
+    with vector_errors(name):
         if not isinstance(source, bytes) and Path(source).suffix.lower() in {".parquet", ".geoparquet"}:
             frame = geopandas.read_parquet(source)
         else:
             with reading_vectors():
                 frame = _layers(io.BytesIO(source) if isinstance(source, bytes) else source, name, layer)
-    except (RuntimeError, ValueError, OSError, ArrowException) as error:
-        if isinstance(error, UavsegError):
-            raise
-        raise RegionError(f"{name} cannot be read as regions: {_cause(error)}") from error
     if not isinstance(frame, geopandas.GeoDataFrame):
         raise RegionError(f"{name} holds no geometries; regions are polygons")
     return frame
 
 
+@contextmanager
+def vector_errors(name: str) -> Iterator[None]:
+    """Context manager in which libraries read a vector file: their errors as RegionError.
+
+    Of damaged content they raise anything, and drop or change geometries with a warning: that is an error
+    too. Other warnings, about winding and measures, do not matter for regions.
+    """
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield
+    except (UavsegError, MemoryError):
+        raise
+    except Exception as error:
+        raise RegionError(f"{name} cannot be read as regions: {_cause(error)}") from error
+    for warning in caught:
+        text = str(warning.message)
+        if _LOST_GEOMETRY.search(text) and not _HARMLESS.search(text):
+            raise RegionError(f"{name} has a geometry that cannot be read: {cause_of(ValueError(text))}")
+
+
+_LOST_GEOMETRY = re.compile(r"\bring\b|WKT|NULL geometry|coord|JSON construct|vertex|point", re.IGNORECASE)
+_HARMLESS = re.compile(r"winding|Measured", re.IGNORECASE)
+
+
 def _cause(error: Exception) -> str:
-    cause = (str(error).splitlines() or [type(error).__name__])[0]
+    cause = cause_of(error)
     unknown = "not recognized as being in a supported file format" in cause
     return "it is neither GeoJSON nor another format of polygons that GDAL knows" if unknown else cause
 
@@ -125,9 +149,7 @@ def _layers(source: Any, name: str, layer: str | None) -> Any:
         raise RegionError(f"{name} has {len(layers)} layers; choose with --layer one of {', '.join(layers)}")
     for one in wanted:
         check_feature_count(source, name, one)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about winding and measures, which do not matter here
-        frames = [geopandas.read_file(source, layer=one) for one in wanted]
+    frames = [geopandas.read_file(source, layer=one) for one in wanted]
     frames = [frame for frame in frames if len(frame)] or frames
     return frames[0] if len(frames) == 1 else pandas.concat(frames, ignore_index=True)
 
@@ -146,7 +168,8 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
     try:
         frame = frame.to_crs(WGS84)
     except ProjError as error:
-        raise RegionError(f"the coordinate system of {name} has no place on Earth: {error}") from error
+        reason = cause_of(error)
+        raise RegionError(f"the coordinate system of {name} has no place on Earth: {reason}") from error
     west, south, east, north = frame.total_bounds
     if not (west >= -180.001 and south >= -90.001 and east <= 180.001 and north <= 90.001):
         raise RegionError(
@@ -161,6 +184,11 @@ def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]
     if others:
         raise RegionError(f"{name} holds {', '.join(others)}; regions are polygons")
     geometries = shapely.force_2d(geometries)
+    finite = np.isfinite(shapely.get_coordinates(geometries)).all(axis=1)
+    if not finite.all():
+        raise RegionError(
+            f"{name} has a polygon with a coordinate that is not a finite number; repair it first"
+        )
     for n in np.flatnonzero(~shapely.is_valid(geometries)):
         geometries[n] = _repair(geometries[n], f"polygon {n + 1} of {name}")
     return geometries
@@ -170,7 +198,8 @@ def _repair(polygon: Any, what: str) -> Any:
     """A valid polygon for one that touches itself; one that crosses itself is refused."""
     valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
     change = abs(_shoelace_area(polygon) - valid.area)
-    if valid.geom_type not in {"Polygon", "MultiPolygon"} or change > REPAIR_TOLERANCE * valid.area:
+    is_area = valid.geom_type in {"Polygon", "MultiPolygon"} and not valid.is_empty
+    if not is_area or change > REPAIR_TOLERANCE * valid.area:
         raise RegionError(
             f"{what} is not a valid polygon ({shapely.is_valid_reason(polygon)}); repair it first"
         )

@@ -16,6 +16,7 @@ from typing import Any
 from uavseg.access import current_policy
 from uavseg.errors import AccessError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
+from uavseg.plain_text import cause_of
 
 _EXTENSIONS = {
     "GeoJSON": (".geojson", ".json", ".geojsonl", ".geojsons", ".ndjson", ".topojson"),
@@ -147,7 +148,7 @@ def _check_json(source: str | os.PathLike[str] | bytes, name: str) -> None:
     try:
         found = parse_json(content.decode())
     except ValueError as error:
-        raise RegionError(f"{name} cannot be read as regions: {error}") from error
+        raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
     link = _linked_crs(found)
     if link is not None:
         current_policy().check_address(name, f"{link[:100]!r} as its coordinate reference system")
@@ -192,7 +193,7 @@ def _check_sqlite(source: str | os.PathLike[str], name: str) -> None:
                 str(row[0]) for row in database.execute("SELECT sql FROM sqlite_master WHERE sql NOT NULL")
             ]
     except sqlite3.Error as error:
-        raise RegionError(f"{name} cannot be read as regions: {error}") from error
+        raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
     for text in definitions:
         virtual = re.match(r"\s*create\s+virtual\s+table.*?\susing\s+(\w+)", text, re.IGNORECASE | re.DOTALL)
         view = re.match(r"\s*create\s+(?:temp\w*\s+)?view", text, re.IGNORECASE)

@@ -9,6 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arguments import checked
+from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial
 from uavseg.regions.outline.chains import OWNER, START, Chains, trace_tile
 from uavseg.regions.outline.linking import link_chains, split_simple_rings
@@ -27,6 +29,7 @@ class LabelRows(Protocol):
     def __getitem__(self, rows: slice, /) -> NDArray[np.uint32]: ...
 
 
+@checked
 def trace(labels: LabelRows, map: Map = serial) -> Rings:
     """Outlines of the regions of a label image.
 
@@ -47,6 +50,8 @@ def trace(labels: LabelRows, map: Map = serial) -> Rings:
     >>> rings.vertices.tolist()
     [[0, 0], [0, 2], [1, 2], [1, 1], [2, 1], [2, 0]]
     """
+    if len(labels.shape) != 2 or getattr(labels, "dtype", np.dtype(np.uint32)).kind not in "iub":
+        raise ParameterError("labels are a 2-D array of whole numbers, 0 the background")
     strips = list(map(partial(_trace_strip, labels), range(0, labels.shape[0], STRIP)))
     offsets = np.cumsum([0] + [len(strip.labels) for strip in strips])
     for strip, offset in zip(strips, offsets, strict=False):

@@ -70,7 +70,7 @@ class Sample:
         """Bounds of mean grey: so many deviations around the sample's mean, at least one step of 8 bits."""
         if math.isinf(deviations):
             return GreyBounds()
-        half = max(deviations * self.deviation, _GREY_STEP)
+        half = min(max(deviations * self.deviation, _GREY_STEP), GREY_MAX)
         return GreyBounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), GREY_MAX))
 
 

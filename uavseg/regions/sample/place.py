@@ -138,6 +138,8 @@ def _disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
     else:
         x = disc.x + disc.radius * np.sin(np.radians(angles))
         y = disc.y + disc.radius * np.cos(np.radians(angles))
+    if not (np.isfinite(x).all() and np.isfinite(y).all()):
+        raise SampleError(f"the sample lies outside of the raster, which is {_extent(geobox)}")
     return np.array([shapely.Polygon(np.stack([x, y], axis=1))], object)
 
 

@@ -23,6 +23,9 @@ _AT_POLE = 90 - 1e-9
 _MAX_ADDED = 10_000_000  # vertices that may be added to the edges of a batch
 
 
+PAST_EDGE = "a region reaches past the edge of its projection; write a .gpkg instead"
+
+
 def cut_at_antimeridian(rings: Sequence[Floats], jumping: bool) -> Any:
     """Cut one polygon into longitudes -180..180 and latitudes -90..90.
 
@@ -89,7 +92,10 @@ def _close_at_pole(ring: Floats) -> Floats:
 def _cut_into_bands(polygon: Any) -> Any:
     west, _, east, _ = polygon.bounds
     bands = range(int(np.floor((west + 180) / 360)), int(np.ceil((east + 180) / 360)))
-    return shapely.union_all([_band_of(polygon, 360.0 * k) for k in bands])
+    try:
+        return shapely.union_all([_band_of(polygon, 360.0 * k) for k in bands])
+    except shapely.errors.GEOSException as error:  # far outside of a projection, outlines cross themselves
+        raise OutputError(PAST_EDGE) from error
 
 
 def _band_of(polygon: Any, centre: float) -> Any:

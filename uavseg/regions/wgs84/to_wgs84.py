@@ -27,7 +27,7 @@ from uavseg.regions import shapes
 from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
-from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian, densify_edges
+from uavseg.regions.wgs84.antimeridian import PAST_EDGE, cut_at_antimeridian, densify_edges
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -124,7 +124,7 @@ class _Reprojection:
             y = np.clip(y, -self.turn / 4, self.turn / 4)
         lonlat = np.stack(self.transform(x, y), axis=1)
         if not np.isfinite(lonlat).all():
-            raise OutputError("a region reaches past the edge of its projection; write a .gpkg instead")
+            raise OutputError(PAST_EDGE)
         if self.geographic:
             lonlat[:, 0] += 360 * np.round(x / self.turn - lonlat[:, 0] / 360)
         return lonlat

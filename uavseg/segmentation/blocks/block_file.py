@@ -1,7 +1,9 @@
 """Block maps as GeoTIFF: leaves as bands to display, the block map itself in further pages."""
 
 import json
+import math
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,14 +14,15 @@ from numpy.typing import NDArray
 from uavseg.access import current_policy, is_address
 from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.inputs import check_not_inputs
+from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.opening import GDAL_ERRORS
+from uavseg.raster.opening import GDAL_ERRORS, file_exists
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.params import DivisionParams
-from uavseg.units import BLOCK, CELL, CELLS
+from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
 
 _TAG = "UAVSEG_BLOCK_MAP"
 _BAND_NAMES = ("mean v", "side of the leaf in pixels")
@@ -51,7 +54,7 @@ class Origin:
         """Paths of the rasters, at their old place or beside the block map; None if one does not exist."""
         for folder in (Path(self.folder), Path(beside).resolve().parent):
             paths = [raster if is_address(raster) else str(folder / raster) for raster in self.rasters]
-            if all(is_address(path) or Path(path).exists() for path in paths):
+            if all(is_address(path) or file_exists(path) for path in paths):
                 return paths
         return None
 
@@ -155,27 +158,97 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     """
     _, cells, _, tags = read_geotiff(path)
     try:
-        header = json.loads(tags[_TAG])
-        shape = (int(header["rows"]), int(header["cols"]))
-        rows, cols = _checked_shape(shape, CELL, cells.shape)
-        sums = read_geotiff(path, _SUMS, (rows, cols), 1)[0][0]
-        counts = read_geotiff(path, _COUNTS, (rows, cols), 1)[0][0]
-        in_blocks = tuple(-(-length // BLOCK) for length in shape)
-        ratios = read_geotiff(path, _RATIOS, in_blocks, len(_RATIO_NAMES))[0]
-        blocks = BlockMap.empty(shape)
-        blocks.sums[:rows, :cols] = sums
-        blocks.counts[:rows, :cols] = counts
-        blocks.ratios[:] = ratios.transpose(1, 2, 0)
+        header = _checked_header(json.loads(tags[_TAG]))
+        shape = (header["rows"], header["cols"])
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
-        rgb = header["rgb"] and tuple(header["rgb"])
-        nodata = None if header["nodata"] is None else float(header["nodata"])
-        origin = Origin(tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata)
-        stretch = Stretch(header["low"], header["high"], header["stretch"])
-        return SavedBlocks(blocks, geobox, stretch, header["bands"], origin)
-    except (KeyError, ValueError, TypeError, IndexError, RasterReadError) as error:
+        blocks = _read_blocks(path, shape, _checked_shape(shape, CELL, cells.shape))
+    except (KeyError, ValueError, RecursionError, RasterReadError) as error:
         raise RasterError(
-            f"{path} is not a block map that this version reads; make it again with uavseg divide"
+            f"{path} is not a block map that this version reads ({cause_of(error)}); make it again with "
+            "uavseg divide"
         ) from error
+    rgb = None if header["rgb"] is None else tuple(header["rgb"])
+    nodata = None if header["nodata"] is None else float(header["nodata"])
+    origin = Origin(tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata)
+    stretch = Stretch(header["low"], header["high"], header["stretch"])
+    return SavedBlocks(blocks, geobox, stretch, header["bands"], origin)
+
+
+def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tuple[int, int]) -> BlockMap:
+    """The pages of a block map, each of the shape and type that a raster of `shape` has."""
+    in_blocks = (-(-shape[0] // BLOCK), -(-shape[1] // BLOCK))
+    sums = _read_page(path, _SUMS, cells, 1, np.uint32)[0]
+    counts = _read_page(path, _COUNTS, cells, 1, np.uint8)[0]
+    ratios = _read_page(path, _RATIOS, in_blocks, len(_RATIO_NAMES), np.float64)
+    if (counts > CELL * CELL).any() or (sums > counts.astype(np.uint32) * GREY_MAX).any():
+        raise ValueError("its cells hold more than pixels can")
+    blocks = BlockMap.empty(shape)
+    blocks.sums[: cells[0], : cells[1]] = sums
+    blocks.counts[: cells[0], : cells[1]] = counts
+    blocks.ratios[:] = ratios.transpose(1, 2, 0)
+    return blocks
+
+
+def _read_page(
+    path: str | os.PathLike[str], page: int, shape: tuple[int, int], bands: int, dtype: Any
+) -> NDArray[Any]:
+    found = read_geotiff(path, page, shape, bands)[0]
+    if found.dtype != dtype:
+        raise ValueError(f"page {page} is of {found.dtype}, not of {np.dtype(dtype)}")
+    return found
+
+
+def _is_list(value: Any, fits: Callable[[Any], bool]) -> bool:
+    return isinstance(value, list) and len(value) > 0 and all(map(fits, value))
+
+
+def _is_name(value: Any) -> bool:
+    return isinstance(value, str) and value != "" and value.isprintable()
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 < value < 2**31
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return False
+    try:
+        float(value)
+    except (ValueError, OverflowError):
+        return False
+    return True
+
+
+_SCHEMA: dict[str, Callable[[Any], bool]] = {
+    "rows": _is_whole,
+    "cols": _is_whole,
+    "low": lambda value: not isinstance(value, str) and _is_number(value) and math.isfinite(value),
+    "high": lambda value: not isinstance(value, str) and _is_number(value) and math.isfinite(value),
+    "stretch": lambda value: isinstance(value, str),
+    "bands": lambda value: isinstance(value, str),
+    "rasters": lambda value: _is_list(value, _is_name),
+    "folder": _is_name,
+    "band": lambda value: value is None or _is_whole(value),
+    "rgb": lambda value: value is None or (_is_list(value, _is_whole) and len(value) == 3),
+    "nodata": lambda value: value is None or _is_number(value),
+}
+
+
+def _checked_header(header: Any) -> dict[str, Any]:
+    """The description in a block map, each value of its kind.
+
+    Raises
+    ------
+    ValueError
+        If one is missing or of another kind.
+    """
+    if not isinstance(header, dict):
+        raise ValueError("its description is not an object")
+    for name, fits in _SCHEMA.items():
+        if name not in header or not fits(header[name]):
+            raise ValueError(f"its {name} are {shown(header.get(name))}")
+    return header
 
 
 def _checked_shape(shape: tuple[int, int], unit: int, found: tuple[int, int]) -> tuple[int, int]:

@@ -1,0 +1,184 @@
+"""A campaign: so many cases, each from its own seed, by as many processes as are given."""
+
+import gc
+import importlib
+import json
+import os
+import sys
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from random import Random
+
+from tests.hostile import seeds
+from tests.hostile.case import Case
+from tests.hostile.judging import Finding, judge
+from tests.hostile.sandbox import Sandbox
+
+KINDS = {  # share of the cases
+    "rasters": 6,
+    "vectors": 5,
+    "block_maps": 3,
+    "ros_maps": 2,
+    "missions": 2,
+    "scenes": 1,
+    "options": 4,
+    "arguments": 4,
+    "references": 1,
+    "checkpoints": 1,
+}
+LIBRARIES = (
+    "rasterio",
+    "pyogrio",
+    "geopandas",
+    "shapely",
+    "pyproj",
+    "pyarrow.parquet",
+    "yaml",
+    "matplotlib.pyplot",
+)
+MODULES = ("uavseg.jobs.extract", "uavseg.jobs.plan", "uavseg.plot.preview", "uavseg.regions.formats.export")
+BATCH = 200
+
+Found = dict[tuple[str, str], tuple[int, str, Finding]]
+
+
+def make(kind: str, seed: int, number: int, address: str = "127.0.0.1:9") -> Case:
+    """The case of a kind with this number: always the same (but for the address)."""
+    module = importlib.import_module(f"tests.hostile.{kind}")
+    rng = Random(f"{seed} {kind} {number}")
+    made: Case = module.case(rng, address) if kind == "references" else module.case(rng)
+    return made
+
+
+def plan_kinds(kinds: dict[str, int]) -> list[str]:
+    """The kinds in the order in which they take turns."""
+    turns = [((n + 0.5) / share, kind) for kind, share in kinds.items() for n in range(share)]
+    return [kind for _, kind in sorted(turns)]
+
+
+def run(
+    cases: int,
+    seed: int = 0,
+    processes: int = 1,
+    kinds: dict[str, int] = KINDS,
+    seconds: float = float("inf"),
+) -> tuple[Counter[str], Found]:
+    """Run cases; returns how many of each kind, and the findings with how often and the first case.
+
+    Parameters
+    ----------
+    cases : int
+    seed : int
+    processes : int
+    kinds : dict of str to int
+    seconds : float
+        After which no new batch is begun.
+    """
+    start, count, found = time.monotonic(), Counter[str](), Found()
+    batches = [(first, min(first + BATCH, cases)) for first in range(0, cases, BATCH)]
+    with started(processes, max_tasks_per_child=20) as pool:
+        waiting = {pool.submit(_batch, *batch, seed, kinds, start + seconds) for batch in batches}
+        for done in as_completed(waiting):
+            counted, findings = done.result()
+            count += counted
+            for finding, name in findings:
+                key = (finding.kind, finding.signature)
+                times, first, kept = found.get(key, (0, name, finding))
+                found[key] = (times + 1, min(first, name), kept)
+    return count, found
+
+
+def started(processes: int = 1, **how: int) -> ProcessPoolExecutor:
+    """Processes from which cases are forked: fresh ones, without threads, which do not survive a fork."""
+    drawn = {"initializer": seeds.use, "initargs": (seeds.everything(),)}
+    return ProcessPoolExecutor(processes, get_context("spawn"), **drawn, **how)
+
+
+def judged(case: Case) -> list[Finding]:
+    """Findings of one case, run from this process, which is one of those that `started` gives."""
+    prepare()
+    sandbox = Sandbox()
+    try:
+        return judge(case, sandbox.run(case))
+    finally:
+        sandbox.close()
+
+
+def _batch(
+    first: int, end: int, seed: int, kinds: dict[str, int], until: float
+) -> tuple[Counter[str], list[tuple[Finding, str]]]:
+    if time.monotonic() > until:
+        return Counter(), []
+    prepare()
+    turns, count, found = plan_kinds(kinds), Counter[str](), []
+    sandbox = Sandbox()
+    try:
+        for number in range(first, end):
+            kind = turns[number % len(turns)]
+            case = make(kind, seed, number, sandbox.address)
+            count[kind] += 1
+            found += [(finding, f"{kind}:{number}") for finding in judge(case, sandbox.run(case))]
+    finally:
+        sandbox.close()
+    return count, found
+
+
+@cache
+def prepare() -> None:
+    """Import what cases need, once; forked processes have it then."""
+    os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    os.environ["PROJ_DEBUG"] = "0"  # as the command line sets it before libraries are loaded
+    if os.environ.get("MPLBACKEND") is None:
+        os.environ["MPLBACKEND"] = "agg"
+    for name in (*LIBRARIES, *MODULES):
+        importlib.import_module(name)
+    from uavseg import cli
+    from uavseg._jit.kernels import Kernel
+    from uavseg._jit.object_cache import cache_folder
+
+    for command in cli._COMMANDS:
+        importlib.import_module(f"uavseg.cli.{command}")
+    for path in sorted(Path(cli.__file__).parents[1].rglob("*.py")):
+        if "kernel" in path.read_text(encoding="utf-8"):
+            importlib.import_module(
+                ".".join(("uavseg", *path.relative_to(Path(cli.__file__).parents[1]).with_suffix("").parts))
+            )
+    folder = cache_folder()
+    if folder is not None and folder.name == "kernels":
+        os.environ["UAVSEG_CACHE"] = str(folder.parent)  # cases have other homes
+    for kernel in [found for found in gc.get_objects() if isinstance(found, Kernel)]:
+        kernel._load()
+
+
+def report(count: Counter[str], found: Found, seconds: float) -> str:
+    """Findings by kind, and how many cases of each kind there were."""
+    lines = []
+    for (kind, signature), (times, name, finding) in sorted(
+        found.items(), key=lambda item: (item[0][0], -item[1][0])
+    ):
+        lines.append(f"{kind:<10} {times:>5} x  {name:<20} {signature}")
+        lines += [f"      | {line}" for line in ascii(finding.detail).replace("\\n", "\n").splitlines()[-8:]]
+    kinds = ", ".join(f"{kind} {number}" for kind, number in sorted(count.items()))
+    total = f"{count.total()} cases in {seconds:.0f} s ({kinds}); {len(found)} findings"
+    return "\n".join([*lines, total])
+
+
+def save(folder: Path, name: str, seed: int) -> Case:
+    """Write the files of a case, and its commands, to a folder in which one can run it by hand."""
+    kind, _, number = name.partition(":")
+    case = make(kind, seed, int(number))
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, content in case.files.items():
+        (folder / file).write_bytes(content)
+    if case.stdin:
+        (folder / "stdin").write_bytes(case.stdin)
+    if case.call is not None:
+        print(json.dumps(asdict(case.call)))
+    for command in case.commands:
+        print("uavseg", *map(ascii, command), file=sys.stderr)
+    return case

@@ -1,0 +1,71 @@
+"""Cases of options: one or two words of a command line replaced, and odd names of files."""
+
+from random import Random
+
+from tests.hostile import seeds
+from tests.hostile.case import Case, chosen
+from tests.hostile.mutate import WORDS
+
+FLIGHT = "--altitude 50 --home auto --speed 5 --tolerance 1"
+DIVISION = "--threshold 1.2 --intensity-step 0.05"
+RUN = "--threads 1 --tile 64"
+LINES = tuple(
+    line.split()
+    for line in (
+        f"extract x.tif --range 0.5,1 -o out.geojson {DIVISION} {RUN} --min-area 5 --fill-holes 5px --simplify 1",
+        f"extract x.tif --range 0.5,1 -o out.shp --smooth-outline 0.4 --band 1 --nodata 0 --stretch 0,255 {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.kml --labels out.vrt --refine tv --resume done {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.gpkg --mission out.plan {FLIGHT} --spacing 10 --angle 20 --threads 1",
+        f"extract rgb.tif --rgb 1,2,3 --range 0.5,1 -o out.parquet --method paper {RUN}",
+        f"levels x.tif --width 0.3 -o out.geojson --min-area 9 --small merge --simplify 1 {RUN}",
+        f"levels x.tif --width 0.3 -o out.fgb --labels out.tif --stretch percentile:1,99 {DIVISION} {RUN}",
+        f"match x.tif --like 500035,4499962,20 -o out.geojson --window 32 --similarity 0.9 --intensity 1 {RUN}",
+        f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
+        f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
+        f"classify m.tif -o out.yaml --mode scale {DIVISION} --threads 1",
+        f"path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 --clearance 1 -o out.geojson {RUN}",
+        f"path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 -o out.plan {FLIGHT[:-14]} {RUN}",
+        f"original x.tif -o out.tif --threshold 1.2 --merge-stop 2 --untested 0.1 --radius 2 --sweeps 1 {RUN}",
+        f"divide x.tif -o out.tif {DIVISION} --band 1 --nodata 5 {RUN}",
+        "info x.tif --json --band 1 --nodata 3 --stretch minmax --threads 1",
+        f"plan r.geojson -o out.plan {FLIGHT} --pattern survey --spacing 20 --angle 45 --firmware px4",
+        f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1,2 --largest 2 --where area_m2>5",
+        "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
+        "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
+        "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
+        "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
+        "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",
+    )
+)
+NAMES = (
+    "out\n.geojson", "out\x1b[31m.geojson", "out\udce9.geojson", "\udcff", "a" * 300 + ".tif", "a/" * 3000, "",
+    "\x01", "\n", ".", "..", "/", "/dev/null", "/dev/full", "/proc/self/mem", "no/such/out.geojson", "x.tif",
+    "out", "out.xyz", "-", "--", "out.geojson\n", "out.tif ", "out.TIF", "out.vrt", "out.plan", "out\u202e.kml",
+    "out\udce9.tif", "out\udce9.plan", "out\udce9.gpkg", "out\n.gpkg", "out\n.tif", "out\n.png", "out\n.shp",
+    "x\n.tif", "r\n.geojson", "a" * 5000, "out?.gpkg", "out%41.gpkg", "out'.gpkg", 'out".vrt', "out&.kml", "out\\.tif",
+)  # fmt: skip
+
+
+def case(rng: Random) -> Case:
+    """A command line of which one or two words are others."""
+    files = _files()
+    line = list(rng.choice(LINES))
+    for _ in range(rng.choice((1, 1, 2))):
+        at = rng.randrange(1, len(line))
+        named = "." in line[at] and not line[at][0].isdigit()
+        word = rng.choice(NAMES if named or chosen(rng, 0.15) else WORDS).replace("\0", "")
+        line[at] = word
+    command = tuple(
+        word.encode("utf-8", "surrogateescape").decode("utf-8", "surrogateescape") for word in line
+    )
+    used = {name: content for name, content in files.items() if any(name in word for word in command)}
+    if chosen(rng, 0.05):
+        used["x\n.tif"] = files["x.tif"]
+    return Case(used, (command,), ("out", "done", *(word for word in line if word)))
+
+
+def _files() -> dict[str, bytes]:
+    drawn = seeds.missions()
+    others = {"rgb.tif": seeds.rasters()["jpeg.tif"], "b.tif": seeds.block_map()["b.tif"]}
+    regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
+    return drawn | others | regions

@@ -1,0 +1,256 @@
+"""Seeds: small valid files of every kind that is read, drawn once for a campaign."""
+
+import json
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import rasterio
+from affine import Affine
+from numpy.typing import NDArray
+
+Files = dict[str, bytes]
+_drawn: dict[str, Files] = {}
+UTM = {"crs": "EPSG:32633", "transform": Affine(1, 0, 500000, 0, -1, 4500000)}
+TILED = {"tiled": True, "blockxsize": 64, "blockysize": 64}
+
+
+def _once(draw: Callable[[], Files]) -> Callable[[], Files]:
+    """Draw when first asked for; a process that was given the seeds draws none."""
+
+    def drawn() -> Files:
+        if draw.__name__ not in _drawn:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of rasterio, about rasters without a place
+                _drawn[draw.__name__] = draw()
+        return _drawn[draw.__name__]
+
+    return drawn
+
+
+def everything() -> dict[str, Files]:
+    """All seeds, for `use` in other processes."""
+    for draw in (rasters, vectors, block_map, missions, ros_maps, kept_results):
+        draw()
+    return _drawn
+
+
+def use(drawn: dict[str, Files]) -> None:
+    """Take seeds that another process drew."""
+    _drawn.update(drawn)
+
+
+def image(rows: int, cols: int, seed: int = 0) -> NDArray[np.uint8]:
+    """Two textures and a gradient with a bright patch."""
+    rng = np.random.default_rng(seed)
+    grey = np.add.outer(np.arange(rows), np.arange(cols)) % 97 + rng.integers(0, 30, (rows, cols))
+    grey[rows // 4 : rows // 2, cols // 3 : cols // 2] = 230
+    grey[: rows // 6, : cols // 6] = 0
+    return grey.astype(np.uint8)
+
+
+def _tif(folder: Path, name: str, values: NDArray[Any], **how: Any) -> None:
+    bands = values if values.ndim == 3 else values[np.newaxis]
+    how = {"driver": "GTiff", "height": bands.shape[1], "width": bands.shape[2], "count": len(bands)} | how
+    with rasterio.open(folder / name, "w", dtype=bands.dtype.name, **how) as file:
+        file.write(bands)
+
+
+@_once
+def rasters() -> Files:
+    """Rasters by name: layouts, types and compressions that GDAL's drivers decode differently."""
+    grey = image(128, 140)
+    small = image(50, 60)
+    colours = np.stack([grey, np.roll(grey, 9, 0), 255 - grey])
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        _tif(folder, "deflate.tif", grey, compress="deflate", nodata=0, **TILED, **UTM)
+        _tif(folder, "lzw.tif", grey.astype(np.uint16) * 257, compress="lzw", **UTM)
+        _tif(
+            folder,
+            "jpeg.tif",
+            colours,
+            compress="jpeg",
+            photometric="ycbcr",
+            interleave="pixel",
+            **TILED,
+            **UTM,
+        )
+        _tif(folder, "jpeg1.tif", grey, compress="jpeg", **TILED, **UTM)
+        _tif(folder, "lerc.tif", grey.astype(np.float32) / 255, compress="lerc", **UTM)
+        _tif(folder, "zstd.tif", (grey / 255.0), compress="zstd", predictor=3, nodata=np.nan, **TILED, **UTM)
+        _tif(folder, "int32.tif", grey.astype(np.int32) - 100, nodata=-100, blockysize=22, **UTM)
+        _tif(folder, "plain.tif", small)
+        _tif(folder, "degrees.tif", small, crs="EPSG:4326", transform=Affine(1e-4, 0, 15, 0, -1e-4, 40.6))
+        _tif(folder, "sparse.tif", np.zeros((200, 200), np.uint8), sparse_ok=True, nodata=0, **TILED, **UTM)
+        _tif(folder, "big.tif", small, bigtiff="YES", compress="packbits", **UTM)
+        _tif(
+            folder,
+            "alpha.tif",
+            np.stack([*colours, grey // 2]),
+            photometric="rgb",
+            alpha="yes",
+            compress="deflate",
+            **TILED,
+            **UTM,
+        )
+        _tif(folder, "bits.tif", (grey > 90).astype(np.uint8), nbits=1, compress="ccittfax4", **UTM)
+        _tif(folder, "palette.tif", small % 4, photometric="palette", **UTM)
+        with rasterio.open(folder / "palette.tif", "r+") as file:
+            file.write_colormap(1, {n: (60 * n, 255 - 60 * n, 10, 255) for n in range(4)})
+        _tif(folder, "points.tif", small, gcps=_control_points(), crs="EPSG:4326")
+        with (
+            rasterio.open(folder / "deflate.tif") as file,
+            rasterio.open(folder / "overviews.tif", "w", **file.profile) as other,
+        ):
+            other.write(file.read())
+            other.build_overviews([2, 4])
+            other.write_mask(np.where(file.read(1) > 9, 255, 0).astype(np.uint8))
+        _tif(folder, "picture.png", grey, driver="PNG")
+        _tif(folder, "picture.jpg", grey, driver="JPEG")
+        return {path.name: path.read_bytes() for path in sorted(folder.glob("*.*")) if path.suffix != ".xml"}
+
+
+def _control_points() -> list[Any]:
+    from rasterio.control import GroundControlPoint
+
+    return [GroundControlPoint(r, c, 15 + c / 1e4, 40 - r / 1e4) for r, c in ((0, 0), (0, 60), (50, 0))]
+
+
+@_once
+def vectors() -> Files:
+    """Files of regions in every format that is read, with those that belong to them; `x.tif` is their raster."""
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        (folder / "x.tif").write_bytes(rasters()["deflate.tif"])
+        for suffix in ("geojson", "gpkg", "fgb", "parquet", "shp", "kml"):
+            _uavseg(folder, "extract", "x.tif", "--range", "0.5,1", "-o", f"r.{suffix}", "--min-area", "40px")
+        _uavseg(folder, "levels", "x.tif", "--width", "0.3", "-o", "lv.geojson", "--min-area", "80px")
+        ring = "15.0000 40.6000,15.0003 40.6000,15.0003 40.6003,15.0000 40.6003,15.0000 40.6000"
+        (folder / "r.csv").write_text(f'id,WKT\n1,"POLYGON (({ring}))"\n2,"POLYGON (({ring}))"\n')
+        (folder / "hand.geojson").write_text(json.dumps(_hand_made()))
+        (folder / "hand.kml").write_text(
+            _KML.format(ring=" ".join(",".join(place.split()) + ",0" for place in ring.split(",")))
+        )
+        return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+def _hand_made() -> dict[str, Any]:
+    outer = [[15.0, 40.6], [15.001, 40.6], [15.001, 40.601], [15.0, 40.601], [15.0, 40.6]]
+    hole = [[15.0002, 40.6002], [15.0004, 40.6002], [15.0004, 40.6004], [15.0002, 40.6002]]
+    shapes = [("Polygon", [outer, hole]), ("MultiPolygon", [[outer], [[[x + 0.002, y] for x, y in outer]]])]
+    return {
+        "type": "FeatureCollection",
+        "crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}},
+        "features": [
+            {
+                "type": "Feature",
+                "properties": {"id": n, "name": "a field", "mean": 0.7, "area_m2": 9000.0, "level": n},
+                "geometry": {"type": kind, "coordinates": coordinates},
+            }
+            for n, (kind, coordinates) in enumerate(shapes, start=1)
+        ],
+    }
+
+
+_KML = """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2"><Document><name>fields</name><Placemark><name>one</name>
+<Polygon><outerBoundaryIs><LinearRing><coordinates>{ring}</coordinates></LinearRing></outerBoundaryIs></Polygon>
+</Placemark></Document></kml>
+"""
+
+
+@_once
+def block_map() -> Files:
+    """A block map `b.tif` and the raster that it was made from, `x.tif`."""
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        (folder / "x.tif").write_bytes(rasters()["deflate.tif"])
+        _uavseg(folder, "divide", "x.tif", "-o", "b.tif")
+        return {name: (folder / name).read_bytes() for name in ("b.tif", "x.tif")}
+
+
+@_once
+def missions() -> Files:
+    """Missions, a path and states, over `x.tif` and the map `m.tif`."""
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        (folder / "x.tif").write_bytes(rasters()["deflate.tif"])
+        (folder / "r.geojson").write_bytes(vectors()["r.geojson"])
+        (folder / "s.json").write_bytes(SCENE)
+        _uavseg(folder, "simulate", "s.json", "-o", "m.tif")
+        _uavseg(folder, "classify", "m.tif", "-o", "st.tif")
+        for suffix in ("plan", "waypoints"):
+            _uavseg(folder, "plan", "r.geojson", "-o", f"a.{suffix}", "--altitude", "50", "--home", "auto")
+        place = ("--start", "500005,4499920", "--goal", "500030,4499930")
+        _uavseg(folder, "path", "x.tif", "--range", "0,0.9", *place, "-o", "p.geojson")
+        return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@_once
+def ros_maps() -> Files:
+    """ROS maps: `m.yaml` names one of three pictures."""
+    grey = np.choose(image(40, 50) // 90, [np.uint8(0), np.uint8(205), np.uint8(254)])
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        _tif(folder, "m.png", np.stack([grey, np.where(grey == 205, 0, 255).astype(np.uint8)]), driver="PNG")
+        plain = " ".join(map(str, grey.ravel())).encode()
+        return {
+            "m.yaml": _YAML.encode(),
+            "m.pgm": b"P5\n# drawn\n50 40\n255\n" + grey.tobytes(),
+            "p.pgm": b"P2 50 40 255\n" + plain,
+            "m.png": (folder / "m.png").read_bytes(),
+        }
+
+
+_YAML = """image: m.pgm
+mode: trinary
+resolution: 0.05
+origin: [-1.0, 2.5, 0.1]
+negate: 0
+occupied_thresh: 0.65
+free_thresh: 0.196
+"""
+SCENE = json.dumps(
+    {
+        "map": {"rows": 60, "cols": 70, "cell": 0.05, "origin": [0, 0]},
+        "polygons": [[[1.0, 1.0], [1.5, 1.0], [1.2, 1.4]]],
+        "circles": [{"center": [2.2, 2.0], "radius": 0.3}],
+        "sensor": {"sigma": 0.05, "range": 2.0, "fov": 60, "step": 2},
+        "poses": [{"at": [0.2, 0.2], "heading": 45}],
+    }
+).encode()
+
+
+@_once
+def kept_results() -> Files:
+    """The folder `done` of results that `RESUMED` keeps."""
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        (folder / "x.tif").write_bytes(rasters()["deflate.tif"])
+        _uavseg(folder, *RESUMED[:-4], *RESUMED[-2:])
+        files = [path for path in sorted(folder.rglob("done/**/*")) if path.is_file()]
+        return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
+RESUMED = ("extract", "x.tif", "--range", "0.4,1", "-o", "out.geojson", "--threads", "1", "--resume", "done")
+
+
+def _uavseg(folder: Path, *arguments: str) -> None:
+    """Run a command; in a process of its own, so that this one starts no threads, which do not survive a fork."""
+    command = [
+        sys.executable,
+        "-m",
+        "uavseg",
+        *arguments,
+        *(["--threads", "1"] if arguments[0] in _TILED else []),
+    ]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+
+
+_TILED = ("extract", "levels", "divide", "classify", "path")

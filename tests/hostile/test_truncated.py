@@ -1,0 +1,72 @@
+"""Files that end early, as where reading fails: one clear line at whatever byte they end, or a whole result."""
+
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+
+import pytest
+
+from tests.hostile import campaign, seeds
+from tests.hostile.case import Case
+
+LENGTHS = 40  # of each file
+FLIGHT = ("-o", "out.plan", "--altitude", "50", "--home", "auto")
+PLANNED = ("r.geojson", "r.gpkg", "r.fgb", "r.parquet", "r.shp", "r.shx", "r.dbf", "r.prj", "r.kml", "r.csv")
+PARTS = ("r.shp", "r.shx", "r.dbf", "r.prj", "r.cpg")
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[ProcessPoolExecutor]:
+    with campaign.started() as pool:
+        yield pool
+
+
+def check(pool: ProcessPoolExecutor, files: dict[str, bytes], name: str, command: tuple[str, ...]) -> None:
+    """Run a command with a file cut off at many lengths."""
+    content = files[name]
+    found = {}
+    for n in range(LENGTHS):
+        length = n * len(content) // LENGTHS
+        case = Case(files | {name: content[:length]}, (command,))
+        found[length] = pool.submit(campaign.judged, case).result()
+    assert not any(found.values()), {length: what for length, what in found.items() if what}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", seeds.rasters())
+def test_a_raster(pool: ProcessPoolExecutor, name: str) -> None:
+    command = ("extract", "x.tif", "--range", "0.4,1", "-o", "out.gpkg", "--threads", "1")
+    check(pool, {"x.tif": seeds.rasters()[name]}, "x.tif", command)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLANNED)
+def test_a_file_of_regions(pool: ProcessPoolExecutor, name: str) -> None:
+    names = PARTS if name in PARTS else (name,)
+    files = {part: seeds.vectors()[part] for part in names}
+    check(pool, files, name, ("plan", names[0], *FLIGHT))
+
+
+@pytest.mark.slow
+def test_a_block_map(pool: ProcessPoolExecutor) -> None:
+    command = ("extract", "b.tif", "--range", "0.4,1", "-o", "out.geojson", "--threads", "1")
+    check(pool, dict(seeds.block_map()), "b.tif", command)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["m.yaml", "m.pgm"])
+def test_a_ros_map(pool: ProcessPoolExecutor, name: str) -> None:
+    check(pool, dict(seeds.ros_maps()), name, ("classify", "m.yaml", "-o", "out.tif", "--threads", "1"))
+
+
+@pytest.mark.slow
+def test_a_scene(pool: ProcessPoolExecutor) -> None:
+    check(pool, {"s.json": seeds.SCENE}, "s.json", ("simulate", "s.json", "-o", "out.tif"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("option", "name"), [("--mission", "a.plan"), ("--mission", "a.waypoints"), ("--path", "p.geojson")]
+)
+def test_what_is_drawn(pool: ProcessPoolExecutor, option: str, name: str) -> None:
+    files = {part: seeds.missions()[part] for part in (name, "x.tif")}
+    check(pool, files, name, ("preview", "x.tif", option, name, "-o", "out.png", "--width", "300"))

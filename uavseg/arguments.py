@@ -1,0 +1,212 @@
+"""Checks of arguments: each value against the annotation of its parameter, with a sentence where it fails."""
+
+from __future__ import annotations
+
+import collections.abc
+import functools
+import inspect
+import math
+import numbers
+import os
+import sys
+import types
+from collections.abc import Callable
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin
+
+from uavseg.errors import ParameterError
+from uavseg.plain_text import shown
+
+F = TypeVar("F", bound=Callable[..., Any])
+Check = Callable[[Any], bool]
+
+_OPERATORS = ("__call__", "__getitem__")
+_COUNTS = {1: "one", 2: "two", 3: "three", 4: "four"}
+
+
+def checked(target: F) -> F:
+    """Decorate a function, or a class, so that each argument fits the annotation of its parameter.
+
+    Numbers are those of Python and of numpy; a bool is not one. A default fits always. Where an annotation
+    says tuple, a list or an array of as many numbers will do. Classes that are imported for types only are
+    not looked at: the function itself checks such a value.
+
+    Raises
+    ------
+    ParameterError
+        On a call, if an argument is of a wrong kind.
+
+    Examples
+    --------
+    >>> @checked
+    ... def half(width: float) -> float:
+    ...     return width / 2
+    >>> half("3")
+    Traceback (most recent call last):
+    uavseg.errors.ParameterError: width is a number, not '3'
+    """
+    if isinstance(target, type):
+        target.__init__ = checked(target.__init__)  # type: ignore[misc]
+        return target
+    signature = inspect.signature(target)
+
+    @functools.cache
+    def checks() -> dict[str, tuple[Check, str]]:
+        named = [(name, _resolved(found.annotation, target)) for name, found in signature.parameters.items()]
+        return {name: (_check(kind), _description(kind)) for name, kind in named if kind is not Any}
+
+    @functools.wraps(target)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        given = signature.bind(*args, **kwargs).arguments
+        for name, (fits, wanted) in checks().items():
+            value = given.get(name)
+            if name in given and value is not signature.parameters[name].default and not fits(value):
+                raise ParameterError(f"{name} is {wanted}, not {shown(value)}")
+        return target(*args, **kwargs)
+
+    return call  # type: ignore[return-value]
+
+
+def _resolved(annotation: Any, function: Callable[..., Any]) -> Any:
+    """An annotation as a type; Any where there is none, or one that is known to type checkers only."""
+    if annotation is inspect.Parameter.empty:
+        return Any
+    if not isinstance(annotation, str):
+        return annotation
+    try:
+        return eval(annotation, vars(sys.modules[function.__module__]))
+    except NameError:
+        return Any
+
+
+def _parts(kind: Any) -> tuple[Any, ...]:
+    """The members of a union, or the type itself; what numpy makes an array of is one."""
+    is_union = get_origin(kind) in (Union, types.UnionType) and not _is_array_like(kind)
+    return get_args(kind) if is_union else (kind,)
+
+
+def _check(kind: Any) -> Check:
+    """Whether a value fits a type."""
+    parts = [_check_one(part) for part in _parts(kind)]
+    return lambda value: any(fits(value) for fits in parts)
+
+
+def _check_one(kind: Any) -> Check:
+    origin, args = get_origin(kind), get_args(kind)
+    if kind in _SIMPLE:
+        return _SIMPLE[kind][0]
+    if origin is Literal:
+        return _is_text  # whoever uses it says which words there are
+    if origin is tuple and args[-1:] != (...,):
+        each = [_check(part) for part in args]
+        return lambda value: _is_sequence(value) and _all_fit(each, value)
+    if origin in (tuple, collections.abc.Sequence):
+        item = _check(args[0])
+        return lambda value: _is_sequence(value) and all(map(item, value))
+    if origin is collections.abc.Callable:
+        return callable
+    if _is_array_like(kind):
+        return _holds_numbers
+    if _is_array(kind):
+        return lambda value: hasattr(value, "ndim") and _holds_numbers(value)
+    if getattr(kind, "_is_protocol", False):
+        names = [name for name in vars(kind) if not name.startswith("_") or name in _OPERATORS]
+        return lambda value: not isinstance(value, str | type) and all(hasattr(value, name) for name in names)
+    expected = origin or kind
+    if isinstance(expected, type):
+        return lambda value: isinstance(value, expected)
+    return lambda value: True
+
+
+def _all_fit(checks: list[Check], values: Any) -> bool:
+    return len(values) == len(checks) and all(fits(value) for fits, value in zip(checks, values, strict=True))
+
+
+def _is_number(value: Any) -> bool:
+    if not _is_of(value, numbers.Real):
+        return False
+    try:
+        return math.isfinite(value) or not isinstance(value, numbers.Rational)
+    except OverflowError:  # a whole number that no float can hold
+        return False
+
+
+def _is_whole(value: Any) -> bool:
+    return _is_of(value, numbers.Integral) and abs(int(value)) < 2**63
+
+
+def _is_of(value: object, kind: type) -> bool:
+    """Whether a value is a number of a kind; True and False are none."""
+    return isinstance(value, kind) and not isinstance(value, bool)
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str) and "\0" not in value
+
+
+def _is_truth(value: Any) -> bool:
+    return isinstance(value, bool) or type(value).__name__ in ("bool_", "bool")
+
+
+def _is_sequence(value: Any) -> bool:
+    if isinstance(value, str | bytes):
+        return False
+    return isinstance(value, collections.abc.Sequence) or getattr(value, "ndim", None) == 1
+
+
+def _is_array(kind: Any) -> bool:
+    """Whether a type is numpy's array."""
+    return getattr(get_origin(kind), "__module__", "") == "numpy"
+
+
+def _is_array_like(kind: Any) -> bool:
+    return "_SupportsArray" in str(kind)
+
+
+def _holds_numbers(value: Any) -> bool:
+    import numpy as np
+
+    if value is None or isinstance(value, str | bytes):
+        return False
+    try:
+        return np.asarray(value).dtype.kind in "biuf"
+    except (TypeError, ValueError, OverflowError):  # rows of different lengths, or objects
+        return False
+
+
+def _description(kind: Any) -> str:
+    """A type in words."""
+    words = list(dict.fromkeys(_description_of_one(part) for part in _parts(kind)))
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+
+
+def _description_of_one(kind: Any) -> str:
+    origin, args = get_origin(kind), get_args(kind)
+    if kind in _SIMPLE:
+        return _SIMPLE[kind][1]
+    if origin is Literal:
+        return "a text"
+    if origin is tuple and args[-1:] != (...,):
+        items = _description(args[0]).removeprefix("a ")
+        return f"{_COUNTS.get(len(args), str(len(args)))} {items}s"
+    if origin in (tuple, collections.abc.Sequence):
+        return f"a sequence of {_description(args[0]).removeprefix('a ')}s"
+    if origin is collections.abc.Callable:
+        return "a function"
+    if _is_array(kind) or _is_array_like(kind):
+        return "an array of numbers"
+    return f"a {getattr(origin or kind, '__name__', kind)}"
+
+
+_SIMPLE: dict[Any, tuple[Check, str]] = {
+    float: (_is_number, "a number"),
+    int: (_is_whole, "a whole number"),
+    bool: (_is_truth, "True or False"),
+    str: (_is_text, "a text"),
+    None: (lambda value: value is None, "None"),
+    type(None): (lambda value: value is None, "None"),
+    Any: (lambda value: True, "anything"),
+    os.PathLike[str]: (
+        lambda value: isinstance(value, os.PathLike) and _is_text(os.fspath(value)),
+        "a path",
+    ),
+}

@@ -1,0 +1,113 @@
+"""Text of messages: one printable line of bounded length, whatever a file or a library says."""
+
+import re
+
+MAX_MESSAGE = 500  # characters
+MAX_WORD = 160
+MAX_CAUSE = 200
+_TAIL = 150  # of a message, which often ends with what to do
+
+
+def one_line(text: object, most: int = MAX_MESSAGE) -> str:
+    r"""A text as one printable line: control characters are escaped, what is too long is left out.
+
+    Parameters
+    ----------
+    text : object
+        Usually str.
+    most : int
+        Characters that are kept.
+
+    Examples
+    --------
+    >>> one_line("red\x1b[31m\nfile.tif")
+    'red\\x1b[31m\\nfile.tif'
+    >>> one_line("a" * 1000, 20)
+    'aaaaaaa ... aaaaaaaa'
+    """
+    line = re.sub(rf"\S{{{MAX_WORD + 1},}}", lambda word: _shortened(word[0], MAX_WORD), printable(str(text)))
+    return _shortened(line, most)
+
+
+def printable(text: str) -> str:
+    r"""A text in which control characters are escaped, and what changes the direction of writing.
+
+    Examples
+    --------
+    >>> printable("a\tb\x9b")
+    'a\\tb\\x9b'
+    """
+    if text.isprintable():
+        return text
+    letters = (
+        letter if letter.isprintable() else letter.encode("unicode_escape").decode() for letter in text
+    )
+    return "".join(letters)
+
+
+def cause_of(error: BaseException) -> str:
+    """The message of the first error in a chain of causes: its first sentence, as one line.
+
+    What Python says of values of a wrong kind is said in words that a user knows.
+
+    Examples
+    --------
+    >>> cause_of(ValueError("Cannot read it.\\nSee the manual. It is long."))
+    'Cannot read it'
+    >>> cause_of(ValueError("could not convert string to float: 'x'")), cause_of(KeyError("items"))
+    ("expected a number, got 'x'", "'items' is missing")
+    """
+    while error.__cause__ is not None:
+        error = error.__cause__
+    for kind, text in _IN_WORDS.items():
+        if isinstance(error, kind):
+            return text
+    words = " ".join(str(getattr(error, "strerror", None) or error).split())
+    if type(error) is KeyError:
+        return f"{shown(error.args[0]) if error.args else 'a value'} is missing"
+    for pattern, text in _REPHRASED:
+        words = re.sub(pattern, text, words)
+    sentence = re.split(r"(?<=[^.\s])\.(?=\s|$)", words, maxsplit=1)[0]
+    return one_line(sentence or type(error).__name__, MAX_CAUSE)
+
+
+_IN_WORDS: dict[type[BaseException], str] = {
+    UnicodeError: "a text or a name in it is not UTF-8",
+    RecursionError: "it is nested too deeply",
+    OverflowError: "a number in it is too large",
+    TypeError: "a value in it is of a wrong kind",
+    AttributeError: "a value in it is of a wrong kind",
+    IndexError: "a list in it is too short",
+    UnboundLocalError: "it is damaged",
+}
+_REPHRASED = (
+    (r"^could not convert string to float: (.*)", r"expected a number, got \1"),
+    (r"^invalid literal for int\(\) with base \d+: (.*)", r"expected a whole number, got \1"),
+    (r"^cannot convert float \w+ to integer", "expected a whole number, got one that is not finite"),
+    (r"^Exceeds the limit \(\d+ digits\).*", "a number in it is too large"),
+    (r"^(too many|not enough) values to unpack.*", "a list in it is of a wrong length"),
+    (r".*do not form a closed linestring.*", "a ring is not closed: its last point is not its first"),
+)
+
+
+def shown(value: object, quoted: bool = True) -> str:
+    """A wrong value in a message: its representation, or the text itself, shortened.
+
+    Examples
+    --------
+    >>> shown("a" * 100), shown(3)
+    ("'aaaaaaaaaaaaaaaaaa ... aaaaaaaaaaaaaaa'", '3')
+    """
+    try:
+        text = repr(value) if quoted else str(value)
+    except Exception:  # a huge int has no text, and a stranger's object may raise anything
+        text = f"a value of type {type(value).__name__}"
+    return one_line(" ".join(text.split()), 40 if len(text) > 60 else 60)
+
+
+def _shortened(text: str, most: int) -> str:
+    """The beginning and the end of a text that is longer than `most`."""
+    if len(text) <= most:
+        return text
+    tail = min(_TAIL, most * 2 // 5)
+    return f"{text[: most - tail - 5]} ... {text[-tail:]}"
