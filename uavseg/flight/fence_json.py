@@ -3,7 +3,9 @@
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from uavseg.errors import MissionError
 from uavseg.flight.fence import Fence, FenceCircle, FencePolygon, RallyPoint
+from uavseg.plain_text import shown
 
 _VERSION, _SHAPE_VERSION = 2, 1
 
@@ -33,7 +35,7 @@ def fence_from_json(geofence: Mapping[str, Any] | None) -> tuple[Fence, ...]:
     Raises
     ------
     MissionError
-        If a shape is not on Earth, degenerate, or too large.
+        If a shape is not on Earth, degenerate, or too large, or neither inclusion nor exclusion.
     KeyError, TypeError, ValueError
         If a key is missing or has another type.
     """
@@ -61,5 +63,5 @@ def _inclusion(shape: Mapping[str, Any]) -> bool:
     """Whether a shape keeps the vehicle in; without the key, readers disagree about its meaning."""
     inclusion = shape["inclusion"]
     if not isinstance(inclusion, bool):
-        raise TypeError(f"inclusion is true or false, not {inclusion!r}")
+        raise MissionError(f"inclusion of a fence is true or false, not {shown(inclusion)}")
     return inclusion
