@@ -105,7 +105,7 @@ def floors() -> list[str]:
     """Each dependency of the package and of its tests at the lowest version that pyproject.toml allows."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    wanted = [*project["dependencies"], *extras["test"], *extras["cluster"]]
+    wanted = [*project["dependencies"], *extras["test"], *extras["cluster"], *extras["serial"]]
     split = [re.fullmatch(r"([\w-]+)>=([\w.]+)", text) for text in wanted if not text.startswith("uavseg")]
     assert all(split), f"expected NAME>=VERSION of every dependency, got {wanted}"
     return [f"{found[1]}=={found[2]}" for found in split if found]

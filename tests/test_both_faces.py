@@ -17,8 +17,13 @@ from affine import Affine
 from click.testing import CliRunner
 
 import uavseg
+from tests.flight.link.link_missions import fenced, survey
+from tests.flight.link.served import udp_vehicle
+from tests.flight.link.vehicles import ArduPilot, FakeVehicle, Generic, Px4
 from uavseg.cli import main
 from uavseg.flight import files
+from uavseg.flight.link import link
+from uavseg.flight.mission import Mission
 from uavseg.jobs.divide import divide as divide_job
 from uavseg.jobs.info import info as info_job
 from uavseg.jobs.open_source import open_raster, open_source
@@ -547,3 +552,67 @@ def test_simulations(scene: str, words: Words) -> None:
         )
 
     assert_equal(in_python(simulated), expected)
+
+
+# Vehicles
+
+
+@pytest.fixture(autouse=True)
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Do not wait for a second vehicle."""
+    monkeypatch.setattr(link, "LISTEN_S", 0.05)
+
+
+def vehicle_lists(vehicle: FakeVehicle) -> bytes:
+    return repr([vehicle.stored[kind] for kind in range(3)]).encode()
+
+
+@pytest.mark.parametrize(
+    ("make", "mission", "words"),
+    [
+        (ArduPilot, fenced(survey()), {}),
+        (Px4, survey(firmware="px4"), {"timeout": 4.0}),
+        (Px4, survey(), {}),
+        (lambda: ArduPilot(capacity=5), survey(), {"timeout": 0.4}),
+        (lambda: ArduPilot(armed=True), survey(), {}),
+        (ArduPilot, survey(), {"timeout": -1.0}),
+    ],
+)
+def test_uploads(make: Callable[[], FakeVehicle], mission: Mission, words: Words) -> None:
+    files.write_mission(mission, "fly.plan", overwrite=True)
+    vehicle, other = make(), make()
+    with udp_vehicle(vehicle) as address:
+        expected = on_the_command_line("upload", ["fly.plan", "--connect", address, *options(words)], "")
+    if isinstance(expected.content, bytes):
+        expected = Answer(vehicle_lists(vehicle), expected.warnings)
+
+    def upload() -> bytes:
+        with udp_vehicle(other) as address:
+            uavseg.upload("fly.plan", connect=address, **words)
+        return vehicle_lists(other)
+
+    assert_equal(in_python(upload), expected)
+
+
+@pytest.mark.parametrize(
+    ("make", "mission"),
+    [
+        (ArduPilot, fenced(survey())),
+        (lambda: Px4(home=(47.0, 8.0, 412.5)), fenced(survey(firmware="px4"))),
+        (Generic, survey()),
+        (Px4, None),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
+def test_downloads(make: Callable[[], FakeVehicle], mission: Mission | None, suffix: str) -> None:
+    with udp_vehicle(make()) as address:
+        if mission is not None:
+            uavseg.upload(mission, connect=address)
+        output = f"out{suffix}"
+        expected = on_the_command_line("download", ["--connect", address, "-o", output], output)
+
+        def held() -> bytes:
+            found = uavseg.download(connect=address)
+            return written(lambda path: files.write_mission(found, path), f"python{suffix}")
+
+        assert_equal(in_python(held), expected)

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 from uavseg._version import __version__
 
 if TYPE_CHECKING:
+    from uavseg.api.link import download as download
+    from uavseg.api.link import upload as upload
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import path as path
     from uavseg.api.missions import plan as plan
@@ -38,6 +40,8 @@ _HOMES = {
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
     "plan": "uavseg.api.missions",
+    "upload": "uavseg.api.link",
+    "download": "uavseg.api.link",
     "PlanParams": "uavseg.flight.params",
     "Dataset": "uavseg.raster.dataset",
     "GeoBox": "uavseg.raster.geobox",

@@ -16,6 +16,9 @@ class UavsegError(Exception):
         Control characters in it are escaped, and the middle of a long one is left out.
     """
 
+    exit_code = 1
+    """With which a command ends."""
+
     def __init__(self, message: str = "") -> None:
         super().__init__(one_line(message))
 
@@ -70,6 +73,16 @@ class ClusterError(UavsegError, OSError):
 
 class MissionError(UavsegError, ValueError):
     """A mission would be unsafe, or its reader would refuse it."""
+
+
+class LinkError(UavsegError, OSError):
+    """A vehicle cannot be reached, refuses a mission, falls silent, or is not alone on its link."""
+
+
+class UnverifiedError(LinkError):
+    """A vehicle accepted a mission, which could then not be read back and compared."""
+
+    exit_code = 3
 
 
 class OutputError(UavsegError, OSError):

@@ -2,16 +2,20 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink import mavwp
 
+from tests.flight.fences import FENCE, RALLY, fences, rally_points
 from uavseg.errors import MissionError, OutputExistsError
 from uavseg.flight import files
+from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.items import (
     FRAME_AMSL,
     FRAME_MISSION,
@@ -54,6 +58,9 @@ orders = st.builds(
 missions = st.builds(
     Mission, st.just(HOME), st.tuples(places, orders, places), st.just("ardupilot")
 ) | st.lists(st.one_of(places, orders), max_size=9).map(lambda items: Mission(HOME, (WAYPOINT, *items)))
+
+
+FENCED = replace(MISSION, fence=FENCE, rally=RALLY)
 
 
 def written(mission: Mission, folder: Path, suffix: str) -> Path:
@@ -215,7 +222,110 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
         files.read_mission(tmp_path / "none.plan")
 
 
-def test_a_fence_that_is_not_read_gives_a_warning(tmp_path: Path) -> None:
-    path = tmp_path / "fenced.plan"
-    path.write_text(changed(geoFence={"version": 2, "circles": [{}], "polygons": []}))
-    assert "fence" in files.read_mission(path).warnings[0]
+@given(fence=fences, rally=rally_points)
+@settings(max_examples=40, deadline=None)
+def test_a_fence_and_rally_points_written_are_read_equal(
+    fence: list[FencePolygon | FenceCircle],
+    rally: list[RallyPoint],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    mission = replace(MISSION, fence=tuple(fence), rally=tuple(rally))
+    found = files.read_mission(written(mission, tmp_path_factory.getbasetemp(), ".plan"))
+    assert found == mission and found.fence == mission.fence and found.rally == mission.rally
+
+
+def test_a_fence_has_every_key_that_qgroundcontrol_requires() -> None:
+    plan = json.loads(files.plan_text(FENCED), parse_constant=pytest.fail)
+    assert plan["geoFence"]["version"] == plan["rallyPoints"]["version"] == 2
+    shapes = plan["geoFence"]["polygons"] + plan["geoFence"]["circles"]
+    assert [shape["inclusion"] for shape in shapes] == [True, False, False]
+    assert all(shape["version"] == 1 for shape in shapes)
+    for shape in plan["geoFence"]["polygons"]:
+        lat, lon = np.array(shape["polygon"]).T
+        assert np.sum((np.roll(lon, -1) - lon) * (np.roll(lat, -1) + lat)) > 0  # clockwise
+    assert plan["geoFence"]["circles"][0]["circle"] == {"center": [-33.85, 151.21], "radius": 40.5}
+    assert plan["rallyPoints"]["points"] == [[-33.855, 151.214, 30.0], [-33.85, 151.22, 45.5]]
+
+
+def test_mavsdk_reads_the_fence_and_rally_points(mavsdk_reader: Any, tmp_path: Path) -> None:
+    found = mavsdk_reader.import_qgroundcontrol_mission(str(written(FENCED, tmp_path, ".plan")))
+    assert len(found.mission_items) == len(MISSION.items)
+    box, keep_out, _ = FENCED.fence
+    assert isinstance(box, FencePolygon) and isinstance(keep_out, FencePolygon)
+    expected = [(5001, 4, *vertex) for vertex in box.vertices]
+    expected += [(5002, 3, *vertex) for vertex in keep_out.vertices] + [(5004, 40.5, -33.85, 151.21)]
+    items = found.geofence_items
+    assert [(one.command, one.param1) for one in items] == [one[:2] for one in expected]
+    assert {(one.frame, one.mission_type) for one in items} == {(0, 1)}
+    for one, (_, _, lat, lon) in zip(items, expected, strict=True):
+        assert (one.x, one.y) == (pytest.approx(lat * 1e7, abs=1), pytest.approx(lon * 1e7, abs=1))
+    for one, point in zip(found.rally_items, RALLY, strict=True):
+        assert (one.command, one.frame, one.mission_type, one.z) == (5100, 3, 2, point.altitude_m)
+        assert (one.x, one.y) == (
+            pytest.approx(point.lat * 1e7, abs=1),
+            pytest.approx(point.lon * 1e7, abs=1),
+        )
+
+
+@pytest.mark.parametrize(("fence", "rally"), [(FENCE, ()), ((), RALLY)])
+def test_waypoints_cannot_hold_a_fence_and_say_so(tmp_path: Path, fence: Any, rally: Any) -> None:
+    path = tmp_path / "fenced.waypoints"
+    with pytest.warns(UserWarning, match=r"cannot hold a fence or rally points.*\.plan"):
+        files.write_mission(replace(MISSION, fence=fence, rally=rally), path)
+    assert path.read_text() == files.waypoints_text(MISSION)
+
+
+def changed_fence(polygon: Any = None, circle: Any = None, rally: Any = None) -> str:
+    fence = {"version": 2, "polygons": [polygon] if polygon else [], "circles": [circle] if circle else []}
+    return changed(geoFence=fence, rallyPoints={"version": 2, "points": [rally] if rally else []})
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            changed_fence({"polygon": [[-33.8, 151.2], [-33.9, 151.2], [-33.9, 151.1]]}),
+            "inclusion' is missing",
+        ),
+        (changed_fence({"polygon": [[-33.8, 151.2]], "inclusion": True}), "three vertices"),
+        (changed_fence({"polygon": [[151.2, -33.8]] * 3, "inclusion": True}), "swapped"),
+        (changed_fence({"polygon": [[1, 2, 3]], "inclusion": True}), "not a mission that can be read"),
+        (changed_fence({"polygon": 5, "inclusion": True}), "not a mission that can be read"),
+        (
+            changed_fence(circle={"circle": {"center": [-33.8, 151.2]}, "inclusion": True}),
+            "radius' is missing",
+        ),
+        (
+            changed_fence(circle={"circle": {"center": [-33.8, 151.2], "radius": 5}, "inclusion": 1}),
+            "inclusion",
+        ),
+        (
+            changed_fence(circle={"circle": {"center": [47, 8], "radius": 5}, "inclusion": True}),
+            "km from home",
+        ),
+        (changed_fence(rally=[-33.8, 151.2]), "not a mission that can be read"),
+        (changed_fence(rally=[-33.8, 151.2, -5]), "rally point"),
+        (changed_fence(rally=[47, 8, 50]), "a rally point lies .* km from home"),
+        (changed(geoFence=[1]), "not a mission that can be read"),
+        (changed(rallyPoints="none"), "not a mission that can be read"),
+    ],
+)
+def test_an_invalid_fence_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "odd.plan"
+    path.write_text(text)
+    with pytest.raises(MissionError, match=words) as refused:
+        files.read_mission(path)
+    assert "odd.plan" in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_plan_without_a_fence_has_none(tmp_path: Path) -> None:
+    path = tmp_path / "open.plan"
+    plan = json.loads(files.plan_text(MISSION))
+    path.write_text(json.dumps({**plan, "geoFence": None, "rallyPoints": None}))
+    assert files.read_mission(path) == MISSION
+
+
+def test_a_breach_return_point_that_is_not_read_gives_a_warning(tmp_path: Path) -> None:
+    path = tmp_path / "breach.plan"
+    path.write_text(changed(geoFence={"version": 2, "breachReturn": [-33.85, 151.21, 30]}))
+    assert "breach return" in files.read_mission(path).warnings[0]

@@ -30,6 +30,8 @@ LINES = tuple(
         "info x.tif --json --band 1 --nodata 3 --stretch minmax --threads 1",
         f"plan r.geojson -o out.plan {FLIGHT} --pattern survey --spacing 20 --angle 45 --firmware px4",
         f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1,2 --largest 2 --where area_m2>5",
+        "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
+        "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
         "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
         "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",

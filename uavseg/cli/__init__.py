@@ -23,6 +23,8 @@ _COMMANDS = {
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
     "cameras": "List the cameras that a survey can be planned for.",
+    "upload": "Send a mission to a vehicle, and verify it.",
+    "download": "Read the mission of a vehicle.",
     "path": "Find the shortest path between two places of one region.",
     "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like.",
@@ -77,7 +79,7 @@ class _Group(click.Group):
                 raise _clean(error) from None
             except UavsegError as error:
                 click.echo(f"uavseg: error: {error}", err=True)
-                ctx.exit(1)
+                ctx.exit(error.exit_code)
             except OSError as error:
                 click.echo(f"uavseg: error: {_system_error(error)}", err=True)
                 ctx.exit(1)

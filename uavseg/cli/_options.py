@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -300,12 +300,12 @@ def parse_angle(text: str) -> float | None:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
 
 
-def report(mission: Mission, regions: int, output: str) -> None:
-    """Print length, duration and warnings of a mission on stderr."""
+def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str] = ()) -> None:
+    """Print length, duration and warnings of a mission on stderr, and what its format cannot hold."""
     minutes, seconds = divmod(round(mission.duration_s), 60)
     flown = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
     say(f"{flown}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s")
     if mission.firmware == "px4" and output.lower().endswith(".waypoints"):
         say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
-    for warning in mission.warnings:
+    for warning in (*mission.warnings, *unwritten):
         say(f"note: {warning}")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from uavseg.cli._say import standard_output
 
 if TYPE_CHECKING:
+    from uavseg.flight.mission import Mission
     from uavseg.jobs.result import Extraction
     from uavseg.jobs.work import Work
 
@@ -91,6 +92,18 @@ def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool
 
     run = work.executor if label_raster.is_vrt(path) else work.local
     label_raster.write_label_raster(path, found.rings, found.geobox, run, overwrite)
+
+
+def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[str]:
+    """Write a mission; what its format cannot hold is returned as warnings."""
+    import warnings
+
+    from uavseg.flight import files
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        files.write_mission(mission, path, overwrite)
+    return [str(one.message) for one in caught]
 
 
 def shown(target: str) -> str:

@@ -25,6 +25,7 @@ from uavseg.cli._write import (
     shown,
     summary_rows,
     transaction,
+    write_mission_output,
     write_regions_and_labels,
 )
 
@@ -86,16 +87,16 @@ def command(**options: Any) -> None:
     planned = None
     if flight is not None:
         from uavseg.cli._options import report
-        from uavseg.flight.files import write_mission
         from uavseg.jobs.plan import open_regions, plan
 
         planned = plan(open_regions(found.regions), flight)
+    unwritten: list[str] = []
     with transaction():
         if planned is not None:
-            write_mission(planned.mission, mission, run.overwrite)
+            unwritten = write_mission_output(planned.mission, options["mission"], run.overwrite)
         write_regions_and_labels(found, target, labels, work, run.overwrite)
     if planned is not None and not run.reporter.quiet:
-        report(planned.mission, planned.regions, mission)
+        report(planned.mission, planned.regions, options["mission"], unwritten)
     rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 

@@ -8,7 +8,7 @@ import click
 
 from uavseg.cli._access import access_options
 from uavseg.cli._options import mission_options, plan_request, report
-from uavseg.cli._write import keep_inputs
+from uavseg.cli._write import keep_inputs, write_mission_output
 
 
 @click.command("plan")
@@ -44,6 +44,6 @@ def command(**options: Any) -> None:
     request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     planned = plan(open_regions(source, options["layer"]), request)
-    files.write_mission(planned.mission, output, options["overwrite"])
+    unwritten = write_mission_output(planned.mission, output, options["overwrite"])
     if not options["quiet"]:
-        report(planned.mission, planned.regions, output)
+        report(planned.mission, planned.regions, output, unwritten)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import warnings
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import MissionError
+from uavseg.flight.fence_json import fence_from_json, fence_to_json, rally_from_json, rally_to_json
 from uavseg.flight.items import (
     FIRMWARES,
     FRAME_AMSL,
@@ -46,7 +48,7 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
     path : path
         Its extension selects the format: .plan (QGroundControl, MAVSDK) or .waypoints (Mission Planner,
         mavwp, QGroundControl). A .waypoints file does not store the firmware; parameters that are not set
-        are written as 0.
+        are written as 0, and a fence and rally points are left out with a warning.
     overwrite : bool
         Whether an existing file may be replaced.
 
@@ -57,9 +59,15 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
     OutputError
         If the file exists, or cannot be written.
     """
-    text = _WRITERS[check_mission_format(path)](mission)
+    suffix = check_mission_format(path)
+    text = _WRITERS[suffix](mission)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+    if suffix == ".waypoints" and (mission.fence or mission.rally):
+        warnings.warn(
+            "a .waypoints file cannot hold a fence or rally points: they were not written; use a .plan",
+            stacklevel=2,
+        )
 
 
 def read_mission(path: MissionPath) -> Mission:
@@ -118,8 +126,8 @@ def plan_text(mission: Mission) -> str:
             "plannedHomePosition": [home.lat, home.lon, home.altitude_m],
             "items": [_simple_item(number, item) for number, item in enumerate(mission.items, start=1)],
         },
-        "geoFence": {"version": 2, "circles": [], "polygons": []},
-        "rallyPoints": {"version": 2, "points": []},
+        "geoFence": fence_to_json(mission.fence),
+        "rallyPoints": rally_to_json(mission.rally),
     }
     return json.dumps(plan, indent=1, allow_nan=False) + "\n"
 
@@ -179,7 +187,16 @@ def _mission_of_plan(text: str, name: str) -> Mission:
             f"its firmwareType is {shown(mission['firmwareType'])}; expected 3 (ArduPilot) or 12 (PX4)"
         )
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
-    return Mission(home, tuple(map(_item_of_plan, mission["items"])), firmware, name, _unread_warnings(plan))
+    geofence = plan.get("geoFence") or {}
+    return Mission(
+        home,
+        tuple(map(_item_of_plan, mission["items"])),
+        firmware,
+        name,
+        ("the breach return point of the fence was not read",) if geofence.get("breachReturn") else (),
+        fence_from_json(geofence),
+        rally_from_json(plan.get("rallyPoints")),
+    )
 
 
 def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
@@ -191,12 +208,6 @@ def _item_of_plan(item: Mapping[str, Any]) -> MissionItem:
     return MissionItem(
         int(item["command"]), int(item["frame"]), (first, second, third, fourth), lat, lon, altitude_m
     )
-
-
-def _unread_warnings(plan: Mapping[str, Any]) -> tuple[str, ...]:
-    fence, rally = plan.get("geoFence") or {}, plan.get("rallyPoints") or {}
-    found = [*(fence.get("polygons") or []), *(fence.get("circles") or []), *(rally.get("points") or [])]
-    return ("the fence and rally points of the file were not read",) if found else ()
 
 
 def _mission_of_waypoints(text: str, name: str) -> Mission:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
+from uavseg.flight.fence import Fence, FenceCircle, RallyPoint
 from uavseg.flight.items import (
     CHANGE_SPEED,
     FIRMWARES,
@@ -21,6 +22,7 @@ from uavseg.flight.items import (
     MissionItem,
     check_firmware,
     check_near,
+    distance_m,
 )
 from uavseg.raster.geodesy.globe import geod_wgs84
 
@@ -49,13 +51,18 @@ class Mission:
         Not compared, and not written to files.
     notes : tuple of str
         Warnings from the planner for the pilot; not compared.
+    fence : tuple of FencePolygon and FenceCircle
+        Areas that the vehicle must stay inside or outside of; stored polygons first, as in files.
+    rally : tuple of RallyPoint
+        Places to which it may return instead of home.
 
     Raises
     ------
     MissionError
         If there are no items to fly to or more than a link can count; if a position is not on Earth, is more
-        than 20 km (the first) or 100 km (any) from home, at or below home, or more than 1000 m above it; or
-        if the firmware is known to refuse an item.
+        than 20 km (the first) or 100 km (any) from home, at or below home, or more than 1000 m above it; if
+        the fence or a rally point is more than 100 km from home; or if the firmware is known to refuse an
+        item.
     """
 
     home: HomePosition
@@ -63,6 +70,8 @@ class Mission:
     firmware: str = "ardupilot"
     name: str = field(default="", compare=False)
     notes: tuple[str, ...] = field(default=(), compare=False)
+    fence: tuple[Fence, ...] = ()
+    rally: tuple[RallyPoint, ...] = ()
 
     def __post_init__(self) -> None:
         if self.firmware not in FIRMWARES:
@@ -77,6 +86,9 @@ class Mission:
         for item in self.items:
             check_firmware(item, self.firmware)
         _check_distances(self)
+        _check_fence(self)
+        by_kind = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
+        object.__setattr__(self, "fence", tuple(by_kind))
 
     @property
     def speed_m_s(self) -> float:
@@ -165,6 +177,18 @@ def _check_distances(mission: Mission) -> None:
             f"an item lies {extreme:g} m above home, which is not within {MAX_HEIGHT_M:g} m: "
             "check the altitude of home above the sea"
         )
+
+
+def _check_fence(mission: Mission) -> None:
+    home = mission.home
+    for what, shapes in (("the fence", mission.fence), ("a rally point", mission.rally)):
+        for lat, lon in (position for shape in shapes for position in shape.positions):
+            away = distance_m(home.lat, home.lon, lat, lon)
+            if away > MAX_DISTANCE_M:
+                raise MissionError(
+                    f"{what} lies {away / 1000:.0f} km from home; "
+                    f"at most {MAX_DISTANCE_M / 1000:.0f} km are allowed"
+                )
 
 
 def _leg_lengths(lat: Floats, lon: Floats) -> Floats:

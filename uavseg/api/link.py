@@ -1,0 +1,83 @@
+"""Upload of missions to vehicles, and download."""
+
+from __future__ import annotations
+
+import os
+
+from uavseg.api._values import warn
+from uavseg.arguments import checked
+from uavseg.flight.mission import Mission
+from uavseg.jobs.link import LinkRequest, Progress
+from uavseg.jobs.link import download as run_download
+from uavseg.jobs.link import upload as run_upload
+
+
+@checked
+def upload(
+    mission: str | os.PathLike[str] | Mission,
+    *,
+    connect: str,
+    timeout: float = 10.0,
+    progress: Progress | None = None,
+) -> None:
+    """Send a mission to a vehicle with its fence and rally points, read them back and compare.
+
+    What a vehicle is sent are heartbeats of a ground station and the MAVLink mission protocol: nothing arms
+    or starts it. A fence and rally points that the mission does not have are left as they are.
+
+    Parameters
+    ----------
+    mission : path or Mission
+        A .plan or .waypoints file, or what `plan` gives.
+    connect : str
+        Where the vehicle is: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
+    timeout : float
+        Seconds to wait for an answer, and without progress.
+    progress : callable, optional
+        Called with (done, total) for each item that is sent or read back.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or the mission is for another autopilot.
+    UnverifiedError
+        If the vehicle accepted the mission, which could then not be read back.
+    LinkError
+        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> uavseg.upload("fly.plan", connect="udpout:192.168.4.1:14550")  # doctest: +SKIP
+    """
+    warn(run_upload(mission, LinkRequest(connect, timeout), progress).warnings)
+
+
+@checked
+def download(*, connect: str, timeout: float = 10.0, progress: Progress | None = None) -> Mission:
+    """The mission that a vehicle holds, with its fence and rally points.
+
+    Parameters
+    ----------
+    connect : str
+        Where the vehicle is: udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
+    timeout : float
+        Seconds to wait for an answer, and without progress.
+    progress : callable, optional
+        Called with (done, total) for each item of a list.
+
+    Returns
+    -------
+    mission : Mission
+        Its `warnings` are warnings too.
+
+    Raises
+    ------
+    MissionError
+        If the vehicle holds no mission, or one that would not be safe.
+    LinkError
+        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+    """
+    found = run_download(LinkRequest(connect, timeout), progress)
+    warn(found.warnings)
+    return found.mission

@@ -1,0 +1,1 @@
+"""MAVLink link to a vehicle: missions, fences and rally points over the mission protocol."""

@@ -1,0 +1,99 @@
+"""Download: read the mission, the fence and the rally points of a vehicle."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from uavseg.errors import MissionError
+from uavseg.flight.items import FIRMWARES, HomePosition, MissionItem
+from uavseg.flight.link.link import POLL_S, Link
+from uavseg.flight.link.link_items import (
+    FENCE_RETURN,
+    LinkItem,
+    fence_of_items,
+    home_of_row,
+    mission_items,
+    rally_of_items,
+)
+from uavseg.flight.link.receive import Progress, receive_items
+from uavseg.flight.link.results import Kind, RefusedError, TransferLostError
+from uavseg.flight.link.vehicle import FIRMWARE_NAMES, Vehicle
+from uavseg.flight.mission import Mission
+
+HOME_S = 2.5  # PX4 sends HOME_POSITION every 2 s
+
+
+def download_mission(link: Link, progress: Progress | None = None) -> Mission:
+    """Read the mission of a vehicle, with its fence and rally points.
+
+    ArduPilot tells home as item 0, PX4 by a message; where neither is there, home is at the first item, at
+    0 m above the sea, and a note says so.
+
+    Raises
+    ------
+    LinkError
+        If the vehicle falls silent or refuses.
+    MissionError
+        If it holds no mission, or one that would not be safe.
+    """
+    report = progress or (lambda done, total: None)
+    rows = receive_items(link, Kind.MISSION, report)
+    vehicle = link.vehicle
+    if len(rows) <= int(vehicle.has_home_row):
+        raise MissionError("the vehicle holds no mission")
+    notes: list[str] = []
+    fence_items = _optional(link, Kind.FENCE, notes)
+    rally_items = _optional(link, Kind.RALLY, notes)
+    if any(item.command == FENCE_RETURN for item in fence_items):
+        notes.append("the return point of the fence was not read")
+    try:
+        items = mission_items(rows[1:] if vehicle.has_home_row else rows, vehicle.has_home_row)
+        home = _home(link, rows, items, notes)
+        fence, rally = fence_of_items(fence_items), rally_of_items(rally_items)
+        mission = Mission(home, items, _firmware(home, items, vehicle, notes), fence=fence, rally=rally)
+    except MissionError as error:
+        raise MissionError(f"what the vehicle holds cannot be used: {error}") from error
+    return replace(mission, notes=tuple(notes))
+
+
+def _optional(link: Link, kind: Kind, notes: list[str]) -> list[LinkItem]:
+    """A list that a vehicle need not know."""
+    try:
+        return receive_items(link, kind, lambda done, total: None)
+    except (TransferLostError, RefusedError) as error:
+        notes.append(f"the {kind} of the vehicle could not be read: {error}")
+        return []
+
+
+def _home(
+    link: Link, rows: Sequence[LinkItem], items: Sequence[MissionItem], notes: list[str]
+) -> HomePosition:
+    known = home_of_row(rows[0]) if link.vehicle.has_home_row and rows else None
+    if known is not None:
+        return known
+    if link.home is None and link.vehicle.firmware == "px4":
+        until = link.now() + HOME_S
+        while link.home is None and link.now() < until:
+            link.next_message(min(link.now() + POLL_S, until), none_expected=True)
+    if link.home is not None:
+        return HomePosition(*link.home)
+    first = next((item for item in items if item.has_position and not item.is_at_vehicle), None)
+    if first is None:
+        raise MissionError("the mission of the vehicle flies to no position")
+    notes.append("the vehicle does not tell its home: the position of the first item is taken, at 0 m")
+    return HomePosition(first.lat, first.lon)
+
+
+def _firmware(home: HomePosition, items: tuple[MissionItem, ...], vehicle: Vehicle, notes: list[str]) -> str:
+    """The autopilot that the mission is for; of a generic vehicle, the first whose rules it keeps."""
+    if vehicle.firmware in FIRMWARES:
+        return vehicle.firmware
+    for firmware in FIRMWARES:
+        try:
+            Mission(home, items, firmware)
+        except MissionError:
+            continue
+        notes.append(
+            f"the vehicle is a generic one: its mission is read as one for {FIRMWARE_NAMES[firmware]}"
+        )
+        return firmware
+    return next(iter(FIRMWARES))  # whose rules the mission breaks, as its error then says

@@ -1,0 +1,117 @@
+"""Upload of a mission to a vehicle, and download of the one that it holds."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from uavseg.errors import ParameterError
+from uavseg.flight.files import read_mission
+from uavseg.flight.link.address import parse_address
+from uavseg.flight.link.download import download_mission
+from uavseg.flight.link.link import TIMEOUT_S, connect
+from uavseg.flight.link.upload import upload_mission
+from uavseg.flight.mission import Mission
+
+MAX_TIMEOUT_S = 600.0
+
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkRequest:
+    """Which vehicle, and how patiently.
+
+    Parameters
+    ----------
+    connect : str
+        udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD].
+    timeout_s : float
+        How long to wait for an answer, and without progress of a transfer.
+
+    Raises
+    ------
+    ParameterError
+        If the address is none, or the time not above 0 and at most 600 s.
+    """
+
+    connect: str
+    timeout_s: float = TIMEOUT_S
+
+    def __post_init__(self) -> None:
+        parse_address(self.connect)
+        if not 0 < self.timeout_s <= MAX_TIMEOUT_S:
+            raise ParameterError(
+                f"the timeout is above 0 and at most {MAX_TIMEOUT_S:g} s, not {self.timeout_s:g}"
+            )
+
+
+@dataclass(frozen=True)
+class Uploaded:
+    """A mission that a vehicle holds, which reading it back has shown.
+
+    Parameters
+    ----------
+    mission : Mission
+    vehicle : str
+        Autopilot and system id.
+    warnings : tuple of str
+        Those of the mission, and what the upload found.
+    """
+
+    mission: Mission
+    vehicle: str
+    warnings: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Downloaded:
+    """A mission that was read from a vehicle, see `Uploaded`."""
+
+    mission: Mission
+    vehicle: str
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the person who flies it should know."""
+        return self.mission.warnings
+
+
+def upload(
+    source: str | os.PathLike[str] | Mission, request: LinkRequest, progress: Progress | None = None
+) -> Uploaded:
+    """Send a mission to a vehicle with its fence and rally points, read them back and compare.
+
+    Parameters
+    ----------
+    source : path or Mission
+    request : LinkRequest
+    progress : callable, optional
+        Called with the number of items that were sent or read back, and of all.
+
+    Raises
+    ------
+    MissionError
+        If the file cannot be read, or the mission is for another autopilot.
+    UnverifiedError
+        If the vehicle accepted the mission, which could then not be read back.
+    LinkError
+        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+    """
+    mission = source if isinstance(source, Mission) else read_mission(source)
+    with connect(request.connect, request.timeout_s) as link:
+        found = upload_mission(link, mission, progress)
+        return Uploaded(mission, str(link.vehicle), (*mission.warnings, *found))
+
+
+def download(request: LinkRequest, progress: Progress | None = None) -> Downloaded:
+    """Read the mission of a vehicle, with its fence and rally points.
+
+    Raises
+    ------
+    MissionError
+        If the vehicle holds no mission, or one that would not be safe.
+    LinkError
+        If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
+    """
+    with connect(request.connect, request.timeout_s) as link:
+        return Downloaded(download_mission(link, progress), str(link.vehicle))
