@@ -205,6 +205,18 @@ def test_gdal_of_the_system_reads_it_too(tmp_path, suffix):
     assert "Geometry: Polygon" in told.stdout or suffix == ".kml"
 
 
+@pytest.mark.parametrize("suffix", KEEPING)
+def test_ctrl_c_while_a_file_is_written_is_ctrl_c_and_leaves_none(tmp_path, suffix, monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    regions = regions_of(PICTURE)
+    monkeypatch.setattr(export.shapely, "to_wkb", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        export.write_regions(regions, tmp_path / f"a{suffix}")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_full_disk_is_reported(tmp_path, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")

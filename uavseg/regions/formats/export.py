@@ -143,11 +143,12 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
     from pyogrio.errors import DataLayerError, DataSourceError
 
     promote = has_multipolygons(regions.polygons)
-    with _gdal_date(_DATE), warnings.catch_warnings():
+    stopped: list[BaseException] = []
+    with _gdal_date(_DATE), warnings.catch_warnings(), _raising(stopped):
         warnings.simplefilter("ignore")
         try:
             pyogrio.raw.write_arrow(
-                _record_batches(regions, promote),
+                _record_batches(regions, promote, stopped),
                 path,
                 layer=LAYER,
                 driver=driver,
@@ -163,8 +164,30 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
         raise OutputError(f"{path.name} cannot be written whole; is the disk full?")
 
 
-def _record_batches(regions: Regions, promote: bool = False) -> Any:
-    """The regions as a stream of Arrow record batches; with `promote`, every geometry is a MultiPolygon."""
+@contextmanager
+def _raising(stopped: list[BaseException]) -> Iterator[None]:
+    """Context that raises what stopped a stream, such as Ctrl-C, in place of what C code makes of it."""
+    try:
+        yield
+    except Exception:
+        if stopped:
+            raise stopped[0] from None
+        raise
+
+
+def _record_batches(
+    regions: Regions, promote: bool = False, stopped: list[BaseException] | None = None
+) -> Any:
+    """The regions as a stream of Arrow record batches.
+
+    Parameters
+    ----------
+    regions : Regions
+    promote : bool
+        Whether every geometry becomes a MultiPolygon.
+    stopped : list, optional
+        Gets the exception that stopped the stream.
+    """
     import pyarrow
 
     types = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
@@ -180,7 +203,15 @@ def _record_batches(regions: Regions, promote: bool = False) -> Any:
             geometry = _arrow_bytes(shapely.to_wkb(polygons).tolist(), pyarrow.binary())
             yield pyarrow.record_batch([*columns, geometry], schema=schema)
 
-    return pyarrow.RecordBatchReader.from_batches(schema, batches())
+    def watched() -> Iterator[Any]:
+        try:
+            yield from batches()
+        except BaseException as error:
+            if stopped is not None:
+                stopped.append(error)
+            raise
+
+    return pyarrow.RecordBatchReader.from_batches(schema, watched())
 
 
 def _as_multipolygons(polygons: NDArray[Any]) -> NDArray[Any]:
