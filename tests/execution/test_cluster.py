@@ -94,7 +94,7 @@ def test_extract_and_divide_give_the_same_bytes(processes: Any, tmp_path: Path, 
             labels = ("--labels", out / "a.vrt", "--fill-holes", "90px", "--tile", 128, "-q")
             done("extract", raster.name, *RANGE, "-o", out / "a.gpkg", *labels, *how)
             done("divide", raster.name, "-o", out / "blocks.tif", "--tile", 192, "-q", *how)
-            answer = ("-o", out / "b.fgb", "--labels", out / "b.tif", "-q")
+            answer = ("-o", out / "b.fgb", "--labels", out / "b.tif", "-q", "--allow-path", tmp_path)
             done("extract", out / "blocks.tif", *RANGE, *answer, *how)
         found.append(contents(out))
     assert found[0].keys() == found[1].keys() and len(found[0]) >= 6

@@ -151,7 +151,7 @@ def prepare() -> None:
     folder = cache_folder()
     if folder is not None and folder.name == "kernels":
         os.environ["UAVSEG_CACHE"] = str(folder.parent)  # cases have other homes
-    for kernel in [found for found in gc.get_objects() if isinstance(found, Kernel)]:
+    for kernel in [found for found in gc.get_objects() if type(found) is Kernel]:  # weak proxies may be dead
         kernel._load()
 
 

@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 OVERLAP_M = 1e-6  # by which cuts are longer than the polygon is wide
 
 
-def monotone_cells(polygon: Any, step_m: float = np.inf) -> list[Any]:
+def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> list[Any]:
     """Cells of a polygon that every line along x meets in one piece at most.
 
     Parameters
@@ -27,6 +27,8 @@ def monotone_cells(polygon: Any, step_m: float = np.inf) -> list[Any]:
     step_m : float
         The polygon is cut besides at the inner corner of a step: an edge so long that runs nearly along x. A
         line across it would be too long for the narrow side.
+    detail_m : float
+        Notches that are less deep do not divide it; lines along x may meet cells in more pieces there.
 
     Returns
     -------
@@ -39,7 +41,8 @@ def monotone_cells(polygon: Any, step_m: float = np.inf) -> list[Any]:
     >>> [cell.bounds for cell in monotone_cells(ring)]  # doctest: +NORMALIZE_WHITESPACE
     [(0.0, 0.0, 9.0, 3.0), (0.0, 3.0, 3.0, 6.0), (6.0, 3.0, 9.0, 6.0), (0.0, 6.0, 9.0, 9.0)]
     """
-    critical = np.unique(np.concatenate([_critical(ring, step_m) for ring in _rings(polygon)]), axis=0)
+    outline = shapely.simplify(polygon, detail_m) if detail_m else polygon  # some of the same vertices
+    critical = np.unique(np.concatenate([_critical(ring, step_m) for ring in _rings(outline)]), axis=0)
     if not len(critical):
         return [polygon]
     faces = shapely.polygonize(_noded(polygon, critical))

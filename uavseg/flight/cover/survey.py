@@ -134,7 +134,7 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
     """
     slack = SLACK * params.spacing_m
     simple = shapely.simplify(region, slack / 2) if _is_complex(region) else region
-    allowed = shapely.simplify(shapely.buffer(region, LEEWAY * params.spacing_m - slack), slack)
+    allowed = shapely.simplify(shapely.buffer(simple, LEEWAY * params.spacing_m - 1.5 * slack), slack)
     space = FreeSpace(allowed, obstacles)
     flown = [
         _fly(simple, azimuth, step_m, params, space)
@@ -182,8 +182,9 @@ def axes(angle_deg: float) -> Floats:
 
 def _fly(region: Any, angle_deg: float, step_m: float, params: CoverParams, space: FreeSpace) -> list[Survey]:
     """The region in lines of one azimuth, cell by cell, in a short order; see `surveys`."""
+    least = LEAST_HEIGHT * params.spacing_m
     turned = shapely.transform(region, lambda xy: xy @ axes(angle_deg))
-    cells = merge_flat_cells(monotone_cells(turned, step_m), LEAST_HEIGHT * params.spacing_m)
+    cells = merge_flat_cells(monotone_cells(turned, step_m, least / 2), least)
     laid = [strip_lines(cell, params.spacing_m, params.reach_m) for cell in cells]
     lines = np.concatenate(laid) @ axes(angle_deg).T
     stops = np.cumsum([len(some) for some in laid])
