@@ -177,7 +177,8 @@ def assert_changes(runs: Runs) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "older"), [*((name, True) for name in COMMANDS), ("shp", False), ("vrt", False)]
+    ("name", "older"),
+    [*((name, True) for name in ("shp", "gpkg", "labels", "vrt", "objects", "ros")), ("shp", False)],
 )
 def test_a_run_that_is_killed_at_any_call(name: str, inputs: Path, work: Path, older: bool) -> None:
     found = runs(name, "SIGKILL", inputs, work, older)
