@@ -260,6 +260,8 @@ def _check(error: Exception, call: Call, package: Path) -> None:
     from uavseg.errors import UavsegError
 
     text = str(error)
+    if "function" in call.given.values() and text.startswith("len() takes"):
+        return  # of the caller's own function, as it is
     where = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)]
     if len(text) > LONGEST or not text.isprintable():
         _say("BADTEXT", call, error)

@@ -384,3 +384,9 @@ def test_a_truncated_png_is_refused_rather_than_read_as_black(tmp_path):
     dataset = Dataset.open(path)
     with pytest.raises(RasterReadError, match="the file is damaged or incomplete"):
         dataset.read(whole(dataset))
+
+
+@pytest.mark.parametrize("sources", [[1.5], [float("nan"), 2.0], [None], {1, 2}, 3, b"a.tif"])
+def test_sources_that_are_no_paths_are_refused(sources):
+    with pytest.raises(ParameterError, match="a path"):
+        Dataset.open(sources)

@@ -272,6 +272,9 @@ def _listed(sources: Any) -> list[Any]:
         raise ParameterError(f"sources is a path, a DataArray or a list of these, not {shown(sources)}")
     if not sources:
         raise ParameterError("there is no raster to open; give at least one")
+    for source in sources:
+        if not (isinstance(source, str | os.PathLike) or is_array(source)):
+            raise ParameterError(f"a source is a path or a DataArray, not {shown(source)}")
     return list(sources)
 
 
