@@ -35,22 +35,8 @@ def good_tour(stops: Stops, distances: Floats, start: int, end: int, rounds: int
     rounds = int(min(rounds, EFFORT / (8.0 * count * count)))
     scratch = np.zeros((4, count), np.int64)
     totals, before = np.zeros((2, most)), np.zeros((count, most), np.int64)
-    _search(
-        distances,
-        stops.first,
-        stops.enters,
-        stops.leaves,
-        stops.costs,
-        stops.reverse,
-        stops.stop_of,
-        start,
-        end,
-        rounds,
-        tour,
-        scratch,
-        totals,
-        before,
-    )
+    options = (stops.first, stops.enters, stops.leaves, stops.costs, stops.reverse, stops.stop_of)
+    _search(distances, *options, start, end, rounds, tour, scratch, totals, before)
     return tour
 
 
