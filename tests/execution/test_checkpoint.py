@@ -215,3 +215,8 @@ def test_what_a_killed_run_left_in_the_folder_is_removed(tmp_path: Path) -> None
     (left / "half.npz").write_text("half")
     assert text(with_checkpoint(serial, tmp_path)(partial(square_tile, 7), ITEMS)) == SQUARES
     assert not left.parent.exists() and len(list(stage.iterdir())) == 20
+
+
+def test_a_folder_whose_name_is_too_long_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be created: File name too long"):
+        with_checkpoint(serial, tmp_path / ("a" * 300))

@@ -390,3 +390,9 @@ def test_a_truncated_png_is_refused_rather_than_read_as_black(tmp_path):
 def test_sources_that_are_no_paths_are_refused(sources):
     with pytest.raises(ParameterError, match="a path"):
         Dataset.open(sources)
+
+
+@pytest.mark.parametrize("side", [0, -3])
+def test_a_coarse_read_has_at_least_one_pixel(write_raster, side):
+    with pytest.raises(ParameterError, match="max_side is at least 1"):
+        Dataset.open(write_raster(np.zeros((4, 5), np.uint8))).read_coarse(side)

@@ -108,7 +108,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
-        reason = "it is a file" if folder.exists() else error.strerror
+        reason = "it is a file" if isinstance(error, FileExistsError) else error.strerror
         raise OutputError(f"the folder {folder} to resume from cannot be created: {reason}") from error
 
 

@@ -209,6 +209,8 @@ class Dataset:
         geobox : GeoBox
             The grid of the reduced pixels; its extent is that of the dataset.
         """
+        if max_side < 1:
+            raise ParameterError(f"max_side is at least 1, not {max_side}")
         rows, cols = self.geobox.shape
         factor = max(rows, cols, max_side) / max_side
         shape = (max(int(rows / factor), 1), max(int(cols / factor), 1))
