@@ -29,7 +29,7 @@ def raster(tmp_path: Path) -> Path:
 def run(*arguments: object) -> str:
     result = CliRunner().invoke(command, [str(a) for a in arguments], catch_exceptions=False)
     assert result.exit_code == 0, result.output
-    return result.output
+    return result.stdout
 
 
 def test_people_read_what_matters(raster: Path) -> None:

@@ -191,9 +191,6 @@ BAD = {
 }
 
 
-COMPILING = "uavseg: compiling for this machine, once (about half a minute)\n"
-
-
 @pytest.mark.parametrize("option", BAD, ids=" ".join)
 def test_what_cannot_be_is_told_in_one_line_and_nothing_is_written(option: tuple[str, str]) -> None:
     Path("rooms.geojson").write_text("mine")
@@ -202,9 +199,8 @@ def test_what_cannot_be_is_told_in_one_line_and_nothing_is_written(option: tuple
     options[option[0]] = option[1]
     result = run("rooms.tif", *(word for pair in options.items() for word in pair))
     assert result.exit_code == 1 and result.stdout == ""
-    said = result.stderr.removeprefix(COMPILING)
-    assert BAD[option] in said
-    assert said.startswith("uavseg: error: ") and said.count("\n") == 1
+    assert BAD[option] in result.stderr
+    assert result.stderr.startswith("uavseg: error: ") and result.stderr.count("\n") == 1
     assert {path.name for path in Path().iterdir()} == before
     assert Path("rooms.geojson").read_text() == "mine"
 
