@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.flight.small_regions import box, inside, planned, waypoints
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.camera import Camera
+from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import LAST_PHOTO_M, Photos
 from uavseg.flight.items import CAMERA_DISTANCE, CHANGE_SPEED, MOUNT_CONTROL, RETURN, TAKEOFF, WAYPOINT
 
@@ -52,16 +52,28 @@ def test_photographs_begin_and_end_with_each_line() -> None:
     assert "1.64 cm per pixel, footprint 90 x 60 m" in mission.warnings[0]
 
 
-@given(st.floats(1, 3000), st.floats(20, 200))
-@settings(deadline=None, max_examples=50)
-def test_photographs_of_a_line_overlap_and_reach_its_ends(length: float, height: float) -> None:
-    photos = Photos(CAMERA)
+@given(st.floats(1, 3000), st.floats(20, 200), st.floats(0, 90))
+@settings(deadline=None, max_examples=100)
+def test_photographs_of_a_line_overlap_and_show_it_to_its_ends(
+    length: float, height: float, front: float
+) -> None:
+    photos = Photos(CAMERA, Overlap(front, 70))
     trigger = photos.line_trigger_m(length, height)
-    count = math.floor(length / trigger + 1e-9) + 1
-    last = (count - 1) * trigger
-    assert 0 < trigger <= photos.trigger_m(height) + 0.1
-    assert length - last <= max(LAST_PHOTO_M, length / 2) + trigger * 1e-6
-    assert length - last < photos.reach_m(height) or length < 2 * LAST_PHOTO_M
+    last = math.floor(length / trigger + 1e-9) * trigger
+    assert 0 < trigger <= photos.trigger_m(height) + 1e-9
+    assert length - last <= photos.reach_m(height) + 1e-9
+    assert trigger >= min(photos.trigger_m(height), photos.reach_m(height) - LAST_PHOTO_M) / 2 - 1e-9
+
+
+@pytest.mark.parametrize("size", [(300, 400), (37, 41), (61, 90)])
+def test_the_camera_keeps_up_on_every_line_and_a_lower_speed_is_reported(size: tuple[float, float]) -> None:
+    photos = Photos(CAMERA)
+    flight = {"pattern": "survey", "spacing_m": photos.spacing_m(60), "photos": photos}
+    fast, slow = (planned([box(0, 0, *size)], speed_m_s=speed, **flight) for speed in (15.0, 1.0))
+    triggers = [i.params[0] for i in fast.items if i.command == CAMERA_DISTANCE and i.params[0]]
+    assert fast.speed_m_s < 15 and min(triggers) / fast.speed_m_s >= CAMERA.min_interval_s - 1e-3
+    assert [note for note in fast.warnings if f"from 15 to {fast.speed_m_s:.2f} m/s" in note]
+    assert slow.speed_m_s == 1 and not [note for note in slow.warnings if "lowered" in note]
 
 
 @pytest.mark.parametrize("pattern", ["visit", "perimeter"])

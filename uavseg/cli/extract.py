@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._mission_options import mission_options
 from uavseg.cli._options import (
     area,
     drawing,
     drawing_options,
-    mission_options,
     parsed_range,
     read_options,
     reading_options,
@@ -86,7 +86,7 @@ def command(**options: Any) -> None:
     run.reporter.finish(found.warnings)
     planned = None
     if flight is not None:
-        from uavseg.cli._options import report
+        from uavseg.cli._mission_options import report
         from uavseg.jobs.plan import open_regions, plan
 
         planned = plan(open_regions(found.regions), flight)
@@ -115,7 +115,7 @@ def _request(options: dict[str, Any]) -> ExtractRequest:
 
 def _flight(options: dict[str, Any]) -> PlanRequest:
     """How to fly, checked before any work is done."""
-    from uavseg.cli._options import plan_request
+    from uavseg.cli._mission_options import plan_request
     from uavseg.flight import files
 
     files.check_mission_format(options["mission"])

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._access import access_options
+from uavseg.cli._mission_options import parse_home
 from uavseg.cli._options import (
     map_stretch_option,
-    parse_home,
     parsed_range,
     read_options,
     segment_params,
@@ -88,7 +88,7 @@ def command(**options: Any) -> None:
     _write(found.path, mission, output, run.overwrite)
     run.reporter.table(_rows(found, output) | {"seconds": f"{run.reporter.seconds:.2f}"})
     if mission is not None and not run.reporter.quiet:
-        from uavseg.cli._options import report
+        from uavseg.cli._mission_options import report
 
         report(mission, 1, output)
 

@@ -7,7 +7,7 @@ from typing import Any
 import click
 
 from uavseg.cli._access import access_options
-from uavseg.cli._options import mission_options, plan_request, report
+from uavseg.cli._mission_options import mission_options, plan_request, report
 from uavseg.cli._write import keep_inputs, write_mission_output
 
 

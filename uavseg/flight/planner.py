@@ -1,6 +1,7 @@
 """Mission planner: polygons to a mission. Read this first."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,8 @@ def plan_mission(
     parts = _parts(plane.project_polygons(polygons), plane, points)
     candidates, notes = _PATTERN_FUNCTIONS[params.pattern](parts, params)
     tracks = _order_tracks(candidates, plane, start)
-    notes = [*home_notes(home), *notes]
+    params, slower = _lower_speed(params, tracks)
+    notes = [*home_notes(home), *notes, *slower]
     return Mission(start, _items(tracks, plane, start, params), params.firmware, params.name, tuple(notes))
 
 
@@ -129,6 +131,22 @@ def _order_tracks(candidates: Sequence[Sequence[Track]], plane: Plane, home: Hom
     steps = points[:, None] - points[None]
     tour = short_tour(Stops.of(options, costs), np.hypot(steps[..., 0], steps[..., 1]), index[0], index[0])
     return [flown[region][option] for region, option in tour]
+
+
+def _lower_speed(params: PlanParams, tracks: Sequence[Track]) -> tuple[PlanParams, list[str]]:
+    """The speed lowered to what the camera allows where photographs are closest, and a note of it."""
+    triggers = np.concatenate([track.trigger_m for track in tracks])
+    if params.photos is None or not triggers.any():
+        return params, []
+    limit = params.photos.max_speed_m_s(params.altitude_m, float(triggers[triggers > 0].min()))
+    if params.speed_m_s <= limit:
+        return params, []
+    camera = params.photos.camera
+    note = (
+        f"speed lowered from {params.speed_m_s:g} to {limit:.2f} m/s: {camera.name} needs "
+        f"{camera.min_interval_s:g} s between photographs, and more speed would blur them"
+    )
+    return replace(params, speed_m_s=limit), [note]
 
 
 def _items(

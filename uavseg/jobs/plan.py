@@ -105,7 +105,7 @@ def flight_params(
     """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
 
     With a camera, the height follows from the ground sampling distance (`gsd`, centimetres) where that is
-    given, and the spacing from the overlap. The speed is lowered to what the camera allows.
+    given, and the spacing from the overlap.
 
     Raises
     ------
@@ -125,7 +125,6 @@ def flight_params(
     surveyed = pattern == "survey" or (pattern is None and (spacing is not None or photos is not None))
     if photos is not None and surveyed and 0 < altitude < math.inf:
         spacing = photos.spacing_m(altitude) if spacing is None else spacing
-        speed = min(speed, photos.max_speed_m_s(altitude))
     return PlanParams(
         altitude_m=altitude,
         pattern=pattern or ("survey" if surveyed else "visit"),

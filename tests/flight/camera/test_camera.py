@@ -84,15 +84,15 @@ def test_speed_is_limited_by_the_interval_and_by_motion_blur() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "told"),
+    ("values", "words"),
     [
         (((0, 8.8), (5472, 3648), 8.8), "above 0"),
         (((13.2, 8.8), (5472, 3648), math.nan), "above 0"),
         (((8.8, 13.2), (5472, 3648), 8.8), "not square"),
     ],
 )
-def test_a_camera_that_cannot_be_is_refused(values: tuple[object, ...], told: str) -> None:
-    with pytest.raises(ParameterError, match=told):
+def test_a_camera_that_cannot_be_is_refused(values: tuple[object, ...], words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
         Camera("odd", *values)  # type: ignore[arg-type]
 
 

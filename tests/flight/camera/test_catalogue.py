@@ -57,7 +57,7 @@ def test_a_camera_of_one_s_own(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "words"),
     [
         ("[1]", "expected a JSON object"),
         ("{", "cannot be read as a camera"),
@@ -70,8 +70,8 @@ def test_a_camera_of_one_s_own(tmp_path: Path) -> None:
         (" " * 200_000, "too much"),
     ],
 )
-def test_a_file_that_is_no_camera_is_refused(tmp_path: Path, text: str, told: str) -> None:
+def test_a_file_that_is_no_camera_is_refused(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "bad.json"
     path.write_text(text)
-    with pytest.raises(ParameterError, match=told):
+    with pytest.raises(ParameterError, match=words):
         camera_named(path)

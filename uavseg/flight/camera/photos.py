@@ -50,16 +50,18 @@ class Photos:
         near, far = self.camera.ground_reach_m(height_m, self.pitch_deg)
         return max(min(-near, far), 0.0)
 
-    def max_speed_m_s(self, height_m: float) -> float:
-        """Highest speed at which the camera keeps up and photographs are sharp."""
-        return self.camera.max_speed_m_s(height_m, self.trigger_m(height_m), SHUTTER_S, BLUR_PX)
+    def max_speed_m_s(self, height_m: float, trigger_m: float) -> float:
+        """Highest speed at which the camera keeps up with this distance, and photographs are sharp."""
+        return self.camera.max_speed_m_s(height_m, trigger_m, SHUTTER_S, BLUR_PX)
 
     def line_trigger_m(self, length_m: float, height_m: float) -> float:
         """Distance between the photographs of one line: the first at its start, the last near its end.
 
         So both ends of a line are photographed whatever its length is, and the overlap is never less than
-        asked for.
+        asked for. A line that is shorter than the distance, and shown by its first photograph, has only that.
         """
+        trigger = self.trigger_m(height_m)
         flown = max(length_m - LAST_PHOTO_M, length_m / 2)
-        count = max(math.ceil(flown / self.trigger_m(height_m) - 1e-9), 1)
-        return max(flown / count, 0.1)
+        if flown <= trigger and length_m <= self.reach_m(height_m):
+            return trigger
+        return flown / math.ceil(flown / trigger - 1e-9)

@@ -92,16 +92,6 @@ class Survey:
         """Number of places at which the vehicle changes its direction."""
         return sum(len(leg) for leg in self.legs)
 
-    def reversed(self) -> "Survey":
-        """The same survey from its end to its start."""
-        legs = tuple(leg[::-1] for leg in self.legs[::-1])
-        return Survey(self.angle_deg, self.cells, self.lines[::-1, ::-1], legs)
-
-
-def survey(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> Survey:
-    """Cover a region with parallel lines in a short order: the first of `surveys`."""
-    return surveys(region, params, obstacles)[0]
-
 
 def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> list[Survey]:
     """Cover a region with parallel lines in a short order.

@@ -191,17 +191,7 @@ def geod_wgs84() -> Any:
 
 
 def wrap_lon(lon: ArrayLike, around: float = 0.0) -> Floats:
-    """Longitudes moved by whole turns into [around - 180, around + 180).
-
-    Parameters
-    ----------
-    lon : array
-        Degrees; differences of longitudes too.
-    around : float
-
-    Returns
-    -------
-    lon : float64 array of that shape
+    """Longitudes (or differences of them), in degrees, moved by turns into [around - 180, around + 180).
 
     Examples
     --------

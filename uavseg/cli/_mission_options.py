@@ -1,0 +1,162 @@
+"""Options that say how to fly, as one request; and what is reported of a mission."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from uavseg.cli._say import say
+from uavseg.errors import ParameterError, RegionError
+
+if TYPE_CHECKING:
+    from uavseg.flight.mission import Mission
+    from uavseg.jobs.plan import Home, PlanRequest
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def mission_options(command: F) -> F:
+    """The options that say how to fly, for every command that makes a mission.
+
+    They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
+    `angle`, `speed`, `firmware` and `tolerance`: see `plan_request`.
+    """
+    options = [
+        click.option(
+            "--altitude", type=float, metavar="M", help="Height of the flight above home, in metres."
+        ),
+        click.option(
+            "--camera",
+            metavar="NAME|FILE.json",
+            help="Photograph with this camera: spacing, trigger distance and the highest speed follow. "
+            "uavseg cameras lists them.",
+        ),
+        click.option(
+            "--gsd",
+            type=float,
+            metavar="CM",
+            help="Ground sampling distance, in place of --altitude: centimetres per pixel.",
+        ),
+        click.option(
+            "--overlap",
+            default="75,70",
+            metavar="FRONT,SIDE",
+            show_default=True,
+            help="Overlap of photographs along lines and between them, in per cent.",
+        ),
+        click.option(
+            "--gimbal-pitch",
+            type=float,
+            default=-90.0,
+            metavar="DEG",
+            show_default=True,
+            help="Where the camera looks: -90 is straight down.",
+        ),
+        click.option(
+            "--home",
+            metavar="LAT,LON[,M]|auto",
+            help="Where the vehicle starts, and metres above the sea; auto: inside the first chosen region.",
+        ),
+        click.option(
+            "--pattern",
+            type=click.Choice(["visit", "perimeter", "survey"]),
+            help="A point in each region, its outline, or lines over it.  [visit, or survey with --spacing]",
+        ),
+        click.option("--spacing", type=float, metavar="M", help="Metres between the lines of a survey."),
+        click.option(
+            "--angle",
+            default="auto",
+            metavar="DEG|auto",
+            show_default=True,
+            help="Azimuth of the lines, clockwise from north; auto: the one that needs the fewest lines.",
+        ),
+        click.option(
+            "--speed", type=float, default=5.0, metavar="M_S", show_default=True, help="Metres per second."
+        ),
+        click.option(
+            "--firmware", type=click.Choice(["ardupilot", "px4"]), default="ardupilot", show_default=True
+        ),
+        click.option(
+            "--tolerance",
+            type=float,
+            metavar="M",
+            help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
+        ),
+    ]
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def plan_request(options: dict[str, Any]) -> PlanRequest:
+    """How to fly, from where and over which regions, from the values of `mission_options`."""
+    from uavseg.jobs.plan import PlanRequest, flight_params, photos_of
+
+    names = ("pattern", "spacing", "speed", "firmware", "tolerance", "gsd")
+    photos = photos_of(options["camera"], parse_overlap(options["overlap"]), options["gimbal_pitch"])
+    flight = flight_params(
+        options["altitude"],
+        angle=parse_angle(options["angle"]),
+        photos=photos,
+        **{name: options[name] for name in names},
+    )
+    home = parse_home(options["home"])
+    return PlanRequest(
+        flight, home, parse_ids(options.get("ids")), options.get("largest"), options.get("where")
+    )
+
+
+def parse_home(text: str | None) -> Home:
+    """LAT,LON or LAT,LON,M as numbers, or auto."""
+    if text is None:
+        raise ParameterError("a mission needs --home LAT,LON, where the vehicle starts (or --home auto)")
+    if text.strip().lower() == "auto":
+        return "auto"
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) not in (2, 3):
+        raise ParameterError(f"--home is LAT,LON or LAT,LON,M in degrees and metres, or auto, not {text!r}")
+    return numbers
+
+
+def parse_ids(text: str | None) -> list[int] | None:
+    """Whole numbers between commas."""
+    if text is None:
+        return None
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError:
+        raise RegionError(f"--ids is whole numbers between commas, as in 1,4,7, not {text!r}") from None
+
+
+def parse_overlap(text: str) -> list[float]:
+    """FRONT,SIDE as numbers."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ParameterError(f"--overlap is FRONT,SIDE in per cent, such as 75,70, not {text!r}") from None
+
+
+def parse_angle(text: str) -> float | None:
+    """Degrees, or None for auto."""
+    if text.strip().lower() == "auto":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
+
+
+def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str] = ()) -> None:
+    """Print length, duration and warnings of a mission on stderr, and what its format cannot hold."""
+    minutes, seconds = divmod(round(mission.duration_s), 60)
+    flown = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
+    say(f"{flown}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s")
+    if mission.firmware == "px4" and output.lower().endswith(".waypoints"):
+        say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
+    for warning in (*mission.warnings, *unwritten):
+        say(f"note: {warning}")
