@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.photos import Photos
+from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.items import FIRMWARES, MAX_DISTANCE_M, MAX_HEIGHT_M
 from uavseg.flight.mission import CRUISE_M_S
 
@@ -40,6 +41,8 @@ class PlanParams:
         Name of the mission.
     photos : Photos, optional
         How a survey is photographed; without, it takes no photographs.
+    vehicle : Vehicle, optional
+        What flies, for estimates; by default a multirotor with the parameters of its autopilot.
 
     Raises
     ------
@@ -56,6 +59,7 @@ class PlanParams:
     tolerance_m: float | None = None
     name: str = ""
     photos: Photos | None = None
+    vehicle: Vehicle | None = None
 
     def __post_init__(self) -> None:
         _check_number("altitude", self.altitude_m, MAX_HEIGHT_M, "m above home")
