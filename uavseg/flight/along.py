@@ -44,7 +44,7 @@ def fly_along(
     """
     start = HomePosition(*home)
     items = items_along(lon, lat, start, params)
-    return Mission(start, items, params.firmware, params.name, tuple(home_notes(home)))
+    return Mission(start, items, params.autopilot, params.name, tuple(home_notes(home)))
 
 
 def items_along(

@@ -66,7 +66,7 @@ def plan_mission(
     tracks = _order_tracks(candidates, plane, start)
     params, slower = _lower_speed(params, tracks)
     notes = [*home_notes(home), *notes, *slower]
-    return Mission(start, _items(tracks, plane, start, params), params.firmware, params.name, tuple(notes))
+    return Mission(start, _items(tracks, plane, start, params), params.autopilot, params.name, tuple(notes))
 
 
 def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:
