@@ -68,8 +68,8 @@ def test_regions_are_chosen(regions: Path) -> None:
 
 
 def test_how_to_fly_reaches_the_mission(regions: Path) -> None:
-    mission = flown(regions, "--speed", 8.5, "--firmware", "px4")
-    assert (mission.firmware, mission.speed_m_s, mission.items[0].altitude_m) == ("px4", 8.5, 60)
+    mission = flown(regions, "--speed", 8.5, "--autopilot", "px4")
+    assert (mission.autopilot, mission.speed_m_s, mission.items[0].altitude_m) == ("px4", 8.5, 60)
     assert (mission.home.lat, mission.home.lon, mission.home.altitude_m) == (47, 8, 430)
 
 
@@ -109,7 +109,7 @@ def test_the_summary_is_on_stderr_and_can_be_silenced(regions: Path) -> None:
 
 
 def test_what_a_format_loses_is_said(regions: Path) -> None:
-    arguments = ["--altitude", 60, "--home", HOME, "--firmware", "px4"]
+    arguments = ["--altitude", 60, "--home", HOME, "--autopilot", "px4"]
     assert "face north" in run(regions, "-o", regions.with_suffix(".waypoints"), *arguments).stderr
     assert "face north" not in run(regions, "-o", regions.with_suffix(".plan"), *arguments).stderr
 
@@ -160,7 +160,7 @@ def test_a_mission_is_not_replaced_without_overwrite(regions: Path) -> None:
 
 
 def test_a_word_that_is_no_choice_is_a_usage_error(regions: Path) -> None:
-    assert run(regions, "-o", "x.plan", *FLY, "--firmware", "dji").exit_code == 2
+    assert run(regions, "-o", "x.plan", *FLY, "--autopilot", "dji").exit_code == 2
     assert run(regions, "-o", "x.plan", *FLY, "--largest", "0").exit_code == 2
 
 

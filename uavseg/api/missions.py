@@ -30,7 +30,7 @@ def plan(
     spacing: float | None = None,
     angle: float | Literal["auto"] = "auto",
     speed: float = 5.0,
-    firmware: str = "ardupilot",
+    autopilot: str = "ardupilot",
     tolerance: float | None = None,
     ids: Sequence[int] | None = None,
     largest: int | None = None,
@@ -62,7 +62,8 @@ def plan(
         Azimuth of the lines, clockwise from north; with "auto" the one that needs the fewest lines.
     speed : float
         Metres per second.
-    firmware : {"ardupilot", "px4"}
+    autopilot : {"ardupilot", "px4", "generic"}
+        What the mission is for; generic: any, with what ArduPilot and PX4 both accept.
     tolerance : float, optional
         Metres by which outlines may be moved to save corners; by default 1, or a pixel where that is larger.
     ids : sequence of int, optional
@@ -113,7 +114,7 @@ def plan(
         spacing=spacing,
         angle=_angle(angle),
         speed=speed,
-        firmware=firmware,
+        autopilot=autopilot,
         tolerance=tolerance,
         photos=photos_of(camera, overlap, gimbal_pitch),
         gsd=gsd,

@@ -21,7 +21,7 @@ def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
     They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
-    `angle`, `speed`, `firmware` and `tolerance`: see `plan_request`.
+    `angle`, `speed`, `autopilot` and `tolerance`: see `plan_request`.
     """
     options = [
         click.option(
@@ -76,7 +76,11 @@ def mission_options(command: F) -> F:
             "--speed", type=float, default=5.0, metavar="M_S", show_default=True, help="Metres per second."
         ),
         click.option(
-            "--firmware", type=click.Choice(["ardupilot", "px4"]), default="ardupilot", show_default=True
+            "--autopilot",
+            type=click.Choice(["ardupilot", "px4", "generic"]),
+            default="ardupilot",
+            show_default=True,
+            help="What the mission is for; generic: any, with what ArduPilot and PX4 both accept.",
         ),
         click.option(
             "--tolerance",
@@ -94,7 +98,7 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
     """How to fly, from where and over which regions, from the values of `mission_options`."""
     from uavseg.jobs.plan import PlanRequest, flight_params, photos_of
 
-    names = ("pattern", "spacing", "speed", "firmware", "tolerance", "gsd")
+    names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd")
     photos = photos_of(options["camera"], parse_overlap(options["overlap"]), options["gimbal_pitch"])
     flight = flight_params(
         options["altitude"],
@@ -156,7 +160,7 @@ def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str]
     minutes, seconds = divmod(round(mission.duration_s), 60)
     flown = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
     say(f"{flown}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s")
-    if mission.firmware == "px4" and output.lower().endswith(".waypoints"):
+    if mission.autopilot != "ardupilot" and output.lower().endswith(".waypoints"):
         say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
     for warning in (*mission.warnings, *unwritten):
         say(f"note: {warning}")

@@ -13,7 +13,7 @@ from uavseg.atomic import atomic_file
 from uavseg.errors import MissionError
 from uavseg.flight.fence_json import fence_from_json, fence_to_json, rally_from_json, rally_to_json
 from uavseg.flight.items import (
-    FIRMWARES,
+    AUTOPILOTS,
     FRAME_AMSL,
     FRAME_RELATIVE,
     FRAME_TERRAIN,
@@ -47,7 +47,7 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
     mission : Mission
     path : path
         Its extension selects the format: .plan (QGroundControl, MAVSDK) or .waypoints (Mission Planner,
-        mavwp, QGroundControl). A .waypoints file does not store the firmware; parameters that are not set
+        mavwp, QGroundControl). A .waypoints file does not store the autopilot; parameters that are not set
         are written as 0, and a fence and rally points are left out with a warning.
     overwrite : bool
         Whether an existing file may be replaced.
@@ -118,7 +118,7 @@ def plan_text(mission: Mission) -> str:
         "version": 1,
         "mission": {
             "version": 2,
-            "firmwareType": FIRMWARES[mission.firmware],
+            "firmwareType": AUTOPILOTS[mission.autopilot],
             "vehicleType": _QUADROTOR,
             "cruiseSpeed": _PLANE_SPEED_M_S,
             "hoverSpeed": max(round(mission.speed_m_s), 1),  # Mission Planner reads integers only
@@ -181,17 +181,18 @@ def _mission_of_plan(text: str, name: str) -> Mission:
     if plan["version"] != 1 or plan["mission"]["version"] != 2:
         raise MissionError("only version 1 of .plan with version 2 of missions can be read")
     mission = plan["mission"]
-    firmware = {number: name for name, number in FIRMWARES.items()}.get(mission["firmwareType"])
-    if firmware is None:
+    autopilot = {number: name for name, number in AUTOPILOTS.items()}.get(mission["firmwareType"])
+    if autopilot is None:
         raise MissionError(
-            f"its firmwareType is {shown(mission['firmwareType'])}; expected 3 (ArduPilot) or 12 (PX4)"
+            f"its firmwareType is {shown(mission['firmwareType'])}; "
+            "expected 3 (ArduPilot), 12 (PX4) or 0 (generic)"
         )
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     geofence = plan.get("geoFence") or {}
     return Mission(
         home,
         tuple(map(_item_of_plan, mission["items"])),
-        firmware,
+        autopilot,
         name,
         ("the breach return point of the fence was not read",) if geofence.get("breachReturn") else (),
         fence_from_json(geofence),

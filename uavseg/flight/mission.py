@@ -11,8 +11,8 @@ from uavseg.flight.camera.photos import Photos
 from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.fence import Fence, FenceCircle, RallyPoint
 from uavseg.flight.items import (
+    AUTOPILOTS,
     CHANGE_SPEED,
-    FIRMWARES,
     FRAME_AMSL,
     MAX_DISTANCE_M,
     MAX_HEIGHT_M,
@@ -21,7 +21,7 @@ from uavseg.flight.items import (
     TAKEOFFS,
     HomePosition,
     MissionItem,
-    check_firmware,
+    check_accepted,
     check_near,
     distance_m,
 )
@@ -30,7 +30,7 @@ from uavseg.raster.geodesy.globe import geod_wgs84
 if TYPE_CHECKING:
     from uavseg.flight.estimate.summary import Estimate
 
-BOARD_CAPACITY = {"ardupilot": 650, "px4": 500}  # items that common boards store
+BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
 USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
 LONG_FLIGHT_S = 30 * 60.0
 FULL_BATTERY = 0.8  # share that is usually flown, the rest is a reserve
@@ -50,8 +50,8 @@ class Mission:
     home : Home
     items : tuple of Item
         Without home; takeoff first.
-    firmware : "ardupilot" or "px4"
-        The autopilot the mission is for.
+    autopilot : "ardupilot", "px4" or "generic"
+        The autopilot the mission is for; "generic" for any, with only what ArduPilot and PX4 both accept.
     name : str
         Not compared, and not written to files.
     notes : tuple of str
@@ -71,13 +71,13 @@ class Mission:
     MissionError
         If there are no items to fly to or more than a link can count; if a position is not on Earth, is more
         than 20 km (the first) or 100 km (any) from home, at or below home, or more than 1000 m above it; if
-        the fence or a rally point is more than 100 km from home; or if the firmware is known to refuse an
+        the fence or a rally point is more than 100 km from home; or if the autopilot is known to refuse an
         item.
     """
 
     home: HomePosition
     items: tuple[MissionItem, ...]
-    firmware: str = "ardupilot"
+    autopilot: str = "ardupilot"
     name: str = field(default="", compare=False)
     notes: tuple[str, ...] = field(default=(), compare=False)
     fence: tuple[Fence, ...] = ()
@@ -86,8 +86,8 @@ class Mission:
     photos: Photos | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        if self.firmware not in FIRMWARES:
-            raise MissionError(f"a mission is for ardupilot or px4, not for {self.firmware!r}")
+        if self.autopilot not in AUTOPILOTS:
+            raise MissionError(f"a mission is for {', '.join(AUTOPILOTS)}, not for {self.autopilot!r}")
         if not any(item.has_position and item.command not in TAKEOFFS for item in self.items):
             raise MissionError("a mission needs an item to fly to; this one has none")
         if len(self.items) > MAX_ITEMS:
@@ -96,7 +96,7 @@ class Mission:
                 "choose fewer regions, a wider spacing or a larger tolerance"
             )
         for item in self.items:
-            check_firmware(item, self.firmware)
+            check_accepted(item, self.autopilot)
         _check_distances(self)
         _check_fence(self)
         by_kind = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
@@ -148,10 +148,11 @@ class Mission:
     def warnings(self) -> tuple[str, ...]:
         """Warnings for the pilot: the notes, too many items, great height, long duration."""
         found = list(self.notes)
-        capacity = BOARD_CAPACITY[self.firmware]
+        capacity = BOARD_CAPACITY[self.autopilot]
+        with_autopilot = "" if self.autopilot == "generic" else f" with {self.autopilot}"
         if len(self.items) > capacity:
             found.append(
-                f"{len(self.items)} items: many boards with {self.firmware} hold {capacity}; "
+                f"{len(self.items)} items: many boards{with_autopilot} hold {capacity}; "
                 "split the mission or choose fewer regions"
             )
         highest = float(self.path[2].max())

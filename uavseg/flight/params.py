@@ -7,7 +7,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.estimate.vehicle import Vehicle
-from uavseg.flight.items import FIRMWARES, MAX_DISTANCE_M, MAX_HEIGHT_M
+from uavseg.flight.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M
 from uavseg.flight.mission import CRUISE_M_S
 
 PATTERNS = ("visit", "perimeter", "survey")
@@ -33,7 +33,8 @@ class PlanParams:
         needs the fewest.
     speed_m_s : float
         Over ground, above 0 and at most 50.
-    firmware : "ardupilot" or "px4"
+    autopilot : "ardupilot", "px4" or "generic"
+        The autopilot that the mission is for; "generic" for what ArduPilot and PX4 both accept.
     tolerance_m : float, optional
         Distance by which an outline may be simplified; by default a metre, or a pixel if the pixels of a
         region are larger.
@@ -55,7 +56,7 @@ class PlanParams:
     spacing_m: float | None = None
     angle_deg: float | None = None
     speed_m_s: float = CRUISE_M_S
-    firmware: str = "ardupilot"
+    autopilot: str = "ardupilot"
     tolerance_m: float | None = None
     name: str = ""
     photos: Photos | None = None
@@ -66,8 +67,8 @@ class PlanParams:
         _check_number("speed", self.speed_m_s, MAX_SPEED_M_S, "m/s")
         if self.pattern not in PATTERNS:
             raise ParameterError(f"a pattern is one of {', '.join(PATTERNS)}, not {self.pattern!r}")
-        if self.firmware not in FIRMWARES:
-            raise ParameterError(f"a firmware is one of {', '.join(FIRMWARES)}, not {self.firmware!r}")
+        if self.autopilot not in AUTOPILOTS:
+            raise ParameterError(f"an autopilot is one of {', '.join(AUTOPILOTS)}, not {self.autopilot!r}")
         if self.pattern == "survey" and self.spacing_m is None:
             raise ParameterError("a survey needs the spacing of its lines in metres")
         if self.pattern != "survey" and (self.spacing_m, self.angle_deg, self.photos) != (None,) * 3:

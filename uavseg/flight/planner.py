@@ -70,7 +70,7 @@ def plan_mission(
     return Mission(
         start,
         items,
-        params.firmware,
+        params.autopilot,
         params.name,
         tuple(notes),
         vehicle=params.vehicle,

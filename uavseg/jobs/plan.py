@@ -97,7 +97,7 @@ def flight_params(
     spacing: float | None = None,
     angle: float | None = None,
     speed: float = 5.0,
-    firmware: str = "ardupilot",
+    autopilot: str = "ardupilot",
     tolerance: float | None = None,
     photos: Photos | None = None,
     gsd: float | None = None,
@@ -131,7 +131,7 @@ def flight_params(
         spacing_m=spacing,
         angle_deg=angle,
         speed_m_s=speed,
-        firmware=firmware,
+        autopilot=autopilot,
         tolerance_m=tolerance,
         photos=photos,
     )

@@ -46,8 +46,8 @@ def every(metres: float, at_once: bool = False) -> MissionItem:
     return MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (metres, 0.0, float(at_once), 0.0))
 
 
-def fly(*items: MissionItem, firmware: str = "ardupilot") -> Mission:
-    return Mission(HOME, (UP, *items), firmware)
+def fly(*items: MissionItem, autopilot: str = "ardupilot") -> Mission:
+    return Mission(HOME, (UP, *items), autopilot)
 
 
 def test_the_parts_add_up_and_the_length_is_that_of_the_mission() -> None:
@@ -62,10 +62,10 @@ def test_the_parts_add_up_and_the_length_is_that_of_the_mission() -> None:
 
 
 def test_px4_returns_higher_and_slower() -> None:
-    path = flown_path(fly(north(300), BACK, firmware="px4"), PX4)
+    path = flown_path(fly(north(300), BACK, autopilot="px4"), PX4)
     assert path.xyz_m[:, 2].tolist() == [0, 40, 40, 60, 60]
     assert path.landing_s == landing_seconds(60, PX4) == 53 / 1.5 + 7 / 0.7
-    near = flown_path(fly(north(45), BACK, firmware="px4"), PX4)
+    near = flown_path(fly(north(45), BACK, autopilot="px4"), PX4)
     assert near.xyz_m[-1, 2] == pytest.approx(45, rel=1e-3)  # within the cone
     assert flown_path(fly(north(300), BACK), ARDUCOPTER).xyz_m[:, 2].tolist() == [0, 40, 40, 40]
 
@@ -109,8 +109,8 @@ def test_photographs_are_counted_from_line_to_line() -> None:
 
 def test_photographs_by_time_include_holds() -> None:
     timed = MissionItem(CAMERA_INTERVAL, FRAME_MISSION, (2.0, 0.0, 0.0, 0.0))
-    still = estimate(fly(north(100), timed, north(200), BACK, firmware="px4")).photographs
-    held = estimate(fly(north(100), timed, north(200, 60.0), BACK, firmware="px4")).photographs
+    still = estimate(fly(north(100), timed, north(200), BACK, autopilot="px4")).photographs
+    held = estimate(fly(north(100), timed, north(200, 60.0), BACK, autopilot="px4")).photographs
     assert still == pytest.approx(100 / 5 / 2, abs=3) and held == pytest.approx(still + 30, abs=2)
 
 

@@ -20,11 +20,11 @@ def write(folder: Path, content: Any) -> Path:
 
 def test_a_file_changes_what_it_names(tmp_path: Path) -> None:
     path = write(tmp_path, {"radius_m": 5, "return_hold_s": 0, **POWER})
-    for firmware, default in (("ardupilot", ARDUCOPTER), ("px4", PX4)):
-        read = read_vehicle(path, firmware)
+    for autopilot, default in (("ardupilot", ARDUCOPTER), ("px4", PX4)):
+        read = read_vehicle(path, autopilot)
         assert (read.name, read.radius_m, read.return_hold_s, read.battery_wh) == ("quad", 5.0, 0.0, 90.0)
         assert (read.turns, read.jerk_m_s3) == (default.turns, default.jerk_m_s3)
-        assert default_vehicle(firmware) is default
+        assert default_vehicle(autopilot) is default
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def estimate(mission: Mission, vehicle: Vehicle | None = None, photos: Photos | 
     >>> round(found.distance_m), round(found.duration_s)
     (222, 99)
     """
-    flyer = vehicle or mission.vehicle or default_vehicle(mission.firmware)
+    flyer = vehicle or mission.vehicle or default_vehicle(mission.autopilot)
     path = flown_path(mission, flyer)
     times = {part: float(path.seconds[path.part == part].sum()) for part in ("climb", "flight", "return")}
     hold, landing = float(path.hold_s.sum()), path.landing_s

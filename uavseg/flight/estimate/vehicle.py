@@ -146,12 +146,12 @@ PX4 = Vehicle(
 )
 
 
-def default_vehicle(firmware: str) -> Vehicle:
+def default_vehicle(autopilot: str) -> Vehicle:
     """The multirotor that an autopilot flies with its own parameters."""
-    return PX4 if firmware == "px4" else ARDUCOPTER
+    return PX4 if autopilot == "px4" else ARDUCOPTER
 
 
-def read_vehicle(path: str | os.PathLike[str], firmware: str = "ardupilot") -> Vehicle:
+def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> Vehicle:
     """A vehicle from a JSON file: an object with parameters of `Vehicle`; others are those of the autopilot.
 
     Raises
@@ -170,7 +170,7 @@ def read_vehicle(path: str | os.PathLike[str], firmware: str = "ardupilot") -> V
         raise ParameterError(f"{path} is not a vehicle; expected a JSON object with some of {_listed(keys)}")
     if unknown := sorted(map(str, set(given) - keys)):
         raise ParameterError(f"{path} has {shown(unknown[0])}; a vehicle has only {_listed(keys)}")
-    default = default_vehicle(firmware)
+    default = default_vehicle(autopilot)
     values = {key: _number(path, key, given[key]) for key in NUMBERS if key in given}
     name, turns = given.get("name", Path(path).stem), given.get("turns", default.turns)
     if not isinstance(name, str) or not isinstance(turns, str):
