@@ -30,6 +30,7 @@ LINES = tuple(
         "info x.tif --json --band 1 --nodata 3 --stretch minmax --threads 1",
         f"plan r.geojson -o out.plan {FLIGHT} --pattern survey --spacing 20 --angle 45 --autopilot px4",
         f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1,2 --largest 2 --where area_m2>5",
+        f"plan r.geojson -o out.plan {FLIGHT} --vehicle v.json --json",
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
         "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
@@ -68,4 +69,5 @@ def _files() -> dict[str, bytes]:
     drawn = seeds.missions()
     others = {"rgb.tif": seeds.rasters()["jpeg.tif"], "b.tif": seeds.block_map()["b.tif"]}
     regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
-    return drawn | others | regions
+    vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
+    return drawn | others | regions | vehicle

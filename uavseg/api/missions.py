@@ -11,6 +11,7 @@ from uavseg.api._values import warn
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
+from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.mission import Mission
 from uavseg.jobs.plan import Home, PlanRequest, flight_params, open_regions, photos_of
 from uavseg.jobs.plan import plan as run_plan
@@ -40,6 +41,7 @@ def plan(
     gsd: float | None = None,
     overlap: Sequence[float] = (75.0, 70.0),
     gimbal_pitch: float = -90.0,
+    vehicle: str | os.PathLike[str] | Vehicle | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Mission:
@@ -83,13 +85,17 @@ def plan(
         Of photographs, along the lines and between them, in per cent.
     gimbal_pitch : float
         Where the camera looks, in degrees; -90 is straight down.
+    vehicle : path or Vehicle, optional
+        What flies, for the estimates of time and energy: a JSON file with parameters of
+        `uavseg.flight.estimate.vehicle.Vehicle`. By default a multirotor with those of its autopilot.
     allow_path, allow_network
         As of `extract`.
 
     Returns
     -------
     mission : Mission
-        `uavseg.flight.files.write_mission(mission, "fly.plan")` writes it. Its `warnings` are warnings too.
+        `uavseg.flight.files.write_mission(mission, "fly.plan")` writes it. Its `warnings` are warnings too;
+        its `estimate` has time, photographs and energy.
 
     Raises
     ------
@@ -118,6 +124,7 @@ def plan(
         tolerance=tolerance,
         photos=photos_of(camera, overlap, gimbal_pitch),
         gsd=gsd,
+        vehicle=vehicle,
     )
     request = PlanRequest(flight, _home(home), ids, largest, where)
     with allowing(allow_path, allow_network):

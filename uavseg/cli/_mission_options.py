@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from uavseg.cli._say import say
+from uavseg.cli._vehicle_options import duration_text, flight_table, vehicle_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
@@ -21,7 +23,7 @@ def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
     They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
-    `angle`, `speed`, `autopilot` and `tolerance`: see `plan_request`.
+    `angle`, `speed`, `autopilot`, `tolerance` and `vehicle`: see `plan_request`.
     """
     options = [
         click.option(
@@ -89,7 +91,7 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
-    for option in reversed(options):
+    for option in (vehicle_options, *reversed(options)):
         command = option(command)
     return command
 
@@ -98,7 +100,7 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
     """How to fly, from where and over which regions, from the values of `mission_options`."""
     from uavseg.jobs.plan import PlanRequest, flight_params, photos_of
 
-    names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd")
+    names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd", "vehicle")
     photos = photos_of(options["camera"], parse_overlap(options["overlap"]), options["gimbal_pitch"])
     flight = flight_params(
         options["altitude"],
@@ -156,10 +158,12 @@ def parse_angle(text: str) -> float | None:
 
 
 def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str] = ()) -> None:
-    """Print length, duration and warnings of a mission on stderr, and what its format cannot hold."""
-    minutes, seconds = divmod(round(mission.duration_s), 60)
+    """Print estimates and warnings of a mission on stderr, and what its format cannot hold."""
+    found = mission.estimate
     flown = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
-    say(f"{flown}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s")
+    say(f"{flown}, {found.distance_m / 1000:.2f} km, about {duration_text(found.duration_s)}")
+    for line in flight_table([(Path(output).stem, found)]):
+        say(line)
     if mission.autopilot != "ardupilot" and output.lower().endswith(".waypoints"):
         say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
     for warning in (*mission.warnings, *unwritten):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import click
 
 from uavseg.cli._access import access_options
 from uavseg.cli._mission_options import mission_options, plan_request, report
+from uavseg.cli._say import show
+from uavseg.cli._vehicle_options import mission_json
 from uavseg.cli._write import keep_inputs, write_mission_output
 
 
@@ -24,6 +27,7 @@ from uavseg.cli._write import keep_inputs, write_mission_output
     "number is neither true nor false, so != and not do not select it either.",
 )
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
+@click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @access_options
@@ -31,7 +35,8 @@ def command(**options: Any) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
-    QGroundControl (.plan) or for Mission Planner (.waypoints).
+    QGroundControl (.plan) or for Mission Planner (.waypoints). Length, time with turns, photographs and
+    energy are estimates without wind.
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
@@ -45,5 +50,7 @@ def command(**options: Any) -> None:
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     planned = plan(open_regions(source, options["layer"]), request)
     unwritten = write_mission_output(planned.mission, output, options["overwrite"])
+    if options["as_json"]:
+        show(json.dumps(mission_json(planned.mission, planned.regions, output, unwritten), allow_nan=False))
     if not options["quiet"]:
         report(planned.mission, planned.regions, output, unwritten)

@@ -10,6 +10,7 @@ from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.catalogue import camera_named
 from uavseg.flight.camera.photos import Photos
+from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.planner import plan_mission
@@ -101,11 +102,12 @@ def flight_params(
     tolerance: float | None = None,
     photos: Photos | None = None,
     gsd: float | None = None,
+    vehicle: str | os.PathLike[str] | Vehicle | None = None,
 ) -> PlanParams:
     """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
 
     With a camera, the height follows from the ground sampling distance (`gsd`, centimetres) where that is
-    given, and the spacing from the overlap.
+    given, and the spacing from the overlap. A vehicle is one, or its JSON file.
 
     Raises
     ------
@@ -134,6 +136,7 @@ def flight_params(
         autopilot=autopilot,
         tolerance_m=tolerance,
         photos=photos,
+        vehicle=read_vehicle(vehicle, autopilot) if isinstance(vehicle, str | os.PathLike) else vehicle,
     )
 
 

@@ -51,7 +51,7 @@ class Estimate:
 
     def as_dict(self) -> dict[str, float | int | None]:
         """As JSON: times to a tenth of a second, lengths to a tenth of a metre; what is not known is null."""
-        decimals = {"gsd_m": 5, "battery": 4, "photographs": 0}
+        decimals = {"gsd_m": 6, "battery": 4}
         return {
             name: value if value is None or isinstance(value, int) else round(value, decimals.get(name, 1))
             for name, value in asdict(self).items()
