@@ -163,6 +163,8 @@ def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
     xyz = np.array(walk.xyz, np.float64).reshape(-1, 3)
     seconds = leg_seconds(xyz, np.array(walk.speed, np.float64), vehicle, np.array(walk.stop))
     hold = np.array(walk.hold)
+    climbs = np.flatnonzero(np.array(walk.part) == "climb")
+    seconds[climbs] += _first_metres_s(np.diff(xyz[:, 2])[climbs], vehicle)
     return FlownPath(
         xyz,
         seconds,
@@ -172,6 +174,13 @@ def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
         vehicle.return_hold_s if ends == "return" else 0.0,
         landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,
     )
+
+
+def _first_metres_s(climb_m: Floats, vehicle: Vehicle) -> Floats:
+    """Time that climbs take longer because they begin slowly."""
+    slow = np.clip(climb_m, 0.0, vehicle.takeoff_height_m)
+    longer: Floats = slow * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
+    return longer
 
 
 def landing_seconds(height_m: float, vehicle: Vehicle) -> float:
