@@ -1,8 +1,8 @@
 """Simulated flight as ArduCopter flies missions: an S-curve for each leg, legs that overlap in corners.
 
-Transcribed from the behaviour of ArduPilot's AP_Math/SCurve.cpp, AC_WPNav.cpp and ArduCopter's modes (auto, rtl,
-land), with default parameters. It shares nothing with the estimates of the package: legs are tables that are
-integrated from the jerk, and the vehicle follows them in small time steps.
+Transcribed from the behaviour of ArduPilot's AP_Math/SCurve.cpp, AC_WPNav.cpp and ArduCopter's modes (auto,
+rtl, land), with default parameters. It shares nothing with the estimates of the package: legs are tables that
+are integrated from the jerk, and the vehicle follows them in small time steps.
 """
 
 import math

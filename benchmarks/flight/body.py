@@ -1,8 +1,8 @@
 """A multirotor as a point mass: it follows a moving target with limited lean angle, lag and drag, in wind.
 
-The position controller is the usual cascade (position P, velocity PI, acceleration fed forward) with the gains
-of ArduCopter (PSC_POSXY_P 1, PSC_VELXY_P 2, PSC_VELXY_I 1); thrust follows with a lag of 0.15 s, and lean angles
-are at most 30 degrees. Drag is linear in the speed through the air.
+The position controller is the usual cascade (position P, velocity PI, acceleration fed forward) with the
+gains of ArduCopter (PSC_POSXY_P 1, PSC_VELXY_P 2, PSC_VELXY_I 1); thrust follows with a lag of 0.15 s, and
+lean angles are at most 30 degrees. Drag is linear in the speed through the air.
 """
 
 import math

@@ -1,8 +1,8 @@
-"""Simulated flight as PX4 flies missions: it brakes to a speed for each corner and turns at the acceptance radius.
+"""Simulated flight as PX4 flies missions: it brakes for each corner and turns at the acceptance radius.
 
-Transcribed from the behaviour of PX4's motion_planning/PositionSmoothing.cpp, flight_mode_manager and navigator,
-with default parameters of multirotors. It shares nothing with the estimates of the package: the velocity is asked
-for anew in each time step, and followed with limited acceleration and jerk.
+Transcribed from the behaviour of PX4's motion_planning/PositionSmoothing.cpp, flight_mode_manager and
+navigator, with default parameters of multirotors. It shares nothing with the estimates of the package: the
+velocity is asked for anew in each time step, and followed with limited acceleration and jerk.
 """
 
 import math

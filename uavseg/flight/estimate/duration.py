@@ -139,17 +139,22 @@ def _slowed(legs: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools) -> Flo
     through[~passed | (length[1:] < radius)] = 0.0
     corner = np.append(through, 0.0)
     arrival = np.minimum(np.maximum(limits.speed(np.full(len(legs), radius), corner), corner), speeds)
-    start = np.concatenate([[0.0], arrival[:-1] * np.maximum(straight, 0.0) * passed])
-    way = length - radius + np.concatenate([[0.0], radius * straight * passed])
-    flat = limits.seconds(_Way(way, np.minimum(start, speeds), arrival, corner, radius), speeds)
+    start = np.concatenate([[0.0], arrival[:-1] * passed])
+    way = np.maximum(length - radius + np.concatenate([[0.0], radius * straight * passed]), 0.0)
+    turned_s, turned_m = _turns(np.append(1.0, straight), start, limits.ramp)
+    share = np.minimum(way / np.maximum(turned_m, 1e-9), 1.0)
+    rest_m = np.maximum(way - turned_m, 0.0)
+    flat = turned_s * share + limits.seconds(
+        _Way(rest_m, np.minimum(start, speeds), arrival, corner, radius), speeds
+    )
     up = legs[:, 2]
     vertical = _Braking(vehicle.vertical_acceleration_m_s2, vehicle)
     rest = np.zeros(len(legs))
     near = vertical.speed(np.full(len(legs), NEAR_M), 0.0)
     height = _Way(np.abs(up) - NEAR_M, rest, near, rest, NEAR_M)
-    return np.maximum(
-        flat, vertical.seconds(height, np.where(up > 0, vehicle.climb_m_s, vehicle.descent_m_s))
-    )
+    steep = vertical.seconds(height, np.where(up > 0, vehicle.climb_m_s, vehicle.descent_m_s))
+    slower: Floats = np.maximum(flat, steep)
+    return slower
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +200,16 @@ class _Braking:
         seconds += (top - way.arrival) / a + b / (2 * a) * np.log(top / way.arrival)
         found: Floats = np.where(way.length > 0, seconds, 0.0)
         return found
+
+
+def _turns(straight: Floats, speed: Floats, ramp: Ramp) -> tuple[Floats, Floats]:
+    """Time in which the velocity turns at a constant speed, and the way along the next leg meanwhile.
+
+    With an angle t the velocity changes by 2 v sin(t / 2), and half of it is along v cos(t / 2).
+    """
+    seconds = ramp.seconds(2 * speed * np.sqrt((1 - straight) / 2))
+    way: Floats = seconds * speed * (1 + straight) / 2
+    return seconds, way
 
 
 def _corner_speeds(straight: Floats, vehicle: Vehicle) -> Floats:

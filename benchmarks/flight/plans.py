@@ -1,0 +1,99 @@
+"""Missions over the fields of the benchmarks, and what planning them takes."""
+
+import math
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from benchmarks.flight.fields import Field, many
+from benchmarks.flight.measured import simulate
+from uavseg.flight import planner
+from uavseg.flight.items import WAYPOINT
+from uavseg.flight.mission import Mission
+from uavseg.jobs.plan import flight_params, photos_of
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a plan takes and gives.
+
+    Parameters
+    ----------
+    field, pattern : str
+    flights, items, turns : int
+        Turns are the waypoints.
+    length_m, seconds : float
+        Over ground; and to plan, the second time.
+    covered, zone_m : float
+        From the simulated flights: share that photographs show, least distance to a keep-out zone.
+    """
+
+    field: str
+    pattern: str
+    flights: int
+    items: int
+    turns: int
+    length_m: float
+    seconds: float
+    covered: float
+    zone_m: float
+
+    @property
+    def distance(self) -> str:
+        """Least distance to a zone, in words."""
+        return "" if math.isinf(self.zone_m) else f"{self.zone_m:.1f}"
+
+
+def planned(
+    field: Field,
+    *,
+    pattern: str,
+    camera: str | None,
+    height_m: float,
+    speed: float,
+    autopilot: str = "ardupilot",
+) -> Sequence[Mission]:
+    """The missions over a field."""
+    params = flight_params(
+        height_m, pattern=pattern, photos=photos_of(camera), speed=speed, autopilot=autopilot, tolerance=3.0
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        plan: Any = getattr(planner, "plan_missions", None)
+        if plan is not None:
+            found: Sequence[Mission] = plan(field.polygons, field.points, params, field.home, field.zones)
+            return found
+        return [planner.plan_mission(field.polygons, field.points, params, field.home)]
+
+
+def measured_plan(field: Field, pattern: str, camera: str | None) -> Plan:
+    """Plan twice, the second time with compiled kernels, and fly it."""
+    for _ in range(2):
+        start = time.perf_counter()
+        missions = planned(field, pattern=pattern, camera=camera, height_m=40.0, speed=8.0)
+        seconds = time.perf_counter() - start
+    flights = [simulate(mission, field) for mission in missions]
+    return Plan(
+        field.name,
+        pattern,
+        len(missions),
+        sum(len(mission.items) for mission in missions),
+        sum(item.command == WAYPOINT for mission in missions for item in mission.items),
+        sum(mission.distance_m for mission in missions),
+        seconds,
+        sum(one.covered for one in flights) if camera and len(flights) == 1 else float("nan"),
+        min(one.zone_m for one in flights),
+    )
+
+
+def plans(counts: Sequence[tuple[int, int]] = ((50, 0), (200, 0), (200, 40))) -> list[Plan]:
+    """Many regions, with and without keep-out zones."""
+    able = hasattr(planner, "plan_missions")
+    return [
+        measured_plan(many(regions, zones), pattern, camera)
+        for regions, zones in counts
+        if able or not zones
+        for pattern, camera in (("visit", None), ("survey", "DJI Mavic 3 Enterprise"))
+    ]
