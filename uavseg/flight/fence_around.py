@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.avoid.keep_out import KeepOut
 from uavseg.flight.fence import FencePolygon
+from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.plane import Plane
 
 Floats = NDArray[np.float64]

@@ -7,13 +7,13 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.along import items_along
-from uavseg.flight.avoid.keep_out import KeepOut
 from uavseg.flight.estimate.duration import leg_seconds
 from uavseg.flight.estimate.flown import landing_seconds
 from uavseg.flight.estimate.summary import estimate
 from uavseg.flight.estimate.vehicle import default_vehicle
 from uavseg.flight.fence_around import fence_around
 from uavseg.flight.items import HomePosition, MissionItem
+from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.mission import BOARD_CAPACITY, Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
@@ -87,6 +87,8 @@ def _mission(
         tuple(notes),
         fence=fence,
         rally=params.safety.rally,
+        vehicle=params.vehicle,
+        photos=params.photos,
     )
 
 

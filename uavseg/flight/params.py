@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.photos import Photos
+from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import CRUISE_M_S
@@ -46,6 +47,8 @@ class PlanParams:
         What each flight may take.
     safety : SafetyParams
         What flights keep away from, and where they stay.
+    vehicle : Vehicle, optional
+        What flies, for estimates; by default a multirotor with the parameters of its autopilot.
 
     Raises
     ------
@@ -64,6 +67,7 @@ class PlanParams:
     photos: Photos | None = None
     limits: LimitParams = LimitParams()
     safety: SafetyParams = SafetyParams()
+    vehicle: Vehicle | None = None
 
     def __post_init__(self) -> None:
         _check_number("altitude", self.altitude_m, MAX_HEIGHT_M, "m above home")

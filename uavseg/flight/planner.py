@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from uavseg.errors import MissionError
 from uavseg.flight import patterns
 from uavseg.flight.along import home_notes
-from uavseg.flight.avoid.keep_out import KeepOut
 from uavseg.flight.flights import missions_over
 from uavseg.flight.items import HomePosition
+from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.route import short_route
@@ -82,8 +82,12 @@ def _reached(
     cleared = [[keep_out.clear(track) for track in tracks] for tracks in candidates]
     ends = np.array([track.xy[[0, -1]] for tracks in cleared for track in tracks]).reshape(-1, 2)
     lengths = keep_out.space.lengths_from(home, ends).reshape(-1, 2)
-    reached = iter(np.isfinite(lengths).all(axis=1).tolist())
-    found = [[track for track in tracks if next(reached)] for tracks in cleared]
+    reached = np.asarray(np.isfinite(lengths).all(axis=1))
+    first = np.cumsum([0, *map(len, cleared)])
+    found = [
+        [track for track, is_reached in zip(tracks, reached[start:], strict=False) if is_reached]
+        for tracks, start in zip(cleared, first[:-1], strict=True)
+    ]
     for tracks, part in zip(found, parts, strict=True):
         if not tracks:
             raise MissionError(
