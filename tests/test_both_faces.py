@@ -446,8 +446,8 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     expected = Answer(expected.content, expected.warnings - north)
 
     def planned() -> bytes:
-        mission = uavseg.plan(source, **words)
-        return written(lambda path: files.write_mission(mission, path), f"python{suffix}")
+        planned = uavseg.plan(source, **words)
+        return written(planned.write, f"python{suffix}")
 
     assert_equal(in_python(planned), expected)
 
@@ -455,7 +455,7 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     frame = geopandas.read_file("regions.gpkg")
     content = Path("regions.geojson").read_bytes()
-    with pytest.warns(UserWarning, match="altitude of home"):
+    with pytest.warns(UserWarning, match="altitude of home|outside of all regions"):
         assert uavseg.plan(frame, **FLIGHT) == uavseg.plan("regions.gpkg", **FLIGHT)
         assert uavseg.plan(frame, ids=frame["id"].tail(2), **FLIGHT) == uavseg.plan(
             "regions.gpkg", ids=frame["id"].tail(2).tolist(), **FLIGHT

@@ -5,13 +5,12 @@ import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from benchmarks.flight.fields import Field, many
 from benchmarks.flight.measured import simulate
-from uavseg.flight import planner
 from uavseg.flight.items import WAYPOINT
 from uavseg.flight.mission import Mission
+from uavseg.flight.planner import plan_missions
 from uavseg.jobs.plan import flight_params, photos_of
 
 
@@ -61,11 +60,7 @@ def planned(
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        plan: Any = getattr(planner, "plan_missions", None)
-        if plan is not None:
-            found: Sequence[Mission] = plan(field.polygons, field.points, params, field.home, field.zones)
-            return found
-        return [planner.plan_mission(field.polygons, field.points, params, field.home)]
+        return plan_missions(field.polygons, field.points, params, field.home, field.zones)
 
 
 def measured_plan(field: Field, pattern: str, camera: str | None) -> Plan:
@@ -90,10 +85,8 @@ def measured_plan(field: Field, pattern: str, camera: str | None) -> Plan:
 
 def plans(counts: Sequence[tuple[int, int]] = ((50, 0), (200, 0), (200, 40))) -> list[Plan]:
     """Many regions, with and without keep-out zones."""
-    able = hasattr(planner, "plan_missions")
     return [
         measured_plan(many(regions, zones), pattern, camera)
         for regions, zones in counts
-        if able or not zones
         for pattern, camera in (("visit", None), ("survey", "DJI Mavic 3 Enterprise"))
     ]

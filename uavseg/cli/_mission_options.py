@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._limit_options import limit_options, limits_of, safety_of
 from uavseg.cli._say import say
 from uavseg.cli._vehicle_options import duration_text, flight_table, vehicle_options
 from uavseg.errors import ParameterError, RegionError
@@ -91,6 +92,7 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
+    command = limit_options(command)
     for option in (vehicle_options, *reversed(options)):
         command = option(command)
     return command
@@ -106,6 +108,8 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
         options["altitude"],
         angle=parse_angle(options["angle"]),
         photos=photos,
+        limits=limits_of(options),
+        safety=safety_of(options),
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])
@@ -157,14 +161,18 @@ def parse_angle(text: str) -> float | None:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
 
 
-def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str] = ()) -> None:
-    """Print estimates and warnings of a mission on stderr, and what its format cannot hold."""
-    found = mission.estimate
-    flown = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
-    say(f"{flown}, {found.distance_m / 1000:.2f} km, about {duration_text(found.duration_s)}")
-    for line in flight_table([(Path(output).stem, found)]):
+def report(
+    missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], notes: Sequence[str]
+) -> None:
+    """Print estimates of missions on stderr, and notes on them."""
+    flights = [(Path(path).stem, mission.estimate) for mission, path in zip(missions, paths, strict=True)]
+    for mission, path, (_, found) in zip(missions, paths, flights, strict=True):
+        over = f"{regions} region{'s' * (regions != 1)}, " if len(paths) == 1 else ""
+        flown = f"{path}: {over}{len(mission.items)} items, {found.distance_m / 1000:.2f} km"
+        say(f"{flown}, about {duration_text(found.duration_s)}")
+    for line in flight_table(flights):
         say(line)
-    if mission.autopilot != "ardupilot" and output.lower().endswith(".waypoints"):
+    if missions[0].autopilot != "ardupilot" and str(paths[0]).lower().endswith(".waypoints"):
         say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
-    for warning in (*mission.warnings, *unwritten):
-        say(f"note: {warning}")
+    for note in notes:
+        say(f"note: {note}")

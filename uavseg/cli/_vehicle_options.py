@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -73,11 +74,16 @@ def _clock(seconds: float) -> str:
     return f"{minutes}:{rest:02d}"
 
 
-def mission_json(mission: Mission, regions: int, output: str, unwritten: Sequence[str]) -> dict[str, Any]:
-    """What is reported of a mission, for programs: its file, estimates and warnings."""
+def missions_json(
+    missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], warnings: Sequence[str]
+) -> dict[str, Any]:
+    """What is reported of missions, for programs: their files, estimates and warnings."""
     return {
         "regions": regions,
-        "autopilot": mission.autopilot,
-        "flights": [{"file": output, "items": len(mission.items), **mission.estimate.as_dict()}],
-        "warnings": [*mission.warnings, *unwritten],
+        "autopilot": missions[0].autopilot,
+        "flights": [
+            {"file": str(path), "items": len(mission.items), **mission.estimate.as_dict()}
+            for mission, path in zip(missions, paths, strict=True)
+        ],
+        "warnings": list(warnings),
     }

@@ -39,7 +39,12 @@ _MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, Overflo
 WAYPOINTS_HEADER = "QGC WPL 110"
 
 
-def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) -> None:
+def write_mission(
+    mission: Mission,
+    path: MissionPath,
+    overwrite: bool = False,
+    check: Callable[[Mission], None] | None = None,
+) -> None:
     """Write a mission to a file, whole or not at all.
 
     Parameters
@@ -51,6 +56,8 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
         are written as 0, and a fence and rally points are left out with a warning.
     overwrite : bool
         Whether an existing file may be replaced.
+    check : function, optional
+        Called with the mission as it is read back; where it raises, nothing is written.
 
     Raises
     ------
@@ -63,6 +70,8 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
     text = _WRITERS[suffix](mission)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+        if check is not None:
+            check(read_mission(temporary))
     if suffix == ".waypoints" and (mission.fence or mission.rally):
         warnings.warn(
             "a .waypoints file cannot hold a fence or rally points: they were not written; use a .plan",

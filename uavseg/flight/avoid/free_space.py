@@ -90,6 +90,18 @@ class FreeSpace:
         detour = Detours(self.corners, over, first, last, before)
         return ShortestPaths(points, np.minimum(direct, np.minimum(over, over.T)), direct, detour)
 
+    def lengths_from(self, start: Floats, points: Floats) -> Floats:
+        """Lengths (n,) of the shortest paths from a point (2,) to others (n, 2), or infinity."""
+        starts = np.broadcast_to(start, points.shape)
+        direct = np.where(self.sees(starts, points), _distances(starts, points), np.inf)
+        if np.isfinite(direct).all():
+            return direct
+        ends = np.concatenate([start[None], points])
+        reach = self._to_corners(ends, self.is_free(ends))
+        onward, _ = cheapest(reach[:1], self._between_corners[0])
+        over, _ = cheapest(reach[1:], onward.T)
+        return np.minimum(direct, over[:, 0])
+
     @cached_property
     def corners(self) -> Floats:
         """The corners (c, 2) that point into free space, where shortest paths may bend."""
