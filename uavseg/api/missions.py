@@ -12,6 +12,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.mission import Mission
+from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.plan import Home, PlanRequest, flight_params, open_regions, photos_of
 from uavseg.jobs.plan import plan as run_plan
 from uavseg.plain_text import shown
@@ -40,6 +41,11 @@ def plan(
     gsd: float | None = None,
     overlap: Sequence[float] = (75.0, 70.0),
     gimbal_pitch: float = -90.0,
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    terrain: str | None = None,
+    terrain_tolerance: float | None = None,
+    climb: float = 2.5,
+    descent: float = 1.5,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Mission:
@@ -50,7 +56,8 @@ def plan(
     regions : path, bytes or GeoDataFrame
         A file of polygons, the content of one such as GeoJSON, or what `extract` gives.
     altitude : float, optional
-        Height of the whole flight above home, in metres; with a camera, `gsd` may take its place.
+        Height of the whole flight above home, or with `dem` above the ground, in metres; with a camera, `gsd`
+        may take its place.
     home : (lat, lon), (lat, lon, altitude_m) or "auto"
         Where the vehicle starts, in degrees; the altitude is above the sea. With "auto", inside the first
         chosen region.
@@ -82,6 +89,17 @@ def plan(
         Of photographs, along the lines and between them, in per cent.
     gimbal_pitch : float
         Where the camera looks, in degrees; -90 is straight down.
+    dem : path or sequence of paths, optional
+        Elevation model: the flight keeps its height above the ground. Several files are one mosaic.
+    terrain : {"absolute", "relative", "frame"}, optional
+        Heights above the sea (the default with `dem`) or above home, with points added where the ground
+        bends; or above the terrain that the vehicle itself knows (ArduPilot), for which `dem` may be missing.
+    terrain_tolerance : float, optional
+        Metres by which the height above the ground may differ; by default 5, or a quarter of the height
+        where that is less.
+    climb, descent : float
+        How fast the vehicle climbs and descends in forward flight, in metres per second; legs that are too
+        steep are flown slower.
     allow_path, allow_network
         As of `extract`.
 
@@ -95,7 +113,10 @@ def plan(
     RegionError
         If the regions cannot be read, or none is chosen.
     MissionError
-        If they are not near home, or the mission would not be safe.
+        If they are not near home, the elevation model does not cover the flight, or the mission would not be
+        safe.
+    RasterError
+        If the elevation model is not one.
     UavsegError
         If a parameter is wrong.
 
@@ -107,19 +128,20 @@ def plan(
     >>> mission = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
     >>> write_mission(mission, "fly.plan")  # doctest: +SKIP
     """
-    flight = flight_params(
-        altitude,
-        pattern=pattern,
-        spacing=spacing,
-        angle=_angle(angle),
-        speed=speed,
-        firmware=firmware,
-        tolerance=tolerance,
-        photos=photos_of(camera, overlap, gimbal_pitch),
-        gsd=gsd,
-    )
-    request = PlanRequest(flight, _home(home), ids, largest, where)
     with allowing(allow_path, allow_network):
+        flight = flight_params(
+            altitude,
+            pattern=pattern,
+            spacing=spacing,
+            angle=_angle(angle),
+            speed=speed,
+            firmware=firmware,
+            tolerance=tolerance,
+            photos=photos_of(camera, overlap, gimbal_pitch),
+            gsd=gsd,
+            terrain=terrain_params(dem, terrain, terrain_tolerance, climb, descent),
+        )
+        request = PlanRequest(flight, _home(home), ids, largest, where)
         planned = run_plan(open_regions(regions, layer), request)
     warn(planned.warnings)
     return planned.mission

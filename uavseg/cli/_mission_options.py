@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli._say import say
+from uavseg.cli._terrain_options import terrain_of, terrain_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
@@ -21,11 +22,15 @@ def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
     They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
-    `angle`, `speed`, `firmware` and `tolerance`: see `plan_request`.
+    `angle`, `speed`, `firmware` and `tolerance`, and those of `terrain_options`: see `plan_request`.
     """
+    command = terrain_options(command)
     options = [
         click.option(
-            "--altitude", type=float, metavar="M", help="Height of the flight above home, in metres."
+            "--altitude",
+            type=float,
+            metavar="M",
+            help="Height of the flight above home, or with --dem above the ground, in metres.",
         ),
         click.option(
             "--camera",
@@ -100,6 +105,7 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
         options["altitude"],
         angle=parse_angle(options["angle"]),
         photos=photos,
+        terrain=terrain_of(options),
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])

@@ -40,7 +40,7 @@ def command(**options: Any) -> None:
     output, regions = options["output"], options["regions"]
     files.check_mission_format(output)
     check_target(output, options["overwrite"])
-    keep_inputs([output], regions)
+    keep_inputs([output], regions, options["dem"])
     request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     planned = plan(open_regions(source, options["layer"]), request)

@@ -11,6 +11,7 @@ from uavseg.flight.items import (
     CHANGE_SPEED,
     FIRMWARES,
     FRAME_AMSL,
+    FRAME_TERRAIN,
     LOITER_TIME,
     MAX_DISTANCE_M,
     MAX_HEIGHT_M,
@@ -24,6 +25,7 @@ from uavseg.flight.items import (
     check_near,
     distance_m,
 )
+from uavseg.flight.terrain.ground import Ground
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 BOARD_CAPACITY = {"ardupilot": 650, "px4": 500}  # items that common boards store
@@ -55,6 +57,8 @@ class Mission:
         Areas that the vehicle must stay inside or outside of; stored polygons first, as in files.
     rally : tuple of RallyPoint
         Places to which it may return instead of home.
+    ground : Ground, optional
+        The ground below it, where the planner knows it; not compared, and not written to files.
 
     Raises
     ------
@@ -72,6 +76,7 @@ class Mission:
     notes: tuple[str, ...] = field(default=(), compare=False)
     fence: tuple[Fence, ...] = ()
     rally: tuple[RallyPoint, ...] = ()
+    ground: Ground | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.firmware not in FIRMWARES:
@@ -101,18 +106,37 @@ class Mission:
     def path(self) -> tuple[Floats, Floats, Floats]:
         """Positions of the flight, home first: lat and lon in degrees, height above home in metres.
 
-        A return adds home, at the height of the return. Heights above the terrain count as above home.
+        A return adds home, at the height of the return. Heights above the terrain count as above home where
+        the ground is not known.
         """
         places = [(self.home.lat, self.home.lon, 0.0)]
         for item in self.items:
             if item.has_position:
                 lat, lon = places[-1][:2] if item.is_at_vehicle else (item.lat, item.lon)
-                sea_m = self.home.altitude_m if item.frame == FRAME_AMSL else 0.0
-                places.append((lat, lon, item.altitude_m - sea_m))
+                places.append((lat, lon, item.altitude_m - self._home_above_zero_m(item.frame, lat, lon)))
             elif item.command == RETURN:
                 places.append((self.home.lat, self.home.lon, places[-1][2]))
         lat_, lon_, height = np.array(places, dtype=np.float64).T
         return lat_, lon_, height
+
+    def _home_above_zero_m(self, frame: int, lat: float, lon: float) -> float:
+        """How far home lies above what heights of a frame are above, at a position."""
+        if frame == FRAME_AMSL:
+            return self.home.altitude_m
+        if frame != FRAME_TERRAIN or self.ground is None:
+            return 0.0
+        return -self.ground.rise_m((self.home.lat, self.home.lon), (lat, lon))
+
+    @property
+    def leg_speeds_m_s(self) -> Floats:
+        """Speed over ground on each leg of `path`, as the items set it."""
+        speed, speeds = self.speed_m_s, []
+        for item in self.items:
+            if item.command == CHANGE_SPEED and item.params[1]:
+                speed = item.params[1]
+            elif item.has_position or item.command == RETURN:
+                speeds.append(speed)
+        return np.array(speeds, np.float64)
 
     @property
     def distance_m(self) -> float:
@@ -122,14 +146,14 @@ class Mission:
 
     @property
     def duration_s(self) -> float:
-        """Shortest duration of the flight in seconds: constant speed, climb at 2.5 and descent at 1.5 m/s.
+        """Shortest duration in seconds: the speed of each leg, climb at 2.5 and descent at 1.5 m/s.
 
         Slowing down for turns is not included.
         """
         lat, lon, height = self.path
         climb = np.diff(height)
         vertical = np.where(climb > 0, climb / CLIMB_M_S, -climb / DESCENT_M_S)
-        legs = np.maximum(_leg_lengths(lat, lon) / self.speed_m_s, vertical)
+        legs = np.maximum(_leg_lengths(lat, lon) / self.leg_speeds_m_s, vertical)
         holds = sum(i.params[0] or 0.0 for i in self.items if i.command in {WAYPOINT, LOITER_TIME})
         returns = any(i.command == RETURN for i in self.items)
         return float(legs.sum() + holds + (max(height[-1], 0.0) / DESCENT_M_S if returns else 0.0))
@@ -144,10 +168,12 @@ class Mission:
                 f"{len(self.items)} items: many boards with {self.firmware} hold {capacity}; "
                 "split the mission or choose fewer regions"
             )
-        highest = float(self.path[2].max())
+        zero, highest = "home", float(self.path[2].max())
+        if self.ground is not None:
+            zero, highest = "the ground", round(self.ground.highest_m, 1)
         if highest > USUAL_MAX_HEIGHT_M:
             found.append(
-                f"{highest:g} m above home is more than most countries allow without a permit (120 m)"
+                f"{highest:g} m above {zero} is more than most countries allow without a permit (120 m)"
             )
         if self.duration_s > LONG_FLIGHT_S:
             found.append(

@@ -14,7 +14,6 @@ from uavseg.flight.along import home_notes, items_along
 from uavseg.flight.items import (
     MAX_DISTANCE_M,
     HomePosition,
-    MissionItem,
     check_near,
     check_position,
     distance_m,
@@ -25,6 +24,8 @@ from uavseg.flight.order.tour import short_tour
 from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns import RegionPart
 from uavseg.flight.plane import Plane, plane_around
+from uavseg.flight.terrain.follow import GroundPath, follow_ground
+from uavseg.flight.terrain.home import home_on_ground
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
@@ -59,14 +60,17 @@ def plan_mission(
     """
     if len(polygons) == 0:
         raise MissionError("there is no region to fly to; choose at least one")
+    home, found = home_on_ground(home, params)
     start = HomePosition(*home)
     plane = _plane(polygons, points, start)
     parts = _parts(plane.project_polygons(polygons), plane, points)
     candidates, notes = _PATTERN_FUNCTIONS[params.pattern](parts, params)
     tracks = _order_tracks(candidates, plane, start)
     params, slower = _lower_speed(params, tracks)
-    notes = [*home_notes(home), *notes, *slower]
-    return Mission(start, _items(tracks, plane, start, params), params.firmware, params.name, tuple(notes))
+    path = _path(tracks, plane, start, params)
+    items = items_along(path.lon, path.lat, start, params, path.trigger_m, path.heights)
+    notes = [*home_notes(home), *found, *notes, *slower, *path.notes]
+    return Mission(start, items, params.firmware, params.name, tuple(notes), ground=path.ground)
 
 
 def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:
@@ -149,11 +153,10 @@ def _lower_speed(params: PlanParams, tracks: Sequence[Track]) -> tuple[PlanParam
     return replace(params, speed_m_s=limit), [note]
 
 
-def _items(
-    tracks: Sequence[Track], plane: Plane, home: HomePosition, params: PlanParams
-) -> tuple[MissionItem, ...]:
+def _path(tracks: Sequence[Track], plane: Plane, home: HomePosition, params: PlanParams) -> GroundPath:
+    """The path over tracks, with heights."""
     xy = np.concatenate([track.xy for track in tracks])
     trigger = np.concatenate([np.append(track.trigger_m, 0.0) for track in tracks])[:-1]
     moved = np.r_[True, np.hypot(*np.diff(xy, axis=0).T) > 1e-3]
     lon, lat = plane.lonlat_from_xy(*xy[moved].T)
-    return items_along(lon, lat, home, params, trigger[moved[1:]])
+    return follow_ground(lon, lat, trigger[moved[1:]], home, params)

@@ -13,6 +13,7 @@ from uavseg.flight.camera.photos import Photos
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.planner import plan_mission
+from uavseg.flight.terrain.params import TerrainParams
 from uavseg.plain_text import shown
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
@@ -101,6 +102,7 @@ def flight_params(
     tolerance: float | None = None,
     photos: Photos | None = None,
     gsd: float | None = None,
+    terrain: TerrainParams | None = None,
 ) -> PlanParams:
     """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
 
@@ -134,6 +136,7 @@ def flight_params(
         firmware=firmware,
         tolerance_m=tolerance,
         photos=photos,
+        terrain=terrain,
     )
 
 

@@ -1,0 +1,129 @@
+"""Parameters of a flight at a constant height above the ground, checked when they are made."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uavseg.errors import ParameterError
+from uavseg.raster.elevation.dem import Dem
+
+ABSOLUTE, RELATIVE, FRAME = "absolute", "relative", "frame"
+MODES = (FRAME, ABSOLUTE, RELATIVE)
+DEFAULT_TOLERANCE_M = 5.0
+MIN_TOLERANCE_M = 0.1
+MAX_RATE_M_S = 50.0
+CLIMB_M_S, DESCENT_M_S = (
+    2.5,
+    1.5,
+)  # what multirotors do by default (ArduPilot: WPNAV_SPEED_UP, WPNAV_SPEED_DN)
+
+
+@dataclass(frozen=True, slots=True)
+class TerrainParams:
+    """How a flight follows the ground.
+
+    Parameters
+    ----------
+    dem : Dem, optional
+        The elevation model; only the mode "frame" works without one.
+    mode : "absolute", "relative" or "frame"
+        Heights above the sea (MAV_FRAME_GLOBAL) or above home, both from the DEM, with points added where
+        the ground bends; or heights above the terrain, which the vehicle knows itself (ArduPilot only).
+    tolerance_m : float, optional
+        Metres by which the height above the ground may differ; by default 5, or a quarter of the height
+        where that is less.
+    climb_m_s, descent_m_s : float
+        How fast the vehicle climbs and descends while it flies forward.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of bounds, or a DEM is missing.
+    """
+
+    dem: Dem | None
+    mode: str = ABSOLUTE
+    tolerance_m: float | None = None
+    climb_m_s: float = CLIMB_M_S
+    descent_m_s: float = DESCENT_M_S
+
+    def __post_init__(self) -> None:
+        if self.mode not in MODES:
+            raise ParameterError(f"terrain is one of {', '.join(MODES)}, not {self.mode!r}")
+        if self.dem is None and self.mode != FRAME:
+            raise ParameterError(f"heights that are {self.mode} follow from an elevation model: give --dem")
+        for what, rate in (("climb", self.climb_m_s), ("descent", self.descent_m_s)):
+            if not MIN_TOLERANCE_M <= rate <= MAX_RATE_M_S:
+                raise ParameterError(f"the {what} rate is 0.1 to {MAX_RATE_M_S:g} m/s, not {rate:g}")
+        if (
+            self.mode != FRAME
+            and self.dem is not None
+            and self.mode == ABSOLUTE
+            and not self.dem.is_above_sea
+        ):
+            raise ParameterError(
+                f"{self.dem.name} has heights above the ellipsoid, up to 100 m from those above the sea that "
+                "autopilots fly, and PROJ has no grid of the geoid (us_nga_egm96_15.tif) here to convert "
+                "them: convert the file, or fly heights above home (--terrain relative)"
+            )
+
+    def tolerance_for(self, altitude_m: float) -> float:
+        """The tolerance in metres at a height above the ground."""
+        if self.tolerance_m is None:
+            return max(min(DEFAULT_TOLERANCE_M, altitude_m / 4), MIN_TOLERANCE_M)
+        return self.tolerance_m
+
+    def check(self, altitude_m: float, autopilot: str) -> None:
+        """Check that the tolerance fits the height, and the mode the autopilot.
+
+        Raises
+        ------
+        ParameterError
+            If they do not.
+        """
+        tolerance_m = self.tolerance_m
+        if tolerance_m is not None and not MIN_TOLERANCE_M <= tolerance_m <= altitude_m / 2:
+            raise ParameterError(
+                f"the tolerance of the height above the ground is {MIN_TOLERANCE_M:g} m to half of the "
+                f"height ({altitude_m / 2:g} m), not {tolerance_m:g}"
+            )
+        if self.mode == FRAME and autopilot != "ardupilot":
+            raise ParameterError(
+                "heights above the terrain (--terrain frame) are known to ArduPilot only, not to "
+                f"{autopilot}: give --terrain absolute and a DEM"
+            )
+
+
+def terrain_params(
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None,
+    mode: str | None = None,
+    tolerance_m: float | None = None,
+    climb_m_s: float = CLIMB_M_S,
+    descent_m_s: float = DESCENT_M_S,
+) -> TerrainParams | None:
+    """How a flight follows the ground; None where neither a DEM nor a mode is given.
+
+    Parameters
+    ----------
+    dem : path or sequence of paths, optional
+    mode : str, optional
+        By default "absolute".
+    tolerance_m, climb_m_s, descent_m_s : float
+        See `TerrainParams`.
+
+    Raises
+    ------
+    ParameterError
+        If a value is out of bounds, or a DEM is missing.
+    RasterError
+        If a file is no elevation model.
+    """
+    given = [] if dem is None else [dem] if isinstance(dem, str | os.PathLike) else list(dem)
+    if not given and mode is None:
+        if tolerance_m is not None:
+            raise ParameterError(
+                "a tolerance of the height above the ground needs an elevation model: give --dem"
+            )
+        return None
+    opened = Dem.open(given) if given else None
+    return TerrainParams(opened, mode or ABSOLUTE, tolerance_m, climb_m_s, descent_m_s)
