@@ -160,4 +160,4 @@ def _hole(dem: Dem, lon: float, lat: float) -> str:
     row, col = dem.pixels(np.array([lon]), np.array([lat]))
     rows, cols = dem.sampler.dataset.geobox.shape
     inside = 0 <= row[0] <= rows and 0 <= col[0] <= cols
-    return " with a hole there (nodata)" if inside else ""
+    return " with a hole there (nodata, or no height from -500 to 9000 m)" if inside else ""

@@ -102,6 +102,7 @@ class Dem:
         paths = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
         if not paths:
             raise ParameterError("there is no elevation model to open; give at least one")
+        dataset = Dataset.open(paths, band=1)
         found = [_heights_of(as_file_name(os.fspath(path))) for path in paths]
         for path, one in zip(paths, found, strict=True):
             if one != found[0]:
@@ -109,7 +110,9 @@ class Dem:
                     f"{os.fspath(path)} differs from {os.fspath(paths[0])} in its CRS, its unit or in what "
                     "its heights are above; the files of one elevation model must agree"
                 )
-        dataset, heights = Dataset.open(paths, band=1), found[0]
+        if dataset.geobox.crs is None:
+            raise RasterError(f"{os.fspath(paths[0])} has no place on the map (no geotransform)")
+        heights = found[0]
         to_sea = sea_from_ellipsoid() if heights.reference.zero == "ellipsoid" else None
         return cls(
             BilinearSampler(dataset),
