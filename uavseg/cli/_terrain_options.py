@@ -62,7 +62,7 @@ def terrain_of(options: dict[str, Any]) -> TerrainParams | None:
     from uavseg.flight.terrain.params import terrain_params
 
     return terrain_params(
-        options["dem"],
+        options["dem"] or None,
         options["terrain"],
         options["terrain_tolerance"],
         options["climb"],

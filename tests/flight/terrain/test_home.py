@@ -92,6 +92,7 @@ def test_heights_above_the_ellipsoid_are_flown_above_home_only(
     [
         ({"mode": "absolute"}, "give --dem"),
         ({"mode": "relative"}, "give --dem"),
+        ({"mode": ""}, "one of frame, absolute, relative"),
         ({"mode": "agl"}, "one of frame, absolute, relative"),
         ({"tolerance_m": 5.0}, "give --dem"),
         ({"mode": "frame", "climb_m_s": 0.0}, "climb rate"),
@@ -104,7 +105,9 @@ def test_parameters_that_do_not_go_together_are_refused(words: dict[str, Any], m
 
 
 def test_nothing_is_asked_for_without_a_model() -> None:
-    assert terrain_params(None) is None and terrain_params(()) is None
+    assert terrain_params(None) is None
+    with pytest.raises(ParameterError, match="give at least one"):
+        terrain_params([])  # an empty list is a mistake of a program, not flat ground
 
 
 @pytest.mark.parametrize(

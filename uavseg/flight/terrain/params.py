@@ -118,12 +118,11 @@ def terrain_params(
     RasterError
         If a file is no elevation model.
     """
-    given = [] if dem is None else [dem] if isinstance(dem, str | os.PathLike) else list(dem)
-    if not given and mode is None:
+    if dem is None and mode is None:
         if tolerance_m is not None:
             raise ParameterError(
                 "a tolerance of the height above the ground needs an elevation model: give --dem"
             )
         return None
-    opened = Dem.open(given) if given else None
-    return TerrainParams(opened, mode or ABSOLUTE, tolerance_m, climb_m_s, descent_m_s)
+    opened = None if dem is None else Dem.open(dem)
+    return TerrainParams(opened, ABSOLUTE if mode is None else mode, tolerance_m, climb_m_s, descent_m_s)

@@ -11,7 +11,7 @@ import rasterio
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import ParameterError, RasterError, RasterReadError
-from uavseg.plain_text import shown
+from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.drivers import as_file_name
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.dataset import Dataset
@@ -161,7 +161,14 @@ class Dem:
             If the file is damaged there.
         """
         lons, lats = np.asarray(lon, np.float64), np.asarray(lat, np.float64)
-        found = self.heights.offset_m + self.heights.scale_m * self.sampler.sample(*self.pixels(lons, lats))
+        try:
+            numbers = self.sampler.sample(*self.pixels(lons, lats))
+        except RasterReadError as error:
+            raise RasterReadError(
+                f"{self.name} cannot be read where heights of the ground are needed "
+                f"({cause_of(error.__cause__ or error)}); the file is damaged or incomplete: repair it"
+            ) from error
+        found = self.heights.offset_m + self.heights.scale_m * numbers
         if self.to_sea is not None:
             found = self.to_sea(lons, lats, found)
         found[~((found >= LOWEST_M) & (found <= HIGHEST_M))] = np.nan
