@@ -416,7 +416,7 @@ FLIGHT: Words = {"altitude": 60, "home": "auto"}
         ("regions.geojson", FLIGHT | {"spacing": 15}),
         ("regions.gpkg", FLIGHT | {"pattern": "survey", "spacing": 15, "angle": 30.5, "speed": 8.0}),
         ("regions.geojson", FLIGHT | {"home": (45.151, -76.271)}),
-        ("regions.geojson", FLIGHT | {"home": (45.151, -76.271, 120.5), "firmware": "px4"}),
+        ("regions.geojson", FLIGHT | {"home": (45.151, -76.271, 120.5), "autopilot": "px4"}),
         ("regions.geojson", FLIGHT | {"ids": [2, 1]}),
         ("regions.geojson", FLIGHT | {"largest": 1, "where": "mean > 0.5 and area_m2 > 100"}),
         ("two.gpkg", FLIGHT | {"layer": "b"}),
@@ -448,12 +448,12 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     output = f"out{suffix}"
     expected = on_the_command_line("plan", [source, *options(words), "-o", output], output)
     north = {one for one in expected.warnings if "PX4 will face north" in one}  # of the format alone
-    assert bool(north) == (words.get("firmware") == "px4" and suffix == ".waypoints")
+    assert bool(north) == (words.get("autopilot") == "px4" and suffix == ".waypoints")
     expected = Answer(expected.content, expected.warnings - north)
 
     def planned() -> bytes:
-        mission = uavseg.plan(source, **words)
-        return written(lambda path: files.write_mission(mission, path), f"python{suffix}")
+        planned = uavseg.plan(source, **words)
+        return written(planned.write, f"python{suffix}")
 
     assert_equal(in_python(planned), expected)
 
@@ -461,7 +461,7 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     frame = geopandas.read_file("regions.gpkg")
     content = Path("regions.geojson").read_bytes()
-    with pytest.warns(UserWarning, match="altitude of home"):
+    with pytest.warns(UserWarning, match="altitude of home|outside of all regions"):
         assert uavseg.plan(frame, **FLIGHT) == uavseg.plan("regions.gpkg", **FLIGHT)
         assert uavseg.plan(frame, ids=frame["id"].tail(2), **FLIGHT) == uavseg.plan(
             "regions.gpkg", ids=frame["id"].tail(2).tolist(), **FLIGHT
@@ -580,7 +580,7 @@ def vehicle_lists(vehicle: FakeVehicle) -> bytes:
     ("make", "mission", "words"),
     [
         (ArduPilot, fenced(survey()), {}),
-        (Px4, survey(firmware="px4"), {"timeout": 4.0}),
+        (Px4, survey(autopilot="px4"), {"timeout": 4.0}),
         (Px4, survey(), {}),
         (lambda: ArduPilot(capacity=5), survey(), {"timeout": 0.4}),
         (lambda: ArduPilot(armed=True), survey(), {}),
@@ -607,7 +607,7 @@ def test_uploads(make: Callable[[], FakeVehicle], mission: Mission, words: Words
     ("make", "mission"),
     [
         (ArduPilot, fenced(survey())),
-        (lambda: Px4(home=(47.0, 8.0, 412.5)), fenced(survey(firmware="px4"))),
+        (lambda: Px4(home=(47.0, 8.0, 412.5)), fenced(survey(autopilot="px4"))),
         (Generic, survey()),
         (Px4, None),
     ],

@@ -19,6 +19,8 @@ from uavseg.cli.plan import command
 from uavseg.errors import AccessError, MissionError, OutputError, ParameterError, RasterError, RasterReadError
 from uavseg.flight import files
 from uavseg.flight.items import CAMERA_DISTANCE, FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, WAYPOINT
+from uavseg.flight.terrain.clearance import Clearance
+from uavseg.raster.elevation.dem import Dem
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data" / "dem" / "ny_dsm_2m.tif"
 HILLS = ("--dem", "{folder}/hills.tif")
@@ -44,7 +46,7 @@ def run(folder: Path, *options: object, base: Any = BASE, output: str = "fly.pla
     ("options", "frame"),
     [
         ((), FRAME_AMSL),
-        (("--terrain", "absolute", "--firmware", "px4"), FRAME_AMSL),
+        (("--terrain", "absolute", "--autopilot", "px4"), FRAME_AMSL),
         (("--terrain", "frame"), FRAME_TERRAIN),
         (("--terrain", "relative", "--altitude", 110), FRAME_RELATIVE),
     ],
@@ -102,13 +104,24 @@ def test_a_smaller_tolerance_adds_points(folder: Path) -> None:
     assert counts[0] > counts[1] + 20
 
 
+def test_a_mission_that_is_divided_is_above_the_ground_in_each_flight(folder: Path) -> None:
+    done = run(folder, "--spacing", 25, "--dem", folder / "hills.tif", "--max-items", 90)
+    assert done.exception is None, done.output
+    flights = sorted(folder.glob("fly-*.plan"))
+    assert len(flights) > 1
+    for path in flights:
+        items = files.read_mission(path).items
+        assert len(items) <= 90
+        Clearance(Dem.open(folder / "hills.tif"), 55).check(files.read_mission(path), 120)
+
+
 @pytest.mark.parametrize(
     ("options", "kind", "words"),
     [
         (("--dem", "missing.tif"), RasterReadError, "no file missing.tif"),
         (("--dem", "{folder}/field.geojson"), AccessError, "not an image"),
         (
-            ("--dem", "{folder}/hills.tif", "--terrain", "frame", "--firmware", "px4"),
+            ("--dem", "{folder}/hills.tif", "--terrain", "frame", "--autopilot", "px4"),
             ParameterError,
             "not to px4",
         ),
@@ -123,6 +136,7 @@ def test_a_smaller_tolerance_adds_points(folder: Path) -> None:
         ),
         (("--dem", "{folder}/small.tif"), MissionError, "where the flight leads; it covers lat 47.0"),
         (("--dem", "{folder}/rgb.tif"), RasterError, "3 bands"),
+        ((*HILLS, "--altitude", 119), MissionError, "higher than allowed (--max-altitude)"),
     ],
 )
 def test_what_cannot_be_flown_is_refused_and_nothing_written(

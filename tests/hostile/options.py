@@ -28,7 +28,7 @@ LINES = tuple(
         f"original x.tif -o out.tif --threshold 1.2 --merge-stop 2 --untested 0.1 --radius 2 --sweeps 1 {RUN}",
         f"divide x.tif -o out.tif {DIVISION} --band 1 --nodata 5 {RUN}",
         "info x.tif --json --band 1 --nodata 3 --stretch minmax --threads 1",
-        f"plan r.geojson -o out.plan {FLIGHT} --pattern survey --spacing 20 --angle 45 --firmware px4",
+        f"plan r.geojson -o out.plan {FLIGHT} --pattern survey --spacing 20 --angle 45 --autopilot px4",
         f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1,2 --largest 2 --where area_m2>5",
         f"plan r.geojson -o out.plan {FLIGHT} --dem g.tif --terrain absolute --terrain-tolerance 2 --climb 3",
         f"plan r.geojson -o out.waypoints {FLIGHT} --dem g.tif --dem g.tif --terrain relative --descent 0.5",

@@ -38,18 +38,15 @@ def terrain_options(command: F) -> F:
         click.option(
             "--climb",
             type=float,
-            default=2.5,
             metavar="M_S",
-            show_default=True,
-            help="How fast the vehicle climbs in forward flight; steeper legs are flown slower.",
+            help="How fast the vehicle climbs in forward flight; steeper legs are flown slower.  "
+            "[default: 2.5, or 3 for px4]",
         ),
         click.option(
             "--descent",
             type=float,
-            default=1.5,
             metavar="M_S",
-            show_default=True,
-            help="How fast it descends.",
+            help="How fast it descends.  [default: 1.5]",
         ),
     ]
     for option in reversed(options):

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.items import FIRMWARES, MAX_DISTANCE_M, MAX_HEIGHT_M
+from uavseg.flight.estimate.vehicle import Vehicle
+from uavseg.flight.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M
+from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import CRUISE_M_S
 from uavseg.flight.terrain.params import TerrainParams
 
@@ -33,7 +35,8 @@ class PlanParams:
         needs the fewest.
     speed_m_s : float
         Over ground, above 0 and at most 50.
-    firmware : "ardupilot" or "px4"
+    autopilot : "ardupilot", "px4" or "generic"
+        The autopilot that the mission is for; "generic" for what ArduPilot and PX4 both accept.
     tolerance_m : float, optional
         Distance by which an outline may be simplified; by default a metre, or a pixel if the pixels of a
         region are larger.
@@ -41,6 +44,12 @@ class PlanParams:
         Name of the mission.
     photos : Photos, optional
         How a survey is photographed; without, it takes no photographs.
+    limits : LimitParams
+        What each flight may take.
+    safety : SafetyParams
+        What flights keep away from, and where they stay.
+    vehicle : Vehicle, optional
+        What flies, for estimates; by default a multirotor with the parameters of its autopilot.
     terrain : TerrainParams, optional
         How the flight follows the ground; without, it keeps one height above home.
 
@@ -55,19 +64,27 @@ class PlanParams:
     spacing_m: float | None = None
     angle_deg: float | None = None
     speed_m_s: float = CRUISE_M_S
-    firmware: str = "ardupilot"
+    autopilot: str = "ardupilot"
     tolerance_m: float | None = None
     name: str = ""
     photos: Photos | None = None
+    limits: LimitParams = LimitParams()
+    safety: SafetyParams = SafetyParams()
+    vehicle: Vehicle | None = None
     terrain: TerrainParams | None = None
 
     def __post_init__(self) -> None:
         _check_number("altitude", self.altitude_m, MAX_HEIGHT_M, "m above home")
         _check_number("speed", self.speed_m_s, MAX_SPEED_M_S, "m/s")
+        if self.altitude_m > self.safety.max_altitude_m:
+            raise ParameterError(
+                f"{self.altitude_m:g} m is higher than {self.safety.max_altitude_m:g} m above the ground, "
+                "more than most countries allow without a permit; with one, give --max-altitude"
+            )
         if self.pattern not in PATTERNS:
             raise ParameterError(f"a pattern is one of {', '.join(PATTERNS)}, not {self.pattern!r}")
-        if self.firmware not in FIRMWARES:
-            raise ParameterError(f"a firmware is one of {', '.join(FIRMWARES)}, not {self.firmware!r}")
+        if self.autopilot not in AUTOPILOTS:
+            raise ParameterError(f"an autopilot is one of {', '.join(AUTOPILOTS)}, not {self.autopilot!r}")
         if self.pattern == "survey" and self.spacing_m is None:
             raise ParameterError("a survey needs the spacing of its lines in metres")
         if self.pattern != "survey" and (self.spacing_m, self.angle_deg, self.photos) != (None,) * 3:
@@ -81,7 +98,7 @@ class PlanParams:
         if self.tolerance_m is not None:
             _check_number("tolerance", self.tolerance_m, MAX_DISTANCE_M, "m")
         if self.terrain is not None:
-            self.terrain.check(self.altitude_m, self.firmware)
+            self.terrain.check(self.altitude_m, self.autopilot)
 
 
 def _check_number(what: str, value: float, maximum: float, unit: str) -> None:

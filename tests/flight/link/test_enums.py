@@ -81,7 +81,7 @@ def test_every_number_is_compared(module: ModuleType) -> None:
 
 
 def test_autopilots_kinds_and_results_are_those_of_mavlink() -> None:
-    for name, number in items.FIRMWARES.items():
+    for name, number in items.AUTOPILOTS.items():
         enum = {"ardupilot": "ARDUPILOTMEGA"}.get(name, name.upper())
         assert number == getattr(common, f"MAV_AUTOPILOT_{enum}")
     assert {kind.name: int(kind) for kind in Kind} == {

@@ -16,7 +16,14 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError, MissionError, UnverifiedError
-from uavseg.flight.items import CONDITION_GATE, FRAME_MISSION, FRAME_TERRAIN, HomePosition, MissionItem
+from uavseg.flight.items import (
+    CONDITION_GATE,
+    FRAME_MISSION,
+    FRAME_TERRAIN,
+    LOITER_TURNS,
+    HomePosition,
+    MissionItem,
+)
 from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.link import Link
 from uavseg.flight.link.results import Result
@@ -24,7 +31,7 @@ from uavseg.flight.link.upload import upload_mission
 from uavseg.flight.mission import Mission
 
 VEHICLES: list[type[FakeVehicle]] = [ArduPilot, Px4, Generic]
-FIRMWARES = {ArduPilot: "ardupilot", Px4: "px4", Generic: "px4"}
+AUTOPILOTS = {ArduPilot: "ardupilot", Px4: "px4", Generic: "px4"}
 LOSSES = [
     {"loss": 0.0},
     {"loss": 0.05, "duplicates": 0.05, "reordered": 0.05},
@@ -50,7 +57,7 @@ def rows(vehicle: FakeVehicle, kind: int = 0) -> list[tuple[int, int, int, float
 def test_500_items_arrive_whatever_the_network_loses(
     make: type[FakeVehicle], how: dict[str, float], seed: int
 ) -> None:
-    mission = survey(500, FIRMWARES[make])
+    mission = survey(500, AUTOPILOTS[make])
     vehicle, warnings = sent_to(make, mission, seed=seed, **how)
     known = [HOME, *mission.items] if make is ArduPilot else list(mission.items)
     assert len(vehicle.stored[0]) == len(known)
@@ -65,7 +72,7 @@ def test_500_items_arrive_whatever_the_network_loses(
 @pytest.mark.parametrize("make", VEHICLES)
 @pytest.mark.parametrize("how", LOSSES, ids=lambda how: f"{how['loss']:.0%}")
 def test_a_mission_with_a_fence_comes_back_equal(make: type[FakeVehicle], how: dict[str, float]) -> None:
-    for mission in (fenced(survey(30, FIRMWARES[make])), looped(FIRMWARES[make])):
+    for mission in (fenced(survey(30, AUTOPILOTS[make])), looped(AUTOPILOTS[make])):
         vehicle, warnings = sent_to(make, mission, seed=7, **how)
         assert not warnings
         assert [item.command for item in vehicle.stored[1]] == [5001] * 4 * len(mission.fence[:1]) + [
@@ -73,7 +80,7 @@ def test_a_mission_with_a_fence_comes_back_equal(make: type[FakeVehicle], how: d
         ] * 3 * len(mission.fence[:1]) + [5004] * len(mission.fence[:1])
         found = download_mission(linked(Network([vehicle], seed=8, **how)))
         assert found.fence == mission.fence and found.rally == mission.rally
-        assert found.firmware == mission.firmware or make is Generic
+        assert found.autopilot == mission.autopilot or make is Generic
         assert len(found.items) == len(mission.items)
         for mine, theirs in zip(mission.items, found.items, strict=True):
             assert (theirs.command, theirs.frame) == (mine.command, mine.frame)
@@ -86,7 +93,7 @@ def test_a_mission_with_a_fence_comes_back_equal(make: type[FakeVehicle], how: d
 
 @pytest.mark.parametrize("make", VEHICLES)
 def test_nothing_but_heartbeats_and_the_mission_protocol_is_sent(make: type[FakeVehicle]) -> None:
-    vehicle, _ = sent_to(make, fenced(survey(30, FIRMWARES[make])), seed=3, loss=0.2)
+    vehicle, _ = sent_to(make, fenced(survey(30, AUTOPILOTS[make])), seed=3, loss=0.2)
     download_mission(linked(Network([vehicle])))
     assert vehicle.seen <= MISSION_MESSAGES
     assert vehicle.currents == {0, 1}
@@ -94,7 +101,7 @@ def test_nothing_but_heartbeats_and_the_mission_protocol_is_sent(make: type[Fake
 
 def test_jumps_lead_to_the_same_item_with_a_home_row_and_without() -> None:
     for make, target in ((ArduPilot, 2), (Px4, 1)):
-        vehicle, _ = sent_to(make, looped(FIRMWARES[make]))
+        vehicle, _ = sent_to(make, looped(AUTOPILOTS[make]))
         [jump] = [item for item in vehicle.stored[0] if item.command == 177]
         assert jump.params[:2] == (target, 3)
         assert (vehicle.stored[0][target].x, vehicle.stored[0][target].z) == (470010000, 450)
@@ -111,7 +118,7 @@ def test_home_is_replaced_by_the_vehicle_and_read_from_it() -> None:
 
 def test_home_comes_from_a_message_or_from_the_first_item_with_a_note() -> None:
     vehicle = Px4(home=(47.01, 8.01, 399.0))
-    upload_mission(linked(Network([vehicle])), survey(firmware="px4"))
+    upload_mission(linked(Network([vehicle])), survey(autopilot="px4"))
     found = download_mission(linked(Network([vehicle])))
     assert found.home == HomePosition(47.01, 8.01, 399.0) and not found.notes
     vehicle.home = None
@@ -147,7 +154,7 @@ class Deaf(Network):
 @pytest.mark.parametrize("make", VEHICLES)
 @pytest.mark.parametrize("times", [1, 100])
 def test_a_lost_last_acknowledgement_is_no_failure(make: type[FakeVehicle], times: int) -> None:
-    vehicle, mission = make(), survey(firmware=FIRMWARES[make])
+    vehicle, mission = make(), survey(autopilot=AUTOPILOTS[make])
     network = Deaf([vehicle]).drop("MISSION_ACK", times, type=Result.ACCEPTED)
     link = linked(network)
     began = network.now()
@@ -185,7 +192,7 @@ def test_a_refusal_names_the_item_and_the_reason(
     network = Network([vehicle])
     link, began = linked(network), network.now()
     with pytest.raises(LinkError) as refused:
-        upload_mission(link, survey(firmware=FIRMWARES[make]))
+        upload_mission(link, survey(autopilot=AUTOPILOTS[make]))
     said = str(refused.value)
     assert f"refuses item {number} of the mission" in said and f"MAV_MISSION_{result.name})" in said
     assert "(16) in frame" in said or "(22) in frame" in said
@@ -198,7 +205,7 @@ def test_a_last_item_that_is_refused_is_not_taken_for_a_lost_acknowledgement() -
         vehicle = Px4()
         vehicle.refused = {11: result}
         with pytest.raises(LinkError, match=words):
-            upload_mission(linked(Network([vehicle])), survey(firmware="px4"))
+            upload_mission(linked(Network([vehicle])), survey(autopilot="px4"))
 
 
 def test_errors_of_a_vehicle_that_goes_on_are_no_refusal() -> None:
@@ -216,7 +223,7 @@ def test_errors_of_a_vehicle_that_goes_on_are_no_refusal() -> None:
         return True
 
     network.before_delivery = error_at
-    assert not upload_mission(link, survey(firmware="px4"))
+    assert not upload_mission(link, survey(autopilot="px4"))
 
 
 def test_a_vehicle_that_holds_something_else_afterwards_is_not_verified() -> None:
@@ -262,7 +269,7 @@ def test_silence_ends_in_time_and_says_where(make: type[FakeVehicle], messages_h
     link = linked(network)
     began = network.now()
     with pytest.raises(LinkError) as lost:
-        upload_mission(link, survey(firmware=FIRMWARES[make]))
+        upload_mission(link, survey(autopilot=AUTOPILOTS[make]))
     assert network.now() - began < 31
     last = 13 + (make is ArduPilot)  # messages of an upload: the count and the items
     if messages_heard == 0:
@@ -320,7 +327,7 @@ def test_a_vehicle_that_accepts_but_cannot_be_read_is_unverified() -> None:
             pass
 
     with pytest.raises(UnverifiedError, match="accepted the mission, but it could not be read back"):
-        upload_mission(linked(Network([Mute()])), survey(firmware="px4"))
+        upload_mission(linked(Network([Mute()])), survey(autopilot="px4"))
     assert UnverifiedError.exit_code == 3 and LinkError.exit_code == 1
 
 
@@ -349,7 +356,7 @@ def test_another_ground_station_that_writes_is_noticed(make: type[FakeVehicle], 
     fields = (3, 0) if word == "mission_count" else (0,)
     during_upload(network, lambda: getattr(station.mav, f"{word}_send")(1, 1, *fields))
     with pytest.raises(LinkError, match=r"another ground station \(system 254\) transfers a mission"):
-        upload_mission(link, survey(firmware=FIRMWARES[make]))
+        upload_mission(link, survey(autopilot=AUTOPILOTS[make]))
 
 
 def test_a_transfer_of_another_ground_station_is_noticed_by_the_requests_of_the_vehicle() -> None:
@@ -441,20 +448,20 @@ def test_another_system_that_answers_in_place_of_the_vehicle_is_refused() -> Non
 
 
 def test_a_mission_for_another_autopilot_is_refused() -> None:
-    for make, firmware in ((ArduPilot, "px4"), (Px4, "ardupilot")):
+    for make, autopilot in ((ArduPilot, "px4"), (Px4, "ardupilot")):
         vehicle = make()
         with pytest.raises(MissionError, match=r"the mission is for .* and the vehicle is .*system 1"):
-            upload_mission(linked(Network([vehicle])), survey(firmware=firmware))
+            upload_mission(linked(Network([vehicle])), survey(autopilot=autopilot))
         assert vehicle.seen == {"HEARTBEAT"}
-    sent_to(Generic, survey(firmware="ardupilot"))
+    sent_to(Generic, survey(autopilot="ardupilot"))
 
 
 # What else the pilot should know
 
 
 def test_a_fence_that_the_mission_does_not_have_is_kept_with_a_warning() -> None:
-    vehicle, _ = sent_to(Px4, fenced(survey(firmware="px4")))
-    warnings = upload_mission(linked(Network([vehicle])), survey(firmware="px4"))
+    vehicle, _ = sent_to(Px4, fenced(survey(autopilot="px4")))
+    warnings = upload_mission(linked(Network([vehicle])), survey(autopilot="px4"))
     assert warnings == (
         "the vehicle keeps its fence (8 items): the mission has none",
         "the vehicle keeps its rally points (2 items): the mission has none",
@@ -495,14 +502,17 @@ def test_a_return_point_of_a_fence_gives_a_note() -> None:
 
 def test_a_mission_of_a_generic_vehicle_is_read_as_one_for_the_autopilot_whose_rules_it_keeps() -> None:
     gate = MissionItem(CONDITION_GATE, FRAME_MISSION, (0.0,) * 4)
-    mission = survey(firmware="px4")
-    for items, firmware in (
-        (mission.items, "ardupilot"),
+    mission = survey(autopilot="px4")
+    loiter = replace(mission.items[2], command=LOITER_TURNS, params=(1.0, 0.0, 0.0, 0.0))
+    for items, autopilot in (
+        (mission.items, "generic"),
+        ((*mission.items, loiter), "ardupilot"),
         ((*mission.items, gate), "px4"),
     ):
-        vehicle, _ = sent_to(Generic, replace(mission, items=items))
+        vehicle, _ = sent_to(Generic, replace(mission, items=items, autopilot=autopilot))
         found = download_mission(linked(Network([vehicle])))
-        assert found.firmware == firmware and "generic" in found.notes[-1]
+        assert found.autopilot == autopilot
+        assert any("generic" in note for note in found.notes) == (autopilot != "generic")
     vehicle.stored[0][3] = replace(vehicle.stored[0][3], frame=10)  # which PX4 refuses, as ArduPilot the gate
     with pytest.raises(MissionError, match="cannot be used: ArduPilot does not know command 4501"):
         download_mission(linked(Network([vehicle])))
@@ -567,7 +577,7 @@ def test_a_mission_that_would_not_be_safe_is_refused() -> None:
     vehicle.stored[0][5].z = 5000.0
     with pytest.raises(MissionError, match=r"what the vehicle holds cannot be used: altitude is 5000 m"):
         download_mission(linked(Network([vehicle])))
-    vehicle, _ = sent_to(Px4, fenced(survey(firmware="px4")))
+    vehicle, _ = sent_to(Px4, fenced(survey(autopilot="px4")))
     vehicle.stored[1].pop(2)
     with pytest.raises(MissionError, match="cannot be used: a fence polygon of the vehicle has 3 of 4"):
         download_mission(linked(Network([vehicle])))
@@ -593,7 +603,7 @@ def test_an_interrupted_transfer_releases_the_vehicle() -> None:
 
     during_upload(network, interrupt)
     with pytest.raises(KeyboardInterrupt):
-        upload_mission(link, survey(firmware="px4"))
+        upload_mission(link, survey(autopilot="px4"))
     network.before_delivery = lambda to, data: True
     link.next_message(network.now() + 0.1)
     assert vehicle.upload is None and not vehicle.stored[0]

@@ -10,6 +10,7 @@ from tests.flight.small_regions import degrees
 from tests.flight.small_regions import planned as over_regions
 from tests.flight.terrain.dems import HOME, draw, plane, write
 from uavseg.errors import MissionError, ParameterError
+from uavseg.flight.limits import SafetyParams
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
 from uavseg.flight.terrain.home import home_on_ground
@@ -134,7 +135,7 @@ def test_only_ardupilot_knows_the_terrain_frame() -> None:
     terrain = TerrainParams(None, "frame")
     assert PlanParams(60, terrain=terrain).terrain is terrain
     with pytest.raises(ParameterError, match="not to px4"):
-        PlanParams(60, firmware="px4", terrain=terrain)
+        PlanParams(60, autopilot="px4", terrain=terrain)
 
 
 def test_the_path_of_a_mission_knows_the_ground(tmp_path: Path) -> None:
@@ -153,6 +154,7 @@ def test_the_path_of_a_mission_knows_the_ground(tmp_path: Path) -> None:
     assert heights["absolute"].max() > 65
     tall = over_regions(region, home, altitude_m=115, terrain=TerrainParams(dem))
     assert tall.path[2].max() > 120 and not [one for one in tall.warnings if "permit" in one]
-    high = over_regions(region, home, altitude_m=125, terrain=TerrainParams(dem))
+    permitted = SafetyParams(max_altitude_m=200)
+    high = over_regions(region, home, altitude_m=125, safety=permitted, terrain=TerrainParams(dem))
     [warning] = [one for one in high.warnings if "permit" in one]
     assert warning == "125 m above the ground is more than most countries allow without a permit (120 m)"

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.flight.estimate.vehicle import default_vehicle
 from uavseg.flight.params import PlanParams
 from uavseg.flight.terrain.params import TerrainParams
 from uavseg.flight.terrain.profile import Profile, profile_along
@@ -68,8 +69,9 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, terrain: Te
     tolerance_m = terrain.tolerance_for(params.altitude_m)
     profile = profile_along(dem, lon, lat, GAP * tolerance_m)
     slowest = min(SLOWEST_M_S, params.speed_m_s)
-    steepest = terrain.climb_m_s / slowest, terrain.descent_m_s / slowest
-    target = limit_slopes(profile.along_m, profile.upper_m, *steepest) + params.altitude_m
+    climb, descent = rates_m_s(params, terrain)
+    limited = limit_slopes(profile.along_m, profile.upper_m, climb / slowest, descent / slowest)
+    target = limited + params.altitude_m
     chosen = [np.zeros(1, np.int64)]
     for start, end in zip(profile.corners[:-1].tolist(), profile.corners[1:].tolist(), strict=True):
         part = slice(start, end + 1)
@@ -80,9 +82,14 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, terrain: Te
     return Flown(profile, target, found, _speeds(length, rise, params, terrain))
 
 
+def rates_m_s(params: PlanParams, terrain: TerrainParams) -> tuple[float, float]:
+    """How fast the vehicle climbs and descends on a leg."""
+    return terrain.rates_m_s(params.vehicle or default_vehicle(params.autopilot))
+
+
 def _speeds(length: Floats, rise: Floats, params: PlanParams, terrain: TerrainParams) -> Floats:
     """The speed on each leg: that of the mission, or a lower one where the vehicle could not follow."""
-    rate = np.where(rise > 0, terrain.climb_m_s, terrain.descent_m_s)
+    rate = np.where(rise > 0, *rates_m_s(params, terrain))
     with np.errstate(divide="ignore", invalid="ignore"):
         most = np.where(np.abs(rise) > 1e-6, length * rate / np.abs(rise), np.inf)
     stepped = np.floor(most / SPEED_STEP_M_S + 1e-6) * SPEED_STEP_M_S

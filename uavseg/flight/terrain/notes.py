@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavseg.flight.params import PlanParams
-from uavseg.flight.terrain.flown import Flown
+from uavseg.flight.terrain.flown import Flown, rates_m_s
 from uavseg.flight.terrain.heights import Heights
 from uavseg.flight.terrain.params import FRAME, RELATIVE
 from uavseg.flight.terrain.way_back import Rise, highest_between
@@ -58,13 +58,14 @@ def terrain_notes(flown: Flown, heights: Heights, params: PlanParams, leads_home
 def _slope_notes(flown: Flown, heights: Heights, params: PlanParams) -> Iterator[str]:
     terrain, profile = params.terrain, flown.profile
     assert terrain is not None
+    climb, descent = rates_m_s(params, terrain)
     slow = heights.speed_m_s < params.speed_m_s
     if slow.any():
         legs, speed = int(slow.sum()), float(heights.speed_m_s[slow].min())
         yield (
             f"the speed is lowered on {legs} leg{'s' * (legs != 1)}, down to {speed:g} m/s, where the ground "
-            f"is too steep for {params.speed_m_s:g} m/s with a climb of {terrain.climb_m_s:g} and a descent "
-            f"of {terrain.descent_m_s:g} m/s"
+            f"is too steep for {params.speed_m_s:g} m/s with a climb of {climb:g} and a descent "
+            f"of {descent:g} m/s"
         )
     raised = flown.target_m - params.altitude_m - profile.upper_m
     k = int(raised.argmax())

@@ -5,17 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
+from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.raster.elevation.dem import Dem
 
 ABSOLUTE, RELATIVE, FRAME = "absolute", "relative", "frame"
 MODES = (FRAME, ABSOLUTE, RELATIVE)
 DEFAULT_TOLERANCE_M = 5.0
 MIN_TOLERANCE_M = 0.1
-MAX_RATE_M_S = 50.0
-CLIMB_M_S, DESCENT_M_S = (
-    2.5,
-    1.5,
-)  # what multirotors do by default (ArduPilot: WPNAV_SPEED_UP, WPNAV_SPEED_DN)
+MIN_RATE_M_S, MAX_RATE_M_S = 0.1, 50.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +29,8 @@ class TerrainParams:
     tolerance_m : float, optional
         Metres by which the height above the ground may differ; by default 5, or a quarter of the height
         where that is less.
-    climb_m_s, descent_m_s : float
-        How fast the vehicle climbs and descends while it flies forward.
+    climb_m_s, descent_m_s : float, optional
+        How fast the vehicle climbs and descends while it flies forward; by default as the vehicle says.
 
     Raises
     ------
@@ -44,8 +41,8 @@ class TerrainParams:
     dem: Dem | None
     mode: str = ABSOLUTE
     tolerance_m: float | None = None
-    climb_m_s: float = CLIMB_M_S
-    descent_m_s: float = DESCENT_M_S
+    climb_m_s: float | None = None
+    descent_m_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
@@ -53,8 +50,10 @@ class TerrainParams:
         if self.dem is None and self.mode != FRAME:
             raise ParameterError(f"heights that are {self.mode} follow from an elevation model: give --dem")
         for what, rate in (("climb", self.climb_m_s), ("descent", self.descent_m_s)):
-            if not MIN_TOLERANCE_M <= rate <= MAX_RATE_M_S:
-                raise ParameterError(f"the {what} rate is 0.1 to {MAX_RATE_M_S:g} m/s, not {rate:g}")
+            if rate is not None and not MIN_RATE_M_S <= rate <= MAX_RATE_M_S:
+                raise ParameterError(
+                    f"the {what} rate is {MIN_RATE_M_S:g} to {MAX_RATE_M_S:g} m/s, not {rate:g}"
+                )
         if (
             self.mode != FRAME
             and self.dem is not None
@@ -72,6 +71,14 @@ class TerrainParams:
         if self.tolerance_m is None:
             return max(min(DEFAULT_TOLERANCE_M, altitude_m / 4), MIN_TOLERANCE_M)
         return self.tolerance_m
+
+    def rates_m_s(self, vehicle: Vehicle) -> tuple[float, float]:
+        """How fast a vehicle climbs and descends while it flies forward."""
+        climb, descent = self.climb_m_s, self.descent_m_s
+        return (
+            vehicle.climb_m_s if climb is None else climb,
+            vehicle.descent_m_s if descent is None else descent,
+        )
 
     def check(self, altitude_m: float, autopilot: str) -> None:
         """Check that the tolerance fits the height, and the mode the autopilot.
@@ -98,8 +105,8 @@ def terrain_params(
     dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None,
     mode: str | None = None,
     tolerance_m: float | None = None,
-    climb_m_s: float = CLIMB_M_S,
-    descent_m_s: float = DESCENT_M_S,
+    climb_m_s: float | None = None,
+    descent_m_s: float | None = None,
 ) -> TerrainParams | None:
     """How a flight follows the ground; None where neither a DEM nor a mode is given.
 
