@@ -77,6 +77,12 @@ def test_the_file_holds_heights_above_the_ground(
     assert mission.home.altitude_m == pytest.approx(float(hills(100)(np.zeros(1), np.zeros(1))[0]), abs=0.5)
 
 
+def test_the_plan_says_that_its_heights_are_mixed(folder: Path) -> None:
+    for options, mode in (((), 1), (("--dem", folder / "hills.tif"), 0)):
+        assert run(folder, *options).exception is None
+        assert json.loads((folder / "fly.plan").read_text())["mission"]["globalPlanAltitudeMode"] == mode
+
+
 def test_a_ground_station_reads_the_heights(folder: Path) -> None:
     assert run(folder, "--dem", folder / "hills.tif", output="f.waypoints").exception is None
     loader = mavwp.MAVWPLoader()
