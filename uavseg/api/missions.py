@@ -13,6 +13,7 @@ from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.fence import RallyPoint
 from uavseg.flight.limits import LimitParams, SafetyParams
+from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params, photos_of
 from uavseg.jobs.plan import plan as run_plan
@@ -53,6 +54,11 @@ def plan(
     max_distance: float | None = None,
     fence: float | None = 50.0,
     rally: Sequence[Sequence[float]] = (),
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    terrain: str | None = None,
+    terrain_tolerance: float | None = None,
+    climb: float | None = None,
+    descent: float | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> MissionPlan:
@@ -63,7 +69,8 @@ def plan(
     regions : path, bytes or GeoDataFrame
         A file of polygons, the content of one such as GeoJSON, or what `extract` gives.
     altitude : float, optional
-        Height of the whole flight above home, in metres; with a camera, `gsd` may take its place.
+        Height of the whole flight above home, or with `dem` above the ground, in metres; with a camera, `gsd`
+        may take its place.
     home : (lat, lon), (lat, lon, altitude_m) or "auto"
         Where the vehicle starts, in degrees; the altitude is above the sea. With "auto", near the
         chosen regions and outside of all regions and keep-out zones.
@@ -115,6 +122,17 @@ def plan(
         Metres around each flight at which a fence is written, which excludes keep-out zones; None: no fence.
     rally : sequence of (lat, lon, altitude_m)
         Places to return to in an emergency, with heights above home.
+    dem : path or sequence of paths, optional
+        Elevation model: the flight keeps its height above the ground. Several files are one mosaic.
+    terrain : {"absolute", "relative", "frame"}, optional
+        Heights above the sea (the default with `dem`) or above home, with points added where the ground
+        bends; or above the terrain that the vehicle itself knows (ArduPilot), for which `dem` may be missing.
+    terrain_tolerance : float, optional
+        Metres by which the height above the ground may differ; by default 5, or a quarter of the height
+        where that is less.
+    climb, descent : float, optional
+        How fast the vehicle climbs and descends in forward flight, in metres per second; legs that are too
+        steep are flown slower. By default as the autopilot has it, 2.5 (3 for "px4") and 1.5.
     allow_path, allow_network
         As of `extract`.
 
@@ -129,7 +147,10 @@ def plan(
     RegionError
         If the regions cannot be read, or none is chosen.
     MissionError
-        If they are not near home, or the mission would not be safe.
+        If they are not near home, the elevation model does not cover the flight, or the mission would not be
+        safe.
+    RasterError
+        If the elevation model is not one.
     UavsegError
         If a parameter is wrong.
 
@@ -140,23 +161,24 @@ def plan(
     >>> plan = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
     >>> plan.write("fly.plan")  # doctest: +SKIP
     """
-    flight = flight_params(
-        altitude,
-        pattern=pattern,
-        spacing=spacing,
-        angle=_angle(angle),
-        speed=speed,
-        autopilot=autopilot,
-        tolerance=tolerance,
-        photos=photos_of(camera, overlap, gimbal_pitch),
-        gsd=gsd,
-        limits=LimitParams(endurance, reserve, max_items),
-        safety=SafetyParams(
-            avoid_margin, fence, max_altitude, max_distance, tuple(RallyPoint(*place) for place in rally)
-        ),
-    )
-    request = PlanRequest(flight, _home(home), ids, largest, where)
     with allowing(allow_path, allow_network):
+        flight = flight_params(
+            altitude,
+            pattern=pattern,
+            spacing=spacing,
+            angle=_angle(angle),
+            speed=speed,
+            autopilot=autopilot,
+            tolerance=tolerance,
+            photos=photos_of(camera, overlap, gimbal_pitch),
+            gsd=gsd,
+            limits=LimitParams(endurance, reserve, max_items),
+            safety=SafetyParams(
+                avoid_margin, fence, max_altitude, max_distance, tuple(RallyPoint(*place) for place in rally)
+            ),
+            terrain=terrain_params(dem, terrain, terrain_tolerance, climb, descent),
+        )
+        request = PlanRequest(flight, _home(home), ids, largest, where)
         found = open_regions(regions, layer)
         zones = zone_polygons(_listed(avoid), None if raster is None else open_source(raster))
         planned = run_plan(found, request, zones)

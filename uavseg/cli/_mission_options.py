@@ -10,6 +10,7 @@ import click
 
 from uavseg.cli._limit_options import limit_options, limits_of, safety_of
 from uavseg.cli._say import say
+from uavseg.cli._terrain_options import terrain_of, terrain_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
@@ -23,11 +24,14 @@ def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
     They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
-    `angle`, `speed`, `autopilot` and `tolerance`: see `plan_request`.
+    `angle`, `speed`, `autopilot` and `tolerance`, and those of groups of their own: see `plan_request`.
     """
     options = [
         click.option(
-            "--altitude", type=float, metavar="M", help="Height of the flight above home, in metres."
+            "--altitude",
+            type=float,
+            metavar="M",
+            help="Height of the flight above home, or with --dem above the ground, in metres.",
         ),
         click.option(
             "--camera",
@@ -91,7 +95,7 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
-    command = limit_options(command)
+    command = terrain_options(limit_options(command))
     for option in reversed(options):
         command = option(command)
     return command
@@ -109,6 +113,7 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
         photos=photos,
         limits=limits_of(options),
         safety=safety_of(options),
+        terrain=terrain_of(options),
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])

@@ -19,6 +19,7 @@ from uavseg.flight.items import (
 )
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
+from uavseg.flight.terrain.heights import Heights, constant_height
 
 _DECIMALS = 8  # of degrees: a millimetre
 
@@ -49,7 +50,12 @@ def fly_along(
 
 
 def items_along(
-    lon: Any, lat: Any, home: HomePosition, params: PlanParams, trigger_m: Any = ()
+    lon: Any,
+    lat: Any,
+    home: HomePosition,
+    params: PlanParams,
+    trigger_m: Any = (),
+    heights: Heights | None = None,
 ) -> tuple[MissionItem, ...]:
     """Items of a flight along a line in degrees: takeoff, speed, waypoints, return.
 
@@ -60,27 +66,39 @@ def items_along(
     params : PlanParams
     trigger_m : (n - 1,) array, optional
         Distance between the photographs on each leg, 0 where none are taken.
+    heights : Heights, optional
+        Of the waypoints; by default that of `params`, above home.
     """
+    heights = constant_height(len(lon), params) if heights is None else heights
     positions = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
     triggers = np.round(np.append(trigger_m, 0.0), 3).tolist() if len(trigger_m) else [0.0] * len(lon)
     any_heading = (0.0, 0.0, 0.0, None)
-    height = float(params.altitude_m)
     flight = []
-    before = 0.0
-    for position, trigger in zip(positions, triggers, strict=True):
-        flight.append(MissionItem(WAYPOINT, FRAME_RELATIVE, any_heading, *position, height))
-        if trigger or before:  # each line has its own distance, and begins with a photograph
+    before, speed = 0.0, float(params.speed_m_s)
+    legs = zip(heights.height_m.tolist(), heights.speed_m_s.tolist(), heights.added.tolist(), strict=True)
+    for position, trigger, (height, leg_speed, added) in zip(positions, triggers, legs, strict=True):
+        if leg_speed != speed:
+            flight.append(_speed_item(leg_speed))
+        flight.append(MissionItem(WAYPOINT, heights.frame, any_heading, *position, height))
+        if (trigger or before) and not added:  # each line has its own distance, and begins with a photograph
             flight.append(
                 MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (trigger, 0.0, float(trigger > 0), 0.0))
             )
-        before = trigger
+        before, speed = trigger, leg_speed
+    if speed != params.speed_m_s:
+        flight.append(_speed_item(float(params.speed_m_s)))
     return (
-        MissionItem(TAKEOFF, FRAME_RELATIVE, any_heading, home.lat, home.lon, height),
-        MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, float(params.speed_m_s), -1.0, 0.0)),
+        MissionItem(TAKEOFF, FRAME_RELATIVE, any_heading, home.lat, home.lon, round(heights.takeoff_m, 3)),
+        _speed_item(float(params.speed_m_s)),
         *_gimbal_items(params),
         *flight,
         MissionItem(RETURN, FRAME_MISSION),
     )
+
+
+def _speed_item(speed_m_s: float) -> MissionItem:
+    """The speed over ground from here on."""
+    return MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, speed_m_s, -1.0, 0.0))
 
 
 def _gimbal_items(params: PlanParams) -> list[MissionItem]:

@@ -10,6 +10,7 @@ from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import CRUISE_M_S
+from uavseg.flight.terrain.params import TerrainParams
 
 PATTERNS = ("visit", "perimeter", "survey")
 MAX_SPEED_M_S = 50.0
@@ -24,7 +25,7 @@ class PlanParams:
     Parameters
     ----------
     altitude_m : float
-        Height of the whole flight above home, above 0 and at most 1000.
+        Height of the whole flight above home, or above the ground with `terrain`; above 0, at most 1000.
     pattern : "visit", "perimeter" or "survey"
         Fly to a point inside each region, along its outline, or in parallel lines over it.
     spacing_m : float, optional
@@ -49,6 +50,8 @@ class PlanParams:
         What flights keep away from, and where they stay.
     vehicle : Vehicle, optional
         What flies, for estimates; by default a multirotor with the parameters of its autopilot.
+    terrain : TerrainParams, optional
+        How the flight follows the ground; without, it keeps one height above home.
 
     Raises
     ------
@@ -68,6 +71,7 @@ class PlanParams:
     limits: LimitParams = LimitParams()
     safety: SafetyParams = SafetyParams()
     vehicle: Vehicle | None = None
+    terrain: TerrainParams | None = None
 
     def __post_init__(self) -> None:
         _check_number("altitude", self.altitude_m, MAX_HEIGHT_M, "m above home")
@@ -93,6 +97,8 @@ class PlanParams:
             raise ParameterError(f"the angle of lines is a number of degrees, not {self.angle_deg}")
         if self.tolerance_m is not None:
             _check_number("tolerance", self.tolerance_m, MAX_DISTANCE_M, "m")
+        if self.terrain is not None:
+            self.terrain.check(self.altitude_m, self.autopilot)
 
 
 def _check_number(what: str, value: float, maximum: float, unit: str) -> None:

@@ -58,9 +58,10 @@ def _photo_notes(params: PlanParams) -> list[str]:
     photos, height = params.photos, params.altitude_m
     if photos is None:
         return ["no photographs are taken; give a camera (--camera) for that"]
+    ground = "over flat ground" if params.terrain is None else "above the ground"
     across, along = photos.camera.footprint_m(height, photos.pitch_deg)
     return [
-        f"{photos.camera.name} at {height:.1f} m over flat ground: "
+        f"{photos.camera.name} at {height:.1f} m {ground}: "
         f"{100 * photos.camera.gsd_m(height, photos.pitch_deg):.2f} cm per pixel, footprint "
         f"{across:.0f} x {along:.0f} m, lines {params.spacing_m:.1f} m apart, a photograph every "
         f"{photos.trigger_m(height):.1f} m"

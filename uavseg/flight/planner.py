@@ -17,6 +17,7 @@ from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.route import short_route
 from uavseg.flight.targets import RegionPart, clear_parts, plane_of, region_parts
+from uavseg.flight.terrain.home import home_on_ground
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
@@ -59,6 +60,7 @@ def plan_missions(
     """
     if len(polygons) == 0:
         raise MissionError("there is no region to fly to; choose at least one")
+    home, found = home_on_ground(home, params)
     start = HomePosition(*home)
     plane = plane_of(polygons, points, start)
     place = np.column_stack(plane.xy_from_lonlat([start.lon], [start.lat]))[0]
@@ -72,7 +74,9 @@ def plan_missions(
     candidates = _reached(candidates, parts, place, keep_out)
     params, slower = _lower_speed(params, [track for tracks in candidates for track in tracks])
     route = short_route(candidates, place, keep_out.space)
-    return missions_over(route, start, plane, keep_out, params, [*home_notes(home), *cut, *notes, *slower])
+    return missions_over(
+        route, start, plane, keep_out, params, [*home_notes(home), *found, *cut, *notes, *slower]
+    )
 
 
 def _reached(

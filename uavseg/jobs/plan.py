@@ -18,6 +18,8 @@ from uavseg.flight.numbered import write_flights
 from uavseg.flight.paper_check import PaperCheck
 from uavseg.flight.params import PlanParams
 from uavseg.flight.planner import plan_missions
+from uavseg.flight.terrain.clearance import clearance_of
+from uavseg.flight.terrain.params import TerrainParams
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 
@@ -136,7 +138,7 @@ def plan(regions: Regions, request: PlanRequest, zones: Sequence[Any] = ()) -> M
         )
     missions = plan_missions(polygons, points, flight, home, zones)
     first = replace(missions[0], notes=(*notes, *missions[0].notes))
-    check = PaperCheck(flight.safety, tuple(zones))
+    check = PaperCheck(flight.safety, tuple(zones), clearance_of(flight))
     for mission in missions:
         check.check(mission)
     return MissionPlan((first, *missions[1:]), len(chosen), check)
@@ -159,6 +161,7 @@ def flight_params(
     gsd: float | None = None,
     limits: LimitParams = LimitParams(),
     safety: SafetyParams = SafetyParams(),
+    terrain: TerrainParams | None = None,
 ) -> PlanParams:
     """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
 
@@ -194,6 +197,7 @@ def flight_params(
         photos=photos,
         limits=limits,
         safety=safety,
+        terrain=terrain,
     )
 
 

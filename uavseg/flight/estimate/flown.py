@@ -12,7 +12,6 @@ from uavseg.flight.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
     CHANGE_SPEED,
-    FRAME_AMSL,
     LANDINGS,
     LOITER,
     LOITER_TIME,
@@ -127,8 +126,7 @@ def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
 
 
 def _place(item: MissionItem, mission: Mission, plane: Plane, before: Place) -> Place:
-    sea_m = mission.home.altitude_m if item.frame == FRAME_AMSL else 0.0
-    height = before[2] if item.command in LANDINGS else item.altitude_m - sea_m
+    height = before[2] if item.command in LANDINGS else mission.height_above_home_m(item)
     if item.is_at_vehicle:
         return before[0], before[1], height
     x, y = plane.xy_from_lonlat(item.lon, item.lat)
