@@ -5,12 +5,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.flight.actions import corner_actions, gimbal_items
 from uavseg.flight.items import (
-    CAMERA_DISTANCE,
     CHANGE_SPEED,
     FRAME_MISSION,
     FRAME_RELATIVE,
-    MOUNT_CONTROL,
     RETURN,
     TAKEOFF,
     WAYPOINT,
@@ -19,6 +18,7 @@ from uavseg.flight.items import (
 )
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
+from uavseg.flight.track import Track
 
 _DECIMALS = 8  # of degrees: a millimetre
 
@@ -49,7 +49,7 @@ def fly_along(
 
 
 def items_along(
-    lon: Any, lat: Any, home: HomePosition, params: PlanParams, trigger_m: Any = ()
+    lon: Any, lat: Any, home: HomePosition, params: PlanParams, track: Track | None = None
 ) -> tuple[MissionItem, ...]:
     """Items of a flight along a line in degrees: takeoff, speed, waypoints, return.
 
@@ -58,37 +58,24 @@ def items_along(
     lon, lat : (n,) arrays
     home : HomePosition
     params : PlanParams
-    trigger_m : (n - 1,) array, optional
-        Distance between the photographs on each leg, 0 where none are taken.
+    track : Track, optional
+        What is done on the n - 1 legs and at the n corners; places as longitude and latitude.
     """
+    track = Track.of_path(np.column_stack([lon, lat])) if track is None else track
     positions = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
-    triggers = np.round(np.append(trigger_m, 0.0), 3).tolist() if len(trigger_m) else [0.0] * len(lon)
-    any_heading = (0.0, 0.0, 0.0, None)
     height = float(params.altitude_m)
+    actions = corner_actions(track, params)
     flight = []
-    before = 0.0
-    for position, trigger in zip(positions, triggers, strict=True):
-        flight.append(MissionItem(WAYPOINT, FRAME_RELATIVE, any_heading, *position, height))
-        if trigger or before:  # each line has its own distance, and begins with a photograph
-            flight.append(
-                MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (trigger, 0.0, float(trigger > 0), 0.0))
-            )
-        before = trigger
+    for position, hold, then in zip(positions, track.hold_s.tolist(), actions, strict=True):
+        flight.append(MissionItem(WAYPOINT, FRAME_RELATIVE, (hold, 0.0, 0.0, None), *position, height))
+        flight += then
     return (
-        MissionItem(TAKEOFF, FRAME_RELATIVE, any_heading, home.lat, home.lon, height),
+        MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, height),
         MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, float(params.speed_m_s), -1.0, 0.0)),
-        *_gimbal_items(params),
+        *gimbal_items(track, params),
         *flight,
         MissionItem(RETURN, FRAME_MISSION),
     )
-
-
-def _gimbal_items(params: PlanParams) -> list[MissionItem]:
-    """The gimbal is turned to its pitch, and stays there (MAV_MOUNT_MODE_MAVLINK_TARGETING)."""
-    if params.photos is None:
-        return []
-    pitch = float(params.photos.pitch_deg)
-    return [MissionItem(MOUNT_CONTROL, FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=2.0)]
 
 
 def home_notes(home: tuple[float, ...]) -> list[str]:

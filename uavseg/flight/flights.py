@@ -93,6 +93,5 @@ def _mission(
 
 
 def _items(track: Track, plane: Plane, home: HomePosition, params: PlanParams) -> tuple[MissionItem, ...]:
-    moved = np.r_[True, np.hypot(*np.diff(track.xy, axis=0).T) > 1e-3]
-    lon, lat = plane.lonlat_from_xy(*track.xy[moved].T)
-    return items_along(lon, lat, home, params, track.trigger_m[moved[1:]])
+    placed = track.without_repeats().in_degrees(plane)
+    return items_along(placed.xy[:, 0], placed.xy[:, 1], home, params, placed)
