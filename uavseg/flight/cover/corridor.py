@@ -198,7 +198,7 @@ def _section_lines(section: _Section, region: Any, ends: tuple[float, float]) ->
             if line.geom_type == "LineString" and line.length > 0:
                 strip = shapely.buffer(line, section.spacing_m / 2 + 1e-6, cap_style="flat")
                 parts = shapely.get_parts(shapely.intersection(strip, region))
-                found += [_trimmed(line, part, *ends) for part in parts if part.geom_type == "Polygon"]
+                found += [_trimmed(line, part, *ends) for part in parts if part.area > 0]
     return found
 
 

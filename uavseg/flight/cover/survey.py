@@ -135,26 +135,27 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
     (0.0, 1, [[[5.0, 0.0], [5.0, 100.0]], [[15.0, 100.0], [15.0, 0.0]]])
     """
     simple, space = flight_space(region, params.spacing_m, params.lead_m, obstacles)
-    best = _best(simple, params, space)
+    near = flight_space(region, params.spacing_m, 0.0, obstacles)[1] if params.lead_m else space
+    best = _best(simple, params, near, space)
     if not params.crosshatch:
         return best
-    across = _best(simple, replace(params, angle_deg=best[0].angle_deg + 90), space)
+    across = _best(simple, replace(params, angle_deg=best[0].angle_deg + 90), near, space)
     return [_joined(best, across, space)]
 
 
-def _best(region: Any, params: CoverParams, space: FreeSpace) -> list[Survey]:
-    """The survey that takes the least time; see `surveys`."""
+def _best(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
+    """The survey that takes the least time, with lines in one space and legs in another; see `surveys`."""
 
     def estimate(lines: Lines) -> float:
         return lines.estimate_m(params.turn_m)
 
     grids = sorted(
-        (_grid(region, azimuth, params, space) for azimuth in _azimuths(region, params)), key=estimate
+        (_grid(region, azimuth, params, near) for azimuth in _azimuths(region, params)), key=estimate
     )
     compact = region.area > COMPACT * shapely.convex_hull(region).area
     others = [grid for grid in grids[:FLOWN] if not compact or len(grid.cells) > 1]
     cells = [lines for grid in others for lines in _cells(region, grid.angle_deg, params)]
-    free = [lines for lines in cells if _stays_in(lines, space)]  # merged cells are not monotone
+    free = [lines for lines in cells if _stays_in(lines, near)]  # merged cells are not monotone
     tried = sorted([*grids, *free], key=estimate)
     flown = [_fly(lines, space) for lines in tried[:FLOWN]]
     return min(flown, key=lambda ways: ways[0].length_m + params.turn_m * ways[0].turns)
