@@ -15,7 +15,9 @@ from uavseg.flight.fence import RallyPoint
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.open_source import open_source
-from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params, photos_of
+from uavseg.jobs.pattern_words import PatternWords
+from uavseg.jobs.photo_words import PhotoWords
+from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params
 from uavseg.jobs.plan import plan as run_plan
 from uavseg.jobs.plan_regions import open_regions, zone_polygons
 from uavseg.plain_text import shown
@@ -44,6 +46,19 @@ def plan(
     gsd: float | None = None,
     overlap: Sequence[float] = (75.0, 70.0),
     gimbal_pitch: float = -90.0,
+    sensor: Sequence[float] | None = None,
+    image: Sequence[float] | None = None,
+    focal: float | None = None,
+    min_interval: float | None = None,
+    trigger: str | None = None,
+    shutter: float | None = None,
+    margin: float | None = None,
+    crosshatch: bool = False,
+    turnaround: float | None = None,
+    offset: float | None = None,
+    min_leg: float | None = None,
+    holes: str | None = None,
+    hold: float | None = None,
     avoid: Any = (),
     avoid_margin: float = 10.0,
     raster: Any = None,
@@ -74,10 +89,11 @@ def plan(
     home : (lat, lon), (lat, lon, altitude_m) or "auto"
         Where the vehicle starts, in degrees; the altitude is above the sea. With "auto", near the
         chosen regions and outside of all regions and keep-out zones.
-    pattern : {"visit", "perimeter", "survey"}, optional
-        A point in each region, its outline, or lines over it; by default "visit", or "survey" with a spacing.
+    pattern : {"visit", "perimeter", "survey", "corridor", "orbit"}, optional
+        A point in each region, its outline, parallel lines over it, lines along its middle, or a circle
+        around it; by default "visit", or "survey" with a spacing or a camera.
     spacing : float, optional
-        Metres between the lines of a survey.
+        Metres between the lines of a survey or corridor.
     angle : float or "auto"
         Azimuth of the lines, clockwise from north; with "auto" the one that needs the fewest lines.
     speed : float
@@ -103,6 +119,30 @@ def plan(
         Of photographs, along the lines and between them, in per cent.
     gimbal_pitch : float
         Where the camera looks, in degrees; -90 is straight down.
+    sensor, image : (float, float), optional
+        In place of a camera: width and height of its sensor in millimetres and of its image in pixels.
+    focal, min_interval : float, optional
+        With them: the focal length in millimetres, and the shortest time between photographs in seconds.
+    trigger : {"distance", "interval", "hover", "none"}, optional
+        Photographs by distance, by time, in hover at a waypoint for each, or not by the mission; by default
+        by distance, and in hover on a visit.
+    shutter : float, optional
+        Exposure time in seconds, by which motion blur limits the speed; by default 1/1000.
+    margin : float, optional
+        Metres by which a survey or corridor grows regions before it covers them, or between a region and the
+        circle of an orbit around it.
+    crosshatch : bool
+        For a survey: once more, in lines at a right angle to the first.
+    turnaround : float, optional
+        For a survey: metres straight on without photographs before and after each line, for fixed wings.
+    offset : float, optional
+        For a perimeter: metres outward from the outline, negative inward.
+    min_leg : float, optional
+        For a perimeter: no leg is shorter; by default what is flown in a second.
+    holes : {"skip", "fly"}, optional
+        For a perimeter: whether the outlines of holes are flown.
+    hold : float, optional
+        For a visit: seconds over each region.
     avoid : path, GeoDataFrame, (low, high), or a sequence of these
         Keep-out zones, which no leg enters: polygons, or a range of intensity that is looked for in `raster`.
     avoid_margin : float
@@ -170,7 +210,10 @@ def plan(
             speed=speed,
             autopilot=autopilot,
             tolerance=tolerance,
-            photos=photos_of(camera, overlap, gimbal_pitch),
+            photos=PhotoWords(
+                camera, sensor, image, focal, min_interval, overlap, gimbal_pitch, trigger, shutter
+            ),
+            words=PatternWords(hold, offset, min_leg, holes, margin, crosshatch, turnaround),
             gsd=gsd,
             limits=LimitParams(endurance, reserve, max_items),
             safety=SafetyParams(

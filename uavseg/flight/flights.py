@@ -19,7 +19,7 @@ from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
 from uavseg.flight.route import Route
 from uavseg.flight.split import FlightLimits, split_route
-from uavseg.flight.terrain.follow import GroundPath, follow_ground
+from uavseg.flight.terrain.follow import follow_ground
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
@@ -68,8 +68,8 @@ def _mission(
     track: Track, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams
 ) -> Mission:
     """One flight with its fence."""
-    path = _path(track, plane, home, params)
-    items = items_along(path.lon, path.lat, home, params, path.trigger_m, path.heights)
+    path = follow_ground(track.without_repeats().in_degrees(plane), home, params)
+    items = items_along(path.track, home, params, path.heights)
     margin_m = params.safety.fence_margin_m
     fence, notes = (
         ((), [])
@@ -93,10 +93,3 @@ def _mission(
         photos=params.photos,
         ground=path.ground,
     )
-
-
-def _path(track: Track, plane: Plane, home: HomePosition, params: PlanParams) -> GroundPath:
-    """The waypoints of a track with their heights."""
-    moved = np.r_[True, np.hypot(*np.diff(track.xy, axis=0).T) > 1e-3]
-    lon, lat = plane.lonlat_from_xy(*track.xy[moved].T)
-    return follow_ground(lon, lat, track.trigger_m[moved[1:]], home, params)

@@ -110,7 +110,7 @@ class KeepOut:
         for k in range(len(free)):
             line = lines.xy[k : k + 2]
             for xy in [line] if free[k] else _outside(line, self.grown):
-                piece = Track(xy, lines.trigger_m[k : k + 1], np.ones(1, bool))
+                piece = lines.leg(k, xy)
                 if pieces and (pieces[-1].xy[-1] == xy[0]).all():
                     pieces[-1] = Track.joined([pieces[-1], piece])
                 else:

@@ -78,8 +78,10 @@ def _fits(route: Route, flight: Track, limits: FlightLimits) -> bool:
 
 
 def _items(track: Track) -> int:
-    """Waypoints of a track, and the items that begin and end photographs."""
-    return len(track.xy) + int(np.count_nonzero(np.diff(np.r_[0.0, track.trigger_m, 0.0])))
+    """Waypoints of a track, and the items that begin and end photographs or turn the camera, at most."""
+    triggers = np.count_nonzero(np.diff(np.r_[0.0, track.trigger_m, 0.0]))
+    turned = np.count_nonzero(np.diff(np.r_[False, np.isfinite(track.look_at[:, 0]), False].astype(np.int8)))
+    return int(len(track.xy) + triggers + 2 * track.shots.sum() + turned)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +175,7 @@ def _cut(line: Track, seconds: float, most_s: float) -> list[Track]:
     if count > MAX_PIECES:
         raise MissionError("the mission would have to be cut into too many flights; choose fewer regions")
     xy = line.xy[0] + np.linspace(0, 1, count + 1)[:, None] * (line.xy[1] - line.xy[0])
-    return [Track(xy[k : k + 2], line.trigger_m, line.is_line) for k in range(count)]
+    return [line.leg(0, xy[k : k + 2]) for k in range(count)]
 
 
 def _cheapest_cuts(costs: _Costs, limits: FlightLimits) -> list[tuple[int, int]]:

@@ -1,5 +1,6 @@
 """Flights over drawn ground: paths in metres around home, and their height above the ground on paper."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
 from uavseg.flight.terrain.follow import GroundPath, follow_ground
 from uavseg.flight.terrain.params import TerrainParams
+from uavseg.flight.track import Track
 from uavseg.raster.elevation.dem import Dem
 
 Floats = NDArray[np.float64]
@@ -35,13 +37,18 @@ def follow(
     params = PlanParams(altitude_m, speed_m_s=speed_m_s, terrain=TerrainParams(dem, **terrain))
     ground_m = 0.0 if dem is None else float(dem.heights_m([home[1]], [home[0]])[0])
     start = HomePosition(*home, ground_m if np.isfinite(ground_m) else 0.0)
-    return follow_ground(lon, lat, triggers, start, params)
+    return follow_ground(track(lon, lat, triggers), start, params)
+
+
+def track(lon: Floats, lat: Floats, triggers: Any = ()) -> Track:
+    flown = Track.of_path(np.column_stack([lon, lat]))
+    return replace(flown, trigger_m=np.array(triggers, float)) if len(triggers) else flown
 
 
 def flown(dem: Dem, path: GroundPath, home: tuple[float, float] = HOME, step_m: float = 0.37) -> Floats:
     """Height above the ground along a path of heights above the sea, from above home on."""
     ground_m = dem.heights_m([home[1]], [home[0]])[0]
-    lat, lon = np.append(home[0], path.lat), np.append(home[1], path.lon)
+    lon, lat = np.vstack([home[::-1], path.track.xy]).T
     height = np.append(ground_m + path.heights.takeoff_m, path.heights.height_m)
     above = []
     for k in range(len(lat) - 1):
@@ -55,7 +62,7 @@ def flown(dem: Dem, path: GroundPath, home: tuple[float, float] = HOME, step_m: 
 
 def slopes(dem: Dem, path: GroundPath, home: tuple[float, float] = HOME) -> tuple[Floats, Floats]:
     """Length and rise of the legs of a path of heights above the sea, from above home on."""
-    lat, lon = np.append(home[0], path.lat), np.append(home[1], path.lon)
+    lon, lat = np.vstack([home[::-1], path.track.xy]).T
     ground_m = dem.heights_m([home[1]], [home[0]])[0]
     length = GEOD.inv(lon[:-1], lat[:-1], lon[1:], lat[1:])[2]
     return length, np.diff(np.append(ground_m + path.heights.takeoff_m, path.heights.height_m))

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.flight.terrain.dems import HOME, cone, draw, hills, plane
-from tests.flight.terrain.flights import PLANE, flown, follow
+from tests.flight.terrain.flights import PLANE, flown, follow, track
 from uavseg.errors import MissionError
 from uavseg.flight.along import items_along
 from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, RETURN, HomePosition, MissionItem
@@ -27,7 +27,7 @@ def mission(path: Any, frame: int, heights: Any, takeoff_m: float = 60.0) -> Mis
     none = np.zeros(len(lon), bool)
     flight = Heights(frame, np.array(heights, float), takeoff_m, none, np.full(len(lon), 5.0))
     home = HomePosition(*HOME, 400.0)
-    return Mission(home, items_along(lon, lat, home, PlanParams(60), (), flight))
+    return Mission(home, items_along(track(lon, lat), home, PlanParams(60), flight))
 
 
 @given(st.integers(0, 99), st.floats(10, 100), st.floats(-8, 8))
@@ -46,7 +46,7 @@ def test_a_planned_flight_passes_and_a_lowered_or_raised_one_does_not(
         flight = Heights(
             heights.frame, heights.height_m + by_m, heights.takeoff_m + by_m, heights.added, heights.speed_m_s
         )
-        items = items_along(path.lon, path.lat, home, PlanParams(60), path.trigger_m, flight)
+        items = items_along(path.track, home, PlanParams(60), flight)
         return Mission(home, items)
 
     assert found.ground is not None

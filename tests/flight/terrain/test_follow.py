@@ -10,9 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.flight.terrain.dems import HOME, Surface, cliff, cone, draw, hills, noise, plane, write
-from tests.flight.terrain.flights import GEOD, PLANE, TRIGGERS, ZIGZAG, flown, follow, slopes
+from tests.flight.terrain.flights import GEOD, PLANE, TRIGGERS, ZIGZAG, flown, follow, slopes, track
 from uavseg.errors import MissionError
 from uavseg.flight.along import items_along
+from uavseg.flight.camera.camera import Camera
+from uavseg.flight.camera.photos import Photos
 from uavseg.flight.items import (
     CAMERA_DISTANCE,
     CHANGE_SPEED,
@@ -89,9 +91,9 @@ def test_flat_ground_and_a_plane_need_no_points(tmp_path: Path) -> None:
     for surface in (plane(0, 0), plane(0.1, 0.05)):
         found = follow(Dem.open(draw(tmp_path / "a.tif", surface)), triggers=TRIGGERS)
         assert not found.heights.added.any()
-        corners = np.column_stack(PLANE.xy_from_lonlat(found.lon, found.lat))[: len(ZIGZAG)]
+        corners = np.column_stack(PLANE.xy_from_lonlat(*found.track.xy.T))[: len(ZIGZAG)]
         assert np.allclose(corners, ZIGZAG, atol=0.01)
-        assert found.trigger_m[: len(TRIGGERS)].tolist() == list(TRIGGERS)
+        assert found.track.trigger_m[: len(TRIGGERS)].tolist() == list(TRIGGERS)
         assert (found.heights.speed_m_s == 5).all()
 
 
@@ -105,19 +107,22 @@ def test_photographs_go_on_over_an_added_point(tmp_path: Path) -> None:
     dem = Dem.open(draw(tmp_path / "a.tif", cone(150, 500)))
     found = follow(dem, triggers=TRIGGERS)
     assert found.heights.added.any()
-    items = items_along(
-        found.lon, found.lat, HomePosition(*HOME), PlanParams(60), found.trigger_m, found.heights
-    )
-    assert sum(item.command == WAYPOINT for item in items) == len(found.lon) > len(ZIGZAG) + 4
+    items = items_along(found.track, HomePosition(*HOME), photographed(), found.heights)
+    assert sum(item.command == WAYPOINT for item in items) == len(found.track.xy) > len(ZIGZAG) + 4
     triggers = [item.params for item in items if item.command == CAMERA_DISTANCE]
     # a line ends where the next one begins, or with a distance of 0: as without a DEM
-    plain = items_along(*found_lonlat(), HomePosition(*HOME), PlanParams(60), TRIGGERS)
+    plain = items_along(track(*found_lonlat(), TRIGGERS), HomePosition(*HOME), photographed())
     assert triggers == [item.params for item in plain if item.command == CAMERA_DISTANCE]
     places = [(item.lat, item.lon) for item in items if item.command == WAYPOINT]
     started = [places[sum(i.command == WAYPOINT for i in items[:k]) - 1] for k, item in enumerate(items)
                if item.command == CAMERA_DISTANCE]  # fmt: skip
     x, y = PLANE.xy_from_lonlat([lon for _, lon in started], [lat for lat, _ in started])
     assert np.allclose(np.column_stack([x, y]), ZIGZAG, atol=0.02)
+
+
+def photographed() -> PlanParams:
+    photos = Photos(Camera("DJI Phantom 4 Pro", (13.2, 8.8), (5472, 3648), 8.8, 2))
+    return PlanParams(60, "survey", 30.0, photos=photos)
 
 
 def found_lonlat() -> Any:
@@ -127,7 +132,7 @@ def found_lonlat() -> Any:
 def test_the_speed_is_set_before_a_steep_leg_and_back_after_it(tmp_path: Path) -> None:
     dem = Dem.open(draw(tmp_path / "a.tif", lambda x, y: 400 + np.clip(x, 0, 200) + 0 * y))
     found = follow(dem, [(-300, 0), (500, 0)], home=PLANE.lonlat_from_xy(-500.0, 0.0)[::-1], tolerance_m=2)
-    items = items_along(found.lon, found.lat, HomePosition(*HOME), PlanParams(60), (), found.heights)
+    items = items_along(found.track, HomePosition(*HOME), PlanParams(60), found.heights)
     speed, on_legs = 5.0, []
     for item in items:
         if item.command == CHANGE_SPEED:
@@ -163,7 +168,7 @@ def test_heights_above_home_differ_from_those_above_the_sea_by_its_ground(tmp_pa
 def test_the_terrain_of_the_vehicle_needs_no_points_but_slower_legs(tmp_path: Path) -> None:
     plain = follow(None, mode="frame", triggers=TRIGGERS)
     assert plain.heights.frame == FRAME_TERRAIN and (plain.heights.height_m == 60).all()
-    assert len(plain.lon) == len(ZIGZAG) and plain.ground is None
+    assert len(plain.track.xy) == len(ZIGZAG) and plain.ground is None
     assert ["the vehicle itself knows" in note for note in plain.notes] == [True]
     dem = Dem.open(draw(tmp_path / "a.tif", hills(40)))
     followed = follow(dem, mode="frame", triggers=TRIGGERS)
@@ -186,10 +191,10 @@ def test_a_hill_on_the_way_back_is_flown_over(tmp_path: Path, height_m: float) -
     assert match and int(match[1]) == pytest.approx(height_m * (1 - 2.5 * 2**0.5 / 150), abs=1.1)
     assert int(match[2]) >= int(match[1]) + 60
     if height_m < 25:
-        assert not leads_home and GEOD.inv(found.lon[-1], found.lat[-1], HOME[1], HOME[0])[2] > 700
+        assert not leads_home and GEOD.inv(*found.track.xy[-1], HOME[1], HOME[0])[2] > 700
         return
     assert leads_home
-    assert GEOD.inv(found.lon[-1], found.lat[-1], HOME[1], HOME[0])[2] < 0.01
+    assert GEOD.inv(*found.track.xy[-1], HOME[1], HOME[0])[2] < 0.01
     assert flown(dem, found).min() >= 35 - EPSILON_M
 
 

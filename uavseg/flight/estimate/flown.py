@@ -12,6 +12,8 @@ from uavseg.flight.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
     CHANGE_SPEED,
+    IMAGE_START,
+    IMAGE_STOP,
     LANDINGS,
     LOITER,
     LOITER_TIME,
@@ -108,6 +110,12 @@ def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
             walk.shots[-1:] = [shots + (item.params[2] == 1) for shots in walk.shots[-1:]]
         elif item.command == CAMERA_INTERVAL:
             trigger = (0.0, max(item.params[0] or 0.0, 0.0))
+        elif item.command == IMAGE_START:
+            if item.params[2] != 1:
+                trigger = (0.0, max(item.params[1] or 0.0, 0.0))
+            walk.shots[-1:] = [shots + 1 for shots in walk.shots[-1:]]
+        elif item.command == IMAGE_STOP:
+            trigger = (0.0, 0.0)
         elif item.command == RETURN:
             _return(walk, vehicle)
             ends = "return"

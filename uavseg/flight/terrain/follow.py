@@ -1,7 +1,6 @@
 """Flight at a constant height above the ground: heights of waypoints, added points, speeds, the way home."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,7 @@ from uavseg.flight.terrain.heights import Heights, constant_height
 from uavseg.flight.terrain.notes import OWN_TERRAIN, terrain_notes
 from uavseg.flight.terrain.params import FRAME, RELATIVE, TerrainParams
 from uavseg.flight.terrain.profile import Profile, profile_along
+from uavseg.flight.track import Track
 from uavseg.raster.elevation.dem import Dem
 
 Floats = NDArray[np.float64]
@@ -29,10 +29,8 @@ class GroundPath:
 
     Parameters
     ----------
-    lon, lat : (n,) float64 arrays
-        Degrees, with the points that were added.
-    trigger_m : (n - 1,) float64 array
-        Distance between the photographs on each leg, 0 where none are taken.
+    track : Track
+        Places as longitude and latitude in degrees, with the points that were added.
     heights : Heights
     ground : Ground, optional
         None where no DEM is known.
@@ -40,17 +38,13 @@ class GroundPath:
         For the pilot.
     """
 
-    lon: Floats
-    lat: Floats
-    trigger_m: Floats
+    track: Track
     heights: Heights
     ground: Ground | None = None
     notes: tuple[str, ...] = ()
 
 
-def follow_ground(
-    lon: Floats, lat: Floats, trigger_m: Any, home: HomePosition, params: PlanParams
-) -> GroundPath:
+def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> GroundPath:
     """A path flown at a constant height: above home, or above the ground as `params.terrain` says.
 
     At each place of the flight, takeoff and return aside, its height above the bilinear surface of the DEM
@@ -60,10 +54,8 @@ def follow_ground(
 
     Parameters
     ----------
-    lon, lat : (n,) float64 arrays
-        Degrees; n >= 1.
-    trigger_m : (n - 1,) array
-        Distance between photographs on each leg, or nothing.
+    track : Track
+        Places as longitude and latitude in degrees.
     home : HomePosition
     params : PlanParams
 
@@ -72,13 +64,13 @@ def follow_ground(
     MissionError
         If the DEM does not cover the flight, or heights above home would not be above it.
     """
-    trigger = np.asarray(trigger_m, np.float64) if len(trigger_m) else np.zeros(len(lon) - 1)
     terrain = params.terrain
     if terrain is None:
-        return GroundPath(lon, lat, trigger, constant_height(len(lon), params))
+        return GroundPath(track, constant_height(len(track.xy), params))
     if terrain.dem is None:
-        heights = constant_height(len(lon), params, FRAME_TERRAIN)
-        return GroundPath(lon, lat, trigger, heights, notes=(OWN_TERRAIN,))
+        heights = constant_height(len(track.xy), params, FRAME_TERRAIN)
+        return GroundPath(track, heights, notes=(OWN_TERRAIN,))
+    lon, lat = track.xy.T
     way_lon, way_lat = (np.round(np.append(*both), DECIMALS) for both in ((home.lon, lon), (home.lat, lat)))
     flown = fly_over(terrain.dem, way_lon, way_lat, params, terrain)
     tolerance_m = terrain.tolerance_for(params.altitude_m)
@@ -88,18 +80,36 @@ def follow_ground(
     if leads_home:
         way_lon, way_lat = np.append(way_lon, way_lon[0]), np.append(way_lat, way_lat[0])
         flown = fly_over(terrain.dem, way_lon, way_lat, params, terrain)
-        trigger = np.append(trigger, 0.0)
+        track = Track.joined([track, Track.of_way(np.array([track.xy[-1], (home.lon, home.lat)]))])
         over_back = over_back[:0]
     heights, kept = _heights(flown, params, terrain)
     leg = np.searchsorted(flown.profile.corners[1:], kept[1:])  # the first one leads from home to the path
     places = np.round(flown.profile.lon[kept], DECIMALS), np.round(flown.profile.lat[kept], DECIMALS)
     return GroundPath(
-        *places,
-        np.append(0.0, trigger)[leg],
+        _with_added(track, np.column_stack(places), heights.added, leg),
         heights,
         _ground(terrain.dem, home, places, flown, over_back, params),
         tuple(terrain_notes(flown, heights, params, leads_home)),
     )
+
+
+def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Ints) -> Track:
+    """A track with points added on its legs: what is done on a leg goes on there.
+
+    Parameters
+    ----------
+    track : Track
+    places : (n, 2) float64 array
+        Of all corners, in degrees.
+    added : (n,) bool array
+        Which of them are none of the track's.
+    leg : (n - 1,) int64 array
+        The leg to each corner but the first: 0 leads from home, and 1 is the track's first.
+    """
+    way = Track.joined([Track.of_way(track.xy[[0, 0]]), track])
+    hold_s, shots = np.zeros(len(places)), np.zeros(len(places), bool)
+    hold_s[~added], shots[~added] = track.hold_s, track.shots
+    return Track(places, way.trigger_m[leg], way.is_line[leg], hold_s, shots, way.look_at[leg])
 
 
 def _heights(flown: Flown, params: PlanParams, terrain: TerrainParams) -> tuple[Heights, Ints]:
