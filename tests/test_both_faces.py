@@ -95,6 +95,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         beliefs[40:70, 40:110], beliefs[100:, :60] = 0.9, 0.5
         write("map.tif", beliefs, transform=Affine(0.1, 0, 0, 0, -0.1, 14))
         write("utm_map.tif", beliefs, **UTM)
+        write("ground.tif", (400 + 90 * beliefs).astype(np.float32), **UTM)
         write("percent.tif", np.rint(beliefs * 100).astype(np.uint8), **UTM)
         states = np.searchsorted([0.498, 0.502], beliefs) + 1
         write_ros_map("ros.yaml", states, local_geobox(SHAPE, 0.1, (0, 0)))
@@ -432,7 +433,27 @@ FLIGHT: Words = {"altitude": 60, "home": "auto"}
         ("regions.geojson", FLIGHT | {"camera": "phantom"}),
         ("regions.geojson", FLIGHT | {"vehicle": "weak.json"}),
         ("regions.geojson", FLIGHT | {"vehicle": "missing.json"}),
+        (
+            "regions.geojson",
+            FLIGHT | {"camera": "phantom 4 rtk", "trigger": "hover", "overlap": (30.0, 9.0)},
+        ),
+        ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk", "trigger": "interval", "turnaround": 20.0}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "crosshatch": True}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "corridor", "margin": 5.0}),
+        ("regions.geojson", FLIGHT | {"pattern": "perimeter", "offset": 4.0, "min_leg": 8.0, "holes": "fly"}),
+        ("regions.geojson", FLIGHT | {"pattern": "orbit", "margin": 10.0, "camera": "phantom 4 rtk"}),
+        ("regions.geojson", FLIGHT | {"pattern": "visit", "hold": 5.0}),
+        ("regions.geojson", FLIGHT | {"pattern": "visit", "margin": 5.0}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "trigger": "hover"}),
         ("regions.geojson", {"home": "auto"}),
+        ("regions.geojson", FLIGHT | {"dem": "ground.tif", "spacing": 15}),
+        ("regions.geojson", FLIGHT | {"dem": "ground.tif", "terrain": "relative", "terrain_tolerance": 1.5}),
+        ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain": "frame", "climb": 1.0, "descent": 0.5}),
+        ("regions.gpkg", FLIGHT | {"terrain": "frame"}),
+        ("regions.gpkg", FLIGHT | {"terrain": "absolute"}),
+        ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain_tolerance": 99.0}),
+        ("regions.gpkg", FLIGHT | {"dem": "missing.tif"}),
+        ("regions.gpkg", FLIGHT | {"dem": "tile.tif"}),
         ("missing.geojson", FLIGHT),
         ("tile.tif", FLIGHT),
     ],

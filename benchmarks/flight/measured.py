@@ -45,23 +45,28 @@ class Flown:
 
 def simulate(mission: Mission, field: Field, wind: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Flown:
     """Fly a mission, and compare it with its estimate."""
-    log = SIMULATORS[mission.autopilot](*route(mission), wind)
-    flat = Proj(proj="aeqd", lat_0=mission.home.lat, lon_0=mission.home.lon, datum="WGS84")
-
-    def in_metres(polygons: Any) -> Any:
-        return shapely.transform(
-            shapely.union_all(list(polygons)), lambda lonlat: np.column_stack(flat(*lonlat.T))
-        )
-
+    log = fly(mission, wind)
     estimate = mission.estimate
     return Flown(
         estimate.duration_s,
         log.seconds,
         estimate.photographs,
         len(log.photographs),
-        covered(log, in_metres(field.polygons), mission.photos) if mission.photos else float("nan"),
-        least_distance_m(log, in_metres(field.zones)) if field.zones else float("inf"),
+        covered(log, in_metres(field.polygons, field), mission.photos) if mission.photos else float("nan"),
+        least_distance_m(log, in_metres(field.zones, field)) if field.zones else float("inf"),
     )
+
+
+def fly(mission: Mission, wind: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Log:
+    """Fly a mission as its autopilot does."""
+    return SIMULATORS[mission.autopilot](*route(mission), wind)
+
+
+def in_metres(polygons: Any, field: Field) -> Any:
+    """The union of polygons in metres east and north of home."""
+    flat = Proj(proj="aeqd", lat_0=field.home[0], lon_0=field.home[1], datum="WGS84")
+    whole = shapely.union_all(list(polygons))
+    return shapely.transform(whole, lambda lonlat: np.column_stack(flat(*lonlat.T)))
 
 
 def covered(log: Log, region: Any, photos: Any) -> float:

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks.flight.fields import Field, many
-from benchmarks.flight.measured import simulate
+from benchmarks.flight.log import Log
+from benchmarks.flight.measured import covered, fly, in_metres, least_distance_m
 from uavseg.flight.items import WAYPOINT
 from uavseg.flight.mission import Mission
 from uavseg.flight.planner import plan_missions
-from uavseg.jobs.plan import flight_params, photos_of
+from uavseg.jobs.photo_words import PhotoWords
+from uavseg.jobs.plan import flight_params
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,7 @@ def planned(
 ) -> Sequence[Mission]:
     """The missions over a field."""
     params = flight_params(
-        height_m, pattern=pattern, photos=photos_of(camera), speed=speed, autopilot=autopilot, tolerance=3.0
+        height_m, pattern=pattern, photos=PhotoWords(camera), speed=speed, autopilot=autopilot, tolerance=3.0
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -69,7 +71,10 @@ def measured_plan(field: Field, pattern: str, camera: str | None) -> Plan:
         start = time.perf_counter()
         missions = planned(field, pattern=pattern, camera=camera, height_m=40.0, speed=8.0)
         seconds = time.perf_counter() - start
-    flights = [simulate(mission, field) for mission in missions]
+    logs = [fly(mission) for mission in missions]
+    photographs = [photograph for log in logs for photograph in log.photographs]
+    shown = covered(Log(photographs=photographs), in_metres(field.polygons, field), missions[0].photos)
+    zones = in_metres(field.zones, field)
     return Plan(
         field.name,
         pattern,
@@ -78,8 +83,8 @@ def measured_plan(field: Field, pattern: str, camera: str | None) -> Plan:
         sum(item.command == WAYPOINT for mission in missions for item in mission.items),
         sum(mission.distance_m for mission in missions),
         seconds,
-        sum(one.covered for one in flights) if camera and len(flights) == 1 else float("nan"),
-        min(one.zone_m for one in flights),
+        shown if camera else float("nan"),
+        min(least_distance_m(log, zones) for log in logs) if field.zones else float("inf"),
     )
 
 

@@ -6,6 +6,7 @@ from pyproj import Proj
 
 from uavseg.flight.mission import Mission
 
+_CAMERA = (195, 197, 205)  # what the camera looks at
 _TAKEOFF, _WAYPOINT, _LOITER_TIME, _RETURN, _SPEED, _TRIGGER = 22, 16, 19, 20, 178, 206
 
 
@@ -39,7 +40,8 @@ def route(mission: Mission) -> tuple[float, list[Stop], bool]:
         If the mission has an item that the simulators do not fly.
     """
     flat = Proj(proj="aeqd", lat_0=mission.home.lat, lon_0=mission.home.lon, datum="WGS84")
-    height, speed, stops = 0.0, 5.0, []
+    height, speed = 0.0, 5.0
+    stops: list[Stop] = []
     for item in mission.items:
         if item.command == _TAKEOFF:
             height = item.altitude_m
@@ -52,6 +54,6 @@ def route(mission: Mission) -> tuple[float, list[Stop], bool]:
             stops[-1].triggers.append((item.params[0] or 0.0, item.params[2] == 1))
         elif item.command == _RETURN:
             return height, stops, True
-        elif item.command != 205:
+        elif item.command not in _CAMERA:
             raise ValueError(f"command {item.command} in frame {item.frame} is not simulated")
     return height, stops, False

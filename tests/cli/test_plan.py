@@ -191,7 +191,14 @@ def test_a_camera_gives_height_spacing_and_photographs(regions: Path) -> None:
         (("--camera", "phantom 4 rtk", "--altitude", 60, "--overlap", "75,100"), "per cent"),
         (("--camera", "phantom 4 rtk", "--altitude", 60, "--overlap", "a,b"), "per cent"),
         (("--camera", "phantom 4 rtk", "--altitude", 60, "--gimbal-pitch", "0"), "gimbal pitch"),
-        (("--camera", "phantom 4 rtk", "--altitude", 60, "--pattern", "visit"), "for a survey"),
+        (("--sensor", "13.2x8.8", "--altitude", 60), "all of --sensor"),
+        (("--sensor", "13.2", "--image", "5472x3648", "--focal", 8.8, "--altitude", 60), "WIDTHxHEIGHT"),
+        (("--camera", "phantom 4 rtk", "--focal", 8.8, "--altitude", 60), "leave --focal out"),
+        (("--camera", "phantom 4 rtk", "--shutter", "1/0", "--altitude", 60), "--shutter is seconds"),
+        (("--trigger", "hover", "--altitude", 60), "--trigger needs a camera"),
+        (("--offset", 5, "--altitude", 60), "--offset is for the pattern perimeter"),
+        (("--pattern", "perimeter", "--offset", -400, "--altitude", 60), "every region is narrower"),
+        (("--pattern", "visit", "--hold", -1, "--altitude", 60), "the hold is 0 to 3600"),
     ],
 )
 def test_a_camera_that_cannot_photograph_so_is_refused(

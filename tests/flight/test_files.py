@@ -128,7 +128,7 @@ def test_a_plan_has_every_key_that_any_reader_requires() -> None:
     assert plan["rallyPoints"] == {"version": 2, "points": []}
     mission = plan["mission"]
     assert mission["plannedHomePosition"] == [HOME.lat, HOME.lon, 12.5]
-    assert (mission["firmwareType"], mission["vehicleType"], mission["globalPlanAltitudeMode"]) == (3, 2, 1)
+    assert (mission["firmwareType"], mission["vehicleType"], mission["globalPlanAltitudeMode"]) == (3, 2, 0)
     for number in (plan["version"], mission["version"], mission["cruiseSpeed"], mission["hoverSpeed"]):
         assert type(number) is int
     for number, item in enumerate(mission["items"], start=1):

@@ -12,7 +12,7 @@ from pyproj import Geod
 
 from tests.flight.small_regions import HOME, box, degrees, inside, plan_mission, planned, waypoints
 from uavseg.errors import MissionError, ParameterError, UavsegError
-from uavseg.flight.cover.survey import LEEWAY
+from uavseg.flight.cover.space import LEEWAY
 from uavseg.flight.items import CHANGE_SPEED, FRAME_MISSION, FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane

@@ -14,8 +14,11 @@ from uavseg.flight.camera.camera import Camera
 from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.fence import RallyPoint
 from uavseg.flight.limits import LimitParams, SafetyParams
+from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.open_source import open_source
-from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params, photos_of
+from uavseg.jobs.pattern_words import PatternWords
+from uavseg.jobs.photo_words import PhotoWords
+from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params
 from uavseg.jobs.plan import plan as run_plan
 from uavseg.jobs.plan_regions import open_regions, zone_polygons
 from uavseg.plain_text import shown
@@ -45,6 +48,19 @@ def plan(
     overlap: Sequence[float] = (75.0, 70.0),
     gimbal_pitch: float = -90.0,
     vehicle: str | os.PathLike[str] | Vehicle | None = None,
+    sensor: Sequence[float] | None = None,
+    image: Sequence[float] | None = None,
+    focal: float | None = None,
+    min_interval: float | None = None,
+    trigger: str | None = None,
+    shutter: float | None = None,
+    margin: float | None = None,
+    crosshatch: bool = False,
+    turnaround: float | None = None,
+    offset: float | None = None,
+    min_leg: float | None = None,
+    holes: str | None = None,
+    hold: float | None = None,
     avoid: Any = (),
     avoid_margin: float = 10.0,
     raster: Any = None,
@@ -55,6 +71,11 @@ def plan(
     max_distance: float | None = None,
     fence: float | None = 50.0,
     rally: Sequence[Sequence[float]] = (),
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    terrain: str | None = None,
+    terrain_tolerance: float | None = None,
+    climb: float | None = None,
+    descent: float | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> MissionPlan:
@@ -65,14 +86,16 @@ def plan(
     regions : path, bytes or GeoDataFrame
         A file of polygons, the content of one such as GeoJSON, or what `extract` gives.
     altitude : float, optional
-        Height of the whole flight above home, in metres; with a camera, `gsd` may take its place.
+        Height of the whole flight above home, or with `dem` above the ground, in metres; with a camera, `gsd`
+        may take its place.
     home : (lat, lon), (lat, lon, altitude_m) or "auto"
         Where the vehicle starts, in degrees; the altitude is above the sea. With "auto", near the
         chosen regions and outside of all regions and keep-out zones.
-    pattern : {"visit", "perimeter", "survey"}, optional
-        A point in each region, its outline, or lines over it; by default "visit", or "survey" with a spacing.
+    pattern : {"visit", "perimeter", "survey", "corridor", "orbit"}, optional
+        A point in each region, its outline, parallel lines over it, lines along its middle, or a circle
+        around it; by default "visit", or "survey" with a spacing or a camera.
     spacing : float, optional
-        Metres between the lines of a survey.
+        Metres between the lines of a survey or corridor.
     angle : float or "auto"
         Azimuth of the lines, clockwise from north; with "auto" the one that needs the fewest lines.
     speed : float
@@ -101,6 +124,30 @@ def plan(
     vehicle : path or Vehicle, optional
         What flies, for the estimates of time and energy: a JSON file with parameters of
         `uavseg.flight.estimate.vehicle.Vehicle`. By default a multirotor with those of its autopilot.
+    sensor, image : (float, float), optional
+        In place of a camera: width and height of its sensor in millimetres and of its image in pixels.
+    focal, min_interval : float, optional
+        With them: the focal length in millimetres, and the shortest time between photographs in seconds.
+    trigger : {"distance", "interval", "hover", "none"}, optional
+        Photographs by distance, by time, in hover at a waypoint for each, or not by the mission; by default
+        by distance, and in hover on a visit.
+    shutter : float, optional
+        Exposure time in seconds, by which motion blur limits the speed; by default 1/1000.
+    margin : float, optional
+        Metres by which a survey or corridor grows regions before it covers them, or between a region and the
+        circle of an orbit around it.
+    crosshatch : bool
+        For a survey: once more, in lines at a right angle to the first.
+    turnaround : float, optional
+        For a survey: metres straight on without photographs before and after each line, for fixed wings.
+    offset : float, optional
+        For a perimeter: metres outward from the outline, negative inward.
+    min_leg : float, optional
+        For a perimeter: no leg is shorter; by default what is flown in a second.
+    holes : {"skip", "fly"}, optional
+        For a perimeter: whether the outlines of holes are flown.
+    hold : float, optional
+        For a visit: seconds over each region.
     avoid : path, GeoDataFrame, (low, high), or a sequence of these
         Keep-out zones, which no leg enters: polygons, or a range of intensity that is looked for in `raster`.
     avoid_margin : float
@@ -120,6 +167,17 @@ def plan(
         Metres around each flight at which a fence is written, which excludes keep-out zones; None: no fence.
     rally : sequence of (lat, lon, altitude_m)
         Places to return to in an emergency, with heights above home.
+    dem : path or sequence of paths, optional
+        Elevation model: the flight keeps its height above the ground. Several files are one mosaic.
+    terrain : {"absolute", "relative", "frame"}, optional
+        Heights above the sea (the default with `dem`) or above home, with points added where the ground
+        bends; or above the terrain that the vehicle itself knows (ArduPilot), for which `dem` may be missing.
+    terrain_tolerance : float, optional
+        Metres by which the height above the ground may differ; by default 5, or a quarter of the height
+        where that is less.
+    climb, descent : float, optional
+        How fast the vehicle climbs and descends in forward flight, in metres per second; legs that are too
+        steep are flown slower. By default as the autopilot has it, 2.5 (3 for "px4") and 1.5.
     allow_path, allow_network
         As of `extract`.
 
@@ -134,7 +192,10 @@ def plan(
     RegionError
         If the regions cannot be read, or none is chosen.
     MissionError
-        If they are not near home, or the mission would not be safe.
+        If they are not near home, the elevation model does not cover the flight, or the mission would not be
+        safe.
+    RasterError
+        If the elevation model is not one.
     UavsegError
         If a parameter is wrong.
 
@@ -145,24 +206,28 @@ def plan(
     >>> plan = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
     >>> plan.write("fly.plan")  # doctest: +SKIP
     """
-    flight = flight_params(
-        altitude,
-        pattern=pattern,
-        spacing=spacing,
-        angle=_angle(angle),
-        speed=speed,
-        autopilot=autopilot,
-        tolerance=tolerance,
-        photos=photos_of(camera, overlap, gimbal_pitch),
-        gsd=gsd,
-        vehicle=vehicle,
-        limits=LimitParams(endurance, reserve, max_items),
-        safety=SafetyParams(
-            avoid_margin, fence, max_altitude, max_distance, tuple(RallyPoint(*place) for place in rally)
-        ),
-    )
-    request = PlanRequest(flight, _home(home), ids, largest, where)
     with allowing(allow_path, allow_network):
+        flight = flight_params(
+            altitude,
+            pattern=pattern,
+            spacing=spacing,
+            angle=_angle(angle),
+            speed=speed,
+            autopilot=autopilot,
+            tolerance=tolerance,
+            photos=PhotoWords(
+                camera, sensor, image, focal, min_interval, overlap, gimbal_pitch, trigger, shutter
+            ),
+            words=PatternWords(hold, offset, min_leg, holes, margin, crosshatch, turnaround),
+            gsd=gsd,
+            vehicle=vehicle,
+            limits=LimitParams(endurance, reserve, max_items),
+            safety=SafetyParams(
+                avoid_margin, fence, max_altitude, max_distance, tuple(RallyPoint(*place) for place in rally)
+            ),
+            terrain=terrain_params(dem, terrain, terrain_tolerance, climb, descent),
+        )
+        request = PlanRequest(flight, _home(home), ids, largest, where)
         found = open_regions(regions, layer)
         zones = zone_polygons(_listed(avoid), None if raster is None else open_source(raster))
         planned = run_plan(found, request, zones)

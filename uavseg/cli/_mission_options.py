@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli._limit_options import limit_options, limits_of, safety_of
+from uavseg.cli._pattern_options import pattern_options, pattern_words, photo_options, photo_words
 from uavseg.cli._say import say
+from uavseg.cli._terrain_options import terrain_of, terrain_options
 from uavseg.cli._vehicle_options import duration_text, flight_table, vehicle_options
 from uavseg.errors import ParameterError, RegionError
 
@@ -24,11 +26,14 @@ def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
     They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
-    `angle`, `speed`, `autopilot`, `tolerance` and `vehicle`: see `plan_request`.
+    `angle`, `speed`, `autopilot` and `tolerance`, and those of groups of their own: see `plan_request`.
     """
     options = [
         click.option(
-            "--altitude", type=float, metavar="M", help="Height of the flight above home, in metres."
+            "--altitude",
+            type=float,
+            metavar="M",
+            help="Height of the flight above home, or with --dem above the ground, in metres.",
         ),
         click.option(
             "--camera",
@@ -64,10 +69,13 @@ def mission_options(command: F) -> F:
         ),
         click.option(
             "--pattern",
-            type=click.Choice(["visit", "perimeter", "survey"]),
-            help="A point in each region, its outline, or lines over it.  [visit, or survey with --spacing]",
+            type=click.Choice(["visit", "perimeter", "survey", "corridor", "orbit"]),
+            help="A point in each region, its outline, parallel lines over it, lines along its middle, or a "
+            "circle around it.  [visit, or survey with --spacing or a camera]",
         ),
-        click.option("--spacing", type=float, metavar="M", help="Metres between the lines of a survey."),
+        click.option(
+            "--spacing", type=float, metavar="M", help="Metres between the lines of a survey or corridor."
+        ),
         click.option(
             "--angle",
             default="auto",
@@ -92,24 +100,26 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
-    command = limit_options(command)
-    for option in (vehicle_options, *reversed(options)):
+    groups = (vehicle_options, terrain_options, limit_options, photo_options, pattern_options)
+    for option in (*reversed(groups), *reversed(options)):
         command = option(command)
     return command
 
 
 def plan_request(options: dict[str, Any]) -> PlanRequest:
     """How to fly, from where and over which regions, from the values of `mission_options`."""
-    from uavseg.jobs.plan import PlanRequest, flight_params, photos_of
+    from uavseg.jobs.plan import PlanRequest, flight_params
 
     names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd", "vehicle")
-    photos = photos_of(options["camera"], parse_overlap(options["overlap"]), options["gimbal_pitch"])
+    photos = photo_words(options, parse_overlap(options["overlap"]))
     flight = flight_params(
         options["altitude"],
         angle=parse_angle(options["angle"]),
         photos=photos,
+        words=pattern_words(options),
         limits=limits_of(options),
         safety=safety_of(options),
+        terrain=terrain_of(options),
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])

@@ -79,7 +79,7 @@ def command(**options: Any) -> None:
     flight = None if mission is None else _flight(options)
     check_targets(target, labels, run.overwrite)
     _check_mission_target(mission, run.overwrite)
-    keep_inputs([target, labels, mission], options["rasters"], zone_files(options))
+    keep_inputs([target, labels, mission], options["rasters"], zone_files(options), options["dem"])
     source = open_source(options["rasters"], read)
     _check_place(target, mission, source.geobox.wkt)
     work = run.work()

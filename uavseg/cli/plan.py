@@ -52,7 +52,7 @@ def command(**options: Any) -> None:
     files.check_mission_format(output)
     check_target(output, options["overwrite"])
     raster = options["raster"]
-    keep_inputs([output], regions, raster, zone_files(options))
+    keep_inputs([output], regions, raster, zone_files(options), options["dem"])
     request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     zones = zones_of(options, None if raster is None else lambda: _opened(raster))

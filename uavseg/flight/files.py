@@ -33,6 +33,7 @@ ALTITUDE_MODES = {
     FRAME_AMSL: 2,
     FRAME_TERRAIN: 4,
 }  # QGroundControl's own enum, by MAV_FRAME
+_MIXED = 0  # of the same enum: items differ
 _QUADROTOR = 2  # MAV_TYPE
 _PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
 _MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
@@ -131,7 +132,7 @@ def plan_text(mission: Mission) -> str:
             "vehicleType": _QUADROTOR,
             "cruiseSpeed": _PLANE_SPEED_M_S,
             "hoverSpeed": max(round(mission.speed_m_s), 1),  # Mission Planner reads integers only
-            "globalPlanAltitudeMode": ALTITUDE_MODES[FRAME_RELATIVE],
+            "globalPlanAltitudeMode": _altitude_mode(mission),
             "plannedHomePosition": [home.lat, home.lon, home.altitude_m],
             "items": [_simple_item(number, item) for number, item in enumerate(mission.items, start=1)],
         },
@@ -139,6 +140,12 @@ def plan_text(mission: Mission) -> str:
         "rallyPoints": rally_to_json(mission.rally),
     }
     return json.dumps(plan, indent=1, allow_nan=False) + "\n"
+
+
+def _altitude_mode(mission: Mission) -> int:
+    """QGroundControl's mode of all heights; mixed where items differ, so that each keeps its own."""
+    modes = {ALTITUDE_MODES[item.frame] for item in mission.items if item.has_position}
+    return modes.pop() if len(modes) == 1 else _MIXED
 
 
 def _simple_item(number: int, item: MissionItem) -> dict[str, Any]:

@@ -12,13 +12,14 @@ from uavseg.flight.estimate.flown import landing_seconds
 from uavseg.flight.estimate.summary import estimate
 from uavseg.flight.estimate.vehicle import default_vehicle
 from uavseg.flight.fence_around import fence_around
-from uavseg.flight.items import HomePosition, MissionItem
+from uavseg.flight.items import HomePosition
 from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.mission import BOARD_CAPACITY, Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
 from uavseg.flight.route import Route
 from uavseg.flight.split import FlightLimits, split_route
+from uavseg.flight.terrain.follow import follow_ground
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
@@ -67,7 +68,8 @@ def _mission(
     track: Track, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams
 ) -> Mission:
     """One flight with its fence."""
-    items = _items(track, plane, home, params)
+    path = follow_ground(track.without_repeats().in_degrees(plane), home, params)
+    items = items_along(path.track, home, params, path.heights)
     margin_m = params.safety.fence_margin_m
     fence, notes = (
         ((), [])
@@ -84,15 +86,10 @@ def _mission(
         items,
         params.autopilot,
         params.name,
-        tuple(notes),
+        (*path.notes, *notes),
         fence=fence,
         rally=params.safety.rally,
         vehicle=params.vehicle,
         photos=params.photos,
+        ground=path.ground,
     )
-
-
-def _items(track: Track, plane: Plane, home: HomePosition, params: PlanParams) -> tuple[MissionItem, ...]:
-    moved = np.r_[True, np.hypot(*np.diff(track.xy, axis=0).T) > 1e-3]
-    lon, lat = plane.lonlat_from_xy(*track.xy[moved].T)
-    return items_along(lon, lat, home, params, track.trigger_m[moved[1:]])

@@ -19,8 +19,8 @@ _DECIMALS = 7  # of degrees: a centimetre
 def home_outside(
     polygons: Sequence[Any],
     points: Sequence[tuple[float, float]],
-    zones: Sequence[Any],
-    avoid_margin_m: float,
+    zones: Sequence[Any] = (),
+    avoid_margin_m: float = 0.0,
 ) -> tuple[float, float]:
     """The place nearest to the middle of all regions that lies outside of them and of keep-out zones.
 

@@ -70,7 +70,8 @@ class KeepOut:
         fenced = self._whole
         if self.margin_m >= LEAST_FENCE_MARGIN_M:
             tolerance_m = self.margin_m / 8
-            fenced = shapely.simplify(_grown(fenced, self.margin_m / 4, tolerance_m), self.margin_m / 4)
+            simple = shapely.simplify(_grown(fenced, self.margin_m / 4, tolerance_m), self.margin_m / 4)
+            fenced = simple if _lies_between(simple, fenced, self.grown) else fenced
         return [part for part in shapely.get_parts(fenced) if part.geom_type == "Polygon" and part.area > 0]
 
     @cached_property
@@ -109,7 +110,7 @@ class KeepOut:
         for k in range(len(free)):
             line = lines.xy[k : k + 2]
             for xy in [line] if free[k] else _outside(line, self.grown):
-                piece = Track(xy, lines.trigger_m[k : k + 1], np.ones(1, bool))
+                piece = lines.leg(k, xy)
                 if pieces and (pieces[-1].xy[-1] == xy[0]).all():
                     pieces[-1] = Track.joined([pieces[-1], piece])
                 else:
@@ -128,10 +129,19 @@ class KeepOut:
 
 
 def _grown(zones: Any, margin_m: float, tolerance_m: float) -> Any:
-    """Zones that are simplified, and grown so that the margin lies within them all the same."""
+    """Zones that are simplified, and grown so that they hold the margin all the same."""
+    held = shapely.buffer(zones, margin_m / math.cos(math.pi / 32), quad_segs=8) if margin_m else zones
     simple = shapely.simplify(zones, tolerance_m)
-    reach = (margin_m + tolerance_m) / math.cos(math.pi / 4 / ROUND_SEGMENTS)
-    return shapely.buffer(simple, reach, quad_segs=ROUND_SEGMENTS)
+    for more in (1, 2, 4):
+        reach = (margin_m + more * tolerance_m) / math.cos(math.pi / 4 / ROUND_SEGMENTS)
+        grown = shapely.buffer(simple, reach, quad_segs=ROUND_SEGMENTS)
+        if shapely.covers(grown, held):
+            return grown
+    return held
+
+
+def _lies_between(area: Any, inner: Any, outer: Any) -> bool:
+    return bool(shapely.covers(area, inner) and shapely.covers(outer, area))
 
 
 def _outside(line: Floats, blocked: Any) -> list[Floats]:

@@ -14,6 +14,7 @@ from uavseg.flight.items import (
     AUTOPILOTS,
     CHANGE_SPEED,
     FRAME_AMSL,
+    FRAME_TERRAIN,
     MAX_DISTANCE_M,
     MAX_HEIGHT_M,
     MAX_ITEMS,
@@ -25,6 +26,7 @@ from uavseg.flight.items import (
     check_near,
     distance_m,
 )
+from uavseg.flight.terrain.ground import Ground
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 if TYPE_CHECKING:
@@ -65,6 +67,8 @@ class Mission:
         compared nor written to files, like `photos`.
     photos : Photos, optional
         How it photographs, for estimates.
+    ground : Ground, optional
+        The ground below it, where the planner knows it; neither compared nor written to files.
 
     Raises
     ------
@@ -84,6 +88,7 @@ class Mission:
     rally: tuple[RallyPoint, ...] = ()
     vehicle: Vehicle | None = field(default=None, compare=False)
     photos: Photos | None = field(default=None, compare=False)
+    ground: Ground | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.autopilot not in AUTOPILOTS:
@@ -113,18 +118,27 @@ class Mission:
     def path(self) -> tuple[Floats, Floats, Floats]:
         """Positions of the flight, home first: lat and lon in degrees, height above home in metres.
 
-        A return adds home, at the height of the return. Heights above the terrain count as above home.
+        A return adds home, at the height of the return. Heights above the terrain count as above home where
+        the ground is not known.
         """
         places = [(self.home.lat, self.home.lon, 0.0)]
         for item in self.items:
             if item.has_position:
                 lat, lon = places[-1][:2] if item.is_at_vehicle else (item.lat, item.lon)
-                sea_m = self.home.altitude_m if item.frame == FRAME_AMSL else 0.0
-                places.append((lat, lon, item.altitude_m - sea_m))
+                places.append((lat, lon, self.height_above_home_m(item)))
             elif item.command == RETURN:
                 places.append((self.home.lat, self.home.lon, places[-1][2]))
         lat_, lon_, height = np.array(places, dtype=np.float64).T
         return lat_, lon_, height
+
+    def height_above_home_m(self, item: MissionItem) -> float:
+        """Height of an item above home; one above the terrain needs `ground`, see `path`."""
+        if item.frame == FRAME_AMSL:
+            return item.altitude_m - self.home.altitude_m
+        if item.frame != FRAME_TERRAIN or self.ground is None:
+            return item.altitude_m
+        home, place = (self.home.lat, self.home.lon), (item.lat, item.lon)
+        return item.altitude_m + self.ground.rise_m(home, place)
 
     @property
     def distance_m(self) -> float:
@@ -155,10 +169,12 @@ class Mission:
                 f"{len(self.items)} items: many boards{with_autopilot} hold {capacity}; "
                 "split the mission or choose fewer regions"
             )
-        highest = float(self.path[2].max())
+        zero, highest = "home", float(self.path[2].max())
+        if self.ground is not None:
+            zero, highest = "the ground", round(self.ground.highest_m, 1)
         if highest > USUAL_MAX_HEIGHT_M:
             found.append(
-                f"{highest:g} m above home is more than most countries allow without a permit (120 m)"
+                f"{highest:g} m above {zero} is more than most countries allow without a permit (120 m)"
             )
         found += self._endurance_warnings()
         return tuple(found)

@@ -14,6 +14,7 @@ from uavseg.flight.items import FRAME_AMSL
 from uavseg.flight.limits import SafetyParams
 from uavseg.flight.mission import Mission
 from uavseg.flight.plane import Plane
+from uavseg.flight.terrain.clearance import Clearance
 
 Floats = NDArray[np.float64]
 
@@ -31,10 +32,13 @@ class PaperCheck:
     safety : SafetyParams
     zones : sequence of shapely Polygon or MultiPolygon
         Keep-out zones in degrees (lon, lat; WGS 84).
+    clearance : Clearance, optional
+        The ground and how far flights keep above it; without, heights above home are checked.
     """
 
     safety: SafetyParams = SafetyParams()
     zones: Sequence[Any] = ()
+    clearance: Clearance | None = None
 
     def check(self, mission: Mission) -> None:
         """Fly a mission on paper.
@@ -42,7 +46,8 @@ class PaperCheck:
         Raises
         ------
         MissionError
-            If a leg comes too near to a zone, leaves the fence, is too high or too far from home.
+            If a leg comes too near to a zone or to the ground, leaves the fence, is too high or too far from
+            home.
         """
         plane = Plane(mission.home.lat, mission.home.lon)
         lat, lon, height = mission.path
@@ -51,7 +56,9 @@ class PaperCheck:
         walk = _Walk(lat, lon, legs)
         self._check_zones(walk, plane)
         _check_fence(mission, walk, plane)
-        if not any(item.has_position and item.frame == FRAME_AMSL for item in mission.items):
+        if self.clearance is not None:
+            self.clearance.check(mission, self.safety.max_altitude_m + HEIGHT_SLACK_M)
+        elif not any(item.has_position and item.frame == FRAME_AMSL for item in mission.items):
             self._check_height(walk, height)
         self._check_distance(walk, np.hypot(*xy.T))
 

@@ -1,7 +1,6 @@
 """Mission planner: polygons to missions. Read this first."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,21 @@ from uavseg.flight.items import HomePosition
 from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
+from uavseg.flight.photo_speed import lower_speed
 from uavseg.flight.route import short_route
-from uavseg.flight.targets import RegionPart, clear_parts, plane_of, region_parts
+from uavseg.flight.targets import clear_parts, plane_of, region_parts
+from uavseg.flight.terrain.home import home_on_ground
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
 
-_PATTERN_FUNCTIONS = {"visit": patterns.visits, "perimeter": patterns.perimeters, "survey": patterns.surveys}
+_PATTERN_FUNCTIONS = {
+    "visit": patterns.visits,
+    "perimeter": patterns.perimeters,
+    "survey": patterns.surveys,
+    "corridor": patterns.corridors,
+    "orbit": patterns.orbits,
+}
 
 
 def plan_missions(
@@ -59,6 +66,7 @@ def plan_missions(
     """
     if len(polygons) == 0:
         raise MissionError("there is no region to fly to; choose at least one")
+    home, at_home = home_on_ground(home, params)
     start = HomePosition(*home)
     plane = plane_of(polygons, points, start)
     place = np.column_stack(plane.xy_from_lonlat([start.lon], [start.lat]))[0]
@@ -68,46 +76,30 @@ def plan_missions(
             "home lies in a keep-out zone or its margin; choose another home or a smaller --avoid-margin"
         )
     parts, cut = clear_parts(region_parts(plane.project_polygons(polygons), plane, points), keep_out)
-    candidates, notes = _PATTERN_FUNCTIONS[params.pattern](parts, params)
-    candidates = _reached(candidates, parts, place, keep_out)
-    params, slower = _lower_speed(params, [track for tracks in candidates for track in tracks])
+    found = _PATTERN_FUNCTIONS[params.pattern](parts, params)
+    candidates = _reached(found, place, keep_out)
+    params, slower = lower_speed(params, [track for tracks in candidates for track in tracks])
     route = short_route(candidates, place, keep_out.space)
-    return missions_over(route, start, plane, keep_out, params, [*home_notes(home), *cut, *notes, *slower])
+    return missions_over(
+        route, start, plane, keep_out, params, [*home_notes(home), *at_home, *cut, *found.notes, *slower]
+    )
 
 
-def _reached(
-    candidates: Sequence[Sequence[Track]], parts: Sequence[RegionPart], home: Floats, keep_out: KeepOut
-) -> list[list[Track]]:
+def _reached(found: patterns.Candidates, home: Floats, keep_out: KeepOut) -> list[list[Track]]:
     """Tracks that are cut where zones block them, without those that cannot be reached from home."""
-    cleared = [[keep_out.clear(track) for track in tracks] for tracks in candidates]
+    cleared = [[keep_out.clear(track) for track in tracks] for tracks in found.tracks]
     ends = np.array([track.xy[[0, -1]] for tracks in cleared for track in tracks]).reshape(-1, 2)
     lengths = keep_out.space.lengths_from(home, ends).reshape(-1, 2)
     reached = np.asarray(np.isfinite(lengths).all(axis=1))
     first = np.cumsum([0, *map(len, cleared)])
-    found = [
+    left = [
         [track for track, is_reached in zip(tracks, reached[start:], strict=False) if is_reached]
         for tracks, start in zip(cleared, first[:-1], strict=True)
     ]
-    for tracks, part in zip(found, parts, strict=True):
+    for tracks, place in zip(left, found.places, strict=True):
         if not tracks:
             raise MissionError(
-                f"the region at {part.place} cannot be reached: keep-out zones and their margin enclose it, "
+                f"the region at {place} cannot be reached: keep-out zones and their margin enclose it, "
                 "or home; leave it out, or use a smaller --avoid-margin"
             )
-    return found
-
-
-def _lower_speed(params: PlanParams, tracks: Sequence[Track]) -> tuple[PlanParams, list[str]]:
-    """The speed lowered to what the camera allows where photographs are closest, and a note of it."""
-    triggers = np.concatenate([track.trigger_m for track in tracks])
-    if params.photos is None or not triggers.any():
-        return params, []
-    limit = params.photos.max_speed_m_s(params.altitude_m, float(triggers[triggers > 0].min()))
-    if params.speed_m_s <= limit:
-        return params, []
-    camera = params.photos.camera
-    note = (
-        f"speed lowered from {params.speed_m_s:g} to {limit:.2f} m/s: {camera.name} needs "
-        f"{camera.min_interval_s:g} s between photographs, and more speed would blur them"
-    )
-    return replace(params, speed_m_s=limit), [note]
+    return left

@@ -20,6 +20,8 @@ Floats = NDArray[np.float64]
 Seconds = Callable[[Floats], Floats]
 
 MAX_PIECES = 50_000
+STRAIGHT_LENGTHS = 64
+ROUNDING_S = 10.0  # a piece that is flown alone starts and ends at rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +78,10 @@ def _fits(route: Route, flight: Track, limits: FlightLimits) -> bool:
 
 
 def _items(track: Track) -> int:
-    """Waypoints of a track, and the items that begin and end photographs."""
-    return len(track.xy) + int(np.count_nonzero(np.diff(np.r_[0.0, track.trigger_m, 0.0])))
+    """Waypoints of a track, and the items that begin and end photographs or turn the camera, at most."""
+    triggers = np.count_nonzero(np.diff(np.r_[0.0, track.trigger_m, 0.0]))
+    turned = np.count_nonzero(np.diff(np.r_[False, np.isfinite(track.look_at[:, 0]), False].astype(np.int8)))
+    return int(len(track.xy) + triggers + 2 * track.shots.sum() + turned)
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +97,7 @@ class _Costs:
 
 
 def _costs(route: Route, limits: FlightLimits) -> _Costs:
-    tracks = [track for pair in zip(route.pieces, route.ways, strict=False) for track in pair]
-    tracks.append(route.pieces[-1])
-    joined = Track.joined(tracks)
-    spent = np.concatenate([[0.0], np.cumsum(limits.leg_seconds(joined.xy))])
-    ends = np.cumsum([0, *(len(track.is_line) for track in tracks)])
-    seconds = spent[ends[1:]] - spent[ends[:-1]]
+    seconds = _joined_seconds(route, limits)
     out_m, back_m = route.home_lengths()
     return _Costs(
         seconds[::2],
@@ -110,20 +109,38 @@ def _costs(route: Route, limits: FlightLimits) -> _Costs:
     )
 
 
+def _joined_seconds(route: Route, limits: FlightLimits) -> Floats:
+    """Time of each piece and of each way, in turns, where all are flown one after another."""
+    tracks = [track for pair in zip(route.pieces, route.ways, strict=False) for track in pair]
+    tracks.append(route.pieces[-1])
+    spent = np.concatenate([[0.0], np.cumsum(limits.leg_seconds(Track.joined(tracks).xy))])
+    ends = np.cumsum([0, *(len(track.is_line) for track in tracks)])
+    seconds: Floats = spent[ends[1:]] - spent[ends[:-1]]
+    return seconds
+
+
 def _straight_seconds(length_m: Floats, limits: FlightLimits) -> Floats:
-    """Time of a way of a length that starts and ends at rest."""
-    paths = [np.array([[0.0, 0.0], [length, 0.0]]) for length in length_m.tolist()]
-    return np.array([limits.leg_seconds(path).sum() for path in paths])
+    """Time of ways of some lengths that start and end at rest, interpolated."""
+    known = np.concatenate([[0.0], np.geomspace(0.1, max(float(length_m.max()), 1.0), STRAIGHT_LENGTHS)])
+    seconds = [limits.leg_seconds(np.array([[0.0, 0.0], [length, 0.0]])).sum() for length in known.tolist()]
+    found: Floats = np.interp(length_m, known, seconds)
+    return found
 
 
 def _divided(route: Route, limits: FlightLimits) -> Route:
     """The route with pieces cut that take longer than a flight, or have more items."""
+    reach_m = route.space.lengths_from(route.home, np.concatenate([piece.xy for piece in route.pieces]))
+    first = np.cumsum([0, *(len(piece.xy) for piece in route.pieces[:-1])])
+    left_s = (
+        limits.seconds - limits.fixed_s - 2 * _straight_seconds(np.maximum.reduceat(reach_m, first), limits)
+    )
+    most_items = limits.items - limits.fixed_items
+    fits = _joined_seconds(route, limits)[::2] <= left_s - ROUNDING_S
     pieces: list[Track] = []
     ways: list[Track] = []
     for k, piece in enumerate(route.pieces):
-        farthest = route.space.lengths_from(route.home, piece.xy).max()
-        most_s = limits.seconds - limits.fixed_s - 2 * float(_straight_seconds(farthest[None], limits)[0])
-        parts = _parts(piece, most_s, limits.items - limits.fixed_items, limits)
+        small = fits[k] and _items(piece) <= most_items
+        parts = [piece] if small else _parts(piece, float(left_s[k]), most_items, limits)
         if pieces:
             ways.append(route.ways[k - 1])
         ways += [Track.of_way(part.xy[:1]) for part in parts[1:]]
@@ -158,7 +175,7 @@ def _cut(line: Track, seconds: float, most_s: float) -> list[Track]:
     if count > MAX_PIECES:
         raise MissionError("the mission would have to be cut into too many flights; choose fewer regions")
     xy = line.xy[0] + np.linspace(0, 1, count + 1)[:, None] * (line.xy[1] - line.xy[0])
-    return [Track(xy[k : k + 2], line.trigger_m, line.is_line) for k in range(count)]
+    return [line.leg(0, xy[k : k + 2]) for k in range(count)]
 
 
 def _cheapest_cuts(costs: _Costs, limits: FlightLimits) -> list[tuple[int, int]]:

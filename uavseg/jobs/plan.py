@@ -8,21 +8,23 @@ from pathlib import Path
 from typing import Any, Literal
 
 from uavseg.errors import ParameterError
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.catalogue import camera_named
-from uavseg.flight.camera.photos import Photos
 from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
 from uavseg.flight.home_place import home_outside
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import Mission
 from uavseg.flight.numbered import write_flights
 from uavseg.flight.paper_check import PaperCheck
-from uavseg.flight.params import PlanParams
+from uavseg.flight.params import COVERING, PlanParams
 from uavseg.flight.planner import plan_missions
+from uavseg.flight.terrain.clearance import clearance_of
+from uavseg.flight.terrain.params import TerrainParams
+from uavseg.jobs.pattern_words import PatternWords, pattern_params
+from uavseg.jobs.photo_words import PhotoWords, photos_of
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 
 MAX_GSD_CM = 100.0
+NO_PHOTOS, NOTHING_SAID = PhotoWords(), PatternWords()
 
 Home = tuple[float, ...] | Literal["auto"]
 
@@ -137,7 +139,7 @@ def plan(regions: Regions, request: PlanRequest, zones: Sequence[Any] = ()) -> M
         )
     missions = plan_missions(polygons, points, flight, home, zones)
     first = replace(missions[0], notes=(*notes, *missions[0].notes))
-    check = PaperCheck(flight.safety, tuple(zones))
+    check = PaperCheck(flight.safety, tuple(zones), clearance_of(flight))
     for mission in missions:
         check.check(mission)
     return MissionPlan((first, *missions[1:]), len(chosen), check)
@@ -156,11 +158,13 @@ def flight_params(
     speed: float = 5.0,
     autopilot: str = "ardupilot",
     tolerance: float | None = None,
-    photos: Photos | None = None,
+    photos: PhotoWords = NO_PHOTOS,
+    words: PatternWords = NOTHING_SAID,
     gsd: float | None = None,
     vehicle: str | os.PathLike[str] | Vehicle | None = None,
     limits: LimitParams = LimitParams(),
     safety: SafetyParams = SafetyParams(),
+    terrain: TerrainParams | None = None,
 ) -> PlanParams:
     """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
 
@@ -172,58 +176,33 @@ def flight_params(
     ParameterError
         If a value is out of bounds, or values do not go together.
     """
+    taken = photos_of(photos, pattern)
     if gsd is not None:
-        if photos is None:
+        if taken is None:
             raise ParameterError("a ground sampling distance needs a camera (--camera)")
         if altitude is not None:
             raise ParameterError("the height follows from the ground sampling distance; give one of the two")
         if not 0 < gsd <= MAX_GSD_CM:
             raise ParameterError(f"a ground sampling distance is above 0 and at most 100 cm, not {gsd:g}")
-        altitude = photos.camera.height_m(gsd / 100, photos.pitch_deg)
+        altitude = taken.camera.height_m(gsd / 100, taken.pitch_deg)
     if altitude is None:
         raise ParameterError("a mission needs --altitude, in metres above home, or --camera and --gsd")
-    surveyed = pattern == "survey" or (pattern is None and (spacing is not None or photos is not None))
-    if photos is not None and surveyed and 0 < altitude < math.inf:
-        spacing = photos.spacing_m(altitude) if spacing is None else spacing
+    if pattern is None:
+        pattern = "visit" if spacing is None and taken is None else "survey"
+    if taken is not None and pattern in COVERING and 0 < altitude < math.inf:
+        spacing = taken.spacing_m(altitude) if spacing is None else spacing
     return PlanParams(
         altitude_m=altitude,
-        pattern=pattern or ("survey" if surveyed else "visit"),
+        pattern=pattern,
         spacing_m=spacing,
         angle_deg=angle,
         speed_m_s=speed,
         autopilot=autopilot,
         tolerance_m=tolerance,
-        photos=photos,
+        photos=taken,
         vehicle=read_vehicle(vehicle, autopilot) if isinstance(vehicle, str | os.PathLike) else vehicle,
+        how=pattern_params(pattern, words),
         limits=limits,
         safety=safety,
+        terrain=terrain,
     )
-
-
-def photos_of(
-    camera: str | os.PathLike[str] | Camera | None,
-    overlap: Sequence[float] = (75.0, 70.0),
-    gimbal_pitch: float = -90.0,
-) -> Photos | None:
-    """How to photograph with a camera that is named; None without one.
-
-    Parameters
-    ----------
-    camera : str, path or Camera, optional
-        A name of the catalogue, or a JSON file; see `uavseg.flight.camera.catalogue`.
-    overlap : (float, float)
-        Along the lines and between them, in per cent.
-    gimbal_pitch : float
-        Degrees; -90 is straight down.
-
-    Raises
-    ------
-    ParameterError
-        If the camera is not known, or a number is out of bounds.
-    """
-    if camera is None:
-        return None
-    if len(overlap) != 2:
-        raise ParameterError(f"an overlap is two numbers, along the lines and between them, not {overlap!r}")
-    found = camera if isinstance(camera, Camera) else camera_named(camera)
-    return Photos(found, Overlap(float(overlap[0]), float(overlap[1])), float(gimbal_pitch))

@@ -12,7 +12,8 @@ from uavseg.flight.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
     CHANGE_SPEED,
-    FRAME_AMSL,
+    IMAGE_START,
+    IMAGE_STOP,
     LANDINGS,
     LOITER,
     LOITER_TIME,
@@ -42,8 +43,8 @@ class FlownPath:
         Metres east, north and above home; home first.
     seconds : (n - 1,) float64 array
     part : (n - 1,) array of "climb", "flight" or "return"
-    hold_s : (n,) float64 array
-        Wait at each position.
+    hold_s, rise_m : (n,) float64 arrays
+        Wait at each position, and how far the ground there lies above home, 0 where it is not known.
     photographs : (n - 1,) int64 array
         Photographs on each leg; those taken while waiting count on the leg before.
     return_hold_s, landing_s : float
@@ -53,6 +54,7 @@ class FlownPath:
     seconds: Floats
     part: NDArray[np.str_]
     hold_s: Floats
+    rise_m: Floats
     photographs: NDArray[np.int64]
     return_hold_s: float
     landing_s: float
@@ -66,8 +68,9 @@ class FlownPath:
 
     @property
     def height_m(self) -> Floats:
-        """Greatest height of each leg above home."""
-        return np.maximum(self.xyz_m[:-1, 2], self.xyz_m[1:, 2])
+        """Height of each leg above the ground at its higher end."""
+        above = self.xyz_m[:, 2] - self.rise_m
+        return np.maximum(above[:-1], above[1:])
 
 
 @dataclass(slots=True)
@@ -79,6 +82,7 @@ class _Walk:
     part: list[str] = field(default_factory=list)
     trigger: list[tuple[float, float]] = field(default_factory=list)  # metres, seconds
     shots: list[int] = field(default_factory=list)  # single photographs
+    rise: list[float] = field(default_factory=lambda: [0.0])
     hold: list[float] = field(default_factory=lambda: [0.0])
     stop: list[bool] = field(default_factory=lambda: [True])
 
@@ -88,6 +92,7 @@ class _Walk:
         self.part.append(part)
         self.trigger.append(trigger)
         self.shots.append(0)
+        self.rise.append(0.0)
         self.hold.append(0.0)
         self.stop.append(part != "flight")
 
@@ -109,12 +114,21 @@ def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
             walk.shots[-1:] = [shots + (item.params[2] == 1) for shots in walk.shots[-1:]]
         elif item.command == CAMERA_INTERVAL:
             trigger = (0.0, max(item.params[0] or 0.0, 0.0))
+        elif item.command == IMAGE_START:
+            if item.params[2] != 1:
+                trigger = (0.0, max(item.params[1] or 0.0, 0.0))
+            walk.shots[-1:] = [shots + 1 for shots in walk.shots[-1:]]
+        elif item.command == IMAGE_STOP:
+            trigger = (0.0, 0.0)
         elif item.command == RETURN:
             _return(walk, vehicle)
             ends = "return"
             break
         elif item.has_position:
             walk.go(_place(item, mission, plane, walk.xyz[-1]), speed, _part(item), trigger)
+            if mission.ground is not None:
+                home = (mission.home.lat, mission.home.lon)
+                walk.rise[-1] = mission.ground.rise_m(home, (item.lat, item.lon))
             if seconds := _hold_s(item, speed):
                 walk.wait(seconds)
             if item.command in LANDINGS:
@@ -127,8 +141,7 @@ def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
 
 
 def _place(item: MissionItem, mission: Mission, plane: Plane, before: Place) -> Place:
-    sea_m = mission.home.altitude_m if item.frame == FRAME_AMSL else 0.0
-    height = before[2] if item.command in LANDINGS else item.altitude_m - sea_m
+    height = before[2] if item.command in LANDINGS else mission.height_above_home_m(item)
     if item.is_at_vehicle:
         return before[0], before[1], height
     x, y = plane.xy_from_lonlat(item.lon, item.lat)
@@ -170,6 +183,7 @@ def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
         seconds,
         np.array(walk.part, dtype="<U6"),
         hold,
+        np.array(walk.rise),
         _photographs(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:]),
         vehicle.return_hold_s if ends == "return" else 0.0,
         landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,

@@ -29,7 +29,7 @@ class Estimate:
         Takeoff; legs between items; waiting at items; the return to above home with its wait; the descent.
     photographs : int
     gsd_m : float, optional
-        Ground sampling distance where it is coarsest, over flat ground; where the camera is known.
+        Ground sampling distance where it is coarsest; where the camera is known.
     photographed_m2 : float, optional
         Flat ground that the photographs show.
     energy_wh, battery : float, optional
