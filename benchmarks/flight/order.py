@@ -48,7 +48,6 @@ def _methods(long_s: int) -> Iterator[tuple[str, Callable[[Floats], list[int]]]]
         yield "OR-Tools: first solution and descent", lambda d: _by_ortools(d, 0)
         yield "OR-Tools: guided local search, 5 s", lambda d: _by_ortools(d, 5)
         yield f"OR-Tools: guided local search, {long_s} s", lambda d: _by_ortools(d, long_s)
-    yield "uavseg, a hundred times as long", lambda d: _by_uavseg(d, 100)
 
 
 def _length(distances: Floats, order: list[int]) -> float:
@@ -58,11 +57,9 @@ def _length(distances: Floats, order: list[int]) -> float:
     return float(distances[order, np.roll(order, -1)].sum())
 
 
-def _by_uavseg(distances: Floats, longer: int = 1) -> list[int]:
-    from uavseg.flight.order.local_search import ROUNDS
-
+def _by_uavseg(distances: Floats) -> list[int]:
     stops = Stops.of([np.array([[place, place]]) for place in range(1, len(distances))])
-    return [0, *(stop + 1 for stop, _ in short_tour(stops, distances, 0, 0, longer * ROUNDS))]
+    return [0, *(stop + 1 for stop, _ in short_tour(stops, distances, 0, 0))]
 
 
 def _by_python_tsp(distances: Floats, method: str) -> list[int]:
