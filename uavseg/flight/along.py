@@ -60,7 +60,7 @@ def items_along(
     trigger_m : (n - 1,) array, optional
         Distance between the photographs on each leg, 0 where none are taken.
     """
-    positions = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
+    positions = zip(round_degrees(lat), round_degrees(lon), strict=True)
     triggers = np.round(np.append(trigger_m, 0.0), 3).tolist() if len(trigger_m) else [0.0] * len(lon)
     any_heading = (0.0, 0.0, 0.0, None)
     height = float(params.altitude_m)
@@ -80,6 +80,12 @@ def items_along(
         *flight,
         MissionItem(RETURN, FRAME_MISSION),
     )
+
+
+def round_degrees(degrees: Any) -> list[float]:
+    """Latitudes or longitudes as they are written to files."""
+    rounded: list[float] = np.round(degrees, _DECIMALS).tolist()
+    return rounded
 
 
 def _gimbal_items(params: PlanParams) -> list[MissionItem]:

@@ -10,6 +10,7 @@ from uavseg.raster.geodesy.globe import geod_wgs84
 WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, RETURN, LAND, TAKEOFF = 16, 17, 18, 19, 20, 21, 22
 LOITER_TO_ALTITUDE, SPLINE_WAYPOINT, VTOL_TAKEOFF, VTOL_LAND = 31, 82, 84, 85
 JUMP, CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, CAMERA_INTERVAL = 177, 178, 205, 206, 214
+START_CAPTURE, STOP_CAPTURE = 2000, 2001
 CONDITION_GATE = 4501
 TAKEOFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 LANDINGS = frozenset({LAND, VTOL_LAND})
@@ -138,15 +139,19 @@ def check_position(lat: float, lon: float, what: str) -> None:
         )
 
 
-def check_accepted(item: MissionItem, autopilot: str) -> None:
-    """Raise MissionError for items that the autopilot refuses or is known to fly differently.
+def check_accepted(item: MissionItem, autopilot: str, number: int) -> None:
+    """Raise MissionError for an item that the autopilot refuses or is known to fly differently.
 
-    For "generic", an item must be one that ArduPilot and PX4 both accept.
+    For "generic", an item must be one that ArduPilot and PX4 both accept. The number of the item is for the
+    message.
     """
-    if autopilot != "px4":
-        _check_ardupilot(item)
-    if autopilot != "ardupilot":
-        _check_px4(item)
+    try:
+        if autopilot != "px4":
+            _check_ardupilot(item)
+        if autopilot != "ardupilot":
+            _check_px4(item)
+    except MissionError as error:
+        raise MissionError(f"item {number}: {error}") from error
 
 
 def _check_ardupilot(item: MissionItem) -> None:

@@ -24,6 +24,7 @@ from uavseg.flight.items import (
     check_near,
     distance_m,
 )
+from uavseg.flight.survey_block import SurveyBlock
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
@@ -55,6 +56,8 @@ class Mission:
         Areas that the vehicle must stay inside or outside of; stored polygons first, as in files.
     rally : tuple of RallyPoint
         Places to which it may return instead of home.
+    blocks : tuple of SurveyBlock
+        Parts that a ground station could plan again; not compared.
 
     Raises
     ------
@@ -72,6 +75,7 @@ class Mission:
     notes: tuple[str, ...] = field(default=(), compare=False)
     fence: tuple[Fence, ...] = ()
     rally: tuple[RallyPoint, ...] = ()
+    blocks: tuple[SurveyBlock, ...] = field(default=(), compare=False)
 
     def __post_init__(self) -> None:
         if self.autopilot not in AUTOPILOTS:
@@ -83,8 +87,8 @@ class Mission:
                 f"the mission has {len(self.items)} items and a link carries {MAX_ITEMS}; "
                 "choose fewer regions, a wider spacing or a larger tolerance"
             )
-        for item in self.items:
-            check_accepted(item, self.autopilot)
+        for number, item in enumerate(self.items, start=1):
+            check_accepted(item, self.autopilot, number)
         _check_distances(self)
         _check_fence(self)
         by_kind = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))

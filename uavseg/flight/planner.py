@@ -26,6 +26,7 @@ from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns import RegionPart
 from uavseg.flight.plane import Plane, plane_around
 from uavseg.flight.track import Track
+from uavseg.flight.track_blocks import blocks_of_tracks
 
 Floats = NDArray[np.float64]
 
@@ -66,7 +67,9 @@ def plan_mission(
     tracks = _order_tracks(candidates, plane, start)
     params, slower = _lower_speed(params, tracks)
     notes = [*home_notes(home), *notes, *slower]
-    return Mission(start, _items(tracks, plane, start, params), params.autopilot, params.name, tuple(notes))
+    items = _items(tracks, plane, start, params)
+    blocks = blocks_of_tracks(tracks, plane, params)
+    return Mission(start, items, params.autopilot, params.name, tuple(notes), blocks=blocks)
 
 
 def _plane(polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: HomePosition) -> Plane:

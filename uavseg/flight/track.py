@@ -3,12 +3,22 @@
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.cover.survey import Survey
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackPart:
+    """A cell of a survey: its outline and the corners of its lines, (n, 2) in metres; their azimuth."""
+
+    outline: Floats
+    corners: Floats
+    angle_deg: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,10 +31,13 @@ class Track:
         Its corners, in metres.
     trigger_m : (n - 1,) float64 array
         Distance between photographs on the leg to the next corner; 0 where none are taken.
+    parts : tuple of TrackPart
+        The cells of a survey.
     """
 
     xy: Floats
     trigger_m: Floats
+    parts: tuple[TrackPart, ...] = ()
 
     @classmethod
     def of_path(cls, xy: Floats) -> "Track":
@@ -44,7 +57,7 @@ class Track:
             corners.append(line)
             length = float(np.hypot(*(line[1] - line[0])))
             triggers.append(0.0 if photos is None else photos.line_trigger_m(length, height_m))
-        return cls(np.concatenate(corners), np.array(triggers))
+        return cls(np.concatenate(corners), np.array(triggers), _parts(flown))
 
     @property
     def length_m(self) -> float:
@@ -53,4 +66,16 @@ class Track:
 
     def reversed(self) -> "Track":
         """The same track from its end to its start."""
-        return Track(self.xy[::-1], self.trigger_m[::-1])
+        return Track(self.xy[::-1], self.trigger_m[::-1], self.parts)
+
+
+def _parts(flown: Survey) -> tuple[TrackPart, ...]:
+    """The cells of a survey; without outline where they have holes, without corners where legs go around."""
+    parts = []
+    for cell in flown.parts:
+        straight = all(len(leg) == 2 for leg in flown.legs[cell.first : cell.stop - 1])
+        has_holes = shapely.get_num_interior_rings(cell.polygon) > 0
+        outline = shapely.get_coordinates(shapely.get_exterior_ring(cell.polygon))[: 0 if has_holes else -1]
+        corners = flown.lines[cell.first : cell.stop].reshape(-1, 2)[: None if straight else 0]
+        parts.append(TrackPart(outline, corners, flown.angle_deg))
+    return tuple(parts)

@@ -8,7 +8,7 @@ with a small leeway.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,15 @@ class CoverParams:
 
 
 @dataclass(frozen=True, slots=True)
+class SurveyCell:
+    """A cell of a survey: a polygon in metres, and its lines, from number `first` to before `stop`."""
+
+    polygon: Any
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True, slots=True)
 class Survey:
     """Lines over one region, in the order and direction in which they are flown, and the legs between them.
 
@@ -75,12 +84,15 @@ class Survey:
         Start and end of each line, as x, y in metres.
     legs : tuple of (k, 2) float64 arrays
         From the end of each line to the start of the next, both included: n - 1 paths.
+    parts : tuple of SurveyCell
+        The cells, in the order in which they are flown.
     """
 
     angle_deg: float
     cells: int
     lines: Floats
     legs: tuple[Floats, ...]
+    parts: tuple[SurveyCell, ...] = ()
 
     @property
     def length_m(self) -> float:
@@ -181,7 +193,23 @@ def _fly(region: Any, angle_deg: float, step_m: float, params: CoverParams, spac
     candidates = [_candidates(range(stop - len(some), stop)) for some, stop in zip(laid, stops, strict=True)]
     one = len(cells) == 1
     orders = candidates[0][:2] if one else [_join_cells(candidates, lines.reshape(-1, 2), space)]
-    return [_survey(angle_deg, len(cells), lines, order, space) for order in orders]
+    flown = [_survey(angle_deg, len(cells), lines, order, space) for order in orders]
+    outlines = [shapely.transform(cell, lambda xy: xy @ axes(angle_deg).T) for cell in cells]
+    return [
+        replace(one, parts=_flown_cells(outlines, stops, order))
+        for one, order in zip(flown, orders, strict=True)
+    ]
+
+
+def _flown_cells(cells: Sequence[Any], stops: Ints, order: Ints) -> tuple[SurveyCell, ...]:
+    """The cells in the order of their lines."""
+    owner = np.searchsorted(stops, order // 2, side="right")
+    starts = np.flatnonzero(np.diff(owner, prepend=-1))
+    ends = [*starts[1:].tolist(), len(owner)]
+    return tuple(
+        SurveyCell(cells[owner[first]], first, stop)
+        for first, stop in zip(starts.tolist(), ends, strict=True)
+    )
 
 
 def _survey(angle_deg: float, cells: int, lines: Floats, order: Ints, space: FreeSpace) -> Survey:
