@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._files_options import file_options
 from uavseg.cli._say import say
 from uavseg.errors import ParameterError, RegionError
 
@@ -21,7 +22,7 @@ def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
     They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
-    `angle`, `speed`, `autopilot` and `tolerance`: see `plan_request`.
+    `angle`, `speed`, `autopilot` and `tolerance`: see `plan_request`; with those of `file_options`.
     """
     options = [
         click.option(
@@ -89,6 +90,7 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
+    command = file_options(command)
     for option in reversed(options):
         command = option(command)
     return command

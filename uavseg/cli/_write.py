@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from uavseg.cli._say import standard_output
 
 if TYPE_CHECKING:
+    from uavseg.flight.formats.options import FileOptions
     from uavseg.flight.mission import Mission
     from uavseg.jobs.result import Extraction
     from uavseg.jobs.work import Work
@@ -94,7 +95,9 @@ def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool
     label_raster.write_label_raster(path, found.rings, found.geobox, run, overwrite)
 
 
-def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[str]:
+def write_mission_output(
+    mission: Mission, path: str, overwrite: bool, options: FileOptions | None = None
+) -> list[str]:
     """Write a mission; what its format cannot hold is returned as warnings."""
     import warnings
 
@@ -102,7 +105,12 @@ def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[s
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        files.write_mission(mission, path, overwrite)
+        if options is None:
+            files.write_mission(mission, path, overwrite)
+        else:
+            files.write_mission(
+                mission, path, overwrite, editable=options.editable, dji_model=options.dji_model
+            )
     return [str(one.message) for one in caught]
 
 

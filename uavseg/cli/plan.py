@@ -7,13 +7,20 @@ from typing import Any
 import click
 
 from uavseg.cli._access import access_options
+from uavseg.cli._files_options import parse_file_options
 from uavseg.cli._mission_options import mission_options, plan_request, report
 from uavseg.cli._write import keep_inputs, write_mission_output
 
 
 @click.command("plan")
 @click.argument("regions", metavar="REGIONS")
-@click.option("-o", "--output", required=True, metavar="PATH", help="The mission: .plan or .waypoints.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="PATH",
+    help="The mission: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
+)
 @mission_options
 @click.option("--ids", metavar="N,N,...", help="Only the regions with these ids.")
 @click.option("--largest", type=click.IntRange(min=1), metavar="N", help="Only the N largest.")
@@ -31,7 +38,8 @@ def command(**options: Any) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
-    QGroundControl (.plan) or for Mission Planner (.waypoints).
+    QGroundControl (.plan), Mission Planner (.waypoints), DJI Pilot 2 (.kmz), Litchi (.csv), or to look at
+    (.kml, .geojson).
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
@@ -41,9 +49,9 @@ def command(**options: Any) -> None:
     files.check_mission_format(output)
     check_target(output, options["overwrite"])
     keep_inputs([output], regions)
-    request = plan_request(options)
+    request, form = plan_request(options), parse_file_options(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     planned = plan(open_regions(source, options["layer"]), request)
-    unwritten = write_mission_output(planned.mission, output, options["overwrite"])
+    unwritten = write_mission_output(planned.mission, output, options["overwrite"], form)
     if not options["quiet"]:
         report(planned.mission, planned.regions, output, unwritten)

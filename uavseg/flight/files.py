@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavseg.atomic import atomic_file
-from uavseg.errors import MissionError
+from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.formats.geojson import read_geojson, write_geojson
 from uavseg.flight.formats.kml import kml_losses, read_kml, write_kml
 from uavseg.flight.formats.kmz import kmz_losses, read_kmz, write_kmz
@@ -91,8 +91,10 @@ def write_mission(
     OutputError
         If the file exists, or cannot be written.
     """
-    form = FORMATS[check_mission_format(path)]
-    options = FileOptions(editable, dji_model)
+    suffix = check_mission_format(path)
+    form, options = FORMATS[suffix], FileOptions(editable, dji_model)
+    if editable and suffix != ".plan":
+        raise ParameterError(f"only a .plan can hold what QGroundControl edits (--editable), not a {suffix}")
     content, losses = form.write(mission, options), form.losses(mission, options)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_bytes(content)

@@ -97,9 +97,8 @@ class Mission:
     @property
     def speed_m_s(self) -> float:
         """Speed over ground, from the first item that sets it, or else 5 m/s."""
-        return next(
-            (i.params[1] for i in self.items if i.command == CHANGE_SPEED and i.params[1]), CRUISE_M_S
-        )
+        asked = (item.params[1] or 0.0 for item in self.items if item.command == CHANGE_SPEED)
+        return next((speed for speed in asked if speed > 0), CRUISE_M_S)
 
     @property
     def path(self) -> tuple[Floats, Floats, Floats]:

@@ -170,7 +170,8 @@ def mission_of_features(features: Iterable[Feature], name: str) -> Mission:
     autopilot = str(home.values["autopilot"])
     if autopilot not in AUTOPILOTS:
         raise MissionError(f"its autopilot is {autopilot!r}; expected one of {', '.join(AUTOPILOTS)}")
-    items = sorted((int(_number(one, "number")), one) for one in kinds[ITEM])
+    numbered = [(int(_number(one, "number")), one) for one in kinds[ITEM]]
+    items = sorted(numbered, key=lambda pair: pair[0])
     if [number for number, _ in items] != list(range(1, len(items) + 1)):
         raise MissionError("the numbers of its items are not 1, 2, 3 ...")
     return Mission(

@@ -54,7 +54,7 @@ def write_litchi(mission: Mission, options: FileOptions) -> bytes:
         If Litchi's format cannot hold how the mission is flown, or it has more than 99 waypoints.
     """
     route = route_of(mission, NAME)
-    _check(route)
+    check_route(route)
     rows = [COLUMNS, *(_row(point) for point in route.points)]
     return "".join(",".join(row) + "\n" for row in rows).encode()
 
@@ -71,7 +71,8 @@ def litchi_losses(mission: Mission, options: FileOptions) -> list[str]:
     ]
 
 
-def _check(route: Route) -> None:
+def check_route(route: Route) -> None:
+    """Raise MissionError if Litchi does not fly a route."""
     count = len(route.points)
     if not MIN_WAYPOINTS <= count <= MAX_WAYPOINTS:
         raise MissionError(

@@ -167,8 +167,9 @@ class _Walk:
     def _set(self, item: MissionItem) -> None:
         """Change what holds from the last waypoint on."""
         first, second, third, _ = (value or 0.0 for value in item.params)
+        changes: dict[str, object]
         if item.command == CHANGE_SPEED:
-            changes: dict[str, object] = {"speed_m_s": second}
+            changes = {"speed_m_s": second} if second > 0 else {}  # negative: no change
         elif item.command == MOUNT_CONTROL:
             changes = {"pitch_deg": first}
             if second or third:
@@ -183,6 +184,8 @@ class _Walk:
             changes = {"interval_s": second}
         else:
             self.dropped[f"a series of {third:g} photographs"] = None
+            return
+        if not changes:
             return
         if self.points:
             self.points[-1] = replace(self.points[-1], **changes)  # type: ignore[arg-type]
