@@ -7,7 +7,7 @@ import shapely
 from uavseg.flight.camera.photos import Photos
 
 Position = tuple[float, float]  # lat, lon in degrees, WGS 84
-NEARLY_CONVEX = 0.99  # of the area of its convex hull
+NEARLY_CONVEX = 0.9  # of the area of its convex hull
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ class SurveyBlock:
 
     @property
     def is_editable(self) -> bool:
-        """Whether each line over the outline crosses it once at most, however the lines are turned."""
+        """Whether lines over it cross its outline twice, or nearly so, however they are turned."""
         if len(self.outline) < 3 or len(self.waypoints) < 2:
             return False
         cell = shapely.Polygon([(lon, lat) for lat, lon in self.outline])

@@ -139,7 +139,8 @@ def read_litchi(content: bytes, name: str) -> Mission:
     if not points:
         raise MissionError("it holds no waypoints")
     notes["what follows the last waypoint is set in Litchi, not in its file"] = None
-    return mission_of_route(Route(points, None, None, FINISH_NONE), name, list(notes))
+    takeoff_m = max(points[0].altitude_m, 1.0)  # Litchi takes off, and climbs to the first waypoint
+    return mission_of_route(Route(points, takeoff_m, None, FINISH_NONE), name, list(notes))
 
 
 def _points(text: str, notes: dict[str, None]) -> Iterator[RoutePoint]:
