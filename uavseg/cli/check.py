@@ -38,8 +38,8 @@ def command(**options: Any) -> None:
         show(json.dumps(found.as_dict(), indent=2, allow_nan=False))
     elif not options["quiet"]:
         show("\n".join(_lines(found)))
-        for warning in found.warnings:
-            say(f"note: {warning}")
+    for warning in () if options["quiet"] else found.warnings:
+        say(f"note: {warning}")
     if found.problems:
         more = f" (and {len(found.problems) - 1} more)" if len(found.problems) > 1 else ""
         raise MissionError(f"{options['file']}: {found.problems[0]}{more}")
