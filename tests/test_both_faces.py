@@ -443,8 +443,8 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     expected = Answer(expected.content, expected.warnings - north)
 
     def planned() -> bytes:
-        mission = uavseg.plan(source, **words)
-        return written(lambda path: files.write_mission(mission, path), f"python{suffix}")
+        planned = uavseg.plan(source, **words)
+        return written(planned.write, f"python{suffix}")
 
     assert_equal(in_python(planned), expected)
 
@@ -465,9 +465,9 @@ def test_files_of_missions(words: Words, suffix: str) -> None:
     expected = on_the_command_line("plan", line, f"out{suffix}")
 
     def planned() -> bytes:
-        mission = uavseg.plan("regions.geojson", **FLIGHT, **words)
+        plan = uavseg.plan("regions.geojson", **FLIGHT, **words)
         how: Words = {"editable": bool(editable), "dji_model": "m30t"}
-        return written(lambda path: files.write_mission(mission, path, **how), f"python{suffix}")
+        return written(lambda path: plan.write(path, **how), f"python{suffix}")
 
     assert_equal(in_python(planned), expected)
 
@@ -487,7 +487,7 @@ def test_checks(name: str, words: Words) -> None:
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     frame = geopandas.read_file("regions.gpkg")
     content = Path("regions.geojson").read_bytes()
-    with pytest.warns(UserWarning, match="altitude of home"):
+    with pytest.warns(UserWarning, match="altitude of home|outside of all regions"):
         assert uavseg.plan(frame, **FLIGHT) == uavseg.plan("regions.gpkg", **FLIGHT)
         assert uavseg.plan(frame, ids=frame["id"].tail(2), **FLIGHT) == uavseg.plan(
             "regions.gpkg", ids=frame["id"].tail(2).tolist(), **FLIGHT

@@ -10,13 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from tests.flight.small_regions import HOME, box, degrees, inside, planned, waypoints
+from tests.flight.small_regions import HOME, box, degrees, inside, plan_mission, planned, waypoints
 from uavseg.errors import MissionError, ParameterError, UavsegError
 from uavseg.flight.cover.survey import LEEWAY
 from uavseg.flight.items import CHANGE_SPEED, FRAME_MISSION, FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_mission
 
 GEOD = Geod(ellps="WGS84")
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from uavseg.cli._files_options import file_options
+from uavseg.cli._limit_options import limit_options, limits_of, safety_of
 from uavseg.cli._say import say
 from uavseg.errors import ParameterError, RegionError
 
@@ -90,7 +92,7 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
-    command = file_options(command)
+    command = limit_options(file_options(command))
     for option in reversed(options):
         command = option(command)
     return command
@@ -106,6 +108,8 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
         options["altitude"],
         angle=parse_angle(options["angle"]),
         photos=photos,
+        limits=limits_of(options),
+        safety=safety_of(options),
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])
@@ -157,12 +161,16 @@ def parse_angle(text: str) -> float | None:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
 
 
-def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str] = ()) -> None:
-    """Print length, duration and warnings of a mission on stderr, and what its format cannot hold."""
-    minutes, seconds = divmod(round(mission.duration_s), 60)
-    flown = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
-    say(f"{flown}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s")
-    if mission.autopilot != "ardupilot" and output.lower().endswith(".waypoints"):
+def report(
+    missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], notes: Sequence[str]
+) -> None:
+    """Print length and duration of missions on stderr, and notes on them."""
+    for mission, path in zip(missions, paths, strict=True):
+        minutes, seconds = divmod(round(mission.duration_s), 60)
+        over = f"{regions} region{'s' * (regions != 1)}, " if len(paths) == 1 else ""
+        flown = f"{path}: {over}{len(mission.items)} items, {mission.distance_m / 1000:.2f} km"
+        say(f"{flown}, at least {minutes} min {seconds:02d} s")
+    if missions[0].autopilot != "ardupilot" and str(paths[0]).lower().endswith(".waypoints"):
         say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
-    for warning in (*mission.warnings, *unwritten):
-        say(f"note: {warning}")
+    for note in notes:
+        say(f"note: {note}")

@@ -96,7 +96,7 @@ def command(**options: Any) -> None:
     if mission is not None and not run.reporter.quiet:
         from uavseg.cli._mission_options import report
 
-        report(mission, 1, output)
+        report([mission], 1, [output], mission.warnings)
 
 
 def _request(options: dict[str, Any]) -> PathRequest:

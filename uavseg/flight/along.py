@@ -44,7 +44,8 @@ def fly_along(
     """
     start = HomePosition(*home)
     items = items_along(lon, lat, start, params)
-    return Mission(start, items, params.autopilot, params.name, tuple(home_notes(home)))
+    notes = tuple(home_notes(home))
+    return Mission(start, items, params.autopilot, params.name, notes, vehicle=params.vehicle)
 
 
 def items_along(

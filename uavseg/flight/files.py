@@ -3,7 +3,7 @@
 import os
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from uavseg.atomic import atomic_file
@@ -15,6 +15,7 @@ from uavseg.flight.formats.litchi import litchi_losses, read_litchi, write_litch
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.plan import plan_losses, read_plan, write_plan
 from uavseg.flight.formats.waypoints import read_waypoints, waypoints_losses, write_waypoints
+from uavseg.flight.items import TAKEOFFS
 from uavseg.flight.mission import Mission
 from uavseg.inputs import read_bytes
 from uavseg.plain_text import cause_of
@@ -41,11 +42,14 @@ class Format:
         The mission of a content; its name is given.
     losses : callable
         What the format cannot hold of a mission, one sentence each.
+    holds_home : bool
+        Whether home is in the file.
     """
 
     write: Callable[[Mission, FileOptions], bytes]
     read: Callable[[bytes, str], Mission]
     losses: Callable[[Mission, FileOptions], list[str]] = _no_losses
+    holds_home: bool = True
 
 
 FORMATS = {
@@ -53,8 +57,8 @@ FORMATS = {
     ".waypoints": Format(write_waypoints, read_waypoints, waypoints_losses),
     ".kml": Format(write_kml, read_kml, kml_losses),
     ".geojson": Format(write_geojson, read_geojson),
-    ".kmz": Format(write_kmz, read_kmz, kmz_losses),
-    ".csv": Format(write_litchi, read_litchi, litchi_losses),
+    ".kmz": Format(write_kmz, read_kmz, kmz_losses, holds_home=False),
+    ".csv": Format(write_litchi, read_litchi, litchi_losses, holds_home=False),
 }
 
 
@@ -62,6 +66,7 @@ def write_mission(
     mission: Mission,
     path: MissionPath,
     overwrite: bool = False,
+    check: Callable[[Mission], None] | None = None,
     *,
     editable: bool = False,
     dji_model: str = FileOptions().dji_model,
@@ -77,6 +82,9 @@ def write_mission(
         not store the autopilot; parameters that are not set are written as 0.
     overwrite : bool
         Whether an existing file may be replaced.
+    check : function, optional
+        Called with the mission as it is read back, from home where its format does not hold that; where it
+        raises, nothing is written.
     editable : bool
         Whether a .plan holds the survey lines of convex parts as survey items, which QGroundControl can edit.
     dji_model : str
@@ -98,8 +106,22 @@ def write_mission(
     content, losses = form.write(mission, options), form.losses(mission, options)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_bytes(content)
+        if check is not None:
+            check(_from_home(read_mission(temporary), mission, form))
     for loss in losses:
         warnings.warn(loss, stacklevel=2)
+
+
+def _from_home(found: Mission, mission: Mission, form: Format) -> Mission:
+    """A mission as it is flown from the home of another one, where its file does not say from where."""
+    if form.holds_home:
+        return found
+    home = mission.home
+    items = tuple(
+        replace(item, lat=home.lat, lon=home.lon) if item.command in TAKEOFFS else item
+        for item in found.items
+    )
+    return replace(found, home=home, items=items)
 
 
 def read_mission(path: MissionPath) -> Mission:

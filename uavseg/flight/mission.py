@@ -1,23 +1,24 @@
 """Missions: home and items, their length and duration, safety checks and warnings."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
+from uavseg.flight.camera.photos import Photos
+from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.fence import Fence, FenceCircle, RallyPoint
 from uavseg.flight.items import (
     AUTOPILOTS,
     CHANGE_SPEED,
     FRAME_AMSL,
-    LOITER_TIME,
     MAX_DISTANCE_M,
     MAX_HEIGHT_M,
     MAX_ITEMS,
     RETURN,
     TAKEOFFS,
-    WAYPOINT,
     HomePosition,
     MissionItem,
     check_accepted,
@@ -27,10 +28,14 @@ from uavseg.flight.items import (
 from uavseg.flight.survey_block import SurveyBlock
 from uavseg.raster.geodesy.globe import geod_wgs84
 
+if TYPE_CHECKING:
+    from uavseg.flight.estimate.summary import Estimate
+
 BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
 USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
 LONG_FLIGHT_S = 30 * 60.0
-CRUISE_M_S, CLIMB_M_S, DESCENT_M_S = 5.0, 2.5, 1.5
+FULL_BATTERY = 0.8  # share that is usually flown, the rest is a reserve
+CRUISE_M_S = 5.0
 
 Floats = NDArray[np.float64]
 
@@ -58,6 +63,11 @@ class Mission:
         Places to which it may return instead of home.
     blocks : tuple of SurveyBlock
         Parts that a ground station could plan again; not compared.
+    vehicle : Vehicle, optional
+        What flies it, for estimates; by default a multirotor with the parameters of its autopilot. Neither
+        compared nor written to files, like `photos`.
+    photos : Photos, optional
+        How it photographs, for estimates.
 
     Raises
     ------
@@ -76,6 +86,8 @@ class Mission:
     fence: tuple[Fence, ...] = ()
     rally: tuple[RallyPoint, ...] = ()
     blocks: tuple[SurveyBlock, ...] = field(default=(), compare=False)
+    vehicle: Vehicle | None = field(default=None, compare=False)
+    photos: Photos | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.autopilot not in AUTOPILOTS:
@@ -124,18 +136,16 @@ class Mission:
         return float(_leg_lengths(lat, lon).sum())
 
     @property
-    def duration_s(self) -> float:
-        """Shortest duration of the flight in seconds: constant speed, climb at 2.5 and descent at 1.5 m/s.
+    def estimate(self) -> "Estimate":
+        """Time with turns and acceleration, photographs, ground they show, energy."""
+        from uavseg.flight.estimate.summary import estimate
 
-        Slowing down for turns is not included.
-        """
-        lat, lon, height = self.path
-        climb = np.diff(height)
-        vertical = np.where(climb > 0, climb / CLIMB_M_S, -climb / DESCENT_M_S)
-        legs = np.maximum(_leg_lengths(lat, lon) / self.speed_m_s, vertical)
-        holds = sum(i.params[0] or 0.0 for i in self.items if i.command in {WAYPOINT, LOITER_TIME})
-        returns = any(i.command == RETURN for i in self.items)
-        return float(legs.sum() + holds + (max(height[-1], 0.0) / DESCENT_M_S if returns else 0.0))
+        return estimate(self)
+
+    @property
+    def duration_s(self) -> float:
+        """Estimated duration of the flight in seconds, see `estimate`."""
+        return self.estimate.duration_s
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -153,11 +163,19 @@ class Mission:
             found.append(
                 f"{highest:g} m above home is more than most countries allow without a permit (120 m)"
             )
-        if self.duration_s > LONG_FLIGHT_S:
-            found.append(
-                f"at least {self.duration_s / 60:.0f} min in the air: few multirotors fly 30 min on a battery"
-            )
+        found += self._endurance_warnings()
         return tuple(found)
+
+    def _endurance_warnings(self) -> list[str]:
+        flight = self.estimate
+        if flight.battery is not None:
+            if flight.battery <= FULL_BATTERY:
+                return []
+            share = f"{100 * flight.battery:.0f} %"
+            return [f"the flight takes {share} of a battery without wind: split the mission"]
+        if flight.duration_s <= LONG_FLIGHT_S:
+            return []
+        return [f"about {flight.duration_s / 60:.0f} min in the air: few multirotors fly 30 min on a battery"]
 
 
 def _check_distances(mission: Mission) -> None:

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.photos import Photos
+from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M
+from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import CRUISE_M_S
 
 PATTERNS = ("visit", "perimeter", "survey")
@@ -41,6 +43,12 @@ class PlanParams:
         Name of the mission.
     photos : Photos, optional
         How a survey is photographed; without, it takes no photographs.
+    limits : LimitParams
+        What each flight may take.
+    safety : SafetyParams
+        What flights keep away from, and where they stay.
+    vehicle : Vehicle, optional
+        What flies, for estimates; by default a multirotor with the parameters of its autopilot.
 
     Raises
     ------
@@ -57,10 +65,18 @@ class PlanParams:
     tolerance_m: float | None = None
     name: str = ""
     photos: Photos | None = None
+    limits: LimitParams = LimitParams()
+    safety: SafetyParams = SafetyParams()
+    vehicle: Vehicle | None = None
 
     def __post_init__(self) -> None:
         _check_number("altitude", self.altitude_m, MAX_HEIGHT_M, "m above home")
         _check_number("speed", self.speed_m_s, MAX_SPEED_M_S, "m/s")
+        if self.altitude_m > self.safety.max_altitude_m:
+            raise ParameterError(
+                f"{self.altitude_m:g} m is higher than {self.safety.max_altitude_m:g} m above the ground, "
+                "more than most countries allow without a permit; with one, give --max-altitude"
+            )
         if self.pattern not in PATTERNS:
             raise ParameterError(f"a pattern is one of {', '.join(PATTERNS)}, not {self.pattern!r}")
         if self.autopilot not in AUTOPILOTS:

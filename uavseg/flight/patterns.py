@@ -1,8 +1,6 @@
 """Flight patterns of a region: a point, its outline, or survey lines; with notes for the pilot."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +9,7 @@ from uavseg.flight.cover.survey import CoverParams
 from uavseg.flight.cover.survey import surveys as cover_region
 from uavseg.flight.params import PlanParams
 from uavseg.flight.perimeter import default_tolerance_m, perimeter
+from uavseg.flight.targets import RegionPart
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
@@ -21,14 +20,6 @@ CandidateTracks = tuple[
 MAX_STARTS = 16  # corners at which a perimeter may begin
 MAX_CANDIDATES = 4000  # of all regions, so that their distances fit into memory
 BRAKING_M_S2 = 2.5
-
-
-@dataclass(frozen=True, slots=True)
-class RegionPart:
-    """One connected region in metres, and a point (x, y) inside it."""
-
-    polygon: Any
-    point: tuple[float, float]
 
 
 def visits(parts: Sequence[RegionPart], params: PlanParams) -> CandidateTracks:

@@ -1,6 +1,7 @@
 """Tracks: paths over one region, with the distance between the photographs on each of their legs."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -10,6 +11,7 @@ from uavseg.flight.camera.photos import Photos
 from uavseg.flight.cover.survey import Survey
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,33 +33,46 @@ class Track:
         Its corners, in metres.
     trigger_m : (n - 1,) float64 array
         Distance between photographs on the leg to the next corner; 0 where none are taken.
+    is_line : (n - 1,) bool array
+        Whether a leg is what the flight is for, such as a survey line; the others lead from line to line and
+        may be replaced by any other way.
     parts : tuple of TrackPart
         The cells of a survey.
     """
 
     xy: Floats
     trigger_m: Floats
+    is_line: Bools
     parts: tuple[TrackPart, ...] = ()
 
     @classmethod
     def of_path(cls, xy: Floats) -> "Track":
-        """A path without photographs."""
-        return cls(xy, np.zeros(len(xy) - 1))
+        """Lines without photographs."""
+        return cls(xy, np.zeros(len(xy) - 1), np.ones(len(xy) - 1, bool))
+
+    @classmethod
+    def of_way(cls, xy: Floats) -> "Track":
+        """Legs that lead from line to line."""
+        return cls(xy, np.zeros(len(xy) - 1), np.zeros(len(xy) - 1, bool))
 
     @classmethod
     def of_survey(cls, flown: Survey, photos: Photos | None, height_m: float) -> "Track":
         """Lines with photographs, and legs without."""
-        corners: list[Floats] = []
-        triggers: list[float] = []
+        tracks = []
         for k, line in enumerate(flown.lines):
             if k:
-                inner = flown.legs[k - 1][1:-1]
-                corners.append(inner)
-                triggers += [0.0] * (len(inner) + 1)
-            corners.append(line)
+                tracks.append(cls.of_way(flown.legs[k - 1]))
             length = float(np.hypot(*(line[1] - line[0])))
-            triggers.append(0.0 if photos is None else photos.line_trigger_m(length, height_m))
-        return cls(np.concatenate(corners), np.array(triggers), _parts(flown))
+            trigger = 0.0 if photos is None else photos.line_trigger_m(length, height_m)
+            tracks.append(cls(line, np.array([trigger]), np.ones(1, bool)))
+        return replace(cls.joined(tracks), parts=_parts(flown))
+
+    @classmethod
+    def joined(cls, tracks: Sequence["Track"]) -> "Track":
+        """Tracks of which each begins where the one before it ends."""
+        xy = [tracks[0].xy[:1], *(track.xy[1:] for track in tracks)]
+        trigger_m, is_line = ([getattr(track, name) for track in tracks] for name in ("trigger_m", "is_line"))
+        return cls(np.concatenate(xy), np.concatenate(trigger_m), np.concatenate(is_line))
 
     @property
     def length_m(self) -> float:
@@ -66,7 +81,22 @@ class Track:
 
     def reversed(self) -> "Track":
         """The same track from its end to its start."""
-        return Track(self.xy[::-1], self.trigger_m[::-1], self.parts)
+        return Track(self.xy[::-1], self.trigger_m[::-1], self.is_line[::-1], self.parts)
+
+    def part(self, first: int, last: int) -> "Track":
+        """The track from one corner to a later one, or the same."""
+        return Track(self.xy[first : last + 1], self.trigger_m[first:last], self.is_line[first:last])
+
+    def part_from(self, first: int) -> "Track":
+        """The track from a corner to its end."""
+        return self.part(first, len(self.xy) - 1)
+
+    def stretches(self) -> list[tuple[int, int]]:
+        """First and last corner of each run of lines; of the only corner, where there are no legs."""
+        if not len(self.is_line):
+            return [(0, 0)]
+        edges = np.flatnonzero(np.diff(np.r_[False, self.is_line, False].astype(np.int8)))
+        return [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
 
 
 def _parts(flown: Survey) -> tuple[TrackPart, ...]:

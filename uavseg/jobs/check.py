@@ -15,7 +15,6 @@ from uavseg.flight.formats.route import route_of
 from uavseg.flight.formats.station_rules import station_refusals
 from uavseg.flight.items import AUTOPILOTS, LANDINGS, RETURN, TAKEOFFS, WAYPOINT, check_accepted
 from uavseg.flight.mission import Mission
-from uavseg.flight.photo_count import photo_count
 from uavseg.inputs import read_bytes
 from uavseg.plain_text import shown
 
@@ -107,7 +106,7 @@ class MissionCheck:
             },
             "distance_m": round(mission.distance_m, 1),
             "duration_s": round(mission.duration_s, 1),
-            "photographs": photo_count(mission),
+            "photographs": mission.estimate.photographs,
             "lowest_m": round(float(heights.min()), 3),
             "highest_m": round(float(heights.max()), 3),
             "speed_m_s": mission.speed_m_s,

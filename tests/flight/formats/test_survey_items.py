@@ -18,7 +18,7 @@ from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_mission
+from uavseg.flight.planner import plan_missions
 
 PLANE = Plane(47.0, 8.0)
 PHOTOS = Photos(camera_named("phantom 4 pro"))
@@ -32,7 +32,8 @@ def planned(*regions: shapely.Polygon, photos: Photos | None = PHOTOS, **words: 
     polygons = [shapely.transform(region, degrees) for region in regions]
     points = [tuple(shapely.get_coordinates(shapely.point_on_surface(one))[0]) for one in polygons]
     params = PlanParams(60.0, pattern="survey", spacing_m=30.0, photos=photos, **words)
-    return plan_mission(polygons, points, params, (47.0, 8.0, 400.0))
+    [mission] = plan_missions(polygons, points, params, (47.0, 8.0, 400.0))
+    return mission
 
 
 def survey_items(mission: Mission) -> list[dict[str, Any]]:
@@ -107,7 +108,7 @@ def test_concave_fields_are_divided_and_what_stays_concave_is_single_items(tmp_p
     )
     ring = shapely.Point(200, 200).buffer(150) - shapely.Point(200, 200).buffer(60)
     mission = planned(ring)
-    with pytest.warns(UserWarning, match=r"parts of the survey can be edited .* cannot"):
+    with pytest.warns(UserWarning, match=r"parts? of the survey can be edited .* single items"):
         files.write_mission(mission, tmp_path / "ring.plan", editable=True)
     assert files.read_mission(tmp_path / "ring.plan") == mission
 

@@ -14,7 +14,7 @@ from uavseg.flight.formats.survey_item import (
     items_of_survey,
     survey_item,
 )
-from uavseg.flight.items import AUTOPILOTS, FRAME_RELATIVE, HomePosition, MissionItem
+from uavseg.flight.items import AUTOPILOTS, FRAME_RELATIVE, WAYPOINT, HomePosition, MissionItem
 from uavseg.flight.mission import Mission
 from uavseg.inputs import parse_json
 from uavseg.plain_text import cause_of, shown
@@ -33,15 +33,17 @@ def plan_losses(mission: Mission, options: FileOptions) -> list[str]:
     """What is not editable, if that was asked for."""
     if not options.editable:
         return []
-    found = len(find_blocks(mission))
-    kept = len(mission.blocks) - found
     if not mission.blocks:
         return ["nothing of this mission can be edited as a survey in QGroundControl: it has no survey lines"]
-    if not kept:
+    blocks = find_blocks(mission)
+    inside = sum(item.command == WAYPOINT for one in blocks for item in mission.items[one.first : one.stop])
+    single = sum(item.command == WAYPOINT for item in mission.items) - inside
+    if not single:
         return []
+    parts = "part" if len(blocks) == 1 else "parts"
     return [
-        f"{found} parts of the survey can be edited in QGroundControl, and {kept} cannot (concave, or flown "
-        "otherwise than in plain lines): they are written as single items"
+        f"{len(blocks)} {parts} of the survey can be edited in QGroundControl; {single} waypoints of others "
+        "(concave, or flown otherwise than in plain lines) are written as single items"
     ]
 
 
