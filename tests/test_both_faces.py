@@ -106,6 +106,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         Path("gone.tif").unlink()
         assert done(main, ["extract", "tile.tif", "--range", "0.5,1", "-o", "regions.geojson"]).exit_code == 0
         assert done(main, ["extract", "tile.tif", "--range", "0.5,1", "-o", "regions.gpkg"]).exit_code == 0
+        Path("weak.json").write_text('{"hover_w": 900, "cruise_w": 800, "battery_wh": 9}')
         geopandas.read_file("regions.gpkg").head(2).to_file("two.gpkg", layer="a")
         geopandas.read_file("regions.gpkg").tail(2).to_file("two.gpkg", layer="b")
         yield Path()
@@ -430,6 +431,8 @@ FLIGHT: Words = {"altitude": 60, "home": "auto"}
         ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "overlap": (80.0, 60.0), "gimbal_pitch": -80.0}),
         ("regions.geojson", {"camera": "mavic 3 enterprise", "gsd": 1.5, "home": "auto", "speed": 12.0}),
         ("regions.geojson", FLIGHT | {"camera": "phantom"}),
+        ("regions.geojson", FLIGHT | {"vehicle": "weak.json"}),
+        ("regions.geojson", FLIGHT | {"vehicle": "missing.json"}),
         (
             "regions.geojson",
             FLIGHT | {"camera": "phantom 4 rtk", "trigger": "hover", "overlap": (30.0, 9.0)},

@@ -311,7 +311,7 @@ def test_a_mission_starts_where_it_is_said_and_is_told_of() -> None:
     plan = json.loads(Path("fly.plan").read_text())
     assert plan["mission"]["plannedHomePosition"][:2] == [45.1, -76.2]
     [line] = [line for line in result.stderr.splitlines() if line.startswith("fly.plan: 3 regions, ")]
-    assert " items, " in line and " km, at least " in line
+    assert " items, " in line and " km, about " in line
     extracted("tile.tif", *RANGE, "--mission", "fly.waypoints", *said, "--overwrite")
     lines = Path("fly.waypoints").read_text().splitlines()
     assert lines[0] == "QGC WPL 110"

@@ -34,6 +34,7 @@ LINES = tuple(
         f"plan r.geojson -o out.plan {FLIGHT} --pattern perimeter --offset 3 --min-leg 4 --holes fly",
         f"plan r.geojson -o out.plan {FLIGHT} --pattern orbit --margin 9",
         f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1,2 --largest 2 --where area_m2>5",
+        f"plan r.geojson -o out.plan {FLIGHT} --vehicle v.json --json",
         f"plan r.geojson -o out.plan {FLIGHT} --dem g.tif --terrain absolute --terrain-tolerance 2 --climb 3",
         f"plan r.geojson -o out.waypoints {FLIGHT} --dem g.tif --dem g.tif --terrain relative --descent 0.5",
         f"plan r.geojson -o out.kmz {FLIGHT} --spacing 12 --dji-model m30t",
@@ -78,4 +79,5 @@ def _files() -> dict[str, bytes]:
     pictures = {"rgb.tif": seeds.rasters()["jpeg.tif"], "g.tif": seeds.rasters()["lerc.tif"]}
     others = pictures | {"b.tif": seeds.block_map()["b.tif"]}
     regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
-    return drawn | others | regions
+    vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
+    return drawn | others | regions | vehicle

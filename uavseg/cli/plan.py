@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,6 +11,8 @@ from uavseg.cli._access import access_options
 from uavseg.cli._files_options import parse_file_options
 from uavseg.cli._limit_options import zone_files, zones_of
 from uavseg.cli._mission_options import mission_options, plan_request, report
+from uavseg.cli._say import show
+from uavseg.cli._vehicle_options import missions_json
 from uavseg.cli._write import keep_inputs, write_plan_output
 
 if TYPE_CHECKING:
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
 )
 @click.option("--raster", metavar="PATH", help="Where the ranges of --avoid are looked for.")
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
+@click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @access_options
@@ -44,7 +48,7 @@ def command(**options: Any) -> None:
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
     QGroundControl (.plan), Mission Planner (.waypoints), DJI Pilot 2 (.kmz), Litchi (.csv), or to look at
-    (.kml, .geojson).
+    (.kml, .geojson). Length, time with turns, photographs and energy are estimates without wind.
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
@@ -61,6 +65,9 @@ def command(**options: Any) -> None:
     zones = zones_of(options, None if raster is None else lambda: _opened(raster))
     planned = plan(open_regions(source, options["layer"]), request, zones)
     paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
+    if options["as_json"]:
+        written = missions_json(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
+        show(json.dumps(written, allow_nan=False))
     if not options["quiet"]:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
 

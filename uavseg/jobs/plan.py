@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from uavseg.errors import ParameterError
+from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
 from uavseg.flight.home_place import home_outside
 from uavseg.flight.limits import LimitParams, SafetyParams
@@ -170,6 +171,7 @@ def flight_params(
     photos: PhotoWords = NO_PHOTOS,
     words: PatternWords = NOTHING_SAID,
     gsd: float | None = None,
+    vehicle: str | os.PathLike[str] | Vehicle | None = None,
     limits: LimitParams = LimitParams(),
     safety: SafetyParams = SafetyParams(),
     terrain: TerrainParams | None = None,
@@ -177,7 +179,7 @@ def flight_params(
     """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
 
     With a camera, the height follows from the ground sampling distance (`gsd`, centimetres) where that is
-    given, and the spacing from the overlap.
+    given, and the spacing from the overlap. A vehicle is one, or its JSON file.
 
     Raises
     ------
@@ -208,6 +210,7 @@ def flight_params(
         autopilot=autopilot,
         tolerance_m=tolerance,
         photos=taken,
+        vehicle=read_vehicle(vehicle, autopilot) if isinstance(vehicle, str | os.PathLike) else vehicle,
         how=pattern_params(pattern, words),
         limits=limits,
         safety=safety,
