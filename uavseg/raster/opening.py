@@ -1,5 +1,6 @@
 """GDAL access: a pool of open files per thread, a small block cache, captured messages, readable errors."""
 
+import logging
 import os
 import re
 import threading
@@ -25,6 +26,7 @@ MAX_OPEN = 64  # open files per thread
 CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
 GDAL_OPTIONS = {
     "GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO",  # it reads missing parts of truncated files as 0
+    "GDAL_TIFF_DEFLATE_SUBCODEC": "ZLIB",  # libdeflate leaves memory of the process as pixels of damaged blocks
     "GDAL_VRT_ENABLE_PYTHON": "NO",  # code of files is not run
 }
 OFFLINE_OPTIONS = {  # the second line of defence: what files name is checked before they are opened
@@ -54,7 +56,7 @@ class OpenFiles:
         if path not in files:
             try:
                 opener = rasterio.open if located else quiet_open
-                files[path] = opener(path, driver=driver)
+                files[path] = _still_located(path, opener(path, driver=driver), located)
             except GDAL_ERRORS as error:
                 raise RasterReadError(open_error_text(path, error)) from error
             if len(files) > MAX_OPEN:
@@ -67,6 +69,14 @@ class OpenFiles:
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.get("files", OrderedDict())
         if path in files:
             files.pop(path).close()
+
+
+def _still_located(path: str, source: DatasetReader, located: bool) -> DatasetReader:
+    """The raster; an error if it had a geotransform when it was inspected and has none now."""
+    if located and source.transform.is_identity:
+        source.close()
+        raise RasterReadError(f"{path} changed, or its header cannot be read any more")
+    return source
 
 
 @contextmanager
@@ -145,6 +155,43 @@ def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any
     with _warning_filters, warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         return rasterio.open(path, mode, **how)
+
+
+@contextmanager
+def unread_tags_are_errors(path: str) -> Iterator[None]:
+    """Context in which a TIFF is opened: a tag that cannot be read, and matters, is an error.
+
+    GDAL ignores such tags with a message, and so a raster without its CRS or nodata value.
+
+    Raises
+    ------
+    RasterReadError
+        If there is one.
+    """
+    found: list[str] = []
+    thread = threading.get_ident()
+
+    def note(record: logging.LogRecord) -> None:
+        if record.thread == thread and _UNREAD_TAG.search(record.getMessage()):
+            found.append(record.getMessage())
+
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = note  # type: ignore[method-assign]
+    log = logging.getLogger("rasterio._env")
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+    if found:
+        tag = _UNREAD_TAG.findall(found[0])[0]
+        raise RasterReadError(
+            f"{path} cannot be opened as a raster (its tag {tag} cannot be read); the file is damaged or "
+            "incomplete: repair it"
+        )
+
+
+_UNREAD_TAG = re.compile(r'IO error during reading of "((?:Geo|GDAL|RPC|Extra|Color|Sample|Transparency)\w*)')
 
 
 def has_place(source: DatasetReader) -> bool:
