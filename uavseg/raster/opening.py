@@ -26,7 +26,6 @@ MAX_OPEN = 64  # open files per thread
 CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
 GDAL_OPTIONS = {
     "GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO",  # it reads missing parts of truncated files as 0
-    "GDAL_TIFF_DEFLATE_SUBCODEC": "ZLIB",  # libdeflate leaves memory of the process as pixels of damaged blocks
     "GDAL_VRT_ENABLE_PYTHON": "NO",  # code of files is not run
 }
 OFFLINE_OPTIONS = {  # the second line of defence: what files name is checked before they are opened
@@ -85,43 +84,41 @@ def gdal_env(online: bool = False) -> Iterator[None]:
 
     The cache is left as it is where GDAL_CACHEMAX is set.
     """
-    with rasterio.Env(), _process_options.in_use(online):
+    with rasterio.Env(), _thread_options.in_use(online):
         yield
 
 
-class _ProcessOptions:
-    """GDAL's options while at least one thread reads: they belong to the process, not to a thread.
+class _ThreadOptions(threading.local):
+    """GDAL's options while this thread reads.
 
-    Requests are possible while at least one of the readers is online.
+    rasterio sets options of one thread, but in the main thread those of the process, which hold for threads
+    without options of their own. So each thread sets its own when it begins, and puts back what was there.
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
         self._readers = 0
         self._online = 0
         self._before: dict[str, Any] = {}
 
     @contextmanager
     def in_use(self, online: bool) -> Iterator[None]:
-        with self._lock:
-            self._readers += 1
-            self._online += online
-            if self._readers == 1:
-                self._set(GDAL_OPTIONS | self._cache())
-            if online and self._online == 1:
-                self._restore(OFFLINE_OPTIONS)
-            elif not self._online and self._readers == 1:
-                self._set(OFFLINE_OPTIONS)
+        self._readers += 1
+        self._online += online
+        if self._readers == 1:
+            self._set(GDAL_OPTIONS | self._cache())
+        if online and self._online == 1:
+            self._restore(OFFLINE_OPTIONS)
+        elif not self._online and self._readers == 1:
+            self._set(OFFLINE_OPTIONS)
         try:
             yield
         finally:
-            with self._lock:
-                self._readers -= 1
-                self._online -= online
-                if self._readers == 0:
-                    self._restore(list(self._before))
-                elif online and not self._online:
-                    self._set(OFFLINE_OPTIONS)
+            self._readers -= 1
+            self._online -= online
+            if self._readers == 0:
+                self._restore(list(self._before))
+            elif online and not self._online:
+                self._set(OFFLINE_OPTIONS)
 
     @staticmethod
     def _cache() -> dict[str, Any]:
@@ -146,7 +143,7 @@ class _ProcessOptions:
                 set_gdal_config(name, value, normalize=False)
 
 
-_process_options = _ProcessOptions()
+_thread_options = _ThreadOptions()
 _warning_filters = threading.Lock()  # they belong to the process: only one thread at a time may change them
 
 

@@ -22,7 +22,20 @@ _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _IMAGES_BESIDE = (".ovr", ".OVR", ".msk", ".MSK")
 _TEXTS_BESIDE = (".aux.xml", ".aux", ".hdr", ".HDR")
-_TEXTS_OF_STEM = (".aux", ".hdr", ".tfw", ".tifw", ".jgw", ".pgw", ".wld", ".prj", ".imd", ".rpb", ".ige", ".rrd")
+_TEXTS_OF_STEM = (
+    ".aux",
+    ".hdr",
+    ".tfw",
+    ".tifw",
+    ".jgw",
+    ".pgw",
+    ".wld",
+    ".prj",
+    ".imd",
+    ".rpb",
+    ".ige",
+    ".rrd",
+)
 
 
 class NamedFiles:

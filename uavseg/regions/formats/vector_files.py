@@ -123,7 +123,7 @@ def check_feature_count(source: Any, name: str, layer: str | None = None) -> Non
 
 
 def check_attributes(source: Any, name: str, count: int) -> None:
-    """Check that a Shapefile with a table of attributes has some: GDAL leaves out a table that it cannot read.
+    """Check that attributes of a Shapefile were read: GDAL leaves out a table that it cannot read.
 
     Parameters
     ----------

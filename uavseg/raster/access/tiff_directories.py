@@ -1,0 +1,98 @@
+"""Directories of a TIFF: GDAL reads as many as it can, and leaves out a mask that it cannot reach.
+
+Format: https://www.awaresystems.be/imaging/tiff/faq.html, and BigTIFF. Each directory names the place of the
+next one, the last one 0.
+"""
+
+import os
+import struct
+from dataclasses import dataclass
+from typing import BinaryIO
+
+from uavseg.errors import RasterReadError
+from uavseg.inputs import regular_file
+from uavseg.plain_text import cause_of
+
+MAX_DIRECTORIES = 65536  # as in libtiff
+_KIND, _COLS, _ROWS = 254, 256, 257  # tags
+_REDUCED, _MASK = 1, 4  # bits of the tag of the kind
+_FORMATS = {3: "H", 4: "I", 16: "Q"}  # of a number, by its type
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """How numbers lie in a TIFF: byte order, and the formats of a count, an entry and a place."""
+
+    order: str
+    count: str
+    entry: str
+    place: str
+
+    def read(self, file: BinaryIO, format: str) -> tuple[int, ...]:
+        """Numbers at the present place.
+
+        Raises
+        ------
+        struct.error
+            If the file ends before.
+        """
+        return struct.unpack(self.order + format, file.read(struct.calcsize(self.order + format)))
+
+
+def stores_mask(path: str) -> bool:
+    """Whether a TIFF has a mask for its first image.
+
+    Raises
+    ------
+    RasterReadError
+        If one of its directories cannot be read.
+    """
+    try:
+        with regular_file(path).open("rb") as file:
+            directories = _directories(file)
+    except (OSError, struct.error, OverflowError) as error:
+        if isinstance(error, RasterReadError):
+            raise
+        reason = cause_of(error) if isinstance(error, OSError) else "it ends before"
+        raise RasterReadError(
+            f"{path} cannot be opened as a raster (one of its directories cannot be read: {reason}); the file "
+            "is damaged or incomplete: repair it, or copy its first image with gdal_translate"
+        ) from error
+    size = [directories[0].get(tag) for tag in (_ROWS, _COLS)]
+    return any(
+        one.get(_KIND, 0) & (_MASK | _REDUCED) == _MASK and [one.get(_ROWS), one.get(_COLS)] == size
+        for one in directories[1:]
+    )
+
+
+def _directories(file: BinaryIO) -> list[dict[int, int]]:
+    """Kind and size of each image, as numbers by tag."""
+    start = file.read(4)
+    order, is_big = "<" if start[:2] == b"II" else ">", b"+" in start[2:4]
+    layout = _Layout(order, "Q", "HHQ8s", "Q") if is_big else _Layout(order, "H", "HHI4s", "I")
+    if is_big:
+        file.seek(8)
+    (place,) = layout.read(file, layout.place)
+    found: dict[int, dict[int, int]] = {}
+    while place and place not in found and len(found) < MAX_DIRECTORIES:
+        file.seek(place)
+        found[place], place = _directory(file, layout)
+    if not found:
+        raise struct.error
+    return list(found.values())
+
+
+def _directory(file: BinaryIO, layout: _Layout) -> tuple[dict[int, int], int]:
+    """Numbers by tag, and the place of the next directory."""
+    (count,) = layout.read(file, layout.count)
+    step = struct.calcsize(layout.order + layout.entry)
+    if count * step > os.fstat(file.fileno()).st_size:
+        raise struct.error
+    content, numbers = file.read(count * step), {}
+    (following,) = layout.read(file, layout.place)
+    for tag, kind, items, value in struct.iter_unpack(layout.order + layout.entry, content):
+        if tag in (_KIND, _COLS, _ROWS) and items == 1 and kind in _FORMATS:
+            format = layout.order + _FORMATS[kind]
+            if struct.calcsize(format) <= len(value):
+                (numbers[tag],) = struct.unpack_from(format, value)
+    return numbers, following
