@@ -142,8 +142,8 @@ def _masks(path: str, source: DatasetReader) -> str:
         return "band"
     if "per_dataset" not in names[0] and _has_mask(path, source):
         raise RasterReadError(
-            f"{path} cannot be opened as a raster (it has a mask that cannot be read); the file is damaged or "
-            "incomplete: repair it"
+            f"{path} cannot be opened as a raster (it has a mask that cannot be read); the file is damaged "
+            "or incomplete: repair it"
         )
     return ""
 

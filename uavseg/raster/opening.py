@@ -14,6 +14,7 @@ from typing import Any
 import rasterio
 from rasterio._env import del_gdal_config
 from rasterio._err import CPLE_BaseError
+from rasterio.enums import MaskFlags
 from rasterio.env import get_gdal_config, set_gdal_config
 from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
 from rasterio.io import DatasetReader
@@ -49,13 +50,21 @@ class OpenFiles:
     def __reduce__(self) -> tuple[type["OpenFiles"], tuple[()]]:
         return OpenFiles, ()
 
-    def open(self, path: str, located: bool, driver: str | None = None) -> DatasetReader:
-        """The open file, opened now if it is not; beyond 64 files the least recently used is closed."""
+    def open(
+        self, path: str, located: bool, driver: str | None = None, masked: bool = False
+    ) -> DatasetReader:
+        """The open file, opened now if it is not; beyond 64 files the least recently used is closed.
+
+        Raises
+        ------
+        RasterReadError
+            If it cannot be opened, or has lost its place on the map (`located`) or its mask (`masked`).
+        """
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
             try:
                 opener = rasterio.open if located else quiet_open
-                files[path] = _still_located(path, opener(path, driver=driver), located)
+                files[path] = _unchanged(path, opener(path, driver=driver), located, masked)
             except GDAL_ERRORS as error:
                 raise RasterReadError(open_error_text(path, error)) from error
             if len(files) > MAX_OPEN:
@@ -70,9 +79,10 @@ class OpenFiles:
             files.pop(path).close()
 
 
-def _still_located(path: str, source: DatasetReader, located: bool) -> DatasetReader:
-    """The raster; an error if it had a geotransform when it was inspected and has none now."""
-    if located and source.transform.is_identity:
+def _unchanged(path: str, source: DatasetReader, located: bool, masked: bool) -> DatasetReader:
+    """The raster; an error if it had a geotransform or a mask when it was inspected and has none now."""
+    lost_mask = masked and all(MaskFlags.all_valid in flags for flags in source.mask_flag_enums)
+    if lost_mask or (located and source.transform.is_identity):
         source.close()
         raise RasterReadError(f"{path} changed, or its header cannot be read any more")
     return source

@@ -28,7 +28,7 @@ class _Layout:
     entry: str
     place: str
 
-    def read(self, file: BinaryIO, format: str) -> tuple[int, ...]:
+    def read(self, file: BinaryIO, numbers: str) -> tuple[int, ...]:
         """Numbers at the present place.
 
         Raises
@@ -36,7 +36,7 @@ class _Layout:
         struct.error
             If the file ends before.
         """
-        return struct.unpack(self.order + format, file.read(struct.calcsize(self.order + format)))
+        return struct.unpack(self.order + numbers, file.read(struct.calcsize(self.order + numbers)))
 
 
 def stores_mask(path: str) -> bool:
@@ -55,8 +55,8 @@ def stores_mask(path: str) -> bool:
             raise
         reason = cause_of(error) if isinstance(error, OSError) else "it ends before"
         raise RasterReadError(
-            f"{path} cannot be opened as a raster (one of its directories cannot be read: {reason}); the file "
-            "is damaged or incomplete: repair it, or copy its first image with gdal_translate"
+            f"{path} cannot be opened as a raster (one of its directories cannot be read: {reason}); the "
+            "file is damaged or incomplete: repair it, or copy its first image with gdal_translate"
         ) from error
     size = [directories[0].get(tag) for tag in (_ROWS, _COLS)]
     return any(
@@ -92,7 +92,7 @@ def _directory(file: BinaryIO, layout: _Layout) -> tuple[dict[int, int], int]:
     (following,) = layout.read(file, layout.place)
     for tag, kind, items, value in struct.iter_unpack(layout.order + layout.entry, content):
         if tag in (_KIND, _COLS, _ROWS) and items == 1 and kind in _FORMATS:
-            format = layout.order + _FORMATS[kind]
-            if struct.calcsize(format) <= len(value):
-                (numbers[tag],) = struct.unpack_from(format, value)
+            number = layout.order + _FORMATS[kind]
+            if struct.calcsize(number) <= len(value):
+                (numbers[tag],) = struct.unpack_from(number, value)
     return numbers, following

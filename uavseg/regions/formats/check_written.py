@@ -21,8 +21,8 @@ def is_complete(path: Path, count: int) -> bool:
     """Whether a .gpkg, .fgb or .shp that GDAL wrote with `count` regions is complete.
 
     By SQLite's integrity check, and what else a GeoPackage of GDAL has; the layout of FlatGeobuf 3 (magic,
-    header, packed Hilbert R-tree, features, each preceded by its size); and the file lengths stated in the headers of shapefiles (ESRI Shapefile
-    Technical Description, 1998) and dBASE III tables.
+    header, packed Hilbert R-tree, features, each preceded by its size); and the file lengths stated in the
+    headers of shapefiles (ESRI Shapefile Technical Description, 1998) and dBASE III tables.
     """
     check = {".gpkg": _geopackage, ".fgb": _flatgeobuf, ".shp": _shapefile}[path.suffix.lower()]
     try:

@@ -1,0 +1,138 @@
+"""Deflate blocks of a TIFF whose stream goes on beyond the block.
+
+libtiff decodes whole blocks with libdeflate, which stops where the next piece does not fit; libtiff takes
+that for success, and the rest of the block is what the memory held before. So the pixels are compared with the
+checksum at the end of the stream (Adler-32, RFC 1950). GDAL can decode with zlib in place of libdeflate; that
+takes five times as long as the comparison, and the option changes the bytes of files that are written.
+"""
+
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from rasterio.enums import Compression
+from rasterio.errors import RasterBlockError
+from rasterio.io import DatasetReader
+
+from uavseg.raster.bands import Values
+from uavseg.raster.tiling import Window
+
+_known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file
+
+
+def check_deflate_blocks(
+    path: str, source: DatasetReader, bands: Sequence[int], window: Window, values: Values
+) -> None:
+    """Check the blocks of an open TIFF that intersect a window which was just read; each only once.
+
+    Parameters
+    ----------
+    path : str
+    source : DatasetReader
+        Of a local file; nothing is checked if it is compressed in another manner.
+    bands : sequence of int
+    window : Window
+    values : (bands, rows, cols) array
+        What was read.
+
+    Raises
+    ------
+    RasterBlockError
+        If the stream of one of them does not end where the block ends.
+    """
+    if source not in _known:
+        _known[source] = DeflateBlocks(path, source) if source.compression == Compression.deflate else None
+    blocks = _known[source]
+    if blocks is not None:
+        blocks.check(source, tuple(bands), window, values)
+
+
+class DeflateBlocks:
+    """The blocks of a TIFF that is compressed by deflate, and which of them are known to be right."""
+
+    def __init__(self, path: str, source: DatasetReader) -> None:
+        structure = source.tags(ns="IMAGE_STRUCTURE")
+        self._path = path
+        self._predictor = structure.get("PREDICTOR", "1")
+        self._all_bands = structure.get("INTERLEAVE") == "PIXEL" and source.count > 1
+        self._bits = source.tags(1, ns="IMAGE_STRUCTURE").get("NBITS")
+        self._shape = source.block_shapes[0]
+        self._is_tiled = self._shape[1] != source.width
+        self._checked: set[tuple[int, int, int]] = set()
+
+    def check(self, source: DatasetReader, bands: tuple[int, ...], window: Window, values: Values) -> None:
+        """As `check_deflate_blocks`."""
+        rows, cols = self._shape
+        for i in range(window.row // rows, -(-(window.row + window.rows) // rows)):
+            for j in range(window.col // cols, -(-(window.col + window.cols) // cols)):
+                for k, band in enumerate((1,) if self._all_bands else bands):
+                    if (band, i, j) in self._checked:
+                        continue
+                    block = Window(i * rows, j * cols, rows, cols).clipped(source.shape)
+                    every = tuple(source.indexes) if self._all_bands else (band,)
+                    own = None if self._all_bands and bands != every else values[k : k + len(every)]
+                    if not self._is_right(source, every, (i, j), block, _part(own, window, block)):
+                        raise RasterBlockError(f"the stream of the block at {i}, {j} goes on beyond its end")
+                    self._checked.add((band, i, j))
+
+    def _is_right(
+        self,
+        source: DatasetReader,
+        bands: tuple[int, ...],
+        place: tuple[int, int],
+        block: Window,
+        own: Values | None,
+    ) -> bool:
+        stored = _stored(self._path, source, bands[0], place)
+        if stored is None:
+            return True  # a block that is not stored, or a file that cannot be looked into
+        whole = not self._is_tiled or (block.rows, block.cols) == self._shape
+        if whole and self._predictor in ("1", "2") and self._bits is None:
+            if own is None:
+                at = (block.row, block.row + block.rows), (block.col, block.col + block.cols)
+                own = source.read(list(bands), window=at)
+            if zlib.adler32(self._decoded(own)) == int.from_bytes(stored[-4:], "big"):
+                return True
+        rows = self._shape[0] if self._is_tiled else block.rows
+        bits = int(self._bits or 8 * np.dtype(source.dtypes[bands[0] - 1]).itemsize)
+        size = rows * -(-self._shape[1] * len(bands) * bits // 8)
+        return _ends_at(stored, size)
+
+    def _decoded(self, values: Values) -> bytes:
+        """What was compressed: rows of pixels, by their differences if there is a predictor."""
+        pixels = np.moveaxis(values, 0, -1)
+        if self._predictor == "2":
+            before, pixels = pixels, pixels.copy()
+            pixels[:, 1:] -= before[:, :-1]
+        return np.ascontiguousarray(pixels).tobytes()
+
+
+def _part(values: Values | None, window: Window, block: Window) -> Values | None:
+    """The pixels of a block, if the window holds it whole."""
+    row, col = block.row - window.row, block.col - window.col
+    inside = row >= 0 and col >= 0 and row + block.rows <= window.rows and col + block.cols <= window.cols
+    if values is None or not inside:
+        return None
+    return values[:, row : row + block.rows, col : col + block.cols]
+
+
+def _stored(path: str, source: DatasetReader, band: int, place: tuple[int, int]) -> bytes | None:
+    """The stream of a block; None if there is none."""
+    offset = source.get_tag_item(f"BLOCK_OFFSET_{place[1]}_{place[0]}", "TIFF", bidx=band)
+    if offset is None:
+        return None
+    with Path(path).open("rb") as file:
+        file.seek(int(offset))
+        return file.read(source.block_size(band, *place))
+
+
+def _ends_at(stream: bytes, size: int) -> bool:
+    """Whether a stream gives exactly so many bytes."""
+    decoder = zlib.decompressobj()
+    try:
+        found = len(decoder.decompress(stream, size + 1))
+    except zlib.error:
+        return False
+    return found == size and decoder.eof
