@@ -1,6 +1,7 @@
 """Deflate blocks whose stream goes beyond the block: no memory of the process becomes pixels."""
 
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -86,15 +87,23 @@ def test_each_block_is_compared_only_once(
     write_raster: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[tuple[int, int]] = []
-    stored = deflate._stored
+    of = deflate._Stream.of
 
-    def note(path: str, source: Any, band: int, place: tuple[int, int]) -> bytes | None:
+    def note(path: str, source: Any, band: int, place: tuple[int, int]) -> Any:
         seen.append(place)
-        return stored(path, source, band, place)
+        return of(path, source, band, place)
 
-    monkeypatch.setattr(deflate, "_stored", note)
+    monkeypatch.setattr(deflate._Stream, "of", note)
     dataset = Dataset.open(write_raster(PIXELS, **TILED))
     for _ in range(2):
         dataset.read(WHOLE)
         dataset.read(Window(0, 0, 9, 9))
     assert sorted(seen) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+
+
+def test_a_raster_in_an_archive_is_read(write_raster: Callable[..., Path], tmp_path: Path) -> None:
+    path = write_raster(PIXELS, **TILED)
+    with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
+        archive.write(path, "a.tif")
+    values, _ = Dataset.open(f"/vsizip/{tmp_path}/a.zip/a.tif").read(WHOLE)
+    assert np.array_equal(values[0], PIXELS)
