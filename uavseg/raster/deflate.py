@@ -35,7 +35,7 @@ def check_deflate_blocks(
     ----------
     path : str
     source : DatasetReader
-        Nothing is checked if it is compressed in another manner, or no file by itself (in an archive, remote).
+        Nothing is checked if it is compressed in another manner, lies in an archive or is remote.
     bands : sequence of int
     window : Window
     values : (bands, rows, cols) array

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 from affine import Affine
 from rasterio.crs import CRS
+from rasterio.enums import MaskFlags
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
@@ -19,7 +20,7 @@ from uavseg.raster.access.open_checked import is_local, is_online, open_checked
 from uavseg.raster.access.tiff_directories import stores_mask
 from uavseg.raster.bands import BandLayout
 from uavseg.raster.geobox import check_transform
-from uavseg.raster.opening import GDAL_ERRORS, file_exists, has_place, open_error_text
+from uavseg.raster.opening import GDAL_ERRORS, file_exists, has_place, mask_kind, open_error_text
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
@@ -135,17 +136,13 @@ def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int,
 
 
 def _masks(path: str, source: DatasetReader) -> str:
-    names = [{flag.name for flag in band} for band in source.mask_flag_enums]
-    if "per_dataset" in names[0] and "alpha" not in names[0]:
-        return "file"
-    if any(not band for band in names):
-        return "band"
-    if "per_dataset" not in names[0] and _has_mask(path, source):
+    kind = mask_kind(source)
+    if not kind and MaskFlags.per_dataset not in source.mask_flag_enums[0] and _has_mask(path, source):
         raise RasterReadError(
             f"{path} cannot be opened as a raster (it has a mask that cannot be read); the file is damaged "
             "or incomplete: repair it"
         )
-    return ""
+    return kind
 
 
 def _has_mask(path: str, source: DatasetReader) -> bool:

@@ -14,7 +14,6 @@ from typing import Any
 import rasterio
 from rasterio._env import del_gdal_config
 from rasterio._err import CPLE_BaseError
-from rasterio.enums import MaskFlags
 from rasterio.env import get_gdal_config, set_gdal_config
 from rasterio.errors import CRSError, NotGeoreferencedWarning, RasterioError
 from rasterio.io import DatasetReader
@@ -50,21 +49,20 @@ class OpenFiles:
     def __reduce__(self) -> tuple[type["OpenFiles"], tuple[()]]:
         return OpenFiles, ()
 
-    def open(
-        self, path: str, located: bool, driver: str | None = None, masked: bool = False
-    ) -> DatasetReader:
+    def open(self, path: str, located: bool, driver: str | None = None, masks: str = "") -> DatasetReader:
         """The open file, opened now if it is not; beyond 64 files the least recently used is closed.
 
         Raises
         ------
         RasterReadError
-            If it cannot be opened, or has lost its place on the map (`located`) or its mask (`masked`).
+            If it cannot be opened, or has lost its place on the map (`located`) or its masks (`masks`, of
+            `mask_kind`).
         """
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
             try:
                 opener = rasterio.open if located else quiet_open
-                files[path] = _unchanged(path, opener(path, driver=driver), located, masked)
+                files[path] = _unchanged(path, opener(path, driver=driver), located, masks)
             except GDAL_ERRORS as error:
                 raise RasterReadError(open_error_text(path, error)) from error
             if len(files) > MAX_OPEN:
@@ -79,10 +77,9 @@ class OpenFiles:
             files.pop(path).close()
 
 
-def _unchanged(path: str, source: DatasetReader, located: bool, masked: bool) -> DatasetReader:
+def _unchanged(path: str, source: DatasetReader, located: bool, masks: str) -> DatasetReader:
     """The raster; an error if it had a geotransform or a mask when it was inspected and has none now."""
-    lost_mask = masked and all(MaskFlags.all_valid in flags for flags in source.mask_flag_enums)
-    if lost_mask or (located and source.transform.is_identity):
+    if (masks and mask_kind(source) != masks) or (located and source.transform.is_identity):
         source.close()
         raise RasterReadError(f"{path} changed, or its header cannot be read any more")
     return source
@@ -162,6 +159,14 @@ def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any
     with _warning_filters, warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         return rasterio.open(path, mode, **how)
+
+
+def mask_kind(source: DatasetReader) -> str:
+    """The masks of a raster: "file" if all bands share one, "band" if each has its own, or ""."""
+    names = [{flag.name for flag in band} for band in source.mask_flag_enums]
+    if "per_dataset" in names[0] and "alpha" not in names[0]:
+        return "file"
+    return "band" if any(not band for band in names) else ""
 
 
 @contextmanager

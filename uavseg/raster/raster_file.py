@@ -124,7 +124,7 @@ class RasterFile:
             If the file cannot be read inside the window.
         """
         with gdal_read_errors(self.path, window, self.online):
-            source = handles.open(self.path, self.located, self.driver, bool(self.masks))
+            source = handles.open(self.path, self.located, self.driver, self.masks)
             options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
             try:
                 values, alpha = self._read_bands(source, choice, window, options)
@@ -143,7 +143,7 @@ class RasterFile:
         if self.driver != "GTiff":
             return False
         with gdal_read_errors(self.path, window, self.online):
-            source = handles.open(self.path, self.located, self.driver, bool(self.masks))
+            source = handles.open(self.path, self.located, self.driver, self.masks)
             known = [self.nodatas[band - 1] for band in choice.bands]
             if None in known or known != [source.nodatavals[band - 1] for band in choice.bands]:
                 return False  # missing blocks have another value
