@@ -115,7 +115,7 @@ def test_a_disk_that_fails_for_good(pool: ProcessPoolExecutor, tmp_path: Path, n
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["overviews.tif", "r.shp", "r.gpkg"])
+@pytest.mark.parametrize("name", ["deflate.tif", "r.shp", "r.gpkg"])
 def test_one_read_that_fails_loses_nothing_in_silence(
     pool: ProcessPoolExecutor, tmp_path: Path, name: str
 ) -> None:

@@ -93,6 +93,15 @@ def test_a_mask_that_cannot_be_reached_is_an_error_and_not_a_raster_without_one(
         (tmp_path / "b.tif").write_bytes(damaged)
         with pytest.raises(RasterReadError, match="one of its directories cannot be read: it ends before"):
             Dataset.open(tmp_path / "b.tif")
+    index_at = next(
+        entry + 8
+        for entry in range(mask_at + 2, len(content), 12)
+        if int.from_bytes(content[entry : entry + 2], "little") == 324
+    )
+    beyond = content[:index_at] + (len(content) - 8).to_bytes(4, "little") + content[index_at + 4 :]
+    (tmp_path / "d.tif").write_bytes(beyond)
+    with pytest.raises(RasterReadError, match="cannot be read"):
+        Dataset.open(tmp_path / "d.tif")
     alone = content[:pointer] + bytes(4) + content[pointer + 4 :]
     (tmp_path / "c.tif").write_bytes(alone)
     assert inspect_file(tmp_path / "c.tif").masks == ""

@@ -136,8 +136,8 @@ def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int,
 
 
 def _masks(path: str, source: DatasetReader) -> str:
-    kind = mask_kind(source)
-    if not kind and MaskFlags.per_dataset not in source.mask_flag_enums[0] and _has_mask(path, source):
+    kind, has_mask = mask_kind(source), _has_mask(path, source)
+    if has_mask and not kind and MaskFlags.per_dataset not in source.mask_flag_enums[0]:
         raise RasterReadError(
             f"{path} cannot be opened as a raster (it has a mask that cannot be read); the file is damaged "
             "or incomplete: repair it"

@@ -15,6 +15,8 @@ from uavseg.plain_text import cause_of
 
 MAX_DIRECTORIES = 65536  # as in libtiff
 _KIND, _COLS, _ROWS = 254, 256, 257  # tags
+_INDEX = (273, 279, 324, 325)  # tags of the places and lengths of blocks
+_SIZES = {3: 2, 4: 4, 16: 8}  # of a number in bytes, by its type
 _REDUCED, _MASK = 1, 4  # bits of the tag of the kind
 _FORMATS = {3: "H", 4: "I", 16: "Q"}  # of a number, by its type
 
@@ -90,9 +92,25 @@ def _directory(file: BinaryIO, layout: _Layout) -> tuple[dict[int, int], int]:
         raise struct.error
     content, numbers = file.read(count * step), {}
     (following,) = layout.read(file, layout.place)
+    index = []
     for tag, kind, items, value in struct.iter_unpack(layout.order + layout.entry, content):
         if tag in (_KIND, _COLS, _ROWS) and items == 1 and kind in _FORMATS:
             number = layout.order + _FORMATS[kind]
             if struct.calcsize(number) <= len(value):
                 (numbers[tag],) = struct.unpack_from(number, value)
+        elif tag in _INDEX and items * _SIZES.get(kind, 0) > len(value):
+            index.append((*struct.unpack(layout.order + layout.place, value), items * _SIZES[kind]))
+    if numbers.get(_KIND, 0) & _MASK:
+        _check_index(file, index)
     return numbers, following
+
+
+def _check_index(file: BinaryIO, index: list[tuple[int, int]]) -> None:
+    """Check that the index of a mask can be read: GDAL takes blocks that it does not find for empty ones."""
+    for place, size in index:
+        file.seek(place)
+        while size > 0:
+            piece = file.read(min(size, 1 << 20))
+            if not piece:
+                raise struct.error
+            size -= len(piece)
