@@ -95,6 +95,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         beliefs[40:70, 40:110], beliefs[100:, :60] = 0.9, 0.5
         write("map.tif", beliefs, transform=Affine(0.1, 0, 0, 0, -0.1, 14))
         write("utm_map.tif", beliefs, **UTM)
+        write("ground.tif", (400 + 90 * beliefs).astype(np.float32), **UTM)
         write("percent.tif", np.rint(beliefs * 100).astype(np.uint8), **UTM)
         states = np.searchsorted([0.498, 0.502], beliefs) + 1
         write_ros_map("ros.yaml", states, local_geobox(SHAPE, 0.1, (0, 0)))
@@ -415,7 +416,7 @@ FLIGHT: Words = {"altitude": 60, "home": "auto"}
         ("regions.geojson", FLIGHT | {"spacing": 15}),
         ("regions.gpkg", FLIGHT | {"pattern": "survey", "spacing": 15, "angle": 30.5, "speed": 8.0}),
         ("regions.geojson", FLIGHT | {"home": (45.151, -76.271)}),
-        ("regions.geojson", FLIGHT | {"home": (45.151, -76.271, 120.5), "firmware": "px4"}),
+        ("regions.geojson", FLIGHT | {"home": (45.151, -76.271, 120.5), "autopilot": "px4"}),
         ("regions.geojson", FLIGHT | {"ids": [2, 1]}),
         ("regions.geojson", FLIGHT | {"largest": 1, "where": "mean > 0.5 and area_m2 > 100"}),
         ("two.gpkg", FLIGHT | {"layer": "b"}),
@@ -429,7 +430,27 @@ FLIGHT: Words = {"altitude": 60, "home": "auto"}
         ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "overlap": (80.0, 60.0), "gimbal_pitch": -80.0}),
         ("regions.geojson", {"camera": "mavic 3 enterprise", "gsd": 1.5, "home": "auto", "speed": 12.0}),
         ("regions.geojson", FLIGHT | {"camera": "phantom"}),
+        (
+            "regions.geojson",
+            FLIGHT | {"camera": "phantom 4 rtk", "trigger": "hover", "overlap": (30.0, 9.0)},
+        ),
+        ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk", "trigger": "interval", "turnaround": 20.0}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "crosshatch": True}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "corridor", "margin": 5.0}),
+        ("regions.geojson", FLIGHT | {"pattern": "perimeter", "offset": 4.0, "min_leg": 8.0, "holes": "fly"}),
+        ("regions.geojson", FLIGHT | {"pattern": "orbit", "margin": 10.0, "camera": "phantom 4 rtk"}),
+        ("regions.geojson", FLIGHT | {"pattern": "visit", "hold": 5.0}),
+        ("regions.geojson", FLIGHT | {"pattern": "visit", "margin": 5.0}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "trigger": "hover"}),
         ("regions.geojson", {"home": "auto"}),
+        ("regions.geojson", FLIGHT | {"dem": "ground.tif", "spacing": 15}),
+        ("regions.geojson", FLIGHT | {"dem": "ground.tif", "terrain": "relative", "terrain_tolerance": 1.5}),
+        ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain": "frame", "climb": 1.0, "descent": 0.5}),
+        ("regions.gpkg", FLIGHT | {"terrain": "frame"}),
+        ("regions.gpkg", FLIGHT | {"terrain": "absolute"}),
+        ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain_tolerance": 99.0}),
+        ("regions.gpkg", FLIGHT | {"dem": "missing.tif"}),
+        ("regions.gpkg", FLIGHT | {"dem": "tile.tif"}),
         ("missing.geojson", FLIGHT),
         ("tile.tif", FLIGHT),
     ],
@@ -439,12 +460,12 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     output = f"out{suffix}"
     expected = on_the_command_line("plan", [source, *options(words), "-o", output], output)
     north = {one for one in expected.warnings if "PX4 will face north" in one}  # of the format alone
-    assert bool(north) == (words.get("firmware") == "px4" and suffix == ".waypoints")
+    assert bool(north) == (words.get("autopilot") == "px4" and suffix == ".waypoints")
     expected = Answer(expected.content, expected.warnings - north)
 
     def planned() -> bytes:
-        mission = uavseg.plan(source, **words)
-        return written(lambda path: files.write_mission(mission, path), f"python{suffix}")
+        planned = uavseg.plan(source, **words)
+        return written(planned.write, f"python{suffix}")
 
     assert_equal(in_python(planned), expected)
 
@@ -452,7 +473,7 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     frame = geopandas.read_file("regions.gpkg")
     content = Path("regions.geojson").read_bytes()
-    with pytest.warns(UserWarning, match="altitude of home"):
+    with pytest.warns(UserWarning, match="altitude of home|outside of all regions"):
         assert uavseg.plan(frame, **FLIGHT) == uavseg.plan("regions.gpkg", **FLIGHT)
         assert uavseg.plan(frame, ids=frame["id"].tail(2), **FLIGHT) == uavseg.plan(
             "regions.gpkg", ids=frame["id"].tail(2).tolist(), **FLIGHT
@@ -571,7 +592,7 @@ def vehicle_lists(vehicle: FakeVehicle) -> bytes:
     ("make", "mission", "words"),
     [
         (ArduPilot, fenced(survey()), {}),
-        (Px4, survey(firmware="px4"), {"timeout": 4.0}),
+        (Px4, survey(autopilot="px4"), {"timeout": 4.0}),
         (Px4, survey(), {}),
         (lambda: ArduPilot(capacity=5), survey(), {"timeout": 0.4}),
         (lambda: ArduPilot(armed=True), survey(), {}),
@@ -598,7 +619,7 @@ def test_uploads(make: Callable[[], FakeVehicle], mission: Mission, words: Words
     ("make", "mission"),
     [
         (ArduPilot, fenced(survey())),
-        (lambda: Px4(home=(47.0, 8.0, 412.5)), fenced(survey(firmware="px4"))),
+        (lambda: Px4(home=(47.0, 8.0, 412.5)), fenced(survey(autopilot="px4"))),
         (Generic, survey()),
         (Px4, None),
     ],

@@ -161,8 +161,10 @@ ON_RASTERS = {  # these may import raster, and all phases
 # Packages, and the only places that import them (for more than types).
 
 ONLY_IN = {
-    "rasterio": {"raster", "flight.terrain"},
-    "pyproj": {"raster.geodesy.globe", "flight.plane", "regions.formats.read"},  # a local plane, an exception
+    "rasterio": {"raster"},
+    "pyproj": {  # CRS, zeros of heights; a local plane, an exception
+        *("raster.geodesy.globe", "raster.geodesy.vertical", "flight.plane", "regions.formats.read"),
+    },
     "numba": {"_jit.compiling", "_jit.fallback"},
     "llvmlite": {"_jit.compiling", "_jit.fallback"},
     "geopandas": {"regions"},

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import geopandas
@@ -68,18 +69,22 @@ def test_regions_are_chosen(regions: Path) -> None:
 
 
 def test_how_to_fly_reaches_the_mission(regions: Path) -> None:
-    mission = flown(regions, "--speed", 8.5, "--firmware", "px4")
-    assert (mission.firmware, mission.speed_m_s, mission.items[0].altitude_m) == ("px4", 8.5, 60)
+    mission = flown(regions, "--speed", 8.5, "--autopilot", "px4")
+    assert (mission.autopilot, mission.speed_m_s, mission.items[0].altitude_m) == ("px4", 8.5, 60)
     assert (mission.home.lat, mission.home.lon, mission.home.altitude_m) == (47, 8, 430)
 
 
 def test_both_formats_hold_the_same_flight(regions: Path) -> None:
-    assert flown(regions, suffix=".plan") == flown(regions, suffix=".waypoints")
+    fenced = flown(regions, suffix=".plan")
+    assert fenced.fence and replace(fenced, fence=()) == flown(regions, suffix=".waypoints")
 
 
-def test_home_may_be_in_the_first_region(regions: Path) -> None:
+def test_home_is_found_outside_of_all_regions_and_near_the_chosen_ones(regions: Path) -> None:
     mission = flown(regions, "--home", "auto", "--ids", "2,3")
-    assert shapely.box(8.006, 47.0, 8.007, 47.001).contains(shapely.Point(mission.home.lon, mission.home.lat))
+    home = shapely.Point(mission.home.lon, mission.home.lat)
+    everywhere = shapely.union_all(geopandas.read_file(regions).geometry)
+    assert 1e-4 < shapely.distance(everywhere, home) < 3e-4
+    assert shapely.box(8.005, 47.0, 8.0095, 47.001).distance(home) < 2e-4
 
 
 def test_regions_may_come_from_standard_input(regions: Path) -> None:
@@ -109,7 +114,7 @@ def test_the_summary_is_on_stderr_and_can_be_silenced(regions: Path) -> None:
 
 
 def test_what_a_format_loses_is_said(regions: Path) -> None:
-    arguments = ["--altitude", 60, "--home", HOME, "--firmware", "px4"]
+    arguments = ["--altitude", 60, "--home", HOME, "--autopilot", "px4"]
     assert "face north" in run(regions, "-o", regions.with_suffix(".waypoints"), *arguments).stderr
     assert "face north" not in run(regions, "-o", regions.with_suffix(".plan"), *arguments).stderr
 
@@ -160,7 +165,7 @@ def test_a_mission_is_not_replaced_without_overwrite(regions: Path) -> None:
 
 
 def test_a_word_that_is_no_choice_is_a_usage_error(regions: Path) -> None:
-    assert run(regions, "-o", "x.plan", *FLY, "--firmware", "dji").exit_code == 2
+    assert run(regions, "-o", "x.plan", *FLY, "--autopilot", "dji").exit_code == 2
     assert run(regions, "-o", "x.plan", *FLY, "--largest", "0").exit_code == 2
 
 
@@ -183,7 +188,14 @@ def test_a_camera_gives_height_spacing_and_photographs(regions: Path) -> None:
         (("--camera", "phantom 4 rtk", "--altitude", 60, "--overlap", "75,100"), "per cent"),
         (("--camera", "phantom 4 rtk", "--altitude", 60, "--overlap", "a,b"), "per cent"),
         (("--camera", "phantom 4 rtk", "--altitude", 60, "--gimbal-pitch", "0"), "gimbal pitch"),
-        (("--camera", "phantom 4 rtk", "--altitude", 60, "--pattern", "visit"), "for a survey"),
+        (("--sensor", "13.2x8.8", "--altitude", 60), "all of --sensor"),
+        (("--sensor", "13.2", "--image", "5472x3648", "--focal", 8.8, "--altitude", 60), "WIDTHxHEIGHT"),
+        (("--camera", "phantom 4 rtk", "--focal", 8.8, "--altitude", 60), "leave --focal out"),
+        (("--camera", "phantom 4 rtk", "--shutter", "1/0", "--altitude", 60), "--shutter is seconds"),
+        (("--trigger", "hover", "--altitude", 60), "--trigger needs a camera"),
+        (("--offset", 5, "--altitude", 60), "--offset is for the pattern perimeter"),
+        (("--pattern", "perimeter", "--offset", -400, "--altitude", 60), "every region is narrower"),
+        (("--pattern", "visit", "--hold", -1, "--altitude", 60), "the hold is 0 to 3600"),
     ],
 )
 def test_a_camera_that_cannot_photograph_so_is_refused(

@@ -76,7 +76,7 @@ def test_a_refusal_ends_with_1_and_names_the_item(tmp_path: Path) -> None:
 
 def test_a_mission_that_cannot_be_read_back_ends_with_3(tmp_path: Path) -> None:
     plan = tmp_path / "fly.plan"
-    files.write_mission(survey(firmware="px4"), plan)
+    files.write_mission(survey(autopilot="px4"), plan)
     vehicle = Px4()
     vehicle.silent_after = 13  # the count and the items
     with udp_vehicle(vehicle) as address:

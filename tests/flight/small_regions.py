@@ -1,5 +1,6 @@
 """Small regions around a home, and missions over them."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from uavseg.flight.items import WAYPOINT
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_mission
+from uavseg.flight.planner import plan_missions
 
 HOME = (47.0, 8.0, 430.0)
 
@@ -23,12 +24,33 @@ def degrees(polygon: shapely.Polygon, plane: Plane = Plane(47.0, 8.0)) -> shapel
     return shapely.transform(polygon, lambda xy: np.column_stack(plane.lonlat_from_xy(*xy.T)))
 
 
-def inside(polygons: list[shapely.Polygon]) -> list[tuple[float, float]]:
+def inside(polygons: Sequence[Any]) -> list[tuple[float, float]]:
     return [tuple(shapely.point_on_surface(polygon).coords[0]) for polygon in polygons]
 
 
-def planned(polygons: list[shapely.Polygon], home: tuple[float, ...] = HOME, **params: Any) -> Mission:
-    return plan_mission(polygons, inside(polygons), PlanParams(**{"altitude_m": 60} | params), home)
+def plan_mission(
+    polygons: Sequence[Any],
+    points: Sequence[tuple[float, float]],
+    params: PlanParams,
+    home: tuple[float, ...],
+) -> Mission:
+    """A plan of one flight."""
+    (mission,) = plan_missions(polygons, points, params, home)
+    return mission
+
+
+def planned(
+    polygons: Sequence[Any], home: tuple[float, ...] = HOME, zones: Sequence[Any] = (), **params: Any
+) -> Mission:
+    (mission,) = flights(polygons, home, zones, **params)
+    return mission
+
+
+def flights(
+    polygons: Sequence[Any], home: tuple[float, ...] = HOME, zones: Sequence[Any] = (), **params: Any
+) -> tuple[Mission, ...]:
+    flown = PlanParams(**{"altitude_m": 60} | params)
+    return plan_missions(polygons, inside(polygons), flown, home, zones)
 
 
 def waypoints(mission: Mission) -> list[tuple[float, float]]:

@@ -17,6 +17,7 @@ from uavseg.errors import MissionError, OutputExistsError
 from uavseg.flight import files
 from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
 from uavseg.flight.items import (
+    AUTOPILOTS,
     FRAME_AMSL,
     FRAME_MISSION,
     FRAME_RELATIVE,
@@ -78,8 +79,9 @@ def test_a_mission_written_is_read_equal(
     assert files.read_mission(written(mission, tmp_path_factory.getbasetemp(), suffix)) == mission
 
 
-def test_a_plan_holds_the_firmware(tmp_path: Path) -> None:
-    mission = Mission(HOME, (WAYPOINT, MissionItem(RETURN, FRAME_MISSION)), "px4")
+@pytest.mark.parametrize("autopilot", AUTOPILOTS)
+def test_a_plan_holds_the_autopilot(tmp_path: Path, autopilot: str) -> None:
+    mission = Mission(HOME, (WAYPOINT, MissionItem(RETURN, FRAME_MISSION)), autopilot)
     assert files.read_mission(written(mission, tmp_path, ".plan")) == mission
 
 
@@ -126,7 +128,7 @@ def test_a_plan_has_every_key_that_any_reader_requires() -> None:
     assert plan["rallyPoints"] == {"version": 2, "points": []}
     mission = plan["mission"]
     assert mission["plannedHomePosition"] == [HOME.lat, HOME.lon, 12.5]
-    assert (mission["firmwareType"], mission["vehicleType"], mission["globalPlanAltitudeMode"]) == (3, 2, 1)
+    assert (mission["firmwareType"], mission["vehicleType"], mission["globalPlanAltitudeMode"]) == (3, 2, 0)
     for number in (plan["version"], mission["version"], mission["cruiseSpeed"], mission["hoverSpeed"]):
         assert type(number) is int
     for number, item in enumerate(mission["items"], start=1):

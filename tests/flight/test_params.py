@@ -19,7 +19,7 @@ from uavseg.flight.params import PlanParams
         {"speed_m_s": 0},
         {"speed_m_s": 51},
         {"pattern": "spiral"},
-        {"firmware": "dji"},
+        {"autopilot": "dji"},
         {"pattern": "survey"},
         {"spacing_m": 10},
         {"angle_deg": 10},

@@ -10,23 +10,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from tests.flight.small_regions import HOME, box, degrees, inside, planned, waypoints
+from tests.flight.small_regions import HOME, box, degrees, inside, plan_mission, planned, waypoints
 from uavseg.errors import MissionError, ParameterError, UavsegError
-from uavseg.flight.cover.survey import LEEWAY
+from uavseg.flight.cover.space import LEEWAY
 from uavseg.flight.items import CHANGE_SPEED, FRAME_MISSION, FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
-from uavseg.flight.planner import plan_mission
 
 GEOD = Geod(ellps="WGS84")
 
 
-@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "generic"])
 @pytest.mark.parametrize("params", [{}, {"pattern": "perimeter"}, {"pattern": "survey", "spacing_m": 20}])
 def test_a_mission_takes_off_at_home_sets_its_speed_and_returns(
-    params: dict[str, Any], firmware: str
+    params: dict[str, Any], autopilot: str
 ) -> None:
-    mission = planned([box(100, 100, 80, 60)], firmware=firmware, speed_m_s=7.5, **params)
+    mission = planned([box(100, 100, 80, 60)], autopilot=autopilot, speed_m_s=7.5, **params)
     start, speed, *flight, end = mission.items
     assert (start.command, start.frame, start.lat, start.lon, start.altitude_m) == (
         TAKEOFF,
@@ -40,7 +39,7 @@ def test_a_mission_takes_off_at_home_sets_its_speed_and_returns(
     assert {(i.command, i.frame, i.altitude_m, i.params) for i in flight} == {
         (WAYPOINT, FRAME_RELATIVE, 60, (0, 0, 0, None))
     }
-    assert mission.firmware == firmware
+    assert mission.autopilot == autopilot
     assert (mission.home.lat, mission.home.lon, mission.home.altitude_m) == HOME
 
 

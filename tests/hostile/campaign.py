@@ -43,6 +43,7 @@ LIBRARIES = (
 )
 MODULES = ("uavseg.jobs.extract", "uavseg.jobs.plan", "uavseg.plot.preview", "uavseg.regions.formats.export")
 BATCH = 200
+BATCHES_A_PROCESS = 20  # then a fresh one; max_tasks_per_child of the pool itself was seen to wait for ever
 
 Found = dict[tuple[str, str], tuple[int, str, Finding]]
 
@@ -81,22 +82,24 @@ def run(
     """
     start, count, found = time.monotonic(), Counter[str](), Found()
     batches = [(first, min(first + BATCH, cases)) for first in range(0, cases, BATCH)]
-    with started(processes, max_tasks_per_child=20) as pool:
-        waiting = {pool.submit(_batch, *batch, seed, kinds, start + seconds) for batch in batches}
-        for done in as_completed(waiting):
-            counted, findings = done.result()
-            count += counted
-            for finding, name in findings:
-                key = (finding.kind, finding.signature)
-                times, first, kept = found.get(key, (0, name, finding))
-                found[key] = (times + 1, min(first, name), kept)
+    for turn in range(0, len(batches), BATCHES_A_PROCESS * processes):
+        with started(processes) as pool:
+            these = batches[turn : turn + BATCHES_A_PROCESS * processes]
+            waiting = {pool.submit(_batch, *batch, seed, kinds, start + seconds) for batch in these}
+            for done in as_completed(waiting):
+                counted, findings = done.result()
+                count += counted
+                for finding, name in findings:
+                    key = (finding.kind, finding.signature)
+                    times, first, kept = found.get(key, (0, name, finding))
+                    found[key] = (times + 1, min(first, name), kept)
     return count, found
 
 
-def started(processes: int = 1, **how: int) -> ProcessPoolExecutor:
+def started(processes: int = 1) -> ProcessPoolExecutor:
     """Processes from which cases are forked: fresh ones, without threads, which do not survive a fork."""
     drawn = {"initializer": seeds.use, "initargs": (seeds.everything(),)}
-    return ProcessPoolExecutor(processes, get_context("spawn"), **drawn, **how)
+    return ProcessPoolExecutor(processes, get_context("spawn"), **drawn)
 
 
 def judged(case: Case) -> list[Finding]:

@@ -28,8 +28,14 @@ LINES = tuple(
         f"original x.tif -o out.tif --threshold 1.2 --merge-stop 2 --untested 0.1 --radius 2 --sweeps 1 {RUN}",
         f"divide x.tif -o out.tif {DIVISION} --band 1 --nodata 5 {RUN}",
         "info x.tif --json --band 1 --nodata 3 --stretch minmax --threads 1",
-        f"plan r.geojson -o out.plan {FLIGHT} --pattern survey --spacing 20 --angle 45 --firmware px4",
+        f"plan r.geojson -o out.plan {FLIGHT} --pattern survey --spacing 20 --angle 45 --autopilot px4",
+        f"plan r.geojson -o out.plan {FLIGHT} --spacing 20 --margin 5 --turnaround 10 --crosshatch",
+        f"plan r.geojson -o out.plan {FLIGHT} --sensor 13x9 --image 5200x3600 --focal 9 --trigger hover --shutter 1/500",
+        f"plan r.geojson -o out.plan {FLIGHT} --pattern perimeter --offset 3 --min-leg 4 --holes fly",
+        f"plan r.geojson -o out.plan {FLIGHT} --pattern orbit --margin 9",
         f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1,2 --largest 2 --where area_m2>5",
+        f"plan r.geojson -o out.plan {FLIGHT} --dem g.tif --terrain absolute --terrain-tolerance 2 --climb 3",
+        f"plan r.geojson -o out.waypoints {FLIGHT} --dem g.tif --dem g.tif --terrain relative --descent 0.5",
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
         "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
@@ -66,6 +72,7 @@ def case(rng: Random) -> Case:
 
 def _files() -> dict[str, bytes]:
     drawn = seeds.missions()
-    others = {"rgb.tif": seeds.rasters()["jpeg.tif"], "b.tif": seeds.block_map()["b.tif"]}
+    pictures = {"rgb.tif": seeds.rasters()["jpeg.tif"], "g.tif": seeds.rasters()["lerc.tif"]}
+    others = pictures | {"b.tif": seeds.block_map()["b.tif"]}
     regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
     return drawn | others | regions

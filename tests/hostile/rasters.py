@@ -58,6 +58,7 @@ COMMANDS: tuple[Arguments, ...] = (
         *ONE,
     ),
     ("preview", "x.tif", "-o", "out.png", "--width", "300"),
+    ("plan", "r.geojson", "-o", "out.plan", "--altitude", "50", "--home", "auto", "--dem", "x.tif"),
     ("extract", "x.tif", "y.tif", "--range", "0.4,1", "-o", "out.geojson", *ONE),
 )
 STRETCHED = ("extract", "levels", "divide", "suggest", "info")
@@ -91,6 +92,8 @@ def case(rng: Random) -> Case:
     command = rng.choice(COMMANDS)
     if "y.tif" in command:
         files["y.tif"] = known["deflate.tif"]
+    if "r.geojson" in command:
+        files["r.geojson"] = seeds.vectors()["r.geojson"]
     if command[0] in STRETCHED and chosen(rng, 0.3):
         command = (*command, "--stretch", rng.choice(("dtype", "minmax", "none", "percentile:1,99", "0,100")))
     return Case(files, (command,))

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import warn
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
-from uavseg.flight.mission import Mission
-from uavseg.jobs.plan import Home, PlanRequest, flight_params, open_regions, photos_of
+from uavseg.flight.fence import RallyPoint
+from uavseg.flight.limits import LimitParams, SafetyParams
+from uavseg.flight.terrain.params import terrain_params
+from uavseg.jobs.open_source import open_source
+from uavseg.jobs.pattern_words import PatternWords
+from uavseg.jobs.photo_words import PhotoWords
+from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params
 from uavseg.jobs.plan import plan as run_plan
+from uavseg.jobs.plan_regions import open_regions, zone_polygons
 from uavseg.plain_text import shown
 
 if TYPE_CHECKING:
@@ -30,7 +36,7 @@ def plan(
     spacing: float | None = None,
     angle: float | Literal["auto"] = "auto",
     speed: float = 5.0,
-    firmware: str = "ardupilot",
+    autopilot: str = "ardupilot",
     tolerance: float | None = None,
     ids: Sequence[int] | None = None,
     largest: int | None = None,
@@ -40,29 +46,60 @@ def plan(
     gsd: float | None = None,
     overlap: Sequence[float] = (75.0, 70.0),
     gimbal_pitch: float = -90.0,
+    sensor: Sequence[float] | None = None,
+    image: Sequence[float] | None = None,
+    focal: float | None = None,
+    min_interval: float | None = None,
+    trigger: str | None = None,
+    shutter: float | None = None,
+    margin: float | None = None,
+    crosshatch: bool = False,
+    turnaround: float | None = None,
+    offset: float | None = None,
+    min_leg: float | None = None,
+    holes: str | None = None,
+    hold: float | None = None,
+    avoid: Any = (),
+    avoid_margin: float = 10.0,
+    raster: Any = None,
+    endurance: float | None = None,
+    reserve: float = 20.0,
+    max_items: int | None = None,
+    max_altitude: float = 120.0,
+    max_distance: float | None = None,
+    fence: float | None = 50.0,
+    rally: Sequence[Sequence[float]] = (),
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    terrain: str | None = None,
+    terrain_tolerance: float | None = None,
+    climb: float | None = None,
+    descent: float | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
-) -> Mission:
-    """A mission over regions: take off, fly to or over them in a short order, return.
+) -> MissionPlan:
+    """Missions over regions: take off, fly to or over them in a short order, return.
 
     Parameters
     ----------
     regions : path, bytes or GeoDataFrame
         A file of polygons, the content of one such as GeoJSON, or what `extract` gives.
     altitude : float, optional
-        Height of the whole flight above home, in metres; with a camera, `gsd` may take its place.
+        Height of the whole flight above home, or with `dem` above the ground, in metres; with a camera, `gsd`
+        may take its place.
     home : (lat, lon), (lat, lon, altitude_m) or "auto"
-        Where the vehicle starts, in degrees; the altitude is above the sea. With "auto", inside the first
-        chosen region.
-    pattern : {"visit", "perimeter", "survey"}, optional
-        A point in each region, its outline, or lines over it; by default "visit", or "survey" with a spacing.
+        Where the vehicle starts, in degrees; the altitude is above the sea. With "auto", near the
+        chosen regions and outside of all regions and keep-out zones.
+    pattern : {"visit", "perimeter", "survey", "corridor", "orbit"}, optional
+        A point in each region, its outline, parallel lines over it, lines along its middle, or a circle
+        around it; by default "visit", or "survey" with a spacing or a camera.
     spacing : float, optional
-        Metres between the lines of a survey.
+        Metres between the lines of a survey or corridor.
     angle : float or "auto"
         Azimuth of the lines, clockwise from north; with "auto" the one that needs the fewest lines.
     speed : float
         Metres per second.
-    firmware : {"ardupilot", "px4"}
+    autopilot : {"ardupilot", "px4", "generic"}
+        What the mission is for; generic: any, with what ArduPilot and PX4 both accept.
     tolerance : float, optional
         Metres by which outlines may be moved to save corners; by default 1, or a pixel where that is larger.
     ids : sequence of int, optional
@@ -82,47 +119,122 @@ def plan(
         Of photographs, along the lines and between them, in per cent.
     gimbal_pitch : float
         Where the camera looks, in degrees; -90 is straight down.
+    sensor, image : (float, float), optional
+        In place of a camera: width and height of its sensor in millimetres and of its image in pixels.
+    focal, min_interval : float, optional
+        With them: the focal length in millimetres, and the shortest time between photographs in seconds.
+    trigger : {"distance", "interval", "hover", "none"}, optional
+        Photographs by distance, by time, in hover at a waypoint for each, or not by the mission; by default
+        by distance, and in hover on a visit.
+    shutter : float, optional
+        Exposure time in seconds, by which motion blur limits the speed; by default 1/1000.
+    margin : float, optional
+        Metres by which a survey or corridor grows regions before it covers them, or between a region and the
+        circle of an orbit around it.
+    crosshatch : bool
+        For a survey: once more, in lines at a right angle to the first.
+    turnaround : float, optional
+        For a survey: metres straight on without photographs before and after each line, for fixed wings.
+    offset : float, optional
+        For a perimeter: metres outward from the outline, negative inward.
+    min_leg : float, optional
+        For a perimeter: no leg is shorter; by default what is flown in a second.
+    holes : {"skip", "fly"}, optional
+        For a perimeter: whether the outlines of holes are flown.
+    hold : float, optional
+        For a visit: seconds over each region.
+    avoid : path, GeoDataFrame, (low, high), or a sequence of these
+        Keep-out zones, which no leg enters: polygons, or a range of intensity that is looked for in `raster`.
+    avoid_margin : float
+        Least distance to keep-out zones in metres.
+    raster : path, sequence of paths, array or DataArray, optional
+        Where the ranges of `avoid` are looked for.
+    endurance : float, optional
+        Minutes in the air on a full battery: the mission is divided into flights that fit.
+    reserve : float
+        Per cent of the endurance that are left at the end of each flight.
+    max_items : int, optional
+        Items of a flight at most; by default 650 for "ardupilot", else 500.
+    max_altitude, max_distance : float
+        Metres; a mission that leads higher above home, or above the ground where it is known, or farther
+        from home is refused.
+    fence : float, optional
+        Metres around each flight at which a fence is written, which excludes keep-out zones; None: no fence.
+    rally : sequence of (lat, lon, altitude_m)
+        Places to return to in an emergency, with heights above home.
+    dem : path or sequence of paths, optional
+        Elevation model: the flight keeps its height above the ground. Several files are one mosaic.
+    terrain : {"absolute", "relative", "frame"}, optional
+        Heights above the sea (the default with `dem`) or above home, with points added where the ground
+        bends; or above the terrain that the vehicle itself knows (ArduPilot), for which `dem` may be missing.
+    terrain_tolerance : float, optional
+        Metres by which the height above the ground may differ; by default 5, or a quarter of the height
+        where that is less.
+    climb, descent : float, optional
+        How fast the vehicle climbs and descends in forward flight, in metres per second; legs that are too
+        steep are flown slower. By default as the autopilot has it, 2.5 (3 for "px4") and 1.5.
     allow_path, allow_network
         As of `extract`.
 
     Returns
     -------
-    mission : Mission
-        `uavseg.flight.files.write_mission(mission, "fly.plan")` writes it. Its `warnings` are warnings too.
+    plan : MissionPlan
+        `plan.missions`, one for each flight; `plan.write("fly.plan")` writes them. Its `warnings` are
+        warnings too.
 
     Raises
     ------
     RegionError
         If the regions cannot be read, or none is chosen.
     MissionError
-        If they are not near home, or the mission would not be safe.
+        If they are not near home, the elevation model does not cover the flight, or the mission would not be
+        safe.
+    RasterError
+        If the elevation model is not one.
     UavsegError
         If a parameter is wrong.
 
     Examples
     --------
     >>> import uavseg
-    >>> from uavseg.flight.files import write_mission
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
-    >>> mission = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
-    >>> write_mission(mission, "fly.plan")  # doctest: +SKIP
+    >>> plan = uavseg.plan(regions, altitude=60, home="auto", spacing=25)  # doctest: +SKIP
+    >>> plan.write("fly.plan")  # doctest: +SKIP
     """
-    flight = flight_params(
-        altitude,
-        pattern=pattern,
-        spacing=spacing,
-        angle=_angle(angle),
-        speed=speed,
-        firmware=firmware,
-        tolerance=tolerance,
-        photos=photos_of(camera, overlap, gimbal_pitch),
-        gsd=gsd,
-    )
-    request = PlanRequest(flight, _home(home), ids, largest, where)
     with allowing(allow_path, allow_network):
-        planned = run_plan(open_regions(regions, layer), request)
+        flight = flight_params(
+            altitude,
+            pattern=pattern,
+            spacing=spacing,
+            angle=_angle(angle),
+            speed=speed,
+            autopilot=autopilot,
+            tolerance=tolerance,
+            photos=PhotoWords(
+                camera, sensor, image, focal, min_interval, overlap, gimbal_pitch, trigger, shutter
+            ),
+            words=PatternWords(hold, offset, min_leg, holes, margin, crosshatch, turnaround),
+            gsd=gsd,
+            limits=LimitParams(endurance, reserve, max_items),
+            safety=SafetyParams(
+                avoid_margin, fence, max_altitude, max_distance, tuple(RallyPoint(*place) for place in rally)
+            ),
+            terrain=terrain_params(dem, terrain, terrain_tolerance, climb, descent),
+        )
+        request = PlanRequest(flight, _home(home), ids, largest, where)
+        found = open_regions(regions, layer)
+        zones = zone_polygons(_listed(avoid), None if raster is None else open_source(raster))
+        planned = run_plan(found, request, zones)
     warn(planned.warnings)
-    return planned.mission
+    return planned
+
+
+def _listed(avoid: Any) -> Sequence[Any]:
+    """Keep-out zones as a sequence; two numbers are one range."""
+    if not isinstance(avoid, list | tuple):
+        return [avoid]
+    numbers = len(avoid) == 2 and all(isinstance(end, int | float) for end in avoid)
+    return [avoid] if numbers else avoid
 
 
 def _angle(given: float | str) -> float | None:

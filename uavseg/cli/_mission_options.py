@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._limit_options import limit_options, limits_of, safety_of
+from uavseg.cli._pattern_options import pattern_options, pattern_words, photo_options, photo_words
 from uavseg.cli._say import say
+from uavseg.cli._terrain_options import terrain_of, terrain_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
@@ -21,11 +25,14 @@ def mission_options(command: F) -> F:
     """The options that say how to fly, for every command that makes a mission.
 
     They arrive as `altitude`, `camera`, `gsd`, `overlap`, `gimbal_pitch`, `home`, `pattern`, `spacing`,
-    `angle`, `speed`, `firmware` and `tolerance`: see `plan_request`.
+    `angle`, `speed`, `autopilot` and `tolerance`, and those of groups of their own: see `plan_request`.
     """
     options = [
         click.option(
-            "--altitude", type=float, metavar="M", help="Height of the flight above home, in metres."
+            "--altitude",
+            type=float,
+            metavar="M",
+            help="Height of the flight above home, or with --dem above the ground, in metres.",
         ),
         click.option(
             "--camera",
@@ -61,10 +68,13 @@ def mission_options(command: F) -> F:
         ),
         click.option(
             "--pattern",
-            type=click.Choice(["visit", "perimeter", "survey"]),
-            help="A point in each region, its outline, or lines over it.  [visit, or survey with --spacing]",
+            type=click.Choice(["visit", "perimeter", "survey", "corridor", "orbit"]),
+            help="A point in each region, its outline, parallel lines over it, lines along its middle, or a "
+            "circle around it.  [visit, or survey with --spacing or a camera]",
         ),
-        click.option("--spacing", type=float, metavar="M", help="Metres between the lines of a survey."),
+        click.option(
+            "--spacing", type=float, metavar="M", help="Metres between the lines of a survey or corridor."
+        ),
         click.option(
             "--angle",
             default="auto",
@@ -76,7 +86,11 @@ def mission_options(command: F) -> F:
             "--speed", type=float, default=5.0, metavar="M_S", show_default=True, help="Metres per second."
         ),
         click.option(
-            "--firmware", type=click.Choice(["ardupilot", "px4"]), default="ardupilot", show_default=True
+            "--autopilot",
+            type=click.Choice(["ardupilot", "px4", "generic"]),
+            default="ardupilot",
+            show_default=True,
+            help="What the mission is for; generic: any, with what ArduPilot and PX4 both accept.",
         ),
         click.option(
             "--tolerance",
@@ -85,6 +99,7 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
+    command = terrain_options(limit_options(photo_options(pattern_options(command))))
     for option in reversed(options):
         command = option(command)
     return command
@@ -92,14 +107,18 @@ def mission_options(command: F) -> F:
 
 def plan_request(options: dict[str, Any]) -> PlanRequest:
     """How to fly, from where and over which regions, from the values of `mission_options`."""
-    from uavseg.jobs.plan import PlanRequest, flight_params, photos_of
+    from uavseg.jobs.plan import PlanRequest, flight_params
 
-    names = ("pattern", "spacing", "speed", "firmware", "tolerance", "gsd")
-    photos = photos_of(options["camera"], parse_overlap(options["overlap"]), options["gimbal_pitch"])
+    names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd")
+    photos = photo_words(options, parse_overlap(options["overlap"]))
     flight = flight_params(
         options["altitude"],
         angle=parse_angle(options["angle"]),
         photos=photos,
+        words=pattern_words(options),
+        limits=limits_of(options),
+        safety=safety_of(options),
+        terrain=terrain_of(options),
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])
@@ -151,12 +170,16 @@ def parse_angle(text: str) -> float | None:
         raise ParameterError(f"--angle is a number of degrees or auto, not {text!r}") from None
 
 
-def report(mission: Mission, regions: int, output: str, unwritten: Sequence[str] = ()) -> None:
-    """Print length, duration and warnings of a mission on stderr, and what its format cannot hold."""
-    minutes, seconds = divmod(round(mission.duration_s), 60)
-    flown = f"{output}: {regions} region{'s' * (regions != 1)}, {len(mission.items)} items"
-    say(f"{flown}, {mission.distance_m / 1000:.2f} km, at least {minutes} min {seconds:02d} s")
-    if mission.firmware == "px4" and output.lower().endswith(".waypoints"):
+def report(
+    missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], notes: Sequence[str]
+) -> None:
+    """Print length and duration of missions on stderr, and notes on them."""
+    for mission, path in zip(missions, paths, strict=True):
+        minutes, seconds = divmod(round(mission.duration_s), 60)
+        over = f"{regions} region{'s' * (regions != 1)}, " if len(paths) == 1 else ""
+        flown = f"{path}: {over}{len(mission.items)} items, {mission.distance_m / 1000:.2f} km"
+        say(f"{flown}, at least {minutes} min {seconds:02d} s")
+    if missions[0].autopilot != "ardupilot" and str(paths[0]).lower().endswith(".waypoints"):
         say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
-    for warning in (*mission.warnings, *unwritten):
-        say(f"note: {warning}")
+    for note in notes:
+        say(f"note: {note}")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from uavseg.cli._say import standard_output
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
+    from uavseg.jobs.plan import MissionPlan
     from uavseg.jobs.result import Extraction
     from uavseg.jobs.work import Work
+
+T = TypeVar("T")
 
 
 def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
@@ -96,14 +99,23 @@ def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool
 
 def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[str]:
     """Write a mission; what its format cannot hold is returned as warnings."""
-    import warnings
-
     from uavseg.flight import files
+
+    return _warnings_of(lambda: files.write_mission(mission, path, overwrite))[1]
+
+
+def write_plan_output(planned: MissionPlan, path: str, overwrite: bool) -> tuple[list[Path], list[str]]:
+    """Write the missions of a plan; returns their files, and what the format cannot hold as warnings."""
+    return _warnings_of(lambda: planned.write(path, overwrite))
+
+
+def _warnings_of(write: Callable[[], T]) -> tuple[T, list[str]]:
+    import warnings
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        files.write_mission(mission, path, overwrite)
-    return [str(one.message) for one in caught]
+        result = write()
+    return result, list(dict.fromkeys(str(one.message) for one in caught))
 
 
 def shown(target: str) -> str:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._limit_options import zone_files
 from uavseg.cli._mission_options import mission_options
 from uavseg.cli._options import (
     area,
@@ -25,7 +26,7 @@ from uavseg.cli._write import (
     shown,
     summary_rows,
     transaction,
-    write_mission_output,
+    write_plan_output,
     write_regions_and_labels,
 )
 
@@ -78,7 +79,7 @@ def command(**options: Any) -> None:
     flight = None if mission is None else _flight(options)
     check_targets(target, labels, run.overwrite)
     _check_mission_target(mission, run.overwrite)
-    keep_inputs([target, labels, mission], options["rasters"])
+    keep_inputs([target, labels, mission], options["rasters"], zone_files(options), options["dem"])
     source = open_source(options["rasters"], read)
     _check_place(target, mission, source.geobox.wkt)
     work = run.work()
@@ -86,17 +87,20 @@ def command(**options: Any) -> None:
     run.reporter.finish(found.warnings)
     planned = None
     if flight is not None:
+        from uavseg.cli._limit_options import zones_of
         from uavseg.cli._mission_options import report
-        from uavseg.jobs.plan import open_regions, plan
+        from uavseg.jobs.plan import plan
+        from uavseg.jobs.plan_regions import open_regions
 
-        planned = plan(open_regions(found.regions), flight)
+        planned = plan(open_regions(found.regions), flight, zones_of(options, lambda: source))
+    paths: list[Path] = []
     unwritten: list[str] = []
     with transaction():
         if planned is not None:
-            unwritten = write_mission_output(planned.mission, options["mission"], run.overwrite)
+            paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite)
         write_regions_and_labels(found, target, labels, work, run.overwrite)
     if planned is not None and not run.reporter.quiet:
-        report(planned.mission, planned.regions, options["mission"], unwritten)
+        report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
     rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 

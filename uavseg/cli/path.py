@@ -61,7 +61,13 @@ _LINES = (".geojson", ".json")
     "--home", metavar="LAT,LON[,M]|auto", help="For a mission: where the vehicle takes off; auto: the start."
 )
 @click.option("--speed", type=float, default=5.0, metavar="M_S", show_default=True, help="For a mission.")
-@click.option("--firmware", type=click.Choice(["ardupilot", "px4"]), default="ardupilot", show_default=True)
+@click.option(
+    "--autopilot",
+    type=click.Choice(["ardupilot", "px4", "generic"]),
+    default="ardupilot",
+    show_default=True,
+    help="For a mission.",
+)
 @running_options
 @access_options
 def command(**options: Any) -> None:
@@ -90,7 +96,7 @@ def command(**options: Any) -> None:
     if mission is not None and not run.reporter.quiet:
         from uavseg.cli._mission_options import report
 
-        report(mission, 1, output)
+        report([mission], 1, [output], mission.warnings)
 
 
 def _request(options: dict[str, Any]) -> PathRequest:
@@ -131,7 +137,7 @@ def _flight(output: str, options: dict[str, Any]) -> PlanParams | None:
     if options["altitude"] is None:
         raise ParameterError("a mission needs --altitude, in metres above home")
     parse_home(options["home"])
-    return PlanParams(options["altitude"], speed_m_s=options["speed"], firmware=options["firmware"])
+    return PlanParams(options["altitude"], speed_m_s=options["speed"], autopilot=options["autopilot"])
 
 
 def _check_target(output: str, overwrite: bool) -> None:

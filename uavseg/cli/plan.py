@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from uavseg.cli._access import access_options
+from uavseg.cli._limit_options import zone_files, zones_of
 from uavseg.cli._mission_options import mission_options, plan_request, report
-from uavseg.cli._write import keep_inputs, write_mission_output
+from uavseg.cli._write import keep_inputs, write_plan_output
+
+if TYPE_CHECKING:
+    from uavseg.jobs.source import Source
 
 
 @click.command("plan")
@@ -23,6 +27,7 @@ from uavseg.cli._write import keep_inputs, write_mission_output
     help='Only regions that fulfil it, as in "mean > 0.7 and area_m2 > 500". A comparison with a missing '
     "number is neither true nor false, so != and not do not select it either.",
 )
+@click.option("--raster", metavar="PATH", help="Where the ranges of --avoid are looked for.")
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
@@ -35,15 +40,24 @@ def command(**options: Any) -> None:
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
-    from uavseg.jobs.plan import open_regions, plan
+    from uavseg.jobs.plan import plan
+    from uavseg.jobs.plan_regions import open_regions
 
     output, regions = options["output"], options["regions"]
     files.check_mission_format(output)
     check_target(output, options["overwrite"])
-    keep_inputs([output], regions)
+    raster = options["raster"]
+    keep_inputs([output], regions, raster, zone_files(options), options["dem"])
     request = plan_request(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
-    planned = plan(open_regions(source, options["layer"]), request)
-    unwritten = write_mission_output(planned.mission, output, options["overwrite"])
+    zones = zones_of(options, None if raster is None else lambda: _opened(raster))
+    planned = plan(open_regions(source, options["layer"]), request, zones)
+    paths, unwritten = write_plan_output(planned, output, options["overwrite"])
     if not options["quiet"]:
-        report(planned.mission, planned.regions, output, unwritten)
+        report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
+
+
+def _opened(raster: str) -> Source:
+    from uavseg.jobs.open_source import open_source
+
+    return open_source(raster)

@@ -1,16 +1,13 @@
 """Missions along a line: takeoff at home, a waypoint for each position, return."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.flight.actions import corner_actions, gimbal_items
 from uavseg.flight.items import (
-    CAMERA_DISTANCE,
     CHANGE_SPEED,
     FRAME_MISSION,
     FRAME_RELATIVE,
-    MOUNT_CONTROL,
     RETURN,
     TAKEOFF,
     WAYPOINT,
@@ -19,6 +16,8 @@ from uavseg.flight.items import (
 )
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
+from uavseg.flight.terrain.heights import Heights, constant_height
+from uavseg.flight.track import Track
 
 _DECIMALS = 8  # of degrees: a millimetre
 
@@ -43,51 +42,53 @@ def fly_along(
         If the line is not near home, or the mission would not be safe.
     """
     start = HomePosition(*home)
-    items = items_along(lon, lat, start, params)
-    return Mission(start, items, params.firmware, params.name, tuple(home_notes(home)))
+    items = items_along(Track.of_path(np.column_stack([lon, lat])), start, params)
+    notes = tuple(home_notes(home))
+    return Mission(start, items, params.autopilot, params.name, notes, vehicle=params.vehicle)
 
 
 def items_along(
-    lon: Any, lat: Any, home: HomePosition, params: PlanParams, trigger_m: Any = ()
+    track: Track, home: HomePosition, params: PlanParams, heights: Heights | None = None
 ) -> tuple[MissionItem, ...]:
-    """Items of a flight along a line in degrees: takeoff, speed, waypoints, return.
+    """Items of a flight along a track: takeoff, speed, waypoints and what is done there, return.
 
     Parameters
     ----------
-    lon, lat : (n,) arrays
+    track : Track
+        With places as longitude and latitude in degrees.
     home : HomePosition
     params : PlanParams
-    trigger_m : (n - 1,) array, optional
-        Distance between the photographs on each leg, 0 where none are taken.
+    heights : Heights, optional
+        Of the waypoints; by default that of `params`, above home.
     """
-    positions = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
-    triggers = np.round(np.append(trigger_m, 0.0), 3).tolist() if len(trigger_m) else [0.0] * len(lon)
-    any_heading = (0.0, 0.0, 0.0, None)
-    height = float(params.altitude_m)
+    heights = constant_height(len(track.xy), params) if heights is None else heights
+    places = np.round(track.xy, _DECIMALS).tolist()
+    flown = zip(heights.height_m.tolist(), heights.speed_m_s.tolist(), track.hold_s.tolist(), strict=True)
     flight = []
-    before = 0.0
-    for position, trigger in zip(positions, triggers, strict=True):
-        flight.append(MissionItem(WAYPOINT, FRAME_RELATIVE, any_heading, *position, height))
-        if trigger or before:  # each line has its own distance, and begins with a photograph
-            flight.append(
-                MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (trigger, 0.0, float(trigger > 0), 0.0))
-            )
-        before = trigger
+    speed = float(params.speed_m_s)
+    for (lon, lat), (height, leg_speed, hold), then in zip(
+        places, flown, corner_actions(track, params), strict=True
+    ):
+        if leg_speed != speed:
+            flight.append(_speed_item(leg_speed))
+        flight.append(MissionItem(WAYPOINT, heights.frame, (hold, 0.0, 0.0, None), lat, lon, height))
+        flight += then
+        speed = leg_speed
+    if speed != params.speed_m_s:
+        flight.append(_speed_item(float(params.speed_m_s)))
+    up = round(heights.takeoff_m, 3)
     return (
-        MissionItem(TAKEOFF, FRAME_RELATIVE, any_heading, home.lat, home.lon, height),
-        MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, float(params.speed_m_s), -1.0, 0.0)),
-        *_gimbal_items(params),
+        MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, up),
+        _speed_item(float(params.speed_m_s)),
+        *gimbal_items(track, params),
         *flight,
         MissionItem(RETURN, FRAME_MISSION),
     )
 
 
-def _gimbal_items(params: PlanParams) -> list[MissionItem]:
-    """The gimbal is turned to its pitch, and stays there (MAV_MOUNT_MODE_MAVLINK_TARGETING)."""
-    if params.photos is None:
-        return []
-    pitch = float(params.photos.pitch_deg)
-    return [MissionItem(MOUNT_CONTROL, FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=2.0)]
+def _speed_item(speed_m_s: float) -> MissionItem:
+    """The speed over ground from here on."""
+    return MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, speed_m_s, -1.0, 0.0))
 
 
 def home_notes(home: tuple[float, ...]) -> list[str]:

@@ -13,7 +13,7 @@ from uavseg.atomic import atomic_file
 from uavseg.errors import MissionError
 from uavseg.flight.fence_json import fence_from_json, fence_to_json, rally_from_json, rally_to_json
 from uavseg.flight.items import (
-    FIRMWARES,
+    AUTOPILOTS,
     FRAME_AMSL,
     FRAME_RELATIVE,
     FRAME_TERRAIN,
@@ -33,13 +33,19 @@ ALTITUDE_MODES = {
     FRAME_AMSL: 2,
     FRAME_TERRAIN: 4,
 }  # QGroundControl's own enum, by MAV_FRAME
+_MIXED = 0  # of the same enum: items differ
 _QUADROTOR = 2  # MAV_TYPE
 _PLANE_SPEED_M_S = 15  # .plan requires a fixed-wing speed; a multirotor does not use it
 _MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
 WAYPOINTS_HEADER = "QGC WPL 110"
 
 
-def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) -> None:
+def write_mission(
+    mission: Mission,
+    path: MissionPath,
+    overwrite: bool = False,
+    check: Callable[[Mission], None] | None = None,
+) -> None:
     """Write a mission to a file, whole or not at all.
 
     Parameters
@@ -47,10 +53,12 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
     mission : Mission
     path : path
         Its extension selects the format: .plan (QGroundControl, MAVSDK) or .waypoints (Mission Planner,
-        mavwp, QGroundControl). A .waypoints file does not store the firmware; parameters that are not set
+        mavwp, QGroundControl). A .waypoints file does not store the autopilot; parameters that are not set
         are written as 0, and a fence and rally points are left out with a warning.
     overwrite : bool
         Whether an existing file may be replaced.
+    check : function, optional
+        Called with the mission as it is read back; where it raises, nothing is written.
 
     Raises
     ------
@@ -63,6 +71,8 @@ def write_mission(mission: Mission, path: MissionPath, overwrite: bool = False) 
     text = _WRITERS[suffix](mission)
     with atomic_file(path, overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
+        if check is not None:
+            check(read_mission(temporary))
     if suffix == ".waypoints" and (mission.fence or mission.rally):
         warnings.warn(
             "a .waypoints file cannot hold a fence or rally points: they were not written; use a .plan",
@@ -118,11 +128,11 @@ def plan_text(mission: Mission) -> str:
         "version": 1,
         "mission": {
             "version": 2,
-            "firmwareType": FIRMWARES[mission.firmware],
+            "firmwareType": AUTOPILOTS[mission.autopilot],
             "vehicleType": _QUADROTOR,
             "cruiseSpeed": _PLANE_SPEED_M_S,
             "hoverSpeed": max(round(mission.speed_m_s), 1),  # Mission Planner reads integers only
-            "globalPlanAltitudeMode": ALTITUDE_MODES[FRAME_RELATIVE],
+            "globalPlanAltitudeMode": _altitude_mode(mission),
             "plannedHomePosition": [home.lat, home.lon, home.altitude_m],
             "items": [_simple_item(number, item) for number, item in enumerate(mission.items, start=1)],
         },
@@ -130,6 +140,12 @@ def plan_text(mission: Mission) -> str:
         "rallyPoints": rally_to_json(mission.rally),
     }
     return json.dumps(plan, indent=1, allow_nan=False) + "\n"
+
+
+def _altitude_mode(mission: Mission) -> int:
+    """QGroundControl's mode of all heights; mixed where items differ, so that each keeps its own."""
+    modes = {ALTITUDE_MODES[item.frame] for item in mission.items if item.has_position}
+    return modes.pop() if len(modes) == 1 else _MIXED
 
 
 def _simple_item(number: int, item: MissionItem) -> dict[str, Any]:
@@ -181,17 +197,18 @@ def _mission_of_plan(text: str, name: str) -> Mission:
     if plan["version"] != 1 or plan["mission"]["version"] != 2:
         raise MissionError("only version 1 of .plan with version 2 of missions can be read")
     mission = plan["mission"]
-    firmware = {number: name for name, number in FIRMWARES.items()}.get(mission["firmwareType"])
-    if firmware is None:
+    autopilot = {number: name for name, number in AUTOPILOTS.items()}.get(mission["firmwareType"])
+    if autopilot is None:
         raise MissionError(
-            f"its firmwareType is {shown(mission['firmwareType'])}; expected 3 (ArduPilot) or 12 (PX4)"
+            f"its firmwareType is {shown(mission['firmwareType'])}; "
+            "expected 3 (ArduPilot), 12 (PX4) or 0 (generic)"
         )
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
     geofence = plan.get("geoFence") or {}
     return Mission(
         home,
         tuple(map(_item_of_plan, mission["items"])),
-        firmware,
+        autopilot,
         name,
         ("the breach return point of the fence was not read",) if geofence.get("breachReturn") else (),
         fence_from_json(geofence),

@@ -10,6 +10,8 @@ from uavseg.raster.geodesy.globe import geod_wgs84
 WAYPOINT, LOITER, LOITER_TURNS, LOITER_TIME, RETURN, LAND, TAKEOFF = 16, 17, 18, 19, 20, 21, 22
 LOITER_TO_ALTITUDE, SPLINE_WAYPOINT, VTOL_TAKEOFF, VTOL_LAND = 31, 82, 84, 85
 JUMP, CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, CAMERA_INTERVAL = 177, 178, 205, 206, 214
+ROI_LOCATION, ROI_NONE = 195, 197
+IMAGE_START, IMAGE_STOP = 2000, 2001
 CONDITION_GATE = 4501
 TAKEOFFS = frozenset({TAKEOFF, VTOL_TAKEOFF})
 LANDINGS = frozenset({LAND, VTOL_LAND})
@@ -17,10 +19,14 @@ HEADING_COMMANDS = frozenset({WAYPOINT, LOITER, LAND, *TAKEOFFS})  # param4 is a
 POSITION_COMMANDS = frozenset(  # the vehicle flies to a position
     {*HEADING_COMMANDS, *LANDINGS, LOITER_TURNS, LOITER_TIME, LOITER_TO_ALTITUDE, SPLINE_WAYPOINT}
 )
+PX4_MISSION_FRAME = frozenset(
+    {RETURN, JUMP, CHANGE_SPEED, MOUNT_CONTROL, CAMERA_DISTANCE, CAMERA_INTERVAL}
+    | {ROI_NONE, IMAGE_START, IMAGE_STOP}
+)
 # MAV_FRAME
 FRAME_AMSL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN = 0, 2, 3, 10
 
-FIRMWARES = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT
+AUTOPILOTS = {"ardupilot": 3, "px4": 12, "generic": 0}  # MAV_AUTOPILOT
 MAX_ITEMS = 65534  # the link counts in 16 bits, and the home of ArduPilot takes one
 MAX_HEIGHT_M = 1000.0  # above home: more is nearly always a height above the sea, or feet
 MAX_FIRST_LEG_M = 20_000.0
@@ -137,25 +143,34 @@ def check_position(lat: float, lon: float, what: str) -> None:
         )
 
 
-def check_firmware(item: MissionItem, firmware: str) -> None:
-    """Raise MissionError for items that the autopilot refuses or is known to fly differently."""
+def check_accepted(item: MissionItem, autopilot: str) -> None:
+    """Raise MissionError for items that the autopilot refuses or is known to fly differently.
+
+    For "generic", an item must be one that ArduPilot and PX4 both accept.
+    """
+    if autopilot != "px4":
+        _check_ardupilot(item)
+    if autopilot != "ardupilot":
+        _check_px4(item)
+
+
+def _check_ardupilot(item: MissionItem) -> None:
     unset = {number for number, value in enumerate(item.params, start=1) if value is None}
-    if firmware == "ardupilot":
-        may_be_unset = {VTOL_LAND: {3, 4}}.get(
-            item.command, {4} if item.command in HEADING_COMMANDS else set()
+    may_be_unset = {VTOL_LAND: {3, 4}}.get(item.command, {4} if item.command in HEADING_COMMANDS else set())
+    if unset - may_be_unset:
+        raise MissionError(
+            f"ArduPilot refuses command {item.command} with param{min(unset - may_be_unset)} unset"
         )
-        if unset - may_be_unset:
-            raise MissionError(
-                f"ArduPilot refuses command {item.command} with param{min(unset - may_be_unset)} unset"
-            )
-        if item.command in {CAMERA_INTERVAL, CONDITION_GATE}:
-            raise MissionError(f"ArduPilot does not know command {item.command}")
-        return
+    if item.command in {CAMERA_INTERVAL, CONDITION_GATE}:
+        raise MissionError(f"ArduPilot does not know command {item.command}")
+
+
+def _check_px4(item: MissionItem) -> None:
     if item.frame == FRAME_TERRAIN:
         raise MissionError("PX4 has no heights above the terrain (frame 10); give them above home")
     if item.command == LOITER_TURNS:
         raise MissionError("PX4 does not fly LOITER_TURNS (18) in a mission")
-    if item.command in {RETURN, CHANGE_SPEED, CAMERA_DISTANCE} and item.frame != FRAME_MISSION:
+    if item.command in PX4_MISSION_FRAME and item.frame != FRAME_MISSION:
         raise MissionError(f"PX4 takes command {item.command} in frame 2 only, not {item.frame}")
 
 

@@ -1,35 +1,42 @@
 """Missions: home and items, their length and duration, safety checks and warnings."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
+from uavseg.flight.camera.photos import Photos
+from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.fence import Fence, FenceCircle, RallyPoint
 from uavseg.flight.items import (
+    AUTOPILOTS,
     CHANGE_SPEED,
-    FIRMWARES,
     FRAME_AMSL,
-    LOITER_TIME,
+    FRAME_TERRAIN,
     MAX_DISTANCE_M,
     MAX_HEIGHT_M,
     MAX_ITEMS,
     RETURN,
     TAKEOFFS,
-    WAYPOINT,
     HomePosition,
     MissionItem,
-    check_firmware,
+    check_accepted,
     check_near,
     distance_m,
 )
+from uavseg.flight.terrain.ground import Ground
 from uavseg.raster.geodesy.globe import geod_wgs84
 
-BOARD_CAPACITY = {"ardupilot": 650, "px4": 500}  # items that common boards store
+if TYPE_CHECKING:
+    from uavseg.flight.estimate.summary import Estimate
+
+BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
 USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
 LONG_FLIGHT_S = 30 * 60.0
-CRUISE_M_S, CLIMB_M_S, DESCENT_M_S = 5.0, 2.5, 1.5
+FULL_BATTERY = 0.8  # share that is usually flown, the rest is a reserve
+CRUISE_M_S = 5.0
 
 Floats = NDArray[np.float64]
 
@@ -45,8 +52,8 @@ class Mission:
     home : Home
     items : tuple of Item
         Without home; takeoff first.
-    firmware : "ardupilot" or "px4"
-        The autopilot the mission is for.
+    autopilot : "ardupilot", "px4" or "generic"
+        The autopilot the mission is for; "generic" for any, with only what ArduPilot and PX4 both accept.
     name : str
         Not compared, and not written to files.
     notes : tuple of str
@@ -55,27 +62,37 @@ class Mission:
         Areas that the vehicle must stay inside or outside of; stored polygons first, as in files.
     rally : tuple of RallyPoint
         Places to which it may return instead of home.
+    vehicle : Vehicle, optional
+        What flies it, for estimates; by default a multirotor with the parameters of its autopilot. Neither
+        compared nor written to files, like `photos`.
+    photos : Photos, optional
+        How it photographs, for estimates.
+    ground : Ground, optional
+        The ground below it, where the planner knows it; neither compared nor written to files.
 
     Raises
     ------
     MissionError
         If there are no items to fly to or more than a link can count; if a position is not on Earth, is more
         than 20 km (the first) or 100 km (any) from home, at or below home, or more than 1000 m above it; if
-        the fence or a rally point is more than 100 km from home; or if the firmware is known to refuse an
+        the fence or a rally point is more than 100 km from home; or if the autopilot is known to refuse an
         item.
     """
 
     home: HomePosition
     items: tuple[MissionItem, ...]
-    firmware: str = "ardupilot"
+    autopilot: str = "ardupilot"
     name: str = field(default="", compare=False)
     notes: tuple[str, ...] = field(default=(), compare=False)
     fence: tuple[Fence, ...] = ()
     rally: tuple[RallyPoint, ...] = ()
+    vehicle: Vehicle | None = field(default=None, compare=False)
+    photos: Photos | None = field(default=None, compare=False)
+    ground: Ground | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
-        if self.firmware not in FIRMWARES:
-            raise MissionError(f"a mission is for ardupilot or px4, not for {self.firmware!r}")
+        if self.autopilot not in AUTOPILOTS:
+            raise MissionError(f"a mission is for {', '.join(AUTOPILOTS)}, not for {self.autopilot!r}")
         if not any(item.has_position and item.command not in TAKEOFFS for item in self.items):
             raise MissionError("a mission needs an item to fly to; this one has none")
         if len(self.items) > MAX_ITEMS:
@@ -84,7 +101,7 @@ class Mission:
                 "choose fewer regions, a wider spacing or a larger tolerance"
             )
         for item in self.items:
-            check_firmware(item, self.firmware)
+            check_accepted(item, self.autopilot)
         _check_distances(self)
         _check_fence(self)
         by_kind = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
@@ -101,18 +118,27 @@ class Mission:
     def path(self) -> tuple[Floats, Floats, Floats]:
         """Positions of the flight, home first: lat and lon in degrees, height above home in metres.
 
-        A return adds home, at the height of the return. Heights above the terrain count as above home.
+        A return adds home, at the height of the return. Heights above the terrain count as above home where
+        the ground is not known.
         """
         places = [(self.home.lat, self.home.lon, 0.0)]
         for item in self.items:
             if item.has_position:
                 lat, lon = places[-1][:2] if item.is_at_vehicle else (item.lat, item.lon)
-                sea_m = self.home.altitude_m if item.frame == FRAME_AMSL else 0.0
-                places.append((lat, lon, item.altitude_m - sea_m))
+                places.append((lat, lon, self.height_above_home_m(item)))
             elif item.command == RETURN:
                 places.append((self.home.lat, self.home.lon, places[-1][2]))
         lat_, lon_, height = np.array(places, dtype=np.float64).T
         return lat_, lon_, height
+
+    def height_above_home_m(self, item: MissionItem) -> float:
+        """Height of an item above home; one above the terrain needs `ground`, see `path`."""
+        if item.frame == FRAME_AMSL:
+            return item.altitude_m - self.home.altitude_m
+        if item.frame != FRAME_TERRAIN or self.ground is None:
+            return item.altitude_m
+        home, place = (self.home.lat, self.home.lon), (item.lat, item.lon)
+        return item.altitude_m + self.ground.rise_m(home, place)
 
     @property
     def distance_m(self) -> float:
@@ -121,39 +147,48 @@ class Mission:
         return float(_leg_lengths(lat, lon).sum())
 
     @property
-    def duration_s(self) -> float:
-        """Shortest duration of the flight in seconds: constant speed, climb at 2.5 and descent at 1.5 m/s.
+    def estimate(self) -> "Estimate":
+        """Time with turns and acceleration, photographs, ground they show, energy."""
+        from uavseg.flight.estimate.summary import estimate
 
-        Slowing down for turns is not included.
-        """
-        lat, lon, height = self.path
-        climb = np.diff(height)
-        vertical = np.where(climb > 0, climb / CLIMB_M_S, -climb / DESCENT_M_S)
-        legs = np.maximum(_leg_lengths(lat, lon) / self.speed_m_s, vertical)
-        holds = sum(i.params[0] or 0.0 for i in self.items if i.command in {WAYPOINT, LOITER_TIME})
-        returns = any(i.command == RETURN for i in self.items)
-        return float(legs.sum() + holds + (max(height[-1], 0.0) / DESCENT_M_S if returns else 0.0))
+        return estimate(self)
+
+    @property
+    def duration_s(self) -> float:
+        """Estimated duration of the flight in seconds, see `estimate`."""
+        return self.estimate.duration_s
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings for the pilot: the notes, too many items, great height, long duration."""
         found = list(self.notes)
-        capacity = BOARD_CAPACITY[self.firmware]
+        capacity = BOARD_CAPACITY[self.autopilot]
+        with_autopilot = "" if self.autopilot == "generic" else f" with {self.autopilot}"
         if len(self.items) > capacity:
             found.append(
-                f"{len(self.items)} items: many boards with {self.firmware} hold {capacity}; "
+                f"{len(self.items)} items: many boards{with_autopilot} hold {capacity}; "
                 "split the mission or choose fewer regions"
             )
-        highest = float(self.path[2].max())
+        zero, highest = "home", float(self.path[2].max())
+        if self.ground is not None:
+            zero, highest = "the ground", round(self.ground.highest_m, 1)
         if highest > USUAL_MAX_HEIGHT_M:
             found.append(
-                f"{highest:g} m above home is more than most countries allow without a permit (120 m)"
+                f"{highest:g} m above {zero} is more than most countries allow without a permit (120 m)"
             )
-        if self.duration_s > LONG_FLIGHT_S:
-            found.append(
-                f"at least {self.duration_s / 60:.0f} min in the air: few multirotors fly 30 min on a battery"
-            )
+        found += self._endurance_warnings()
         return tuple(found)
+
+    def _endurance_warnings(self) -> list[str]:
+        flight = self.estimate
+        if flight.battery is not None:
+            if flight.battery <= FULL_BATTERY:
+                return []
+            share = f"{100 * flight.battery:.0f} %"
+            return [f"the flight takes {share} of a battery without wind: split the mission"]
+        if flight.duration_s <= LONG_FLIGHT_S:
+            return []
+        return [f"about {flight.duration_s / 60:.0f} min in the air: few multirotors fly 30 min on a battery"]
 
 
 def _check_distances(mission: Mission) -> None:

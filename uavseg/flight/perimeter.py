@@ -30,7 +30,12 @@ def perimeter(region: Any, tolerance_m: float) -> Floats:
     ring : (N, 2) array
         x, y in metres; the last point is the first one.
     """
-    ring = shapely.get_coordinates(region.exterior)[:-1]
+    return simplified_ring(shapely.get_coordinates(region.exterior), tolerance_m)
+
+
+def simplified_ring(closed: Floats, tolerance_m: float) -> Floats:
+    """A closed ring (n, 2) with as few corners as stay within a tolerance; see `perimeter`."""
+    ring = closed[:-1]
     ring = np.roll(ring, -_farthest(ring, ring.mean(axis=0)), axis=0)
     turn = _farthest(ring, ring[0])
     there = shapely.simplify(shapely.LineString(ring[: turn + 1]), tolerance_m, preserve_topology=False)

@@ -3,24 +3,27 @@
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Literal
 
-from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.camera.camera import Camera, Overlap
-from uavseg.flight.camera.catalogue import camera_named
-from uavseg.flight.camera.photos import Photos
+from uavseg.errors import ParameterError
+from uavseg.flight.home_place import home_outside
+from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import Mission
-from uavseg.flight.params import PlanParams
-from uavseg.flight.planner import plan_mission
-from uavseg.plain_text import shown
+from uavseg.flight.numbered import write_flights
+from uavseg.flight.paper_check import PaperCheck
+from uavseg.flight.params import COVERING, PlanParams
+from uavseg.flight.planner import plan_missions
+from uavseg.flight.terrain.clearance import clearance_of
+from uavseg.flight.terrain.params import TerrainParams
+from uavseg.jobs.pattern_words import PatternWords, pattern_params
+from uavseg.jobs.photo_words import PhotoWords, photos_of
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
 MAX_GSD_CM = 100.0
+NO_PHOTOS, NOTHING_SAID = PhotoWords(), PatternWords()
 
 Home = tuple[float, ...] | Literal["auto"]
 
@@ -33,7 +36,8 @@ class PlanRequest:
     ----------
     flight : PlanParams
     home : (lat, lon), (lat, lon, altitude_m) or "auto"
-        Where the vehicle starts; with "auto", inside the first chosen region.
+        Where the vehicle starts; with "auto", near the chosen regions and outside of all of them and of
+        keep-out zones.
     ids : sequence of int, optional
         Only the regions with these ids.
     largest : int, optional
@@ -55,39 +59,93 @@ class PlanRequest:
 
 
 @dataclass(frozen=True)
-class Planned:
-    """A mission, and over how many regions it leads."""
+class MissionPlan:
+    """Missions over regions.
 
-    mission: Mission
+    Parameters
+    ----------
+    missions : tuple of Mission
+        One for each flight, in the order in which they are flown.
+    regions : int
+        How many regions they lead over.
+    check : PaperCheck
+        What they are checked against.
+    """
+
+    missions: tuple[Mission, ...]
     regions: int
+    check: PaperCheck = field(compare=False)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the person who flies it should know."""
-        return self.mission.warnings
+        """What the person who flies them should know, each once."""
+        return tuple(dict.fromkeys(text for mission in self.missions for text in mission.warnings))
+
+    def write(self, path: str | os.PathLike[str], overwrite: bool = False) -> list[Path]:
+        """Write the missions, read them back and check them; several are numbered: fly-1.plan, fly-2.plan.
+
+        Parameters
+        ----------
+        path : path
+            Its extension selects the format, see `uavseg.flight.files`.
+        overwrite : bool
+            Whether existing files may be replaced.
+
+        Returns
+        -------
+        paths : list of Path
+
+        Raises
+        ------
+        MissionError
+            If the extension is none of a mission, or what was written is not safe.
+        OutputError
+            If a file exists, or cannot be written.
+        """
+        return write_flights(self.missions, path, self.check, overwrite)
 
 
-def plan(regions: Regions, request: PlanRequest) -> Planned:
-    """A mission over regions: take off, fly their pattern in a short order, return.
+def plan(regions: Regions, request: PlanRequest, zones: Sequence[Any] = ()) -> MissionPlan:
+    """Missions over regions: take off, fly their pattern in a short order, return.
 
     Parameters
     ----------
     regions : Regions
-        In degrees (lon, lat; WGS 84), see `open_regions` and `in_degrees`.
+        In degrees (lon, lat; WGS 84), see `uavseg.jobs.plan_regions`.
     request : PlanRequest
+    zones : sequence of shapely Polygon or MultiPolygon
+        Keep-out zones in degrees.
 
     Raises
     ------
     RegionError
         If none of the regions is chosen.
     MissionError
-        If there are no regions, if they are not near home, or if the mission would not be safe.
+        If there are no regions, if they are not near home, if zones make one unreachable, or if the mission
+        would not be safe.
     """
+    chosen = regions
     if request.chooses:
-        regions = select_regions(regions, request.ids, request.largest, request.where)
-    points = list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
-    home = _first(points) if request.home == "auto" else request.home
-    return Planned(plan_mission(list(regions.polygons), points, request.flight, home), len(regions))
+        chosen = select_regions(regions, request.ids, request.largest, request.where)
+    polygons, points = list(chosen.polygons), _points(chosen)
+    flight, home, notes = request.flight, request.home, []
+    if home == "auto":
+        everywhere = list(regions.polygons)
+        home = home_outside(everywhere, points or _points(regions), zones, flight.safety.avoid_margin_m)
+        notes.append(
+            f"home is {home[0]:.7f},{home[1]:.7f}, outside of all regions and keep-out zones; look at the "
+            "place before the flight: the plan knows nothing of trees, water or roads there"
+        )
+    missions = plan_missions(polygons, points, flight, home, zones)
+    first = replace(missions[0], notes=(*notes, *missions[0].notes))
+    check = PaperCheck(flight.safety, tuple(zones), clearance_of(flight))
+    for mission in missions:
+        check.check(mission)
+    return MissionPlan((first, *missions[1:]), len(chosen), check)
+
+
+def _points(regions: Regions) -> list[tuple[float, float]]:
+    return list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
 
 
 def flight_params(
@@ -97,10 +155,14 @@ def flight_params(
     spacing: float | None = None,
     angle: float | None = None,
     speed: float = 5.0,
-    firmware: str = "ardupilot",
+    autopilot: str = "ardupilot",
     tolerance: float | None = None,
-    photos: Photos | None = None,
+    photos: PhotoWords = NO_PHOTOS,
+    words: PatternWords = NOTHING_SAID,
     gsd: float | None = None,
+    limits: LimitParams = LimitParams(),
+    safety: SafetyParams = SafetyParams(),
+    terrain: TerrainParams | None = None,
 ) -> PlanParams:
     """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
 
@@ -112,103 +174,32 @@ def flight_params(
     ParameterError
         If a value is out of bounds, or values do not go together.
     """
+    taken = photos_of(photos, pattern)
     if gsd is not None:
-        if photos is None:
+        if taken is None:
             raise ParameterError("a ground sampling distance needs a camera (--camera)")
         if altitude is not None:
             raise ParameterError("the height follows from the ground sampling distance; give one of the two")
         if not 0 < gsd <= MAX_GSD_CM:
             raise ParameterError(f"a ground sampling distance is above 0 and at most 100 cm, not {gsd:g}")
-        altitude = photos.camera.height_m(gsd / 100, photos.pitch_deg)
+        altitude = taken.camera.height_m(gsd / 100, taken.pitch_deg)
     if altitude is None:
         raise ParameterError("a mission needs --altitude, in metres above home, or --camera and --gsd")
-    surveyed = pattern == "survey" or (pattern is None and (spacing is not None or photos is not None))
-    if photos is not None and surveyed and 0 < altitude < math.inf:
-        spacing = photos.spacing_m(altitude) if spacing is None else spacing
+    if pattern is None:
+        pattern = "visit" if spacing is None and taken is None else "survey"
+    if taken is not None and pattern in COVERING and 0 < altitude < math.inf:
+        spacing = taken.spacing_m(altitude) if spacing is None else spacing
     return PlanParams(
         altitude_m=altitude,
-        pattern=pattern or ("survey" if surveyed else "visit"),
+        pattern=pattern,
         spacing_m=spacing,
         angle_deg=angle,
         speed_m_s=speed,
-        firmware=firmware,
+        autopilot=autopilot,
         tolerance_m=tolerance,
-        photos=photos,
+        photos=taken,
+        how=pattern_params(pattern, words),
+        limits=limits,
+        safety=safety,
+        terrain=terrain,
     )
-
-
-def photos_of(
-    camera: str | os.PathLike[str] | Camera | None,
-    overlap: Sequence[float] = (75.0, 70.0),
-    gimbal_pitch: float = -90.0,
-) -> Photos | None:
-    """How to photograph with a camera that is named; None without one.
-
-    Parameters
-    ----------
-    camera : str, path or Camera, optional
-        A name of the catalogue, or a JSON file; see `uavseg.flight.camera.catalogue`.
-    overlap : (float, float)
-        Along the lines and between them, in per cent.
-    gimbal_pitch : float
-        Degrees; -90 is straight down.
-
-    Raises
-    ------
-    ParameterError
-        If the camera is not known, or a number is out of bounds.
-    """
-    if camera is None:
-        return None
-    if len(overlap) != 2:
-        raise ParameterError(f"an overlap is two numbers, along the lines and between them, not {overlap!r}")
-    found = camera if isinstance(camera, Camera) else camera_named(camera)
-    return Photos(found, Overlap(float(overlap[0]), float(overlap[1])), float(gimbal_pitch))
-
-
-def open_regions(
-    source: "str | os.PathLike[str] | bytes | GeoDataFrame | Regions", layer: str | None = None
-) -> Regions:
-    """Regions in degrees from a file, from the content of one, from a frame or from another job.
-
-    Parameters
-    ----------
-    source : path, bytes, GeoDataFrame or Regions
-    layer : str, optional
-        Which layer of a file.
-
-    Raises
-    ------
-    RegionError
-        If the file cannot be read, has no polygons or not only polygons, or no coordinate system.
-    """
-    if isinstance(source, Regions):
-        return in_degrees(source)
-    from uavseg.regions.formats import read
-
-    if isinstance(source, str | os.PathLike | bytes):
-        return read.read_regions(source, layer)
-    if not hasattr(source, "geometry") or not hasattr(source, "columns"):
-        raise ParameterError(f"regions is a file of polygons or a GeoDataFrame, not {shown(source)}")
-    return read.regions_of_frame(source)
-
-
-def in_degrees(regions: Regions) -> Regions:
-    """Regions of a raster in WGS 84, with the coordinates that GeoJSON gets.
-
-    Raises
-    ------
-    OutputError
-        If they have no place on the Earth.
-    """
-    from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
-
-    polygons: Any = wgs84_geometries(regions)
-    return replace(regions, polygons=polygons, wkt="EPSG:4326")
-
-
-def _first(points: Sequence[tuple[float, float]]) -> tuple[float, ...]:
-    """Home in the first region."""
-    if not points:
-        raise MissionError("there is no region to fly to; choose at least one")
-    return points[0][1], points[0][0]

@@ -12,7 +12,8 @@ from shapely.affinity import rotate
 
 from tests.flight.cover.cover_fields import fields
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.cover.survey import LEEWAY, CoverParams, Survey, surveys
+from uavseg.flight.cover.space import LEEWAY
+from uavseg.flight.cover.survey import CoverParams, Survey, surveys
 
 
 def spiral() -> shapely.Polygon:
@@ -49,13 +50,15 @@ def check(region: shapely.Polygon, flown: Survey, params: CoverParams) -> None:
     longer[:, 1] += along * unit * (params.reach_m + 1e-6)
     swaths = shapely.buffer(shapely.linestrings(longer), params.spacing_m / 2 + 1e-6, cap_style="flat")
     assert shapely.difference(region, shapely.union_all(swaths)).area <= 1e-3 * region.area
-    allowed = shapely.buffer(region, LEEWAY * params.spacing_m + 1e-3)
-    assert shapely.covers(allowed, shapely.linestrings(flown.lines)).all()
+    near = shapely.buffer(region, LEEWAY * params.spacing_m + 1e-3)
+    assert shapely.covers(near, shapely.linestrings(flown.lines)).all()
+    allowed = shapely.buffer(region, LEEWAY * params.spacing_m + params.lead_m + 1e-3)
+    assert shapely.covers(allowed, shapely.linestrings(flown.outer)).all()
     assert all(shapely.covers(allowed, shapely.LineString(leg)) for leg in flown.legs)
     assert len(flown.legs) == len(flown.lines) - 1
     for k, leg in enumerate(flown.legs):
-        assert leg[0].tolist() == flown.lines[k, 1].tolist()
-        assert leg[-1].tolist() == flown.lines[k + 1, 0].tolist()
+        assert leg[0].tolist() == flown.outer[k, 1].tolist()
+        assert leg[-1].tolist() == flown.outer[k + 1, 0].tolist()
 
 
 @given(fields(), st.floats(6, 40), st.sampled_from([0.0, 0.5, 1.1]), st.none() | st.floats(0, 180))
@@ -86,7 +89,13 @@ def test_a_rectangle_is_flown_along_its_long_side(turn: float) -> None:
 
 
 def test_large_fields_are_flown_in_little_more_than_their_area_by_the_spacing() -> None:
-    for region, most in ((SHAPES["U"], 1.15), (SHAPES["holes"], 1.2), (shapely.box(0, 0, 100, 140), 1.05)):
+    for region, most in (
+        (SHAPES["U"], 1.15),
+        (SHAPES["holes"], 1.15),
+        (SHAPES["ring"], 1.15),
+        (SHAPES["E"], 1.15),
+        (shapely.box(0, 0, 100, 140), 1.05),
+    ):
         large = shapely.affinity.scale(region, 8, 8)
         flown = survey(large, CoverParams(20, None, 22))
         assert flown.length_m <= most * large.area / 20
@@ -114,3 +123,41 @@ def test_an_angle_that_is_none_is_refused(angle: float) -> None:
 def test_more_lines_than_a_mission_holds_are_refused() -> None:
     with pytest.raises(MissionError, match="wider spacing"):
         survey(shapely.box(0, 0, 1000, 1000), CoverParams(0.01))
+
+
+@given(fields(), st.floats(8, 40), st.none() | st.floats(0, 180))
+@settings(deadline=None, max_examples=15)
+def test_a_crosshatch_covers_twice_at_a_right_angle(
+    field: shapely.Polygon, spacing: float, angle: float | None
+) -> None:
+    params = CoverParams(spacing, angle, crosshatch=True)
+    flown = survey(field, params)
+    step = flown.lines[:, 1] - flown.lines[:, 0]
+    azimuth = np.radians(flown.angle_deg)
+    along = np.abs(step @ [np.sin(azimuth), np.cos(azimuth)]) > np.hypot(*step.T) / 2
+    assert angle is None or flown.angle_deg == pytest.approx(angle % 180)
+    for chosen in (along, ~along):
+        swaths = shapely.buffer(
+            shapely.linestrings(flown.lines[chosen]), spacing / 2 + 1e-6, cap_style="flat"
+        )
+        assert shapely.difference(field, shapely.union_all(swaths)).area <= 1e-3 * field.area
+
+
+@given(fields(), st.floats(8, 40), st.floats(5, 60))
+@settings(deadline=None, max_examples=15)
+def test_turnarounds_are_straight_and_stay_near(field: shapely.Polygon, spacing: float, lead: float) -> None:
+    params = CoverParams(spacing, lead_m=lead)
+    flown = survey(field, params)
+    check(field, flown, params)
+    for line, outer in zip(flown.lines, flown.outer, strict=True):
+        longer = np.hypot(*(outer[1] - outer[0])) - np.hypot(*(line[1] - line[0]))
+        assert longer == pytest.approx(2 * lead) and shapely.LineString(outer).distance(
+            shapely.points(line)
+        ).max() == pytest.approx(0, abs=1e-6)
+
+
+def test_turnarounds_are_shorter_where_an_obstacle_is_near() -> None:
+    field, wall = shapely.box(0, 0, 100, 40), shapely.box(110, -100, 112, 140)
+    flown = survey(field, CoverParams(20, 90, lead_m=30), [wall])
+    assert not any(shapely.LineString(outer).crosses(wall) for outer in flown.outer)
+    assert flown.outer[..., 0].min() == pytest.approx(-30) and 100 < flown.outer[..., 0].max() <= 110

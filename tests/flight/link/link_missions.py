@@ -29,7 +29,7 @@ FENCE = (
 RALLY = (RallyPoint(47.001, 8.001, 30.0), RallyPoint(47.002, 8.002, 45.0))
 
 
-def survey(items: int = 12, firmware: str = "ardupilot") -> Mission:
+def survey(items: int = 12, autopilot: str = "ardupilot") -> Mission:
     """A mission with so many items: takeoff, speed, waypoints with a camera that triggers, return."""
     rows = [
         MissionItem(TAKEOFF, FRAME_RELATIVE, ANY, HOME.lat, HOME.lon, 40.0),
@@ -41,7 +41,7 @@ def survey(items: int = 12, firmware: str = "ardupilot") -> Mission:
         else:
             place = round(47.0 + 0.0001 * n, 8), round(8.0 + 1.23456789e-5 * n, 8)
             rows.append(MissionItem(WAYPOINT, FRAME_RELATIVE, ANY, *place, 40.0 + 0.01 * (n % 7)))
-    return Mission(HOME, (*rows, MissionItem(RETURN, FRAME_MISSION)), firmware)
+    return Mission(HOME, (*rows, MissionItem(RETURN, FRAME_MISSION)), autopilot)
 
 
 def fenced(mission: Mission) -> Mission:
@@ -49,9 +49,9 @@ def fenced(mission: Mission) -> Mission:
     return replace(mission, fence=FENCE, rally=RALLY)
 
 
-def looped(firmware: str) -> Mission:
+def looped(autopilot: str) -> Mission:
     """A mission that jumps back to its second item, and lands."""
     points = [MissionItem(WAYPOINT, FRAME_AMSL, ANY, 47.0 + n / 1000, 8.0, 450.0) for n in range(3)]
     jump = MissionItem(JUMP, FRAME_MISSION, (2.0, 3.0, 0.0, 0.0))
     land = MissionItem(LAND, FRAME_RELATIVE, ANY, 47.0, 8.0, 0.0)
-    return Mission(HOME, (*points, jump, land), firmware)
+    return Mission(HOME, (*points, jump, land), autopilot)

@@ -6,7 +6,7 @@ import pytest
 
 from tests.flight.link.link_missions import survey
 from tests.flight.link.network import GROUND, Network, linked, messages
-from tests.flight.link.transfers import FIRMWARES, VEHICLES, sent_to
+from tests.flight.link.transfers import AUTOPILOTS, VEHICLES, sent_to
 from tests.flight.link.vehicles import (
     ArduPilot,
     FakeVehicle,
@@ -39,7 +39,7 @@ class Deaf(Network):
 @pytest.mark.parametrize("make", VEHICLES)
 @pytest.mark.parametrize("times", [1, 100])
 def test_a_lost_last_acknowledgement_is_no_failure(make: type[FakeVehicle], times: int) -> None:
-    vehicle, mission = make(), survey(firmware=FIRMWARES[make])
+    vehicle, mission = make(), survey(autopilot=AUTOPILOTS[make])
     network = Deaf([vehicle]).drop("MISSION_ACK", times, type=Result.ACCEPTED)
     link = linked(network)
     began = network.now()
@@ -77,7 +77,7 @@ def test_a_refusal_names_the_item_and_the_reason(
     network = Network([vehicle])
     link, began = linked(network), network.now()
     with pytest.raises(LinkError) as refused:
-        upload_mission(link, survey(firmware=FIRMWARES[make]))
+        upload_mission(link, survey(autopilot=AUTOPILOTS[make]))
     said = str(refused.value)
     assert f"refuses item {number} of the mission" in said and f"MAV_MISSION_{result.name})" in said
     assert "(16) in frame" in said or "(22) in frame" in said
@@ -90,7 +90,7 @@ def test_a_last_item_that_is_refused_is_not_taken_for_a_lost_acknowledgement() -
         vehicle = Px4()
         vehicle.refused = {11: result}
         with pytest.raises(LinkError, match=words):
-            upload_mission(linked(Network([vehicle])), survey(firmware="px4"))
+            upload_mission(linked(Network([vehicle])), survey(autopilot="px4"))
 
 
 def test_errors_of_a_vehicle_that_goes_on_are_no_refusal() -> None:
@@ -108,7 +108,7 @@ def test_errors_of_a_vehicle_that_goes_on_are_no_refusal() -> None:
         return True
 
     network.before_delivery = error_at
-    assert not upload_mission(link, survey(firmware="px4"))
+    assert not upload_mission(link, survey(autopilot="px4"))
 
 
 def test_a_vehicle_that_holds_something_else_afterwards_is_not_verified() -> None:

@@ -30,11 +30,11 @@ def kept(number: int, **changes: Any) -> list[LinkItem]:
         (7, {"params": (0.0, 0.0, 1.0, 0.0)}, r"parameter 1 is 0 instead of 12\.5"),
     ],
 )
-@pytest.mark.parametrize("firmware", ["ardupilot", "px4", "generic"])
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4", "generic"])
 def test_what_would_fly_otherwise_is_an_error(
-    number: int, changes: dict[str, Any], words: str, firmware: str
+    number: int, changes: dict[str, Any], words: str, autopilot: str
 ) -> None:
-    [found] = differences(SENT, kept(number, **changes), Kind.MISSION, firmware)
+    [found] = differences(SENT, kept(number, **changes), Kind.MISSION, autopilot)
     assert re.search(words, found)
 
 

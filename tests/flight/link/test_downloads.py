@@ -15,7 +15,12 @@ from tests.flight.link.vehicles import (
     Px4,
 )
 from uavseg.errors import LinkError, MissionError
-from uavseg.flight.items import CONDITION_GATE, FRAME_MISSION, MissionItem
+from uavseg.flight.items import (
+    CONDITION_GATE,
+    FRAME_MISSION,
+    LOITER_TURNS,
+    MissionItem,
+)
 from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.results import Result
 
@@ -36,14 +41,17 @@ def test_a_return_point_of_a_fence_gives_a_note() -> None:
 
 def test_a_mission_of_a_generic_vehicle_is_read_as_one_for_the_autopilot_whose_rules_it_keeps() -> None:
     gate = MissionItem(CONDITION_GATE, FRAME_MISSION, (0.0,) * 4)
-    mission = survey(firmware="px4")
-    for items, firmware in (
-        (mission.items, "ardupilot"),
+    mission = survey(autopilot="px4")
+    loiter = replace(mission.items[2], command=LOITER_TURNS, params=(1.0, 0.0, 0.0, 0.0))
+    for items, autopilot in (
+        (mission.items, "generic"),
+        ((*mission.items, loiter), "ardupilot"),
         ((*mission.items, gate), "px4"),
     ):
-        vehicle, _ = sent_to(Generic, replace(mission, items=items))
+        vehicle, _ = sent_to(Generic, replace(mission, items=items, autopilot=autopilot))
         found = download_mission(linked(Network([vehicle])))
-        assert found.firmware == firmware and "generic" in found.notes[-1]
+        assert found.autopilot == autopilot
+        assert any("generic" in note for note in found.notes) == (autopilot != "generic")
     vehicle.stored[0][3] = replace(vehicle.stored[0][3], frame=10)  # which PX4 refuses, as ArduPilot the gate
     with pytest.raises(MissionError, match="cannot be used: ArduPilot does not know command 4501"):
         download_mission(linked(Network([vehicle])))
@@ -108,7 +116,7 @@ def test_a_mission_that_would_not_be_safe_is_refused() -> None:
     vehicle.stored[0][5].z = 5000.0
     with pytest.raises(MissionError, match=r"what the vehicle holds cannot be used: altitude is 5000 m"):
         download_mission(linked(Network([vehicle])))
-    vehicle, _ = sent_to(Px4, fenced(survey(firmware="px4")))
+    vehicle, _ = sent_to(Px4, fenced(survey(autopilot="px4")))
     vehicle.stored[1].pop(2)
     with pytest.raises(MissionError, match="cannot be used: a fence polygon of the vehicle has 3 of 4"):
         download_mission(linked(Network([vehicle])))

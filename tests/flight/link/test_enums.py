@@ -28,6 +28,10 @@ NAMES = {
         "CAMERA_DISTANCE": "MAV_CMD_DO_SET_CAM_TRIGG_DIST",
         "MOUNT_CONTROL": "MAV_CMD_DO_MOUNT_CONTROL",
         "CAMERA_INTERVAL": "MAV_CMD_DO_SET_CAM_TRIGG_INTERVAL",
+        "ROI_LOCATION": "MAV_CMD_DO_SET_ROI_LOCATION",
+        "ROI_NONE": "MAV_CMD_DO_SET_ROI_NONE",
+        "IMAGE_START": "MAV_CMD_IMAGE_START_CAPTURE",
+        "IMAGE_STOP": "MAV_CMD_IMAGE_STOP_CAPTURE",
         "CONDITION_GATE": "MAV_CMD_CONDITION_GATE",
         "FRAME_AMSL": "MAV_FRAME_GLOBAL",
         "FRAME_MISSION": "MAV_FRAME_MISSION",
@@ -81,7 +85,7 @@ def test_every_number_is_compared(module: ModuleType) -> None:
 
 
 def test_autopilots_kinds_and_results_are_those_of_mavlink() -> None:
-    for name, number in items.FIRMWARES.items():
+    for name, number in items.AUTOPILOTS.items():
         enum = {"ardupilot": "ARDUPILOTMEGA"}.get(name, name.upper())
         assert number == getattr(common, f"MAV_AUTOPILOT_{enum}")
     assert {kind.name: int(kind) for kind in Kind} == {

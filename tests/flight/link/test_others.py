@@ -4,7 +4,7 @@ import pytest
 
 from tests.flight.link.link_missions import survey
 from tests.flight.link.network import GROUND, GroundStation, Network, linked
-from tests.flight.link.transfers import FIRMWARES, VEHICLES, during_upload, sent_to
+from tests.flight.link.transfers import AUTOPILOTS, VEHICLES, during_upload, sent_to
 from tests.flight.link.vehicles import (
     ArduPilot,
     FakeVehicle,
@@ -23,7 +23,7 @@ def test_another_ground_station_that_writes_is_noticed(make: type[FakeVehicle], 
     fields = (3, 0) if word == "mission_count" else (0,)
     during_upload(network, lambda: getattr(station.mav, f"{word}_send")(1, 1, *fields))
     with pytest.raises(LinkError, match=r"another ground station \(system 254\) transfers a mission"):
-        upload_mission(link, survey(firmware=FIRMWARES[make]))
+        upload_mission(link, survey(autopilot=AUTOPILOTS[make]))
 
 
 def test_a_transfer_of_another_ground_station_is_noticed_by_the_requests_of_the_vehicle() -> None:
@@ -115,9 +115,9 @@ def test_another_system_that_answers_in_place_of_the_vehicle_is_refused() -> Non
 
 
 def test_a_mission_for_another_autopilot_is_refused() -> None:
-    for make, firmware in ((ArduPilot, "px4"), (Px4, "ardupilot")):
+    for make, autopilot in ((ArduPilot, "px4"), (Px4, "ardupilot")):
         vehicle = make()
         with pytest.raises(MissionError, match=r"the mission is for .* and the vehicle is .*system 1"):
-            upload_mission(linked(Network([vehicle])), survey(firmware=firmware))
+            upload_mission(linked(Network([vehicle])), survey(autopilot=autopilot))
         assert vehicle.seen == {"HEARTBEAT"}
-    sent_to(Generic, survey(firmware="ardupilot"))
+    sent_to(Generic, survey(autopilot="ardupilot"))

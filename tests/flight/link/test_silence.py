@@ -6,7 +6,7 @@ import pytest
 
 from tests.flight.link.link_missions import survey
 from tests.flight.link.network import GROUND, Network, linked, messages
-from tests.flight.link.transfers import FIRMWARES, VEHICLES
+from tests.flight.link.transfers import AUTOPILOTS, VEHICLES
 from tests.flight.link.vehicles import (
     ArduPilot,
     FakeVehicle,
@@ -26,7 +26,7 @@ def test_silence_ends_in_time_and_says_where(make: type[FakeVehicle], messages_h
     link = linked(network)
     began = network.now()
     with pytest.raises(LinkError) as lost:
-        upload_mission(link, survey(firmware=FIRMWARES[make]))
+        upload_mission(link, survey(autopilot=AUTOPILOTS[make]))
     assert network.now() - began < 31
     last = 13 + (make is ArduPilot)  # messages of an upload: the count and the items
     if messages_heard == 0:
@@ -84,5 +84,5 @@ def test_a_vehicle_that_accepts_but_cannot_be_read_is_unverified() -> None:
             pass
 
     with pytest.raises(UnverifiedError, match="accepted the mission, but it could not be read back"):
-        upload_mission(linked(Network([Mute()])), survey(firmware="px4"))
+        upload_mission(linked(Network([Mute()])), survey(autopilot="px4"))
     assert UnverifiedError.exit_code == 3 and LinkError.exit_code == 1

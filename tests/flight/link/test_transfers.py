@@ -7,7 +7,7 @@ import pytest
 
 from tests.flight.link.link_missions import FENCE, HOME, RALLY, fenced, looped, survey
 from tests.flight.link.network import Network, linked
-from tests.flight.link.transfers import FIRMWARES, LOSSES, VEHICLES, during_upload, rows, sent_to
+from tests.flight.link.transfers import AUTOPILOTS, LOSSES, VEHICLES, during_upload, rows, sent_to
 from tests.flight.link.vehicles import (
     MISSION_MESSAGES,
     ArduPilot,
@@ -16,7 +16,11 @@ from tests.flight.link.vehicles import (
     Item,
     Px4,
 )
-from uavseg.flight.items import FRAME_TERRAIN, HomePosition, MissionItem
+from uavseg.flight.items import (
+    FRAME_TERRAIN,
+    HomePosition,
+    MissionItem,
+)
 from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.link import Link
 from uavseg.flight.link.upload import upload_mission
@@ -30,7 +34,7 @@ from uavseg.flight.link.upload import upload_mission
 def test_500_items_arrive_whatever_the_network_loses(
     make: type[FakeVehicle], how: dict[str, float], seed: int
 ) -> None:
-    mission = survey(500, FIRMWARES[make])
+    mission = survey(500, AUTOPILOTS[make])
     vehicle, warnings = sent_to(make, mission, seed=seed, **how)
     known = [HOME, *mission.items] if make is ArduPilot else list(mission.items)
     assert len(vehicle.stored[0]) == len(known)
@@ -45,7 +49,7 @@ def test_500_items_arrive_whatever_the_network_loses(
 @pytest.mark.parametrize("make", VEHICLES)
 @pytest.mark.parametrize("how", LOSSES, ids=lambda how: f"{how['loss']:.0%}")
 def test_a_mission_with_a_fence_comes_back_equal(make: type[FakeVehicle], how: dict[str, float]) -> None:
-    for mission in (fenced(survey(30, FIRMWARES[make])), looped(FIRMWARES[make])):
+    for mission in (fenced(survey(30, AUTOPILOTS[make])), looped(AUTOPILOTS[make])):
         vehicle, warnings = sent_to(make, mission, seed=7, **how)
         assert not warnings
         assert [item.command for item in vehicle.stored[1]] == [5001] * 4 * len(mission.fence[:1]) + [
@@ -53,7 +57,7 @@ def test_a_mission_with_a_fence_comes_back_equal(make: type[FakeVehicle], how: d
         ] * 3 * len(mission.fence[:1]) + [5004] * len(mission.fence[:1])
         found = download_mission(linked(Network([vehicle], seed=8, **how)))
         assert found.fence == mission.fence and found.rally == mission.rally
-        assert found.firmware == mission.firmware or make is Generic
+        assert found.autopilot == mission.autopilot or make is Generic
         assert len(found.items) == len(mission.items)
         for mine, theirs in zip(mission.items, found.items, strict=True):
             assert (theirs.command, theirs.frame) == (mine.command, mine.frame)
@@ -66,7 +70,7 @@ def test_a_mission_with_a_fence_comes_back_equal(make: type[FakeVehicle], how: d
 
 @pytest.mark.parametrize("make", VEHICLES)
 def test_nothing_but_heartbeats_and_the_mission_protocol_is_sent(make: type[FakeVehicle]) -> None:
-    vehicle, _ = sent_to(make, fenced(survey(30, FIRMWARES[make])), seed=3, loss=0.2)
+    vehicle, _ = sent_to(make, fenced(survey(30, AUTOPILOTS[make])), seed=3, loss=0.2)
     download_mission(linked(Network([vehicle])))
     assert vehicle.seen <= MISSION_MESSAGES
     assert vehicle.currents == {0, 1}
@@ -74,7 +78,7 @@ def test_nothing_but_heartbeats_and_the_mission_protocol_is_sent(make: type[Fake
 
 def test_jumps_lead_to_the_same_item_with_a_home_row_and_without() -> None:
     for make, target in ((ArduPilot, 2), (Px4, 1)):
-        vehicle, _ = sent_to(make, looped(FIRMWARES[make]))
+        vehicle, _ = sent_to(make, looped(AUTOPILOTS[make]))
         [jump] = [item for item in vehicle.stored[0] if item.command == 177]
         assert jump.params[:2] == (target, 3)
         assert (vehicle.stored[0][target].x, vehicle.stored[0][target].z) == (470010000, 450)
@@ -91,7 +95,7 @@ def test_home_is_replaced_by_the_vehicle_and_read_from_it() -> None:
 
 def test_home_comes_from_a_message_or_from_the_first_item_with_a_note() -> None:
     vehicle = Px4(home=(47.01, 8.01, 399.0))
-    upload_mission(linked(Network([vehicle])), survey(firmware="px4"))
+    upload_mission(linked(Network([vehicle])), survey(autopilot="px4"))
     found = download_mission(linked(Network([vehicle])))
     assert found.home == HomePosition(47.01, 8.01, 399.0) and not found.notes
     vehicle.home = None
@@ -104,8 +108,8 @@ def test_home_comes_from_a_message_or_from_the_first_item_with_a_note() -> None:
 
 
 def test_a_fence_that_the_mission_does_not_have_is_kept_with_a_warning() -> None:
-    vehicle, _ = sent_to(Px4, fenced(survey(firmware="px4")))
-    warnings = upload_mission(linked(Network([vehicle])), survey(firmware="px4"))
+    vehicle, _ = sent_to(Px4, fenced(survey(autopilot="px4")))
+    warnings = upload_mission(linked(Network([vehicle])), survey(autopilot="px4"))
     assert warnings == (
         "the vehicle keeps its fence (8 items): the mission has none",
         "the vehicle keeps its rally points (2 items): the mission has none",
@@ -147,7 +151,7 @@ def test_an_interrupted_transfer_releases_the_vehicle() -> None:
 
     during_upload(network, interrupt)
     with pytest.raises(KeyboardInterrupt):
-        upload_mission(link, survey(firmware="px4"))
+        upload_mission(link, survey(autopilot="px4"))
     network.before_delivery = lambda to, data: True
     link.next_message(network.now() + 0.1)
     assert vehicle.upload is None and not vehicle.stored[0]

@@ -13,7 +13,7 @@ from uavseg.flight.link.upload import upload_mission
 from uavseg.flight.mission import Mission
 
 VEHICLES: list[type[FakeVehicle]] = [ArduPilot, Px4, Generic]
-FIRMWARES = {ArduPilot: "ardupilot", Px4: "px4", Generic: "px4"}
+AUTOPILOTS = {ArduPilot: "ardupilot", Px4: "px4", Generic: "px4"}
 LOSSES = [
     {"loss": 0.0},
     {"loss": 0.05, "duplicates": 0.05, "reordered": 0.05},

@@ -3,7 +3,7 @@
 A shortest path among polygons is a chain of straight legs that bend at corners which point into free space
 (T. Lozano-Perez and M. A. Wesley, An algorithm for planning collision-free paths among polyhedral obstacles,
 Communications of the ACM 22, 1979). So the corners are the nodes of a graph whose edges are the legs that
-stay in free space, and Dijkstra's algorithm finds the way.
+stay in free space. Shortest paths between all corners are computed once.
 """
 
 from collections.abc import Sequence
@@ -16,6 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
+from uavseg.flight.avoid.visibility import Edges, cheapest, shortest_paths
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -48,14 +49,16 @@ class FreeSpace:
 
     def is_free(self, points: Floats) -> NDArray[np.bool_]:
         """Whether points (n, 2) lie in free space or on its edge."""
-        free: NDArray[np.bool_] = self._covers(shapely.points(points))
+        places = shapely.points(points)
+        free: NDArray[np.bool_] = ~shapely.intersects(self._closed, places)
+        if self._open is not None:
+            free &= shapely.covers(self._open, places)
         return free
 
     def sees(self, starts: Floats, ends: Floats) -> NDArray[np.bool_]:
         """Whether the straight legs between starts and ends, (n, 2) each, stay in free space."""
-        legs = shapely.linestrings(np.stack([starts, ends], axis=1))
-        free: NDArray[np.bool_] = self._covers(legs)
-        return free
+        free: NDArray[np.bool_] = self.is_free(starts) & self.is_free(ends)
+        return free & ~self._edges.crossed(starts, ends)
 
     def path(self, start: Sequence[float], end: Sequence[float]) -> Floats:
         """The shortest path between two points, both included: (k, 2).
@@ -76,22 +79,28 @@ class FreeSpace:
         MissionError
             If free space has too many corners.
         """
-        here, there = np.triu_indices(len(points), 1)
-        seen = self.sees(points[here], points[there]) if len(here) else np.zeros(0, bool)
-        if seen.all():
-            return ShortestPaths(points, _lengths(points, points))
-        corners = self.corners
-        nodes = np.concatenate([points, corners])
-        weights = np.full((len(nodes), len(nodes)), np.inf)
-        _link(weights, nodes, here[seen], there[seen])
-        n = len(points)
-        weights[n:, n:] = self._corner_weights
-        for k in range(n):
-            seen = self.sees(np.broadcast_to(points[k], corners.shape), corners)
-            _link(weights, nodes, np.full(int(seen.sum()), k), n + np.flatnonzero(seen))
-        np.fill_diagonal(weights, 0)
-        lengths, before = _dijkstra(weights, n)
-        return ShortestPaths(nodes, lengths[:, :n], before)
+        free = self.is_free(points)
+        direct = self._among(points, free)
+        if np.isfinite(direct).all():
+            return ShortestPaths(points, direct, direct)
+        reach = self._to_corners(points, free)
+        between, before = self._between_corners
+        onward, first = cheapest(reach, between)
+        over, last = cheapest(reach, onward.T)
+        detour = Detours(self.corners, over, first, last, before)
+        return ShortestPaths(points, np.minimum(direct, np.minimum(over, over.T)), direct, detour)
+
+    def lengths_from(self, start: Floats, points: Floats) -> Floats:
+        """Lengths (n,) of the shortest paths from a point (2,) to others (n, 2), or infinity."""
+        starts = np.broadcast_to(start, points.shape)
+        direct = np.where(self.sees(starts, points), _distances(starts, points), np.inf)
+        if np.isfinite(direct).all():
+            return direct
+        ends = np.concatenate([start[None], points])
+        reach = self._to_corners(ends, self.is_free(ends))
+        onward, _ = cheapest(reach[:1], self._between_corners[0])
+        over, _ = cheapest(reach[1:], onward.T)
+        return np.minimum(direct, over[:, 0])
 
     @cached_property
     def corners(self) -> Floats:
@@ -107,13 +116,31 @@ class FreeSpace:
         return corners
 
     @cached_property
-    def _corner_weights(self) -> Floats:
-        corners = self.corners
-        weights = np.full((len(corners), len(corners)), np.inf)
-        here, there = np.triu_indices(len(corners), 1)
-        seen = self.sees(corners[here], corners[there]) if len(here) else np.zeros(0, bool)
-        _link(weights, corners, here[seen], there[seen])
-        return weights
+    def _between_corners(self) -> tuple[Floats, Ints]:
+        """Shortest paths between corners."""
+        return shortest_paths(self._among(self.corners, np.ones(len(self.corners), bool)))
+
+    def _among(self, points: Floats, free: NDArray[np.bool_]) -> Floats:
+        """Lengths of the straight legs between points; infinite where they are not free."""
+        here, there = np.triu_indices(len(points), 1)
+        both = free[here] & free[there]
+        here, there = here[both], there[both]
+        seen = ~self._edges.crossed(points[here], points[there])
+        lengths = np.full((len(points), len(points)), np.inf)
+        lengths[here[seen], there[seen]] = lengths[there[seen], here[seen]] = _distances(
+            points[here[seen]], points[there[seen]]
+        )
+        np.fill_diagonal(lengths, 0)
+        return lengths
+
+    def _to_corners(self, points: Floats, free: NDArray[np.bool_]) -> Floats:
+        """Lengths (n, c) of the straight legs from points to corners; infinite where they are not free."""
+        here, there = (side.ravel() for side in np.indices((len(points), len(self.corners))))
+        here, there = here[free[here]], there[free[here]]
+        seen = ~self._edges.crossed(points[here], self.corners[there])
+        lengths = np.full((len(points), len(self.corners)), np.inf)
+        lengths[here[seen], there[seen]] = _distances(points[here[seen]], self.corners[there[seen]])
+        return lengths
 
     def _rings(self) -> list[Floats]:
         """Rings with free space on their left."""
@@ -125,38 +152,79 @@ class FreeSpace:
         return shapely.union_all(list(self.obstacles)) if self.obstacles else shapely.MultiPolygon()
 
     @cached_property
-    def _tests(self) -> tuple[Any, Any]:
-        """The inside with its edge, and the obstacles without theirs, ready for many questions."""
-        inside = None if self.inside is None else shapely.buffer(self.inside, TOUCH_M, join_style="mitre")
-        blocked = shapely.buffer(self._blocked, -TOUCH_M, join_style="mitre")
-        shapely.prepare([geometry for geometry in (inside, blocked) if geometry is not None])
-        return inside, blocked
+    def _open(self) -> Any:
+        """The inside with its edge, ready for many questions."""
+        if self.inside is None:
+            return None
+        inside = shapely.buffer(self.inside, TOUCH_M, join_style="mitre")
+        shapely.prepare(inside)
+        return inside
 
-    def _covers(self, geometries: Any) -> NDArray[np.bool_]:
-        inside, blocked = self._tests
-        free: NDArray[np.bool_] = ~shapely.intersects(blocked, geometries)
-        if inside is not None:
-            free &= shapely.covers(inside, geometries)
-        return free
+    @cached_property
+    def _closed(self) -> Any:
+        """The obstacles without their edges, ready for many questions."""
+        blocked = shapely.buffer(self._blocked, -TOUCH_M, join_style="mitre")
+        shapely.prepare(blocked)
+        return blocked
+
+    @cached_property
+    def _edges(self) -> Edges:
+        """What a leg between free points must not cross."""
+        parts = [self._closed] if self._open is None else [self._closed, self._open]
+        return Edges(np.concatenate([shapely.get_parts(part) for part in parts]))
+
+
+@dataclass(frozen=True, eq=False)
+class Detours:
+    """Paths between points that bend at corners.
+
+    Parameters
+    ----------
+    corners : (c, 2) float64 array
+    lengths : (n, n) float64 array
+        Metres between points; infinite where there is no path.
+    first : (n, c) int64 array
+        The first corner of the path from each point to each corner.
+    last : (n, n) int64 array
+        The last corner of the path to each point (row) from each (column).
+    before : (c, c) int64 array
+        The corner before each corner (column) on the path from each corner (row).
+    """
+
+    corners: Floats
+    lengths: Floats
+    first: Ints
+    last: Ints
+    before: Ints
+
+    def bends(self, start: int, end: int) -> Floats:
+        """The corners on the path from one point to another."""
+        steps = [int(self.last[end, start])]
+        first = int(self.first[start, steps[0]])
+        while steps[-1] != first:
+            steps.append(int(self.before[first, steps[-1]]))
+        return self.corners[steps[::-1]]
 
 
 @dataclass(frozen=True, eq=False)
 class ShortestPaths:
-    """Shortest paths between points, the first of some nodes.
+    """Shortest paths between points.
 
     Parameters
     ----------
-    nodes : (m, 2) float64 array
-        The points, then corners.
+    points : (n, 2) float64 array
     lengths : (n, n) float64 array
         Metres between points; infinite where there is no path.
-    before : (n, m) int64 array, optional
-        The node before each node on the shortest path from each point; without, all paths are straight.
+    direct : (n, n) float64 array
+        Metres along the straight leg; infinite where it is not free.
+    detours : Detours, optional
+        Without them, all paths are straight.
     """
 
-    nodes: Floats
+    points: Floats
     lengths: Floats
-    before: Ints | None = None
+    direct: Floats
+    detours: Detours | None = None
 
     def path(self, start: int, end: int) -> Floats:
         """The path from one point to another, both included: (k, 2).
@@ -168,12 +236,12 @@ class ShortestPaths:
         """
         if not np.isfinite(self.lengths[start, end]):
             raise MissionError("there is no way between two places that must be flown to")
-        if self.before is None or start == end:
-            return self.nodes[[start, end]]
-        steps = [end]
-        while steps[-1] != start:
-            steps.append(int(self.before[start, steps[-1]]))
-        return self.nodes[steps[::-1]]
+        ends = self.points[[start, end]]
+        if self.detours is None or self.direct[start, end] <= self.lengths[start, end]:
+            return ends
+        if self.detours.lengths[end, start] > self.detours.lengths[start, end]:
+            return self.path(end, start)[::-1]
+        return np.concatenate([ends[:1], self.detours.bends(start, end), ends[1:]])
 
 
 def _rings(polygons: Any) -> list[Floats]:
@@ -191,30 +259,7 @@ def _bends(ring: Floats) -> Floats:
     return bends
 
 
-def _lengths(starts: Floats, ends: Floats) -> Floats:
-    """Distances (n, m) between points (n, 2) and (m, 2)."""
-    steps = starts[:, None] - ends[None]
-    lengths: Floats = np.hypot(steps[..., 0], steps[..., 1])
+def _distances(starts: Floats, ends: Floats) -> Floats:
+    steps = ends - starts
+    lengths: Floats = np.hypot(steps[:, 0], steps[:, 1])
     return lengths
-
-
-def _link(weights: Floats, nodes: Floats, here: Ints, there: Ints) -> None:
-    steps = nodes[here] - nodes[there]
-    weights[here, there] = weights[there, here] = np.hypot(steps[:, 0], steps[:, 1])
-
-
-def _dijkstra(weights: Floats, count: int) -> tuple[Floats, Ints]:
-    """Lengths of shortest paths from the first nodes to all, and the node before each (Dijkstra, dense)."""
-    lengths = np.full((count, len(weights)), np.inf)
-    before = np.zeros((count, len(weights)), np.int64)
-    sources = np.arange(count)
-    lengths[sources, sources] = 0
-    open_ = np.ones((count, len(weights)), bool)
-    for _ in range(len(weights)):
-        nearest = np.where(open_, lengths, np.inf).argmin(axis=1)
-        open_[sources, nearest] = False
-        through = lengths[sources, nearest][:, None] + weights[nearest]
-        shorter = through < lengths
-        lengths = np.where(shorter, through, lengths)
-        before = np.where(shorter, nearest[:, None], before)
-    return lengths, before

@@ -1,21 +1,27 @@
-"""Photographs of a survey: spacing, trigger distance and speed from a camera, a height and overlaps."""
+"""Photographs of a flight: spacing, trigger distance and speed from a camera, a height and overlaps."""
 
 import math
 from dataclasses import dataclass
 
+from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import NADIR_DEG, Camera, Overlap, check_pitch
 
+TRIGGERS = ("distance", "interval", "hover", "none")
 SHUTTER_S = 1 / 1000
 """Exposure time in daylight, by which motion blur is estimated."""
+LONGEST_SHUTTER_S, SHORTEST_SHUTTER_S = 1.0, 1e-6
 BLUR_PX = 1.0
 """Pixels by which the ground may move during the exposure."""
 LAST_PHOTO_M = 2.0
 """The last photograph of a line is taken so far before its end, where the vehicle may begin to turn."""
+ONE_PHOTO_M = 5.0
+"""Lines that are no longer have one photograph, at their start."""
+INTERVAL_STEP_S = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class Photos:
-    """How a survey is photographed.
+    """How a flight is photographed.
 
     Parameters
     ----------
@@ -23,19 +29,32 @@ class Photos:
     overlap : Overlap
     pitch_deg : float
         Gimbal pitch: -90 is straight down.
+    trigger : "distance", "interval", "hover" or "none"
+        After so many metres, after so many seconds, in hover at a waypoint for each photograph, or not by the
+        mission.
+    shutter_s : float
+        Exposure time, by which motion blur is estimated.
 
     Raises
     ------
     ParameterError
-        If the pitch is out of bounds.
+        If the pitch or the exposure time is out of bounds, or the trigger is not known.
     """
 
     camera: Camera
     overlap: Overlap = Overlap(75, 70)
     pitch_deg: float = NADIR_DEG
+    trigger: str = "distance"
+    shutter_s: float = SHUTTER_S
 
     def __post_init__(self) -> None:
         check_pitch(self.pitch_deg)
+        if self.trigger not in TRIGGERS:
+            raise ParameterError(f"a trigger is one of {', '.join(TRIGGERS)}, not {self.trigger!r}")
+        if not SHORTEST_SHUTTER_S <= self.shutter_s <= LONGEST_SHUTTER_S:
+            raise ParameterError(
+                f"an exposure time is at most a second, such as 1/1000, not {self.shutter_s:g} s"
+            )
 
     def spacing_m(self, height_m: float) -> float:
         """Distance between lines at a height above the ground."""
@@ -50,18 +69,48 @@ class Photos:
         near, far = self.camera.ground_reach_m(height_m, self.pitch_deg)
         return max(min(-near, far), 0.0)
 
+    def line_reach_m(self, height_m: float) -> float:
+        """How far photographs surely show ground beyond the ends of a line; 0 if none are known to be taken.
+
+        The last one may be taken before the end: by so much as `LAST_PHOTO_M`, or as an interval lasts.
+        """
+        if self.trigger == "none":
+            return 0.0
+        reach = self.reach_m(height_m)
+        before_end = {"hover": 0.0, "distance": LAST_PHOTO_M, "interval": self.trigger_m(height_m)}
+        return max(reach - before_end[self.trigger], 0.0)
+
+    def least_line_m(self, height_m: float) -> float:
+        """Length of the shortest line on which two photographs are not too close for a fair speed."""
+        return max(min(self.trigger_m(height_m), self.reach_m(height_m)) / 2 + LAST_PHOTO_M, ONE_PHOTO_M)
+
     def max_speed_m_s(self, height_m: float, trigger_m: float) -> float:
-        """Highest speed at which the camera keeps up with this distance, and photographs are sharp."""
-        return self.camera.max_speed_m_s(height_m, trigger_m, SHUTTER_S, BLUR_PX)
+        """Highest speed at which the camera keeps up with this distance, and photographs are sharp.
+
+        It is infinite where they are taken in hover.
+        """
+        if self.trigger == "hover":
+            return math.inf
+        return self.camera.max_speed_m_s(height_m, trigger_m, self.shutter_s, BLUR_PX)
 
     def line_trigger_m(self, length_m: float, height_m: float) -> float:
         """Distance between the photographs of one line: the first at its start, the last near its end.
 
         So both ends of a line are photographed whatever its length is, and the overlap is never less than
-        asked for. A line that is shorter than the distance, and shown by its first photograph, has only that.
+        asked for. A line of 5 m or less has the first only.
+        In hover the last photograph is taken at the end itself. By interval the place of the last one is not
+        known: the distance is no longer than what a photograph shows beyond the end of a line.
         """
-        trigger = self.trigger_m(height_m)
-        flown = max(length_m - LAST_PHOTO_M, length_m / 2)
-        if flown <= trigger and length_m <= self.reach_m(height_m):
+        trigger, reach = self.trigger_m(height_m), self.reach_m(height_m)
+        if self.trigger == "interval":
+            return min(trigger, reach) if reach > 0 else trigger
+        last_m = 0.0 if self.trigger == "hover" else LAST_PHOTO_M
+        flown = max(length_m - last_m, length_m / 2)
+        if length_m <= ONE_PHOTO_M + 1e-6:
             return trigger
         return flown / math.ceil(flown / trigger - 1e-9)
+
+    def interval_s(self, trigger_m: float, speed_m_s: float) -> float:
+        """Time between photographs that are so far apart at a speed; no shorter than the camera allows."""
+        steps = math.floor(trigger_m / speed_m_s / INTERVAL_STEP_S + 1e-6)
+        return max(steps * INTERVAL_STEP_S, self.camera.min_interval_s, INTERVAL_STEP_S)

@@ -41,13 +41,17 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
     >>> [cell.bounds for cell in monotone_cells(ring)]  # doctest: +NORMALIZE_WHITESPACE
     [(0.0, 0.0, 9.0, 3.0), (0.0, 3.0, 3.0, 6.0), (6.0, 3.0, 9.0, 6.0), (0.0, 6.0, 9.0, 9.0)]
     """
-    outline = shapely.simplify(polygon, detail_m) if detail_m else polygon  # some of the same vertices
-    critical = np.unique(np.concatenate([_critical(ring, step_m) for ring in _rings(outline)]), axis=0)
+    critical = _all_critical(polygon, step_m, detail_m)
     if not len(critical):
         return [polygon]
     faces = shapely.polygonize(_noded(polygon, critical))
     inner = [face for face in faces.geoms if shapely.contains_xy(polygon, *_inside(face))]
     return sorted(inner, key=lambda face: (face.bounds[1], face.bounds[0]))
+
+
+def has_steps(polygon: Any, step_m: float, detail_m: float = 0.0) -> bool:
+    """Whether `monotone_cells` cuts a polygon at steps of its outline."""
+    return len(_all_critical(polygon, step_m, detail_m)) > len(_all_critical(polygon, np.inf, detail_m))
 
 
 def merge_flat_cells(cells: list[Any], least_m: float) -> list[Any]:
@@ -65,20 +69,29 @@ def merge_flat_cells(cells: list[Any], least_m: float) -> list[Any]:
         Lines along x may meet merged cells in two pieces, near an edge that is `least_m` away at most.
     """
     cells = list(cells)
+    grown = list(shapely.buffer(cells, 1e-5))
     while len(cells) > 1:
-        height = [cell.bounds[3] - cell.bounds[1] for cell in cells]
+        bounds = shapely.bounds(cells)
+        height = bounds[:, 3] - bounds[:, 1]
         flat = int(np.argmin(height))
         if height[flat] >= least_m:
             break
         cell = cells.pop(flat)
-        touched = shapely.length(shapely.intersection(shapely.boundary(cell), shapely.buffer(cells, 1e-5)))
+        grown.pop(flat)
+        touched = shapely.length(shapely.intersection(shapely.boundary(cell), grown))
         best = int(np.argmax(touched))
         merged = shapely.union(shapely.buffer(cells[best], 1e-5, join_style="mitre"), cell)
         if merged.geom_type != "Polygon":
             cells.append(cell)  # it touches none: the polygon was not connected there
             break
-        cells[best] = merged
+        cells[best], grown[best] = merged, shapely.buffer(merged, 1e-5)
     return sorted(cells, key=lambda face: (face.bounds[1], face.bounds[0]))
+
+
+def _all_critical(polygon: Any, step_m: float, detail_m: float) -> Floats:
+    """The corners at which a polygon is cut: some of its vertices."""
+    outline = shapely.simplify(polygon, detail_m) if detail_m else polygon
+    return np.unique(np.concatenate([_critical(ring, step_m) for ring in _rings(outline)]), axis=0)
 
 
 def _rings(polygon: Any) -> list[Floats]:

@@ -16,10 +16,11 @@ from uavseg.errors import MissionError, ParameterError
 Floats = NDArray[np.float64]
 
 MAX_LINES = 32_000  # a mission has 65 534 items at most, and a line takes two of them
+LEAST_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
 WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
 
 
-def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0) -> Floats:
+def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, least_m: float = LEAST_LINE_M) -> Floats:
     """The lines along x that cover a cell, from south to north.
 
     Parameters
@@ -31,6 +32,8 @@ def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0) -> Floats:
     reach_m : float
         How far the ground that is covered reaches beyond the end of a line. So much shorter may a line be
         than the cell is in its strip, where the line itself does not end before the cell does.
+    least_m : float
+        Length of the shortest line.
 
     Returns
     -------
@@ -52,14 +55,30 @@ def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0) -> Floats:
     _, south, _, north = shapely.bounds(cell)
     count = line_count(north - south, spacing_m)
     edges = np.linspace(south, north, count + 1)
-    pieces = _cut(cell, edges)
-    middle = (edges[1:] + edges[:-1]) / 2
-    low, high = np.array([shapely.bounds(piece)[[0, 2]] for piece in pieces]).T
-    begin, stop = _crossed(pieces, middle, low, high)
+    middle = ((edges[1:] + edges[:-1]) / 2).tolist()
+    return np.stack(
+        [
+            line_in_strip(piece, y, reach_m, least_m)
+            for piece, y in zip(strips_between(cell, edges), middle, strict=True)
+        ]
+    )
+
+
+def line_in_strip(piece: Any, y: float, reach_m: float, least_m: float = LEAST_LINE_M) -> Floats:
+    """The line along x at a height that covers what lies in its strip: (2, 2), west end and east end.
+
+    It is no shorter than `least_m` where the strip is as long, but 5 m where one photograph shows all of it.
+    """
+    low, _, high, _ = shapely.bounds(piece)
+    across = shapely.LineString([(low - 1, y), (high + 1, y)])
+    begin, _, stop, _ = shapely.bounds(shapely.intersection(piece, across))  # NaN where it is not met
     start, end = np.fmin(low + reach_m, begin), np.fmax(high - reach_m, stop)
-    short = start > end
-    start[short] = end[short] = ((low + high) / 2)[short]
-    return np.stack([np.column_stack([start, middle]), np.column_stack([end, middle])], axis=1)
+    if end - start < least_m:
+        shown_at_once = high - low <= 2 * reach_m - LEAST_LINE_M
+        middle = (low + high) / 2 if shown_at_once or start > end else (start + end) / 2
+        half = (LEAST_LINE_M if shown_at_once else least_m) / 2
+        start, end = max(low, middle - half), min(high, middle + half)
+    return np.array([[start, y], [end, y]])
 
 
 def line_count(width_m: float, spacing_m: float) -> int:
@@ -83,7 +102,7 @@ def line_count(width_m: float, spacing_m: float) -> int:
     return count
 
 
-def _cut(cell: Any, edges: Floats) -> list[Any]:
+def strips_between(cell: Any, edges: Floats) -> list[Any]:
     """The parts of a cell between lines along x: halved again and again, which is fast for many lines."""
     found: list[Any] = [None] * (len(edges) - 1)
     todo = [(cell, 0, len(edges) - 1)]
@@ -98,11 +117,3 @@ def _cut(cell: Any, edges: Floats) -> list[Any]:
             low, high = (south - 1, edges[middle]) if begin == first else (edges[middle], north + 1)
             todo.append((shapely.intersection(part, shapely.box(west - 1, low, east + 1, high)), begin, stop))
     return found
-
-
-def _crossed(pieces: list[Any], middle: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Where the middle line of each strip enters and leaves the cell; NaN where it does not meet it."""
-    ends = [np.column_stack([low - 1, middle]), np.column_stack([high + 1, middle])]
-    inside = shapely.intersection(np.array(pieces, object), shapely.linestrings(np.stack(ends, axis=1)))
-    bounds = shapely.bounds(inside)
-    return bounds[:, 0], bounds[:, 2]

@@ -8,7 +8,7 @@ with a small leeway.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,27 +16,27 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.flight.avoid.free_space import FreeSpace, ShortestPaths
-from uavseg.flight.cover.cells import merge_flat_cells, monotone_cells
-from uavseg.flight.cover.strips import strip_lines
-from uavseg.flight.order.stops import Stops
-from uavseg.flight.order.tour import short_tour
+from uavseg.flight.avoid.free_space import FreeSpace
+from uavseg.flight.cover.cells import has_steps, merge_flat_cells, monotone_cells
+from uavseg.flight.cover.grid import grid_lines
+from uavseg.flight.cover.lines import Lines, fly_lines, path_length
+from uavseg.flight.cover.space import flight_space
+from uavseg.flight.cover.strips import LEAST_LINE_M, strip_lines
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
-LEEWAY = 0.6
-"""Spacings by which lines, and legs between them, may leave the region."""
 STEP = 2.0  # spacings: cells may be cut at steps of the outline that are longer
-SLACK = 0.04  # spacings by which outlines are simplified
 LEAST_HEIGHT = 0.5  # spacings: cells that are less high get no lines of their own
+GAP = 3.0  # spacings: no longer are gaps over which a line leads on
 TURN_M = 10.0
 """A turn costs the time of so many metres: at 5 m/s, braking and accelerating at 2.5 m/s2."""
-MAX_VERTICES = 200  # outlines with more are simplified
 STEP_DEG = 15.0  # azimuths that are tried besides those of edges
 MAX_AZIMUTHS = 40
-ROUNDS = 300  # of the search for the order of many cells
-FLOWN_AZIMUTHS = 6  # those that need the fewest lines are planned to the end
+TRIED_AZIMUTHS = 6  # those that need the fewest lines are divided into cells
+COMPACT = (
+    0.8  # share of the convex hull: what fills more, and is one cell of a grid, is not divided otherwise
+)
+FLOWN = 3  # the best of those are planned to the end
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +51,23 @@ class CoverParams:
         Azimuth of the lines, clockwise from north; by default the one that takes the least time.
     reach_m : float
         How far photographs show ground beyond the end of a line.
+    least_m : float
+        Length of the shortest line.
     turn_m : float
         Metres that take as long as a turn.
+    lead_m : float
+        Length of the straight legs before and after each line, on which nothing is photographed.
+    crosshatch : bool
+        Whether the region is covered once more, in lines at a right angle to the first.
     """
 
     spacing_m: float
     angle_deg: float | None = None
     reach_m: float = 0.0
+    least_m: float = LEAST_LINE_M
     turn_m: float = TURN_M
+    lead_m: float = 0.0
+    crosshatch: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,19 +82,22 @@ class Survey:
         Number of parts of the region that are flown one after another, each from line to line.
     lines : (n, 2, 2) float64 array
         Start and end of each line, as x, y in metres.
+    outer : (n, 2, 2) float64 array
+        The same with the straight legs before and after lines, on which nothing is photographed.
     legs : tuple of (k, 2) float64 arrays
-        From the end of each line to the start of the next, both included: n - 1 paths.
+        From each line, with its straight leg, to the next, both ends included: n - 1 paths.
     """
 
     angle_deg: float
     cells: int
     lines: Floats
+    outer: Floats
     legs: tuple[Floats, ...]
 
     @property
     def length_m(self) -> float:
         """Length of lines and legs in metres."""
-        return float(_length(self.lines).sum() + sum(_path_length(leg) for leg in self.legs))
+        return float(_length(self.outer).sum() + sum(path_length(leg) for leg in self.legs))
 
     @property
     def turns(self) -> int:
@@ -122,20 +134,31 @@ def surveys(region: Any, params: CoverParams, obstacles: Sequence[Any] = ()) -> 
     >>> flown.angle_deg, flown.cells, flown.lines.round(6).tolist()
     (0.0, 1, [[[5.0, 0.0], [5.0, 100.0]], [[15.0, 100.0], [15.0, 0.0]]])
     """
-    slack = SLACK * params.spacing_m
-    simple = shapely.simplify(region, slack / 2) if _is_complex(region) else region
-    allowed = shapely.simplify(shapely.buffer(simple, LEEWAY * params.spacing_m - 1.5 * slack), slack)
-    space = FreeSpace(allowed, obstacles)
-    flown = [
-        _fly(simple, azimuth, step_m, params, space)
-        for azimuth in _azimuths(simple, params)
-        for step_m in (math.inf, STEP * params.spacing_m)
-    ]
+    simple, space = flight_space(region, params.spacing_m, params.lead_m, obstacles)
+    near = flight_space(region, params.spacing_m, 0.0, obstacles)[1] if params.lead_m else space
+    best = _best(simple, params, near, space)
+    if not params.crosshatch:
+        return best
+    across = _best(simple, replace(params, angle_deg=best[0].angle_deg + 90), near, space)
+    return [_joined(best, across, space)]
+
+
+def _best(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) -> list[Survey]:
+    """The survey that takes the least time, with lines in one space and legs in another; see `surveys`."""
+
+    def estimate(lines: Lines) -> float:
+        return lines.estimate_m(params.turn_m)
+
+    grids = sorted(
+        (_grid(region, azimuth, params, near) for azimuth in _azimuths(region, params)), key=estimate
+    )
+    compact = region.area > COMPACT * shapely.convex_hull(region).area
+    others = [grid for grid in grids[:FLOWN] if not compact or len(grid.cells) > 1]
+    cells = [lines for grid in others for lines in _cells(region, grid.angle_deg, params)]
+    free = [lines for lines in cells if _stays_in(lines, near)]  # merged cells are not monotone
+    tried = sorted([*grids, *free], key=estimate)
+    flown = [_fly(lines, space) for lines in tried[:FLOWN]]
     return min(flown, key=lambda ways: ways[0].length_m + params.turn_m * ways[0].turns)
-
-
-def _is_complex(region: Any) -> bool:
-    return int(shapely.get_num_coordinates(region)) > MAX_VERTICES
 
 
 def _azimuths(region: Any, params: CoverParams) -> list[float]:
@@ -152,7 +175,7 @@ def _azimuths(region: Any, params: CoverParams) -> list[float]:
     azimuths = np.unique(np.round(np.concatenate([along, np.arange(0, 180, STEP_DEG)]), 3) % 180)
     edges = np.concatenate([np.diff(shapely.get_coordinates(ring), axis=0) for ring in outlines[:-1]])
     rise = [float(np.abs(edges @ axes(azimuth)[:, 1]).sum()) for azimuth in azimuths.tolist()]
-    best: list[float] = azimuths[np.argsort(rise, kind="stable")][:FLOWN_AZIMUTHS].tolist()
+    best: list[float] = azimuths[np.argsort(rise, kind="stable")][:TRIED_AZIMUTHS].tolist()
     return best
 
 
@@ -170,62 +193,76 @@ def axes(angle_deg: float) -> Floats:
     return np.array([[sine, cosine], [cosine, -sine]])
 
 
-def _fly(region: Any, angle_deg: float, step_m: float, params: CoverParams, space: FreeSpace) -> list[Survey]:
-    """The region in lines of one azimuth, cell by cell, in a short order; see `surveys`."""
-    least = LEAST_HEIGHT * params.spacing_m
-    turned = shapely.transform(region, lambda xy: xy @ axes(angle_deg))
-    cells = merge_flat_cells(monotone_cells(turned, step_m, least / 2), least)
-    laid = [strip_lines(cell, params.spacing_m, params.reach_m) for cell in cells]
-    lines = np.concatenate(laid) @ axes(angle_deg).T
-    stops = np.cumsum([len(some) for some in laid])
-    candidates = [_candidates(range(stop - len(some), stop)) for some, stop in zip(laid, stops, strict=True)]
-    one = len(cells) == 1
-    orders = candidates[0][:2] if one else [_join_cells(candidates, lines.reshape(-1, 2), space)]
-    return [_survey(angle_deg, len(cells), lines, order, space) for order in orders]
+def _grid(region: Any, angle_deg: float, params: CoverParams, space: FreeSpace) -> Lines:
+    """The lines of one azimuth, in one grid."""
+    turn, spacing = axes(angle_deg), params.spacing_m
+
+    def joins(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
+        near = _length(np.stack([starts, ends], axis=1)) <= GAP * spacing
+        return near & space.sees(starts @ turn.T, ends @ turn.T)
+
+    cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.least_m), joins)
+    return Lines(angle_deg, tuple(cell @ turn.T for cell in cells), params.lead_m)
 
 
-def _survey(angle_deg: float, cells: int, lines: Floats, order: Ints, space: FreeSpace) -> Survey:
-    flown = lines[order // 2]
-    turned = order % 2 == 1
-    flown[turned] = flown[turned, ::-1]
-    return Survey(angle_deg, cells, flown, _legs(flown, space))
+def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[Lines]:
+    """The lines of one azimuth, in cells of their own height; cut at steps of the outline or not."""
+    turn, spacing, least = axes(angle_deg), params.spacing_m, LEAST_HEIGHT * params.spacing_m
+    turned = _turned(region, turn)
+    steps = [math.inf, STEP * spacing] if has_steps(turned, STEP * spacing, least / 2) else [math.inf]
+    divisions = [monotone_cells(turned, step, least / 2) for step in steps]
+    laid = [
+        [
+            strip_lines(cell, spacing, params.reach_m, params.least_m)
+            for cell in merge_flat_cells(cells, least)
+        ]
+        for cells in divisions
+    ]
+    return [Lines(angle_deg, tuple(cell @ turn.T for cell in cells), params.lead_m) for cells in laid]
 
 
-def _candidates(cell: Sequence[int]) -> list[Ints]:
-    """The four ways over the lines of a cell, each as 2 k for line k and 2 k + 1 for line k backwards."""
-    index = np.array(cell, np.int64)
-    odd = np.arange(len(index)) % 2
-    forward = [2 * index + (odd ^ turn) for turn in (0, 1)]
-    return forward + [(one ^ 1)[::-1] for one in forward]
+def _stays_in(lines: Lines, space: FreeSpace) -> bool:
+    flat = np.concatenate(lines.cells)
+    return bool(space.sees(flat[:, 0], flat[:, 1]).all())
 
 
-def _join_cells(candidates: list[list[Ints]], ends: Floats, space: FreeSpace) -> Ints:
-    """One order over all cells: the lines of each in one of its ways."""
-    entries = np.array([[(way[0], way[-1] ^ 1) for way in ways] for ways in candidates])
-    points, index = np.unique(entries.ravel(), return_inverse=True)
-    lengths = space.paths(ends[points]).lengths
-    tour = short_tour(Stops.of(list(index.reshape(entries.shape))), lengths, rounds=ROUNDS)
-    return np.concatenate([candidates[cell][way] for cell, way in tour])
+def _turned(region: Any, turn: Floats) -> Any:
+    return shapely.transform(region, lambda xy: xy @ turn)
 
 
-def _legs(flown: Floats, space: FreeSpace) -> tuple[Floats, ...]:
-    """Shortest paths from the end of each line to the start of the next."""
-    starts, ends = flown[:-1, 1], flown[1:, 0]
-    if not len(starts):
-        return ()
-    straight = space.sees(starts, ends)
-    found: list[Floats] = []
-    for k in range(len(starts)):
-        pair = np.stack([starts[k], ends[k]])
-        paths: ShortestPaths | None = None if straight[k] else space.paths(pair)
-        found.append(pair if paths is None else paths.path(0, 1))
-    return tuple(found)
+def _fly(lines: Lines, space: FreeSpace) -> list[Survey]:
+    """Lines in a short order, with the legs between them."""
+    return [Survey(lines.angle_deg, len(lines.cells), *one) for one in fly_lines(lines, space)]
+
+
+def _joined(first: list[Survey], second: list[Survey], space: FreeSpace) -> Survey:
+    """Two surveys, one after the other, with the shortest leg between them that their candidates have."""
+    pairs = [
+        (one, other)
+        for some, others in ((first, second), (second, first))
+        for one in [*some, *map(_reversed, some)]
+        for other in [*others, *map(_reversed, others)]
+    ]
+    ends = np.array([[one.outer[-1, 1], other.outer[0, 0]] for one, other in pairs])
+    points, index = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
+    index = index.reshape(-1, 2)
+    paths = space.paths(points)
+    best = int(np.argmin(paths.lengths[index[:, 0], index[:, 1]]))
+    one, other = pairs[best]
+    return Survey(
+        first[0].angle_deg,
+        one.cells + other.cells,
+        np.concatenate([one.lines, other.lines]),
+        np.concatenate([one.outer, other.outer]),
+        (*one.legs, paths.path(*index[best].tolist()), *other.legs),
+    )
+
+
+def _reversed(flown: Survey) -> Survey:
+    legs = tuple(leg[::-1] for leg in flown.legs[::-1])
+    return replace(flown, lines=flown.lines[::-1, ::-1], outer=flown.outer[::-1, ::-1], legs=legs)
 
 
 def _length(lines: Floats) -> Floats:
     lengths: Floats = np.hypot(*(lines[:, 1] - lines[:, 0]).T)
     return lengths
-
-
-def _path_length(path: Floats) -> float:
-    return math.fsum(np.hypot(*np.diff(path, axis=0).T).tolist())

@@ -13,7 +13,7 @@ RELATIVE = 1e-6  # of a 32-bit float
 EXACT_PARAMS = 2  # param1 and param2 of items without position decide what they do
 
 
-def differences(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, firmware: str) -> list[str]:
+def differences(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, autopilot: str) -> list[str]:
     """What the vehicle holds other than it was sent, so that it would not fly the mission; empty if nothing.
 
     Home (item 0 of ArduPilot) is not compared, because the vehicle replaces it. Parameters that autopilots
@@ -22,19 +22,19 @@ def differences(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, 
     if len(sent) != len(kept):
         return [f"it holds {len(kept)} items instead of {len(sent)}"]
     found = []
-    for number in range(_first(kind, firmware), len(sent)):
-        what = _difference(sent[number], kept[number], kind, firmware)
+    for number in range(_first(kind, autopilot), len(sent)):
+        what = _difference(sent[number], kept[number], kind, autopilot)
         if what:
             found.append(f"item {number}: {what}")
     return found
 
 
-def rounded(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, firmware: str) -> list[str]:
+def rounded(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, autopilot: str) -> list[str]:
     """Parameters that the vehicle keeps otherwise, one line for each command and parameter."""
-    if firmware == "generic" or kind != Kind.MISSION:
+    if autopilot == "generic" or kind != Kind.MISSION:
         return []
     seen: dict[tuple[int, int], list[tuple[float, float]]] = {}
-    for mine, theirs in zip(sent[_first(kind, firmware) :], kept[_first(kind, firmware) :], strict=True):
+    for mine, theirs in zip(sent[_first(kind, autopilot) :], kept[_first(kind, autopilot) :], strict=True):
         for n, (value, known) in enumerate(zip(mine.params, theirs.params, strict=True), start=1):
             if value is not None and not _equal(value, known or 0.0):
                 seen.setdefault((mine.command, n), []).append((value, known or 0.0))
@@ -45,11 +45,11 @@ def rounded(sent: Sequence[LinkItem], kept: Sequence[LinkItem], kind: Kind, firm
     ]
 
 
-def _first(kind: Kind, firmware: str) -> int:
-    return int(kind == Kind.MISSION and firmware == "ardupilot")
+def _first(kind: Kind, autopilot: str) -> int:
+    return int(kind == Kind.MISSION and autopilot == "ardupilot")
 
 
-def _difference(sent: LinkItem, kept: LinkItem, kind: Kind, firmware: str) -> str:
+def _difference(sent: LinkItem, kept: LinkItem, kind: Kind, autopilot: str) -> str:
     if kept.command != sent.command:
         return f"command {kept.command} instead of {sent.command}"
     is_place = kind != Kind.MISSION or sent.command in POSITION_COMMANDS
@@ -61,16 +61,16 @@ def _difference(sent: LinkItem, kept: LinkItem, kind: Kind, firmware: str) -> st
             return f"altitude {kept.z:g} m instead of {sent.z:g} m"
         if kept.frame != sent.frame and kind == Kind.MISSION:
             return f"frame {kept.frame} instead of {sent.frame}"
-    for n in range(_exact_params(sent, kind, firmware)):
+    for n in range(_exact_params(sent, kind, autopilot)):
         value, known = sent.params[n] or 0.0, kept.params[n] or 0.0
         if not _equal(value, known):
             return f"parameter {n + 1} is {known:g} instead of {value:g}"
     return ""
 
 
-def _exact_params(sent: LinkItem, kind: Kind, firmware: str) -> int:
+def _exact_params(sent: LinkItem, kind: Kind, autopilot: str) -> int:
     """How many parameters must be kept exactly."""
-    if firmware == "generic":
+    if autopilot == "generic":
         return 4
     if kind != Kind.MISSION:
         return int(kind == Kind.FENCE)  # the number of vertices, or the radius

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from uavseg.errors import MissionError
-from uavseg.flight.items import FIRMWARES, HomePosition, MissionItem
+from uavseg.flight.items import HomePosition, MissionItem
 from uavseg.flight.link.link import POLL_S, Link
 from uavseg.flight.link.link_items import (
     FENCE_RETURN,
@@ -16,7 +16,7 @@ from uavseg.flight.link.link_items import (
 )
 from uavseg.flight.link.receive import Progress, receive_items
 from uavseg.flight.link.results import Kind, RefusedError, TransferLostError
-from uavseg.flight.link.vehicle import FIRMWARE_NAMES, Vehicle
+from uavseg.flight.link.vehicle import AUTOPILOT_NAMES, Vehicle
 from uavseg.flight.mission import Mission
 
 HOME_S = 2.5  # PX4 sends HOME_POSITION every 2 s
@@ -49,7 +49,7 @@ def download_mission(link: Link, progress: Progress | None = None) -> Mission:
         items = mission_items(rows[1:] if vehicle.has_home_row else rows, vehicle.has_home_row)
         home = _home(link, rows, items, notes)
         fence, rally = fence_of_items(fence_items), rally_of_items(rally_items)
-        mission = Mission(home, items, _firmware(home, items, vehicle, notes), fence=fence, rally=rally)
+        mission = Mission(home, items, _autopilot(home, items, vehicle, notes), fence=fence, rally=rally)
     except MissionError as error:
         raise MissionError(f"what the vehicle holds cannot be used: {error}") from error
     return replace(mission, notes=tuple(notes))
@@ -70,7 +70,7 @@ def _home(
     known = home_of_row(rows[0]) if link.vehicle.has_home_row and rows else None
     if known is not None:
         return known
-    if link.home is None and link.vehicle.firmware == "px4":
+    if link.home is None and link.vehicle.autopilot == "px4":
         until = link.now() + HOME_S
         while link.home is None and link.now() < until:
             link.next_message(min(link.now() + POLL_S, until), none_expected=True)
@@ -83,17 +83,17 @@ def _home(
     return HomePosition(first.lat, first.lon)
 
 
-def _firmware(home: HomePosition, items: tuple[MissionItem, ...], vehicle: Vehicle, notes: list[str]) -> str:
+def _autopilot(home: HomePosition, items: tuple[MissionItem, ...], vehicle: Vehicle, notes: list[str]) -> str:
     """The autopilot that the mission is for; of a generic vehicle, the first whose rules it keeps."""
-    if vehicle.firmware in FIRMWARES:
-        return vehicle.firmware
-    for firmware in FIRMWARES:
+    if vehicle.autopilot != "generic":
+        return vehicle.autopilot
+    for autopilot in ("generic", *AUTOPILOT_NAMES):
         try:
-            Mission(home, items, firmware)
+            Mission(home, items, autopilot)
         except MissionError:
             continue
-        notes.append(
-            f"the vehicle is a generic one: its mission is read as one for {FIRMWARE_NAMES[firmware]}"
-        )
-        return firmware
-    return next(iter(FIRMWARES))  # whose rules the mission breaks, as its error then says
+        if autopilot != "generic":
+            name = AUTOPILOT_NAMES[autopilot]
+            notes.append(f"the vehicle is a generic one: its mission is read as one for {name}")
+        return autopilot
+    return next(iter(AUTOPILOT_NAMES))  # whose rules the mission breaks, as its error then says

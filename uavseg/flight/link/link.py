@@ -208,7 +208,7 @@ class Link:
                 "give an address where only one answers"
             )
         if source != known.source or (
-            component == known.component and heartbeat.autopilot != known.autopilot
+            component == known.component and heartbeat.autopilot != known.mav_autopilot
         ):
             raise LinkError(
                 f"two vehicles on the link have the system id {system}; "

@@ -87,7 +87,7 @@ class _Receiving:
         """Send a question until it is answered."""
         link = self.link
         sent_at = asked_at = link.now()
-        keeps_state = number is not None and link.vehicle.firmware != "ardupilot"
+        keeps_state = number is not None and link.vehicle.autopilot != "ardupilot"
         give_up_at = asked_at + (min(STALL_S, self.timeout_s) if keeps_state else self.timeout_s)
         refusal: int | None = None
         send()

@@ -171,7 +171,7 @@ class _Sending:
         if self.last >= 0:
             item = self.items[self.last]
             what = f"item {self.last} of the {self.kind}, {command_name(item.command)} in frame {item.frame}"
-            if self.link.vehicle.firmware == "ardupilot":  # which writes items as they come
+            if self.link.vehicle.autopilot == "ardupilot":  # which writes items as they come
                 kept = f"; its {self.kind} is now a mix of old and new items: do not fly it"
         says = f'; it says "{self.link.texts[-1]}"' if self.link.texts else ""
         return LinkError(f"the vehicle refuses {what}: {result_words(result)}{says}{kept}")

@@ -9,7 +9,7 @@ from uavseg.flight.link.link_items import LinkItem, items_of_fence, items_of_mis
 from uavseg.flight.link.receive import Progress, count_items, receive_items
 from uavseg.flight.link.results import Kind, TransferLostError
 from uavseg.flight.link.send import send_items
-from uavseg.flight.link.vehicle import FIRMWARE_NAMES, Vehicle
+from uavseg.flight.link.vehicle import AUTOPILOT_NAMES, Vehicle
 from uavseg.flight.mission import Mission
 
 ATTEMPTS = 3
@@ -61,12 +61,12 @@ def upload_mission(link: Link, mission: Mission, progress: Progress | None = Non
 
 def check_autopilot(mission: Mission, vehicle: Vehicle) -> None:
     """Raise MissionError if a mission is for another autopilot than the vehicle's."""
-    known = vehicle.firmware
-    if known == "generic" or mission.firmware not in FIRMWARE_NAMES or mission.firmware == known:
+    known = vehicle.autopilot
+    if known == "generic" or mission.autopilot not in AUTOPILOT_NAMES or mission.autopilot == known:
         return
     raise MissionError(
-        f"the mission is for {FIRMWARE_NAMES[mission.firmware]}, and the vehicle is {vehicle}; plan it for "
-        f"{FIRMWARE_NAMES[known]} (a .waypoints file is always for ArduPilot)"
+        f"the mission is for {AUTOPILOT_NAMES[mission.autopilot]}, and the vehicle is {vehicle}; plan it for "
+        f"{AUTOPILOT_NAMES[known]} (a .waypoints file is always for ArduPilot)"
     )
 
 
@@ -106,9 +106,9 @@ def _transfer(link: Link, kind: Kind, items: Sequence[LinkItem], steps: _Steps) 
             link.cancel(kind)
             raise
         kept = _read_back(link, kind, items, steps, is_acknowledged)
-        wrong = differences(items, kept, kind, link.vehicle.firmware)
+        wrong = differences(items, kept, kind, link.vehicle.autopilot)
         if not wrong:
-            return rounded(items, kept, kind, link.vehicle.firmware)
+            return rounded(items, kept, kind, link.vehicle.autopilot)
         if is_acknowledged or attempt == ATTEMPTS:
             raise LinkError(_mismatch(kind, wrong))
     raise AssertionError("the last attempt returns or raises")

@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 from typing import Any
 
-from uavseg.flight.items import FIRMWARES
+from uavseg.flight.items import AUTOPILOTS
 
 INVALID_AUTOPILOT = 8  # MAV_AUTOPILOT of what is not a vehicle
 ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 # MAV_TYPE of what has a heartbeat but flies no mission
 TRACKER, GROUND_STATION, COMPANION, GIMBAL, ADSB, CAMERA = 5, 6, 18, 26, 27, 30
 NOT_VEHICLES = frozenset({TRACKER, GROUND_STATION, COMPANION, GIMBAL, ADSB, CAMERA})
-FIRMWARE_NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
+AUTOPILOT_NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}  # for people
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Vehicle:
     ----------
     system, component : int
         Its MAVLink ids.
-    autopilot : int
+    mav_autopilot : int
         MAV_AUTOPILOT.
     is_armed : bool
         Whether its motors were armed when it was heard first.
@@ -31,22 +31,22 @@ class Vehicle:
 
     system: int
     component: int
-    autopilot: int
+    mav_autopilot: int
     is_armed: bool = False
     source: Any = None
 
     @property
-    def firmware(self) -> str:
+    def autopilot(self) -> str:
         """ "ardupilot", "px4", or "generic" for any other."""
-        return next((name for name, number in FIRMWARES.items() if number == self.autopilot), "generic")
+        return next((name for name, number in AUTOPILOTS.items() if number == self.mav_autopilot), "generic")
 
     @property
     def has_home_row(self) -> bool:
         """Whether its missions begin with home as item 0."""
-        return self.firmware == "ardupilot"
+        return self.autopilot == "ardupilot"
 
     def __str__(self) -> str:
-        name = FIRMWARE_NAMES.get(self.firmware, f"autopilot {self.autopilot}")
+        name = AUTOPILOT_NAMES.get(self.autopilot, f"autopilot {self.mav_autopilot}")
         return f"{name}, system {self.system}"
 
 

@@ -10,9 +10,11 @@ from uavseg._jit import inlined, kernel
 from uavseg.flight.order.stops import Floats, Ints, Stops
 
 ROUNDS = 4000
-EFFORT = 2e9  # pairs of stops that are looked at, at most
+EFFORT = 400_000  # rounds times stops, at most
 LONGEST_PART = 3  # stops that Or-opt moves together
 LONGEST_BRIDGE = 30  # stops in each of the parts that a perturbation exchanges
+WINDOW = 10  # stops on either side of those parts that are improved after it
+EVERYWHERE = 100  # rounds after which all stops are
 HEAT = 0.5  # mean legs by which a tour may be longer than the last one, at first
 GAIN = 1e-7
 AT_ONCE = 1e7  # pairs of stops for one call of the kernel, about 0.1 s: Ctrl-C takes effect between calls
@@ -33,12 +35,12 @@ def good_tour(stops: Stops, distances: Floats, start: int, end: int, rounds: int
     """
     tour = _nearest_neighbour(stops, distances, start)
     count, most = len(stops), int(np.diff(stops.first).max())
-    rounds = int(min(rounds, EFFORT / (8.0 * count * count)))
+    rounds = min(rounds, EFFORT // count)
     scratch = np.zeros((4, count), np.int64)
     totals, before = np.zeros((2, most)), np.zeros((count, most), np.int64)
     options = (stops.first, stops.enters, stops.leaves, stops.costs, stops.reverse, stops.stop_of)
     passes = max(int(AT_ONCE / (8.0 * count * count)), 1)
-    state, lengths = np.zeros(2, np.int64), np.full(3, np.inf)
+    state, lengths = np.zeros(4, np.int64), np.full(3, np.inf)
     while state[0] <= rounds:
         _search(
             distances, *options, start, end, rounds, passes, state, lengths, tour, scratch, totals, before
@@ -93,12 +95,12 @@ def _length(distances, enters, leaves, costs, start, end, tour):  # type: ignore
 
 
 @inlined
-def _two_opt(distances, enters, leaves, reverse, start, end, tour):  # type: ignore[no-untyped-def]
-    """Reverse parts of the tour wherever that shortens it: one pass."""
+def _two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_before):  # type: ignore[no-untyped-def]
+    """Reverse parts of the tour that begin or end in a window, wherever that shortens it: one pass."""
     gained = False
     count = tour.shape[0]
-    for i in range(count):
-        for j in range(i, count):
+    for i in range(stop_before):
+        for j in range(max(i, begin), stop_before if i < begin else count):
             before, after = _left_before(leaves, tour, i, start), _entered_at(enters, tour, j + 1, end)
             now = _leg(distances, before, enters[tour[i]]) + _leg(distances, leaves[tour[j]], after)
             turned = _leg(distances, before, leaves[tour[j]]) + _leg(distances, enters[tour[i]], after)
@@ -115,12 +117,12 @@ def _two_opt(distances, enters, leaves, reverse, start, end, tour):  # type: ign
 
 
 @inlined
-def _or_opt(distances, enters, leaves, reverse, start, end, tour, part):  # type: ignore[no-untyped-def]
-    """Move one to three stops to another place wherever that shortens the tour: one pass."""
+def _or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, stop_before):  # type: ignore[no-untyped-def]
+    """Move one to three stops of a window to another place wherever that shortens the tour: one pass."""
     gained = False
     count = tour.shape[0]
     for size in range(1, min(LONGEST_PART, count - 1) + 1):
-        for i in range(count - size + 1):
+        for i in range(begin, min(stop_before, count - size + 1)):
             before, after = _left_before(leaves, tour, i, start), _entered_at(enters, tour, i + size, end)
             first, last = enters[tour[i]], leaves[tour[i + size - 1]]
             saved = (
@@ -157,11 +159,11 @@ def _or_opt(distances, enters, leaves, reverse, start, end, tour, part):  # type
 
 
 @inlined
-def _reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour):  # type: ignore[no-untyped-def]
-    """Move one stop to another place, in the option that is best there, wherever that helps: one pass."""
+def _reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour, begin, stop_before):  # type: ignore[no-untyped-def]
+    """Move one stop of a window to another place, in the option that is best there: one pass."""
     gained = False
     count = tour.shape[0]
-    for i in range(count):
+    for i in range(begin, stop_before):
         before, after = _left_before(leaves, tour, i, start), _entered_at(enters, tour, i + 1, end)
         stop = stop_of[tour[i]]
         saved = (
@@ -245,6 +247,7 @@ def _double_bridge(tour, copy, turn):  # type: ignore[no-untyped-def]
         tour[low + m - middle] = copy[m]
     for m in range(low, middle):
         tour[high - middle + m] = copy[m]
+    return low, high
 
 
 @kernel(
@@ -270,21 +273,24 @@ def _search(  # type: ignore[no-untyped-def]
     totals,
     before,
 ):
-    """Go on with the search for some passes; `state` is the turn and whether it is under way."""
+    """Go on with the search for some passes; `state` is the turn, whether it is under way, and its window."""
     count = tour.shape[0]
     best_tour, kept, copy, part = scratch[0], scratch[1], scratch[2], scratch[3]
-    turn, is_under_way = state
+    turn, is_under_way, begin, stop_before = state
     best, current, total = lengths
     while turn <= rounds and passes > 0:
         if not is_under_way:
+            begin, stop_before = 0, count
             if turn > 0:
-                _double_bridge(tour, copy, turn)
+                low, high = _double_bridge(tour, copy, turn)
+                if turn % EVERYWHERE != 0:
+                    begin, stop_before = max(low - WINDOW, 0), min(high + WINDOW, count)
             total = np.inf
             is_under_way = 1
-        improving = _two_opt(distances, enters, leaves, reverse, start, end, tour)
-        if _or_opt(distances, enters, leaves, reverse, start, end, tour, part):
+        improving = _two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_before)
+        if _or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, stop_before):
             improving = True
-        if _reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour):
+        if _reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour, begin, stop_before):
             improving = True
         found = _best_options(
             distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before
@@ -309,5 +315,5 @@ def _search(  # type: ignore[no-untyped-def]
                 best_tour[k] = kept[k]
         turn += 1
         is_under_way = 0
-    state[0], state[1] = turn, is_under_way
+    state[0], state[1], state[2], state[3] = turn, is_under_way, begin, stop_before
     lengths[0], lengths[1], lengths[2] = best, current, total

@@ -1,0 +1,95 @@
+"""The heights of a complete mission above the ground of a DEM."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.flight.terrain.dems import HOME, cone, draw, hills, plane
+from tests.flight.terrain.flights import PLANE, flown, follow, track
+from uavseg.errors import MissionError
+from uavseg.flight.along import items_along
+from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, RETURN, HomePosition, MissionItem
+from uavseg.flight.mission import Mission
+from uavseg.flight.params import PlanParams
+from uavseg.flight.terrain.clearance import Clearance, clearance_of
+from uavseg.flight.terrain.follow import GroundPath
+from uavseg.flight.terrain.heights import Heights
+from uavseg.flight.terrain.params import TerrainParams
+from uavseg.raster.elevation.dem import Dem
+
+
+def mission(path: Any, frame: int, heights: Any, takeoff_m: float = 60.0) -> Mission:
+    lon, lat = PLANE.lonlat_from_xy(*np.array(path, float).T)
+    none = np.zeros(len(lon), bool)
+    flight = Heights(frame, np.array(heights, float), takeoff_m, none, np.full(len(lon), 5.0))
+    home = HomePosition(*HOME, 400.0)
+    return Mission(home, items_along(track(lon, lat), home, PlanParams(60), flight))
+
+
+@given(st.integers(0, 99), st.floats(10, 100), st.floats(-8, 8))
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_a_planned_flight_passes_and_a_lowered_or_raised_one_does_not(
+    tmp_path: Path, seed: int, relief_m: float, moved_m: float
+) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", hills(relief_m, seed)))
+    found = follow(dem, [(-300, 200), (500, 100)], tolerance_m=4.0)
+    above = flown(dem, found)
+    height_m = float(dem.heights_m([HOME[1]], [HOME[0]])[0])
+    home = HomePosition(*HOME, height_m)
+
+    def moved(path: GroundPath, by_m: float) -> Mission:
+        heights = path.heights
+        flight = Heights(
+            heights.frame, heights.height_m + by_m, heights.takeoff_m + by_m, heights.added, heights.speed_m_s
+        )
+        items = items_along(path.track, home, PlanParams(60), flight)
+        return Mission(home, items)
+
+    assert found.ground is not None
+    lowest, highest = found.ground.lowest_m, found.ground.highest_m
+    Clearance(dem, lowest).check(moved(found, 0.0), highest + 0.5)
+    checked = Clearance(dem, 56)
+    if above.min() + moved_m < 55.5:
+        with pytest.raises(MissionError, match=r"above the ground of a\.tif, and at least 56\.0 m"):
+            checked.check(moved(found, moved_m), 200)
+    elif above.min() + moved_m > 56.5:
+        checked.check(moved(found, moved_m), 200)
+    with pytest.raises(MissionError, match="--max-altitude"):
+        Clearance(dem, 0).check(moved(found, moved_m), above.max() + moved_m - 1)
+
+
+def test_a_hill_between_two_waypoints_or_on_the_way_back_is_seen(tmp_path: Path) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", cone(50, 120, 500, 0)))
+    over, back = [(300, 0), (700, 0)], [(300, 400), (900, 0)]
+    for path in (over, back):
+        for frame, zero in ((FRAME_AMSL, 400), (FRAME_RELATIVE, 0)):
+            with pytest.raises(MissionError, match=r"is 1\d\.\d m above the ground"):
+                Clearance(dem, 55).check(mission(path, frame, [zero + 60] * 2), 120)
+    Clearance(dem, 55).check(mission([(300, 0), (300, 300)], FRAME_AMSL, [460] * 2), 120)
+
+
+def test_a_mission_without_takeoff_starts_at_the_ground_of_home(tmp_path: Path) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", plane(0, 0)))
+    whole = mission([(300, 0)], FRAME_AMSL, [460])
+    without = Mission(whole.home, (*whole.items[1:-1], MissionItem(RETURN, 2)))
+    with pytest.raises(MissionError, match=r"is 0\.0 m above the ground"):
+        Clearance(dem, 55).check(without, 120)
+
+
+def test_heights_above_the_terrain_of_the_vehicle_are_taken_for_what_they_say(tmp_path: Path) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", cone(150, 300, 500, 0)))
+    Clearance(dem, 55).check(mission([(300, 0), (700, 0)], FRAME_TERRAIN, [60, 60]), 120)
+    with pytest.raises(MissionError, match="higher than allowed"):
+        Clearance(dem, 55).check(mission([(300, 0), (700, 0)], FRAME_TERRAIN, [60, 121]), 120)
+
+
+def test_without_a_model_nothing_is_checked_here(tmp_path: Path) -> None:
+    assert clearance_of(PlanParams(60)) is None
+    assert clearance_of(PlanParams(60, terrain=TerrainParams(None, "frame"))) is None
+    dem = Dem.open(draw(tmp_path / "a.tif", plane(0, 0)))
+    found = clearance_of(PlanParams(60, terrain=TerrainParams(dem, tolerance_m=7)))
+    assert found is not None and found.least_m == 53

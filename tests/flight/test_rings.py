@@ -1,0 +1,70 @@
+"""Rings at a distance from an outline: the distance, the shortest leg, holes and what is too narrow."""
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.flight.cover.cover_fields import fields
+from uavseg.flight.pattern_params import PerimeterParams
+from uavseg.flight.rings import long_legs, offset_rings
+
+
+def legs(ring: np.ndarray) -> np.ndarray:
+    return np.hypot(*np.diff(ring, axis=0).T)
+
+
+@given(fields(), st.floats(-15, 60), st.floats(0.2, 5), st.sampled_from(["skip", "fly"]))
+@settings(deadline=None, max_examples=80)
+def test_rings_lie_at_the_offset_within_the_tolerance(
+    field: shapely.Polygon, offset: float, tolerance: float, holes: str
+) -> None:
+    found = offset_rings(field, PerimeterParams(offset, holes=holes), tolerance, 0.0)
+    for ring in found.rings:
+        assert np.array_equal(ring[0], ring[-1])
+        dense = shapely.get_coordinates(shapely.segmentize(shapely.LineString(ring), 1.0))
+        distance = shapely.distance(field.boundary, shapely.points(dense))
+        assert np.abs(distance - abs(offset)).max() <= tolerance + 0.06
+        inside = shapely.contains_xy(field, *dense.T)
+        if abs(offset) > tolerance + 0.06:
+            assert (inside == (offset < 0)).all()
+    assert found.moved_m == 0 and (holes == "skip" or found.holes == 0)
+
+
+@given(fields(), st.floats(1, 25))
+@settings(deadline=None, max_examples=80)
+def test_no_leg_is_shorter_or_it_is_reported(field: shapely.Polygon, min_leg: float) -> None:
+    found = offset_rings(field, PerimeterParams(), 0.5, min_leg)
+    [ring] = found.rings
+    assert len(ring) >= 4 and np.array_equal(ring[0], ring[-1])
+    assert found.has_short_legs == bool(legs(ring).min() < min_leg)
+    assert not found.has_short_legs or len(ring) == 4
+    beside = shapely.hausdorff_distance(shapely.LineString(ring), field.exterior, densify=0.05)
+    assert beside <= max(found.moved_m, 0.5) * 1.05 + 1e-6
+
+
+def test_long_rings_keep_their_corners() -> None:
+    ring = np.array([[0, 0], [100, 0], [100, 3], [103, 3], [103, 80], [0, 80], [0, 0.0]])
+    kept = long_legs(ring, 10)
+    assert legs(kept).min() >= 10 and len(kept) == 5
+    assert np.array_equal(long_legs(ring, 3), ring)
+
+
+def test_holes_are_counted_or_flown() -> None:
+    field = shapely.box(0, 0, 200, 100) - shapely.box(20, 20, 60, 60) - shapely.box(100, 20, 140, 60)
+    skipped, flown = (offset_rings(field, PerimeterParams(holes=one), 1, 5) for one in ("skip", "fly"))
+    assert (len(skipped.rings), skipped.holes) == (1, 2)
+    assert (len(flown.rings), flown.holes) == (3, 0)
+
+
+@pytest.mark.parametrize(("offset", "rings"), [(-6, 0), (-4, 1), (0, 1), (6, 1)])
+def test_what_is_too_narrow_has_no_ring(offset: float, rings: int) -> None:
+    assert len(offset_rings(shapely.box(0, 0, 90, 10), PerimeterParams(offset), 0.1, 0).rings) == rings
+
+
+def test_an_offset_may_divide_a_region() -> None:
+    dumb_bell = shapely.union_all(
+        [shapely.box(0, 0, 50, 50), shapely.box(50, 22, 90, 28), shapely.box(90, 0, 140, 50)]
+    )
+    assert len(offset_rings(dumb_bell, PerimeterParams(-5), 0.1, 0).rings) == 2

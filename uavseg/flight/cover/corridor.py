@@ -1,0 +1,263 @@
+"""Corridors: long, thin regions in lines parallel to their medial axis.
+
+The axis is divided where the region needs another number of lines. What lies beside all lines, as at forks,
+is covered in straight lines of its own.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+from shapely.ops import substring
+
+from uavseg.flight.cover.axis import Branch, medial_axis
+from uavseg.flight.cover.grid import grid_lines
+from uavseg.flight.cover.lines import join_cells, path_length, shortest_legs, to_and_fro
+from uavseg.flight.cover.space import flight_space
+from uavseg.flight.cover.strips import LEAST_LINE_M
+from uavseg.flight.cover.survey import axes
+
+Floats = NDArray[np.float64]
+
+GROWN = 0.25  # spacings by which a region is grown before its axis is found: narrow places do not end it
+SMOOTH = 0.03  # spacings by which the axis is simplified
+STEP = 0.25  # spacings between places of the axis at which the width is measured
+RUN = 8  # places before and after, of which the widest decides about the number of lines
+MISSED = 5e-4  # share of a region that may stay beside all lines
+THIN = 4.0  # spacings: the mean width of a thin region
+LONG = 8.0  # mean widths: the length of a long one
+SLENDER = 0.6  # share of its convex hull that a bent one fills
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corridor:
+    """Lines over one region in the order and direction in which they are flown, and the legs between.
+
+    Parameters
+    ----------
+    lines : tuple of n (k, 2) float64 arrays
+    legs : tuple of n - 1 (k, 2) float64 arrays
+    """
+
+    lines: tuple[Floats, ...]
+    legs: tuple[Floats, ...]
+
+    @property
+    def length_m(self) -> float:
+        """Length of lines and legs in metres."""
+        return sum(path_length(path) for path in (*self.lines, *self.legs))
+
+    @property
+    def turns(self) -> int:
+        """Number of ends of lines and bends of legs."""
+        return sum(len(leg) for leg in self.legs)
+
+
+def is_long_and_thin(region: Any, spacing_m: float) -> bool:
+    """Whether a region is long, thin and bent, so that a corridor may be shorter than a survey.
+
+    Examples
+    --------
+    >>> bent = shapely.LineString([(0, 0), (300, 0), (300, 300)]).buffer(10)
+    >>> is_long_and_thin(bent, 10), is_long_and_thin(shapely.box(0, 0, 300, 20), 10)
+    (True, False)
+    """
+    width = 2 * region.area / region.length
+    length = region.length / 2
+    bent = region.area < SLENDER * shapely.convex_hull(region).area
+    return bool(width <= THIN * spacing_m and length >= LONG * width and bent)
+
+
+def corridor(
+    region: Any,
+    spacing_m: float,
+    reach_m: float = 0.0,
+    least_m: float = LEAST_LINE_M,
+    obstacles: Sequence[Any] = (),
+) -> Corridor:
+    """Cover a region with lines along its middle, in a short order.
+
+    Parameters
+    ----------
+    region : shapely Polygon
+        In metres; it may fork and have holes.
+    spacing_m : float
+        Largest distance between neighbouring lines.
+    reach_m : float
+        How far photographs show ground beyond the end of a line.
+    least_m : float
+        Length of the shortest line.
+    obstacles : sequence of shapely Polygon
+        Where no leg may lead.
+
+    Raises
+    ------
+    ParameterError
+        If the spacing is not a positive number.
+    MissionError
+        If there would be more lines than a mission holds, or there is no way between them.
+
+    Examples
+    --------
+    >>> bend = shapely.Point(0, 0).buffer(309) - shapely.Point(0, 0).buffer(291)
+    >>> [line] = corridor(bend - shapely.box(0, 0, 400, 400), 20).lines
+    >>> round(float(np.hypot(*np.diff(line, axis=0).T).sum()), -1)  # three quarters of the circle
+    1410.0
+    """
+    simple, space = flight_space(region, spacing_m, 0.0, obstacles)
+    ends = (reach_m, least_m)
+    body = shapely.simplify(shapely.buffer(simple, GROWN * spacing_m), spacing_m / 40)
+    lines = [
+        line
+        for part in shapely.get_parts(body)
+        for branch in medial_axis(part, spacing_m / 2)
+        for section in _sections(branch, region, spacing_m)
+        for line in _section_lines(section, region, ends)
+        if _is_free(line, space.inside)
+    ]
+    covered = [_swath(line, spacing_m, reach_m) for line in lines]
+    rest = shapely.difference(region, shapely.union_all(covered))
+    lines += _rest_lines(rest, MISSED * region.area, spacing_m, ends)
+    places = np.concatenate([line[[0, -1]] for line in lines])
+    order = join_cells([to_and_fro([k]) for k in range(len(lines))], places, space)
+    flown = [lines[k // 2][:: -1 if k % 2 else 1] for k in order.tolist()]
+    between = shortest_legs(
+        np.array([line[-1] for line in flown[:-1]]).reshape(-1, 2),
+        np.array([line[0] for line in flown[1:]]).reshape(-1, 2),
+        space,
+    )
+    return Corridor(tuple(flown), tuple(between))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Section:
+    """A part of an axis along which the region needs the same number of lines."""
+
+    axis: Any  # LineString
+    count: int
+    spacing_m: float
+
+
+def _sections(branch: Branch, region: Any, spacing_m: float) -> list[_Section]:
+    """A branch divided where the number of lines changes; its free ends lead on until beyond the region."""
+    xy = _evenly(
+        branch.xy, spacing_m * STEP, spacing_m if np.array_equal(branch.xy[0], branch.xy[-1]) else 0.0
+    )
+    inside = shapely.contains_xy(region, *xy.T)
+    distance = shapely.distance(shapely.boundary(region), shapely.points(xy))
+    radius = np.where(inside, distance, 0.0) + SMOOTH * spacing_m
+    around = sliding_window_view(np.pad(radius, RUN, mode="edge"), 2 * RUN + 1)
+    count = np.maximum(np.ceil(2 * around.max(axis=1) / spacing_m), 1).astype(int)
+    cuts = [0, *(np.flatnonzero(np.diff(count)) + 1).tolist(), len(xy) - 1]
+    found = []
+    for first, last in pairwise(cuts):
+        if last > first:
+            outer = (first == 0 and branch.ends_free[0], last == len(xy) - 1 and branch.ends_free[1])
+            axis = _lengthened(xy[first : last + 1], outer, 2 * float(radius.max()))
+            number, width = int(count[first]), 2 * float(radius[first : last + 1].max())
+            line = shapely.simplify(shapely.LineString(axis), SMOOTH * spacing_m)
+            found.append(_Section(line, number, max(width / number, spacing_m / 2)))
+    return found
+
+
+def _evenly(xy: Floats, step_m: float, over_m: float) -> Floats:
+    """A path with places so far apart, about; a loop leads on over its start."""
+    at = np.r_[0.0, np.cumsum(np.hypot(*np.diff(xy, axis=0).T))]
+    places = np.linspace(0, at[-1] + over_m, max(math.ceil((at[-1] + over_m) / step_m), 1) + 1)
+    places = np.where(places > at[-1], places - at[-1], places)
+    return np.column_stack([np.interp(places, at, xy[:, k]) for k in (0, 1)])
+
+
+def _lengthened(xy: Floats, free: tuple[bool, bool], by_m: float) -> Floats:
+    """A path that leads straight on at its start, its end, or both."""
+    for side, is_free in enumerate(free):
+        if is_free:
+            path = xy if side else xy[::-1]
+            away = np.hypot(*(path - path[-1]).T)
+            behind = path[np.flatnonzero(away >= min(by_m / 2, away.max()))[-1]]
+            step = path[-1] - behind
+            end = path[-1] + step / np.hypot(*step) * (by_m + 1)
+            path = np.concatenate([path, end[None]])
+            xy = path if side else path[::-1]
+    return xy
+
+
+def _section_lines(section: _Section, region: Any, ends: tuple[float, float]) -> list[Floats]:
+    """Lines parallel to a section of the axis, each as long as the region in its strip."""
+    found = []
+    for k in range(section.count):
+        aside = (k - (section.count - 1) / 2) * section.spacing_m
+        curve = shapely.offset_curve(section.axis, aside, join_style="mitre", mitre_limit=2)
+        for line in shapely.get_parts(curve if aside else section.axis):
+            if line.geom_type == "LineString" and line.length > 0:
+                strip = shapely.buffer(line, section.spacing_m / 2 + 1e-6, cap_style="flat")
+                parts = shapely.get_parts(shapely.intersection(strip, region))
+                found += [_trimmed(line, part, *ends) for part in parts if part.area > 0]
+    return found
+
+
+def _trimmed(line: Any, part: Any, reach_m: float, least_m: float) -> Floats:
+    """The piece of a line that covers a part of its strip."""
+    if len(part.interiors):  # it runs around: no place has one nearest place on the line
+        whole: Floats = shapely.get_coordinates(line)
+        return whole
+    at = shapely.line_locate_point(line, shapely.points(shapely.get_coordinates(part)))
+    low, high = float(at.min()), float(at.max())
+    crossed = shapely.get_coordinates(shapely.intersection(line, part))
+    if len(crossed):
+        inside = shapely.line_locate_point(line, shapely.points(crossed))
+        low = min(low + reach_m, float(inside.min()))
+        high = max(high - reach_m, float(inside.max()))
+    elif low + reach_m <= high - reach_m:
+        low, high = low + reach_m, high - reach_m
+    else:
+        low = high = (low + high) / 2
+    if high - low < least_m:
+        low, high = max((low + high - least_m) / 2, 0.0), min((low + high + least_m) / 2, float(line.length))
+    piece = shapely.get_coordinates(substring(line, low, high))
+    return piece if len(piece) > 1 else np.repeat(piece, 2, axis=0)
+
+
+def _is_free(line: Floats, allowed: Any) -> bool:
+    return bool(shapely.covers(shapely.buffer(allowed, 1e-4), shapely.LineString(line)))
+
+
+def _swath(line: Floats, spacing_m: float, reach_m: float) -> Any:
+    """What a line covers."""
+    first, last = line[0] - line[1], line[-1] - line[-2]
+    longer = line.copy()
+    for end, step in ((0, first), (-1, last)):
+        if step.any():
+            longer[end] += step / np.hypot(*step) * (reach_m + 1e-6)
+    return shapely.buffer(shapely.LineString(longer), spacing_m / 2 + 1e-6, cap_style="flat")
+
+
+def _rest_lines(rest: Any, missed_m2: float, spacing_m: float, ends: tuple[float, float]) -> list[Floats]:
+    """Straight lines over what no other line covers, but for the smallest pieces."""
+    parts = sorted((part for part in shapely.get_parts(rest) if part.area > 0), key=lambda part: part.area)
+    areas = np.cumsum([part.area for part in parts])
+    lines: list[Floats] = []
+    for part in parts[int(np.searchsorted(areas, missed_m2)) :]:
+        turn = axes(_azimuth(part))
+        turned = shapely.transform(part, lambda xy, turn=turn: xy @ turn)
+        for cell in grid_lines(turned, spacing_m, ends, _never):
+            lines += list(cell @ turn.T)
+    return lines
+
+
+def _never(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
+    return np.zeros(len(starts), bool)
+
+
+def _azimuth(part: Any) -> float:
+    """Azimuth of the long side of the smallest rectangle around a polygon."""
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(part))
+    sides = np.diff(corners, axis=0)
+    east, north = sides[np.argmax(np.hypot(*sides.T))]
+    return math.degrees(math.atan2(east, north))

@@ -1,0 +1,1 @@
+"""Estimates of a flight: time with turns and acceleration, photographs, ground covered, energy."""

@@ -1,0 +1,193 @@
+"""Vehicles: speeds, accelerations and turns of a multirotor under ArduCopter or PX4, and its power.
+
+The defaults are those of the autopilots' own parameters, which most operators never change:
+
+- ArduCopter 4.5: WPNAV_ACCEL 2.5 m/s2, WPNAV_ACCEL_C 0 (twice that), WPNAV_JERK 1 m/s3, WPNAV_ACCEL_Z
+  1 m/s2, WPNAV_SPEED 10, WPNAV_SPEED_UP 2.5, WPNAV_SPEED_DN 1.5 m/s, WPNAV_RADIUS 2 m, RTL_ALT 15 m,
+  RTL_CONE_SLOPE 3, RTL_LOIT_TIME 5 s, LAND_SPEED 0.5 m/s below LAND_ALT_LOW 10 m (libraries/AC_WPNav,
+  ArduCopter/config.h).
+- PX4 1.15: MPC_ACC_HOR 3 m/s2, MPC_JERK_AUTO 4 m/s3, MPC_XY_TRAJ_P 0.5, MPC_ACC_UP_MAX 4 and MPC_ACC_DOWN_MAX
+  3 m/s2, MPC_XY_CRUISE 5, MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 m/s, NAV_ACC_RAD 2 m for multirotors,
+  RTL_RETURN_ALT 60 m, RTL_CONE_ANG 45 degrees, MPC_LAND_SPEED 0.7 m/s, which the descent comes down to
+  between MPC_LAND_ALT1 10 m and MPC_LAND_ALT2 5 m: as long as 7 m at that speed
+  (src/modules/mc_pos_control, src/modules/navigator, rc.mc_defaults).
+"""
+
+import math
+import os
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from uavseg.errors import ParameterError
+from uavseg.inputs import parse_json, read_bytes
+from uavseg.plain_text import cause_of, shown
+
+TURNS = ("blend", "slow")
+MAX_FILE_BYTES = 100_000
+_MAY_BE_ZERO = frozenset(
+    {"jerk_rise_s", "return_height_m", "return_slope", "return_hold_s", "landing_height_m"}
+)
+_POWER = ("hover_w", "cruise_w", "battery_wh")
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """How a multirotor flies a mission, and the power that it takes.
+
+    Parameters
+    ----------
+    name : str
+    turns : "blend" or "slow"
+        How corners are flown: the legs before and after overlap in time, as ArduCopter does it, or the
+        vehicle slows down to a speed for each corner, as PX4 does it.
+    acceleration_m_s2, jerk_m_s3 : float
+        Of the horizontal flight.
+    jerk_rise_s : float
+        Time in which the jerk builds up.
+    corner_acceleration_m_s2 : float
+        Greatest acceleration in a corner.
+    radius_m : float
+        A waypoint is passed within this distance.
+    climb_m_s, descent_m_s, vertical_acceleration_m_s2 : float
+    return_speed_m_s : float
+        Speed over ground of a return, which the speed of the mission does not set.
+    return_height_m, return_slope : float
+        A return climbs to this height above home, or to the slope times its length where that is lower.
+    return_hold_s : float
+        How long the vehicle waits above home before it descends.
+    landing_m_s, landing_height_m : float
+        The last metres before the ground, and the speed there.
+    hover_w, cruise_w, battery_wh : float, optional
+        Power in hover and in forward flight, and the energy of a full battery.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not positive, or power is given in part.
+    """
+
+    name: str
+    turns: str
+    acceleration_m_s2: float
+    jerk_m_s3: float
+    jerk_rise_s: float
+    corner_acceleration_m_s2: float
+    radius_m: float
+    climb_m_s: float
+    descent_m_s: float
+    vertical_acceleration_m_s2: float
+    return_speed_m_s: float
+    return_height_m: float
+    return_slope: float
+    return_hold_s: float
+    landing_m_s: float
+    landing_height_m: float
+    hover_w: float | None = None
+    cruise_w: float | None = None
+    battery_wh: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.turns not in TURNS:
+            raise ParameterError(f"turns of a vehicle are {' or '.join(TURNS)}, not {shown(self.turns)}")
+        for key in NUMBERS:
+            value = getattr(self, key)
+            if value is None and key in _POWER:
+                continue
+            zero = key in _MAY_BE_ZERO
+            if not (math.isfinite(value) and (value > 0 or (zero and value == 0))):
+                least = "0 or more" if zero else "above 0"
+                raise ParameterError(f"{key} of the vehicle {self.name} is {least}, not {value:g}")
+        given = [key for key in _POWER if getattr(self, key) is not None]
+        if 0 < len(given) < len(_POWER):
+            raise ParameterError(
+                f"the power of the vehicle {self.name} is hover_w, cruise_w and battery_wh together; "
+                f"only {' and '.join(given)} is given"
+            )
+
+
+NUMBERS = tuple(field.name for field in fields(Vehicle) if field.name not in {"name", "turns"})
+
+ARDUCOPTER = Vehicle(
+    name="multirotor with ArduCopter",
+    turns="blend",
+    acceleration_m_s2=2.5,
+    jerk_m_s3=1.0,
+    jerk_rise_s=0.3,
+    corner_acceleration_m_s2=5.0,
+    radius_m=2.0,
+    climb_m_s=2.5,
+    descent_m_s=1.5,
+    vertical_acceleration_m_s2=1.0,
+    return_speed_m_s=10.0,
+    return_height_m=15.0,
+    return_slope=3.0,
+    return_hold_s=5.0,
+    landing_m_s=0.5,
+    landing_height_m=10.0,
+)
+PX4 = Vehicle(
+    name="multirotor with PX4",
+    turns="slow",
+    acceleration_m_s2=3.0,
+    jerk_m_s3=4.0,
+    jerk_rise_s=0.0,
+    corner_acceleration_m_s2=1.5,
+    radius_m=2.0,
+    climb_m_s=3.0,
+    descent_m_s=1.5,
+    vertical_acceleration_m_s2=3.0,
+    return_speed_m_s=5.0,
+    return_height_m=60.0,
+    return_slope=1.0,
+    return_hold_s=0.0,
+    landing_m_s=0.7,
+    landing_height_m=7.0,
+)
+
+
+def default_vehicle(autopilot: str) -> Vehicle:
+    """The multirotor that an autopilot flies with its own parameters."""
+    return PX4 if autopilot == "px4" else ARDUCOPTER
+
+
+def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> Vehicle:
+    """A vehicle from a JSON file: an object with parameters of `Vehicle`; others are those of the autopilot.
+
+    Raises
+    ------
+    ParameterError
+        If the file cannot be read, a key is unknown, or a value is not what its key needs.
+    """
+    try:
+        given = parse_json(read_bytes(path, ParameterError, MAX_FILE_BYTES).decode("utf-8"))
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise ParameterError(f"{path} cannot be read as a vehicle in JSON ({cause_of(error)})") from error
+    keys = {"name", "turns", *NUMBERS}
+    if not isinstance(given, dict) or not given:
+        raise ParameterError(f"{path} is not a vehicle; expected a JSON object with some of {_listed(keys)}")
+    if unknown := sorted(map(str, set(given) - keys)):
+        raise ParameterError(f"{path} has {shown(unknown[0])}; a vehicle has only {_listed(keys)}")
+    default = default_vehicle(autopilot)
+    values = {key: _number(path, key, given[key]) for key in NUMBERS if key in given}
+    name, turns = given.get("name", Path(path).stem), given.get("turns", default.turns)
+    if not isinstance(name, str) or not isinstance(turns, str):
+        raise ParameterError(
+            f"{path}: name and turns of a vehicle are words, not {shown(name)}, {shown(turns)}"
+        )
+    return replace(default, name=name, turns=turns, **values)
+
+
+def _number(path: str | os.PathLike[str], key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ParameterError(f"{path}: {key} of a vehicle is a number, not {shown(value)}")
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise ParameterError(f"{path}: {key} of a vehicle is too large") from error
+
+
+def _listed(keys: set[str]) -> str:
+    return ", ".join(key for key in ("name", "turns", *NUMBERS) if key in keys)

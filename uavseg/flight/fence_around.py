@@ -1,0 +1,60 @@
+"""The fence of a flight: a hull around its path to stay inside of, and its keep-out zones to stay out of."""
+
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.flight.fence import FencePolygon
+from uavseg.flight.keep_out import KeepOut
+from uavseg.flight.plane import Plane
+
+Floats = NDArray[np.float64]
+
+MAX_VERTICES = 64
+"""Of all polygons together: what PX4 stores for its fence, and about what common boards with ArduPilot do."""
+_DECIMALS = 8  # of degrees: a millimetre
+
+
+def fence_around(
+    path: Floats, keep_out: KeepOut, margin_m: float, plane: Plane
+) -> tuple[tuple[FencePolygon, ...], list[str]]:
+    """The fence around a path, and notes on it.
+
+    Parameters
+    ----------
+    path : (n, 2) float64 array
+        All corners of the flight with home, in metres.
+    keep_out : KeepOut
+    margin_m : float
+        Distance from the path to the hull, at least.
+    plane : Plane
+
+    Returns
+    -------
+    fence : tuple of FencePolygon
+        The hull (inclusion), and each zone with half of its margin, or less (exclusion).
+    notes : list of str
+    """
+    hull = shapely.convex_hull(shapely.multipoints(path))
+    outer = shapely.simplify(shapely.buffer(hull, 1.1 * margin_m, quad_segs=4), margin_m / 20)
+    zones = [zone for zone in keep_out.fence_zones if shapely.intersects(outer, zone)]
+    fence = [_polygon(outer, plane, True), *(_polygon(zone, plane, False) for zone in zones)]
+    notes = []
+    count = sum(len(shape.vertices) for shape in fence)
+    if count > MAX_VERTICES:
+        notes.append(
+            f"the fence has {count} vertices, and many boards store {MAX_VERTICES}; where the vehicle "
+            "refuses it, give fewer or simpler zones, or --fence none"
+        )
+    if any(shapely.get_num_interior_rings(zone) for zone in zones):
+        notes.append("holes of keep-out zones are closed in the fence")
+    return tuple(fence), notes
+
+
+def _polygon(ring: Any, plane: Plane, inclusion: bool) -> FencePolygon:
+    xy = shapely.get_coordinates(shapely.get_exterior_ring(ring))[:-1]
+    lon, lat = plane.lonlat_from_xy(*xy.T)
+    places = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
+    return FencePolygon(tuple(places), inclusion)

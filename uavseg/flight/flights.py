@@ -1,0 +1,95 @@
+"""Flights over a route: missions that each fit their limits, with photographs, fence and estimates."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import MissionError
+from uavseg.flight.along import items_along
+from uavseg.flight.estimate.duration import leg_seconds
+from uavseg.flight.estimate.flown import landing_seconds
+from uavseg.flight.estimate.summary import estimate
+from uavseg.flight.estimate.vehicle import default_vehicle
+from uavseg.flight.fence_around import fence_around
+from uavseg.flight.items import HomePosition
+from uavseg.flight.keep_out import KeepOut
+from uavseg.flight.mission import BOARD_CAPACITY, Mission
+from uavseg.flight.params import PlanParams
+from uavseg.flight.plane import Plane
+from uavseg.flight.route import Route
+from uavseg.flight.split import FlightLimits, split_route
+from uavseg.flight.terrain.follow import follow_ground
+from uavseg.flight.track import Track
+
+Floats = NDArray[np.float64]
+
+FIXED_ITEMS = 5  # takeoff, speed, gimbal, return, and one for the fence of the count
+ATTEMPTS = 8
+
+
+def missions_over(
+    route: Route, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams, notes: list[str]
+) -> tuple[Mission, ...]:
+    """The missions over a route, each within its limits, as the estimates of complete missions say."""
+    vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
+    most_items = limits.max_items or BOARD_CAPACITY[params.autopilot]
+    climb_s = params.altitude_m / vehicle.climb_m_s + landing_seconds(params.altitude_m, vehicle)
+    allowed = FlightLimits(
+        limits.seconds,
+        most_items,
+        climb_s + vehicle.return_hold_s,
+        FIXED_ITEMS,
+        lambda xy: leg_seconds(_at_height(xy, params.altitude_m), params.speed_m_s, vehicle),
+    )
+    for _ in range(ATTEMPTS):
+        tracks = split_route(route, allowed)
+        missions = [_mission(track, home, plane, keep_out, params) for track in tracks]
+        slower = max(estimate(mission).duration_s for mission in missions) / limits.seconds
+        larger = max(len(mission.items) for mission in missions) / most_items
+        if slower <= 1 and larger <= 1:
+            break
+        allowed = allowed.tighter(0.99 / max(slower, 0.99), 0.99 / max(larger, 0.99))
+    else:
+        raise MissionError(
+            "no way to divide the mission was found whose flights fit; give more --endurance or --max-items"
+        )
+    if len(missions) > 1:
+        notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
+    first = replace(missions[0], notes=(*notes, *missions[0].notes))
+    return first, *missions[1:]
+
+
+def _at_height(xy: Floats, height_m: float) -> Floats:
+    return np.column_stack([xy, np.full(len(xy), height_m)])
+
+
+def _mission(
+    track: Track, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams
+) -> Mission:
+    """One flight with its fence."""
+    path = follow_ground(track.without_repeats().in_degrees(plane), home, params)
+    items = items_along(path.track, home, params, path.heights)
+    margin_m = params.safety.fence_margin_m
+    fence, notes = (
+        ((), [])
+        if margin_m is None
+        else fence_around(
+            np.concatenate([np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat])), track.xy]),
+            keep_out,
+            margin_m,
+            plane,
+        )
+    )
+    return Mission(
+        home,
+        items,
+        params.autopilot,
+        params.name,
+        (*path.notes, *notes),
+        fence=fence,
+        rally=params.safety.rally,
+        vehicle=params.vehicle,
+        photos=params.photos,
+        ground=path.ground,
+    )

@@ -1,0 +1,43 @@
+"""Heights of waypoints along a path, the points that were added for them, and the speed of each leg."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.flight.items import FRAME_RELATIVE
+from uavseg.flight.params import PlanParams
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Heights:
+    """Heights and speeds of n waypoints.
+
+    Parameters
+    ----------
+    frame : int
+        MAV_FRAME: 0 above the sea, 3 above home, 10 above the terrain.
+    height_m : (n,) float64 array
+        In metres, above what `frame` says.
+    takeoff_m : float
+        Height above home to which the vehicle climbs first.
+    added : (n,) bool array
+        Whether a waypoint lies on a leg, for its height alone: photographs go on there.
+    speed_m_s : (n,) float64 array
+        On the leg to each waypoint.
+    """
+
+    frame: int
+    height_m: Floats
+    takeoff_m: float
+    added: NDArray[np.bool_]
+    speed_m_s: Floats
+
+
+def constant_height(count: int, params: PlanParams, frame: int = FRAME_RELATIVE) -> Heights:
+    """One height and speed for so many waypoints."""
+    height, speed = float(params.altitude_m), float(params.speed_m_s)
+    none = np.zeros(count, np.bool_)
+    return Heights(frame, np.full(count, height), height, none, np.full(count, speed))

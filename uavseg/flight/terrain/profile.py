@@ -1,0 +1,163 @@
+"""Profile of the ground along a path: exact bounds of the bilinear surface on every leg."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import MissionError
+from uavseg.raster.elevation.dem import Dem
+from uavseg.raster.geodesy.globe import geod_wgs84
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Places = Callable[[Floats], tuple[Floats, Floats]]
+
+STEP_PIXELS = 0.9  # between the first samples: no line of pixel centres is crossed twice
+MAX_PIXELS = 1_000_000  # of one leg
+MAX_HALVINGS = 8
+MIN_SHARE = 1e-9  # of a leg: crossings that are nearer to each other are one
+SHORT_M = 1e-3  # a shorter leg is a point
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """Heights of the ground along a path, at n samples.
+
+    Parameters
+    ----------
+    lon, lat : (n,) float64 arrays
+        Degrees.
+    along_m : (n,) float64 array
+        Distance from the start of the path; it never decreases.
+    upper_m, lower_m : (n,) float64 arrays
+        Straight lines between these heights enclose the ground.
+    corners : (k,) int64 array
+        The samples that are the corners of the path.
+    """
+
+    lon: Floats
+    lat: Floats
+    along_m: Floats
+    upper_m: Floats
+    lower_m: Floats
+    corners: Ints
+
+
+def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> Profile:
+    """The profile of the ground along geodesic lines.
+
+    Between the lines of pixel centres that a leg crosses, the bilinear surface is a parabola along it. It
+    lies within the triangle of its ends and its control point (that of a Bezier curve), so that a sample in
+    the middle bounds it exactly. Where the bounds are farther apart than `gap_m`, pieces are halved.
+
+    Parameters
+    ----------
+    dem : Dem
+    lon, lat : (k,) float64 arrays
+        Corners of the path in degrees.
+    gap_m : float
+        Distance in metres between the bounds, at most, unless the ground is nearly vertical.
+
+    Raises
+    ------
+    MissionError
+        If the DEM has no height somewhere on the path; the message names the place.
+    """
+    first = dem.heights_m(lon[:1], lat[:1])
+    check_known(dem, lon[:1], lat[:1], first)
+    parts = [(lon[:1], lat[:1], np.zeros(1), first, first)]
+    corners, total = [0], 0.0
+    for k in range(len(lon) - 1):
+        leg = _leg(dem, (lon[k], lat[k]), (lon[k + 1], lat[k + 1]), gap_m)
+        parts.append((*leg[:2], total + leg[2], *leg[3:]))
+        total += float(leg[2][-1])
+        corners.append(corners[-1] + len(leg[0]))
+    lons, lats, along, upper, lower = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Profile(lons, lats, along, upper, lower, np.array(corners, np.int64))
+
+
+def _leg(
+    dem: Dem, start: tuple[float, float], end: tuple[float, float], gap_m: float
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Longitude, latitude, distance and bounds at the samples of a leg, without its start."""
+    geod = geod_wgs84()
+    azimuth, _, length = geod.inv(*start, *end)
+    if length < SHORT_M:
+        lon, lat = np.array([end[0]]), np.array([end[1]])
+        height = dem.heights_m(lon, lat)
+        check_known(dem, lon, lat, height)
+        return lon, lat, np.array([length]), height, height
+
+    def places(share: Floats) -> tuple[Floats, Floats]:
+        ones = np.ones(len(share))
+        lon, lat, _ = geod.fwd(start[0] * ones, start[1] * ones, azimuth * ones, length * share)
+        lon[share == 0], lat[share == 0] = start
+        lon[share == 1], lat[share == 1] = end
+        return lon, lat
+
+    ends = _crossings(dem, places)
+    for _ in range(MAX_HALVINGS):
+        share = np.empty(2 * len(ends) - 1)
+        share[::2], share[1::2] = ends, (ends[1:] + ends[:-1]) / 2
+        lon, lat = places(share)
+        height = dem.heights_m(lon, lat)
+        check_known(dem, lon, lat, height)
+        control = 2 * height[1::2] - (height[:-1:2] + height[2::2]) / 2
+        apart = np.abs(control - height[1::2]) > gap_m
+        if not apart.any():
+            break
+        ends = np.sort(np.concatenate([ends, share[1::2][apart]]))
+    upper, lower = height.copy(), height.copy()
+    upper[1::2], lower[1::2] = np.maximum(control, height[1::2]), np.minimum(control, height[1::2])
+    return lon[1:], lat[1:], (length * share)[1:], upper[1:], lower[1:]
+
+
+def _crossings(dem: Dem, places: Places) -> Floats:
+    """Shares of the way at which a leg begins, ends, or crosses a line of pixel centres."""
+    row, col = dem.pixels(*places(np.linspace(0, 1, 9)))
+    pixels = float(max(np.abs(np.diff(row)).sum(), np.abs(np.diff(col)).sum()))
+    if np.isfinite(pixels) and pixels > MAX_PIXELS:
+        raise MissionError(
+            f"a leg crosses {pixels:,.0f} pixels of {dem.name}, and at most {MAX_PIXELS:,} are followed; "
+            "give a coarser one (gdalwarp -tr)"
+        )
+    count = int(pixels / STEP_PIXELS) + 2 if np.isfinite(pixels) else 2
+    share = np.linspace(0, 1, count)
+    found = [share[:1], share[-1:]]
+    for position in dem.pixels(*places(share)):
+        line = position - 0.5
+        low, high = np.minimum(line[:-1], line[1:]), np.maximum(line[:-1], line[1:])
+        crossed = np.ceil(low)
+        at = np.flatnonzero((crossed <= high) & (high > low))
+        part = (crossed[at] - line[at]) / (line[at + 1] - line[at])
+        found.append(share[at] + part * (share[at + 1] - share[at]))
+    shares = np.unique(np.concatenate(found))
+    shares = shares[np.append(True, np.diff(shares) > MIN_SHARE)]
+    return np.append(shares[:-1], 1.0)
+
+
+def check_known(dem: Dem, lon: Floats, lat: Floats, height_m: Floats) -> None:
+    """Check that the ground is known everywhere.
+
+    Raises
+    ------
+    MissionError
+        If it is not; the message names the first place, and what the DEM covers.
+    """
+    unknown = np.flatnonzero(np.isnan(height_m))
+    if not len(unknown):
+        return
+    k = int(unknown[0])
+    raise MissionError(
+        f"{dem.name} has no height of the ground at lat {lat[k]:.6f}, lon {lon[k]:.6f}, where the flight "
+        f"leads; it covers {dem.covered()}{_hole(dem, lon[k], lat[k])}: give one that covers the whole flight"
+    )
+
+
+def _hole(dem: Dem, lon: float, lat: float) -> str:
+    row, col = dem.pixels(np.array([lon]), np.array([lat]))
+    rows, cols = dem.sampler.dataset.geobox.shape
+    inside = 0 <= row[0] <= rows and 0 <= col[0] <= cols
+    return " with a hole there (nodata, or no height from -500 to 9000 m)" if inside else ""

@@ -1,0 +1,271 @@
+"""Digital elevation model (DEM): heights of the ground in metres at positions in degrees."""
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import rasterio
+from numpy.typing import ArrayLike, NDArray
+
+from uavseg.errors import ParameterError, RasterError, RasterReadError
+from uavseg.plain_text import cause_of, shown
+from uavseg.raster.access.drivers import as_file_name
+from uavseg.raster.access.open_checked import open_checked
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.elevation.sampling import BilinearSampler
+from uavseg.raster.geodesy.globe import (
+    WGS84,
+    Transform,
+    is_on_earth,
+    transform_between,
+    unit_factor,
+    wrap_lon,
+)
+from uavseg.raster.geodesy.vertical import (
+    UNITS_M,
+    SeaHeights,
+    VerticalReference,
+    horizontal_crs,
+    sea_from_ellipsoid,
+    vertical_reference,
+)
+from uavseg.raster.opening import GDAL_ERRORS, open_error_text
+
+Floats = NDArray[np.float64]
+Source = str | os.PathLike[str]
+
+LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of the ground of the Earth; other values are voids that are not marked
+
+
+@dataclass(frozen=True, slots=True)
+class Heights:
+    """How the numbers of a file become heights: metres = offset_m + scale_m * number.
+
+    Parameters
+    ----------
+    wkt : str
+        The CRS, with its vertical part where the file has one.
+    reference : VerticalReference
+    scale_m, offset_m : float
+    has_unit : bool
+        Whether the file says what its unit is; else it is taken for the metre.
+    """
+
+    wkt: str
+    reference: VerticalReference
+    scale_m: float
+    offset_m: float
+    has_unit: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Dem:
+    """Heights of the ground, interpolated between the pixels of one raster or of a mosaic.
+
+    Parameters
+    ----------
+    sampler : BilinearSampler
+    heights : Heights
+    to_xy : Transform
+        From longitude and latitude (WGS 84) to coordinates of the raster.
+    to_sea : SeaHeights, optional
+        The conversion of ellipsoidal heights to those above the sea, where it is needed and possible.
+    """
+
+    sampler: BilinearSampler = field(repr=False)
+    heights: Heights
+    to_xy: Transform = field(repr=False)
+    to_sea: SeaHeights | None = field(default=None, repr=False)
+
+    @classmethod
+    def open(cls, sources: Source | Sequence[Source]) -> "Dem":
+        """Open a DEM; no pixel is read.
+
+        Parameters
+        ----------
+        sources : path or sequence of paths
+            One raster, or several that make a mosaic; a VRT is one.
+
+        Raises
+        ------
+        RasterReadError
+            If a file cannot be opened.
+        RasterError
+            If it has no CRS, more than one band or pixels of 8 bits, depths instead of heights, a unit that
+            is not known, or none although its coordinates are in feet; or if files differ in these.
+        MosaicError
+            If the rasters do not fit together.
+        """
+        paths = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
+        if not paths:
+            raise ParameterError("there is no elevation model to open; give at least one")
+        dataset = Dataset.open(paths, band=1)
+        found = [_heights_of(as_file_name(os.fspath(path))) for path in paths]
+        for path, one in zip(paths, found, strict=True):
+            if one != found[0]:
+                raise RasterError(
+                    f"{os.fspath(path)} differs from {os.fspath(paths[0])} in its CRS, its unit or in what "
+                    "its heights are above; the files of one elevation model must agree"
+                )
+        if dataset.geobox.crs is None:
+            raise RasterError(f"{os.fspath(paths[0])} has no place on the map (no geotransform)")
+        heights = found[0]
+        to_sea = sea_from_ellipsoid() if heights.reference.zero == "ellipsoid" else None
+        return cls(
+            BilinearSampler(dataset),
+            heights,
+            transform_between(WGS84, horizontal_crs(heights.wkt)),
+            to_sea,
+        )
+
+    @property
+    def name(self) -> str:
+        """The name of the first file, and how many there are besides."""
+        more = len(self.sampler.dataset.paths) - 1
+        return self.sampler.dataset.source + (f" and {more} more" if more else "")
+
+    @property
+    def is_above_sea(self) -> bool:
+        """Whether heights are above the sea, as far as is known: not above the ellipsoid."""
+        return self.heights.reference.zero != "ellipsoid" or self.to_sea is not None
+
+    def pixels(self, lon: ArrayLike, lat: ArrayLike) -> tuple[Floats, Floats]:
+        """Row and column of positions in degrees; infinite where the CRS has no such place."""
+        box = self.sampler.dataset.geobox
+        x, y = self.to_xy(np.asarray(lon, np.float64), np.asarray(lat, np.float64))
+        t = box.transform
+        with np.errstate(invalid="ignore"):
+            if horizontal_crs(self.heights.wkt).is_geographic:
+                middle = float(box.xy_from_pixel(box.shape[0] / 2, box.shape[1] / 2)[0])
+                turn = math.tau / unit_factor(self.heights.wkt)
+                x = middle + wrap_lon((x - middle) * (360 / turn)) * (turn / 360)
+            dx, dy, size = x - t.c, y - t.f, t.a * t.e - t.b * t.d
+            return (t.a * dy - t.d * dx) / size, (t.e * dx - t.b * dy) / size
+
+    def heights_m(self, lon: ArrayLike, lat: ArrayLike) -> Floats:
+        """Heights of the ground in metres: above the sea, or the ellipsoid if not `is_above_sea`.
+
+        NaN outside of the raster, next to pixels without value, and where the value is no height on Earth.
+
+        Parameters
+        ----------
+        lon, lat : (n,) arrays
+            Degrees, WGS 84.
+
+        Raises
+        ------
+        RasterReadError
+            If the file is damaged there.
+        """
+        lons, lats = np.asarray(lon, np.float64), np.asarray(lat, np.float64)
+        try:
+            numbers = self.sampler.sample(*self.pixels(lons, lats))
+        except RasterReadError as error:
+            raise RasterReadError(
+                f"{self.name} cannot be read where heights of the ground are needed "
+                f"({cause_of(error.__cause__ or error)}); the file is damaged or incomplete: repair it"
+            ) from error
+        found = self.heights.offset_m + self.heights.scale_m * numbers
+        if self.to_sea is not None:
+            found = self.to_sea(lons, lats, found)
+        found[~((found >= LOWEST_M) & (found <= HIGHEST_M))] = np.nan
+        return found
+
+    def covered(self) -> str:
+        """The box in degrees that holds the raster, as words."""
+        box = self.sampler.dataset.geobox
+        rows, cols = box.shape
+        along = np.linspace(0, 1, 9)
+        row = np.concatenate([0 * along, 0 * along + rows, rows * along, rows * along])
+        col = np.concatenate([cols * along, cols * along, 0 * along, 0 * along + cols])
+        lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(row, col))
+        finite = np.isfinite(lon) & np.isfinite(lat)
+        if not finite.any():
+            return "no place on Earth"
+        lon, lat = lon[finite], lat[finite]
+        lon = wrap_lon(lon, around=float(lon[0]))
+        west, east = (float(wrap_lon(edge)) for edge in (lon.min(), lon.max()))
+        return f"lat {lat.min():.6f} to {lat.max():.6f}, lon {west:.6f} to {east:.6f}"
+
+    def notes(self) -> list[str]:
+        """What was assumed of its heights, for the pilot."""
+        zero, has_unit = self.heights.reference.zero, self.heights.has_unit
+        if zero == "unknown":
+            unit = "" if has_unit else ", nor in which unit"
+            return [
+                f"{self.name} does not say what its heights are above{unit}: they are taken for "
+                f"{'heights' if has_unit else 'metres'} above the sea"
+            ]
+        found = [] if has_unit else [f"{self.name} does not name the unit of its heights: taken for metres"]
+        if zero == "ellipsoid":
+            use = "only their differences are used" if self.to_sea is None else "converted to the geoid EGM96"
+            found.append(f"{self.name} has heights above the ellipsoid: {use}")
+        return found
+
+
+def _heights_of(path: str) -> Heights:
+    """The CRS, unit and vertical reference of a file; refuses what is no elevation model."""
+    try:
+        with rasterio.Env(GTIFF_REPORT_COMPD_CS="YES"), open_checked(path) as source:
+            crs, dtypes, roles = source.crs, source.dtypes, [role.name for role in source.colorinterp]
+            unit, scale, offset = source.units[0], float(source.scales[0]), float(source.offsets[0])
+    except IndexError:
+        raise RasterError(f"{path} has no bands") from None
+    except GDAL_ERRORS as error:
+        raise RasterReadError(open_error_text(path, error)) from error
+    if not crs:
+        raise RasterError(
+            f"{path} has no coordinate reference system, so where its heights belong is not known; give it "
+            "one with gdal_edit.py -a_srs"
+        )
+    planes = [dtype for dtype, role in zip(dtypes, roles, strict=True) if role != "alpha"]
+    if len(planes) != 1:
+        raise RasterError(
+            f"{path} has {len(planes)} bands, and an elevation model has one: take the band of heights out "
+            f"with gdal_translate -b N {shown(Path(path).name, quoted=False)} heights.tif"
+        )
+    if np.dtype(planes[0]).itemsize == 1:
+        raise RasterError(f"{path} has pixels of 8 bits: it looks like a picture, not like heights")
+    wkt = str(crs.to_wkt(version="WKT2_2019"))
+    if not is_on_earth(wkt):
+        raise RasterError(f"{path} has a coordinate reference system that is not one of the Earth")
+    if not (math.isfinite(scale) and math.isfinite(offset) and scale != 0):
+        raise RasterError(f"{path} scales its heights by {scale:g} and moves them by {offset:g}; correct it")
+    try:
+        reference = vertical_reference(wkt)
+    except RasterError as error:
+        raise RasterError(f"{path}: {error}") from error
+    unit_m = _unit_m(path, unit, reference, wkt)
+    factor = unit_m or 1.0
+    return Heights(wkt, reference, scale * factor, offset * factor, unit_m is not None)
+
+
+def _unit_m(path: str, unit: str | None, reference: VerticalReference, wkt: str) -> float | None:
+    """Metres in the unit of heights, from the band or the CRS; None where neither says."""
+    named = None
+    if unit:
+        named = UNITS_M.get(unit.strip().lower())
+        if named is None:
+            raise RasterError(
+                f"{path} has heights in {shown(unit)}, a unit that is not known; known are m, dm, cm, ft and "
+                "US survey foot"
+            )
+    known = reference.unit_m
+    if named is not None and known is not None and not math.isclose(named, known, rel_tol=1e-5):
+        raise RasterError(
+            f"{path} contradicts itself: its band is in {shown(unit)}, and its vertical CRS "
+            f"({reference.name}) in units of {known:g} m; correct it with gdal_edit.py -a_srs"
+        )
+    if named is None and known is None:
+        plane = horizontal_crs(wkt)
+        if not plane.is_geographic and not math.isclose(plane.axis_info[0].unit_conversion_factor, 1):
+            raise RasterError(
+                f"{path} does not name the unit of its heights, and its coordinates are in "
+                f"{plane.axis_info[0].unit_name}: feet or metres? Name it with a compound CRS, for "
+                "instance gdal_edit.py -a_srs EPSG:2263+6360 (heights in US survey feet) or EPSG:2263+5703 "
+                "(metres)"
+            )
+    return known if known is not None else named
