@@ -473,6 +473,41 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     assert_equal(in_python(planned), expected)
 
 
+@pytest.mark.parametrize("suffix", [".kmz", ".csv", ".kml", ".geojson", ".plan"])
+@pytest.mark.parametrize("words", [{"spacing": 15}, {"camera": "phantom 4 rtk"}])
+def test_files_of_missions(words: Words, suffix: str) -> None:
+    editable = ["--editable"] * (suffix == ".plan")
+    line = [
+        "regions.geojson",
+        *options(FLIGHT | words),
+        *editable,
+        "--dji-model",
+        "m30t",
+        "-o",
+        f"out{suffix}",
+    ]
+    expected = on_the_command_line("plan", line, f"out{suffix}")
+
+    def planned() -> bytes:
+        plan = uavseg.plan("regions.geojson", **FLIGHT, **words)
+        how: Words = {"editable": bool(editable), "dji_model": "m30t"}
+        return written(lambda path: plan.write(path, **how), f"python{suffix}")
+
+    assert_equal(in_python(planned), expected)
+
+
+@pytest.mark.parametrize("words", [{}, {"autopilot": "px4"}, {"autopilot": "generic"}])
+@pytest.mark.parametrize("name", ["held.plan", "missing.plan", "held.txt"])
+def test_checks(name: str, words: Words) -> None:
+    on_the_command_line("plan", ["regions.geojson", *options(FLIGHT), "-o", "held.plan"], "held.plan")
+    expected = on_the_command_line("check", [name, "--json", *options(words)], "")
+
+    def checked() -> bytes:
+        return (json.dumps(uavseg.check(name, **words).as_dict(), indent=2) + "\n").encode()
+
+    assert_equal(in_python(checked), expected)
+
+
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     frame = geopandas.read_file("regions.gpkg")
     content = Path("regions.geojson").read_bytes()

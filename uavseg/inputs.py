@@ -77,13 +77,19 @@ def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, lim
     return content
 
 
-def read_start(path: str | os.PathLike[str], count: int = 4096) -> bytes:
-    """The first bytes of a regular file; empty if it cannot be read."""
+def read_start(path: str | os.PathLike[str], count: int = 4096, error: Error = RasterReadError) -> bytes:
+    """The first bytes of a regular file.
+
+    Raises
+    ------
+    UavsegError
+        If it cannot be read.
+    """
     try:
         with Path(path).open("rb") as file:
             return file.read(count)
-    except OSError:
-        return b""
+    except OSError as cause:
+        raise error(f"{os.fspath(path)} cannot be read ({cause_of(cause)})") from cause
 
 
 def parse_json(text: str, **how: Any) -> Any:

@@ -156,8 +156,8 @@ def test_what_cannot_be_flown_is_refused_and_nothing_written(
 
 
 def test_an_unknown_format_is_refused_before_anything_is_read(tmp_path: Path) -> None:
-    refused = error(tmp_path / "none.gpkg", *FLY, output="mission.kml")
-    assert ".plan or .waypoints" in str(refused)
+    refused = error(tmp_path / "none.gpkg", *FLY, output="mission.gpx")
+    assert ".plan, .waypoints" in str(refused)
 
 
 def test_a_mission_is_not_replaced_without_overwrite(regions: Path) -> None:

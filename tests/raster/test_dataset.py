@@ -338,7 +338,7 @@ def test_real_rasters_are_valid_where_gdal_masks_them_so(shared_data, name):
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("odd/nodegdal_truncated.tiff", "cannot be read in rows 0 to 3, columns 0 to 801 "),
+        ("odd/nodegdal_truncated.tiff", "its tag GeoPixelScale cannot be read"),
         ("odd/rasterio_corrupt.tif", "cannot be read in rows 512 to 1024, columns 512 to 1024 "),
         ("odd/riotiler_cog_gcps.tif", "gdalwarp -tps"),
         ("maps/depot.yaml", "cannot be opened as a raster"),

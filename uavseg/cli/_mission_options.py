@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._files_options import file_options
 from uavseg.cli._limit_options import limit_options, limits_of, safety_of
 from uavseg.cli._pattern_options import pattern_options, pattern_words, photo_options, photo_words
 from uavseg.cli._say import say
@@ -100,7 +101,14 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
-    groups = (vehicle_options, terrain_options, limit_options, photo_options, pattern_options)
+    groups = (
+        vehicle_options,
+        terrain_options,
+        limit_options,
+        file_options,
+        photo_options,
+        pattern_options,
+    )
     for option in (*reversed(groups), *reversed(options)):
         command = option(command)
     return command

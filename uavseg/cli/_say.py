@@ -77,6 +77,8 @@ def library_messages() -> Iterator[None]:
         say(f"uavseg: warning: a library warns: {text}")
 
     def showwarning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
+        if category.__name__ == "NotGeoreferencedWarning":
+            return  # of rasterio; what it means for a raster is said elsewhere
         tell(cause_of(message) if isinstance(message, Warning) else message)
 
     def excepthook(_: object, error: BaseException, *__: object) -> None:

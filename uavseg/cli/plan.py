@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._access import access_options
+from uavseg.cli._files_options import parse_file_options
 from uavseg.cli._limit_options import zone_files, zones_of
 from uavseg.cli._mission_options import mission_options, plan_request, report
 from uavseg.cli._say import show
@@ -20,7 +21,13 @@ if TYPE_CHECKING:
 
 @click.command("plan")
 @click.argument("regions", metavar="REGIONS")
-@click.option("-o", "--output", required=True, metavar="PATH", help="The mission: .plan or .waypoints.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="PATH",
+    help="The mission: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
+)
 @mission_options
 @click.option("--ids", metavar="N,N,...", help="Only the regions with these ids.")
 @click.option("--largest", type=click.IntRange(min=1), metavar="N", help="Only the N largest.")
@@ -40,8 +47,8 @@ def command(**options: Any) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
-    QGroundControl (.plan) or for Mission Planner (.waypoints). Length, time with turns, photographs and
-    energy are estimates without wind.
+    QGroundControl (.plan), Mission Planner (.waypoints), DJI Pilot 2 (.kmz), Litchi (.csv), or to look at
+    (.kml, .geojson). Length, time with turns, photographs and energy are estimates without wind.
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
@@ -53,11 +60,11 @@ def command(**options: Any) -> None:
     check_target(output, options["overwrite"])
     raster = options["raster"]
     keep_inputs([output], regions, raster, zone_files(options), options["dem"])
-    request = plan_request(options)
+    request, form = plan_request(options), parse_file_options(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     zones = zones_of(options, None if raster is None else lambda: _opened(raster))
     planned = plan(open_regions(source, options["layer"]), request, zones)
-    paths, unwritten = write_plan_output(planned, output, options["overwrite"])
+    paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
     if options["as_json"]:
         written = missions_json(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
         show(json.dumps(written, allow_nan=False))

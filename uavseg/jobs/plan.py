@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from uavseg.errors import ParameterError
 from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
+from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
 from uavseg.flight.home_place import home_outside
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import Mission
@@ -82,7 +83,14 @@ class MissionPlan:
         """What the person who flies them should know, each once."""
         return tuple(dict.fromkeys(text for mission in self.missions for text in mission.warnings))
 
-    def write(self, path: str | os.PathLike[str], overwrite: bool = False) -> list[Path]:
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        overwrite: bool = False,
+        *,
+        editable: bool = False,
+        dji_model: str = DEFAULT_DJI_MODEL,
+    ) -> list[Path]:
         """Write the missions, read them back and check them; several are numbered: fly-1.plan, fly-2.plan.
 
         Parameters
@@ -91,6 +99,8 @@ class MissionPlan:
             Its extension selects the format, see `uavseg.flight.files`.
         overwrite : bool
             Whether existing files may be replaced.
+        editable, dji_model
+            As of `uavseg.flight.files.write_mission`.
 
         Returns
         -------
@@ -103,7 +113,7 @@ class MissionPlan:
         OutputError
             If a file exists, or cannot be written.
         """
-        return write_flights(self.missions, path, self.check, overwrite)
+        return write_flights(self.missions, path, self.check, overwrite, FileOptions(editable, dji_model))
 
 
 def plan(regions: Regions, request: PlanRequest, zones: Sequence[Any] = ()) -> MissionPlan:

@@ -2,10 +2,13 @@
 
 import errno
 import os
-from contextlib import suppress
 from pathlib import Path
 
-_NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
+_NO_LINKS = {  # of FAT, of shares, of AFS between two folders
+    *(errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK, errno.EINVAL, errno.EXDEV)
+}
+_NO_SYNC = {errno.EINVAL, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS}
+_NO_FOLDER_SYNC = {*_NO_SYNC, errno.EACCES, errno.EPERM, errno.EBADF, errno.EISDIR}
 
 
 def put_new(source: Path, place: Path) -> None:
@@ -48,19 +51,27 @@ def sync_all_in(folder: Path) -> None:
 
 
 def sync_file(file: Path) -> None:
-    """Sync a file to disk."""
+    """Sync a file to disk, unless the file system has no such call."""
     descriptor = os.open(file, os.O_RDWR)  # Windows only syncs what is open for writing
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    _sync(descriptor, _NO_SYNC)
 
 
 def sync_folder(folder: Path) -> None:
     """Sync the names in a folder to disk; Windows and some network shares cannot, and are left alone."""
-    with suppress(OSError):
+    try:
         descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
+    except OSError as error:
+        if error.errno not in _NO_FOLDER_SYNC:
+            raise
+        return
+    _sync(descriptor, _NO_FOLDER_SYNC)
+
+
+def _sync(descriptor: int, excused: set[int]) -> None:
+    try:
+        os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in excused:
+            raise
+    finally:
+        os.close(descriptor)

@@ -15,7 +15,12 @@ from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.raster.opening import file_exists
 from uavseg.regions.formats.read import read_regions, vector_errors
-from uavseg.regions.formats.vector_files import check_feature_count, check_vector, reading_vectors
+from uavseg.regions.formats.vector_files import (
+    check_attributes,
+    check_feature_count,
+    check_vector,
+    reading_vectors,
+)
 from uavseg.regions.table import Regions
 
 PolygonArray = NDArray[np.object_]
@@ -110,6 +115,7 @@ def _table_of_file(name: str) -> PolygonTable:
     with vector_errors(name), reading_vectors():
         check_feature_count(name, name)
         metadata, _, geometry, columns = read(name)
+        check_attributes(name, name, len(columns))
         polygons = None if geometry is None else shapely.from_wkb(geometry)
     if polygons is None:
         raise RegionError(f"{name} is a table without geometry; give a file of polygons")

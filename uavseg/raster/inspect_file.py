@@ -10,15 +10,17 @@ from typing import TypeVar
 import numpy as np
 from affine import Affine
 from rasterio.crs import CRS
+from rasterio.enums import MaskFlags
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.drivers import as_file_name
-from uavseg.raster.access.open_checked import is_online, open_checked
+from uavseg.raster.access.open_checked import is_local, is_online, open_checked
+from uavseg.raster.access.tiff_directories import stores_mask
 from uavseg.raster.bands import BandLayout
 from uavseg.raster.geobox import check_transform
-from uavseg.raster.opening import GDAL_ERRORS, has_place, open_error_text
+from uavseg.raster.opening import GDAL_ERRORS, file_exists, has_place, mask_kind, open_error_text
 from uavseg.raster.raster_file import RasterFile
 
 Answer = TypeVar("Answer")
@@ -72,7 +74,7 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
         layout=layout,
         nodatas=tuple(source.nodatavals),
         block=tuple(source.block_shapes[0]),
-        masks=_masks(source),
+        masks=_masks(path, source),
         white_is_zero=inverted and np.dtype(layout.dtypes[0]).kind == "u",
         palette=None if inverted else _palette(source, layout),
         driver=source.driver,
@@ -133,12 +135,26 @@ def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int,
     return tuple(colors.get(index, (0, 0, 0, 0)) for index in range(max(colors) + 1))
 
 
-def _masks(source: DatasetReader) -> str:
-    flags = source.mask_flag_enums
-    names = [{flag.name for flag in band} for band in flags]
-    if "per_dataset" in names[0] and "alpha" not in names[0]:
-        return "file"
-    return "band" if any(not band for band in names) else ""
+def _masks(path: str, source: DatasetReader) -> str:
+    kind, has_mask = mask_kind(source), _has_mask(path, source)
+    if has_mask and not kind and MaskFlags.per_dataset not in source.mask_flag_enums[0]:
+        raise RasterReadError(
+            f"{path} cannot be opened as a raster (it has a mask that cannot be read); the file is damaged "
+            "or incomplete: repair it"
+        )
+    return kind
+
+
+def _has_mask(path: str, source: DatasetReader) -> bool:
+    """Whether a local TIFF has a mask in itself; an error if its directories cannot be read.
+
+    GDAL leaves out a mask that it cannot read, also one beside the raster.
+    """
+    if source.driver != "GTiff" or not is_local(path):
+        return False
+    if file_exists(f"{path}.msk"):
+        stores_mask(f"{path}.msk")
+    return stores_mask(path)
 
 
 def _transform(path: str, source: DatasetReader) -> Affine | None:

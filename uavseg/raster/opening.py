@@ -1,5 +1,6 @@
 """GDAL access: a pool of open files per thread, a small block cache, captured messages, readable errors."""
 
+import logging
 import os
 import re
 import threading
@@ -48,13 +49,20 @@ class OpenFiles:
     def __reduce__(self) -> tuple[type["OpenFiles"], tuple[()]]:
         return OpenFiles, ()
 
-    def open(self, path: str, located: bool, driver: str | None = None) -> DatasetReader:
-        """The open file, opened now if it is not; beyond 64 files the least recently used is closed."""
+    def open(self, path: str, located: bool, driver: str | None = None, masks: str = "") -> DatasetReader:
+        """The open file, opened now if it is not; beyond 64 files the least recently used is closed.
+
+        Raises
+        ------
+        RasterReadError
+            If it cannot be opened, or has lost its place on the map (`located`) or its masks (`masks`, of
+            `mask_kind`).
+        """
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
             try:
                 opener = rasterio.open if located else quiet_open
-                files[path] = opener(path, driver=driver)
+                files[path] = _unchanged(path, opener(path, driver=driver), located, masks)
             except GDAL_ERRORS as error:
                 raise RasterReadError(open_error_text(path, error)) from error
             if len(files) > MAX_OPEN:
@@ -69,49 +77,55 @@ class OpenFiles:
             files.pop(path).close()
 
 
+def _unchanged(path: str, source: DatasetReader, located: bool, masks: str) -> DatasetReader:
+    """The raster; an error if it had a geotransform or a mask when it was inspected and has none now."""
+    if (masks and mask_kind(source) != masks) or (located and source.transform.is_identity):
+        source.close()
+        raise RasterReadError(f"{path} changed, or its header cannot be read any more")
+    return source
+
+
 @contextmanager
 def gdal_env(online: bool = False) -> Iterator[None]:
     """GDAL with its messages captured, without requests unless `online`, and with a small block cache.
 
     The cache is left as it is where GDAL_CACHEMAX is set.
     """
-    with rasterio.Env(), _process_options.in_use(online):
+    with rasterio.Env(), _thread_options.in_use(online):
         yield
 
 
-class _ProcessOptions:
-    """GDAL's options while at least one thread reads: they belong to the process, not to a thread.
+class _ThreadOptions(threading.local):
+    """GDAL's options while this thread reads.
 
-    Requests are possible while at least one of the readers is online.
+    rasterio sets options of one thread, but in the main thread those of the process, which hold for threads
+    without options of their own. So each thread sets its own when it begins, and puts back what was there.
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
         self._readers = 0
         self._online = 0
         self._before: dict[str, Any] = {}
 
     @contextmanager
     def in_use(self, online: bool) -> Iterator[None]:
-        with self._lock:
-            self._readers += 1
-            self._online += online
-            if self._readers == 1:
-                self._set(GDAL_OPTIONS | self._cache())
-            if online and self._online == 1:
-                self._restore(OFFLINE_OPTIONS)
-            elif not self._online and self._readers == 1:
-                self._set(OFFLINE_OPTIONS)
+        self._readers += 1
+        self._online += online
+        if self._readers == 1:
+            self._set(GDAL_OPTIONS | self._cache())
+        if online and self._online == 1:
+            self._restore(OFFLINE_OPTIONS)
+        elif not self._online and self._readers == 1:
+            self._set(OFFLINE_OPTIONS)
         try:
             yield
         finally:
-            with self._lock:
-                self._readers -= 1
-                self._online -= online
-                if self._readers == 0:
-                    self._restore(list(self._before))
-                elif online and not self._online:
-                    self._set(OFFLINE_OPTIONS)
+            self._readers -= 1
+            self._online -= online
+            if self._readers == 0:
+                self._restore(list(self._before))
+            elif online and not self._online:
+                self._set(OFFLINE_OPTIONS)
 
     @staticmethod
     def _cache() -> dict[str, Any]:
@@ -136,7 +150,7 @@ class _ProcessOptions:
                 set_gdal_config(name, value, normalize=False)
 
 
-_process_options = _ProcessOptions()
+_thread_options = _ThreadOptions()
 _warning_filters = threading.Lock()  # they belong to the process: only one thread at a time may change them
 
 
@@ -145,6 +159,51 @@ def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any
     with _warning_filters, warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         return rasterio.open(path, mode, **how)
+
+
+def mask_kind(source: DatasetReader) -> str:
+    """The masks of a raster: "file" if all bands share one, "band" if each has its own, or ""."""
+    names = [{flag.name for flag in band} for band in source.mask_flag_enums]
+    if "per_dataset" in names[0] and "alpha" not in names[0]:
+        return "file"
+    return "band" if any(not band for band in names) else ""
+
+
+@contextmanager
+def unread_tags_are_errors(path: str) -> Iterator[None]:
+    """Context in which a TIFF is opened: a tag that cannot be read, and matters, is an error.
+
+    GDAL ignores such tags with a message, and so a raster without its CRS or nodata value.
+
+    Raises
+    ------
+    RasterReadError
+        If there is one.
+    """
+    found: list[str] = []
+    thread = threading.get_ident()
+
+    def note(record: logging.LogRecord) -> None:
+        if record.thread == thread and _UNREAD_TAG.search(record.getMessage()):
+            found.append(record.getMessage())
+
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = note  # type: ignore[method-assign]
+    log = logging.getLogger("rasterio._env")
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+    if found:
+        tag = _UNREAD_TAG.findall(found[0])[0]
+        raise RasterReadError(
+            f"{path} cannot be opened as a raster (its tag {tag} cannot be read); the file is damaged or "
+            "incomplete: repair it"
+        )
+
+
+_UNREAD_TAG = re.compile(r'IO error during reading of "((?:Geo|GDAL|RPC|Extra|Color|Sample|Transparency)\w*)')
 
 
 def has_place(source: DatasetReader) -> bool:

@@ -13,6 +13,7 @@ from rasterio.io import DatasetReader
 from uavseg.errors import RasterReadError
 from uavseg.plain_text import cause_of
 from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
+from uavseg.raster.deflate import check_deflate_blocks
 from uavseg.raster.opening import (
     GDAL_ERRORS,
     OpenFiles,
@@ -123,7 +124,7 @@ class RasterFile:
             If the file cannot be read inside the window.
         """
         with gdal_read_errors(self.path, window, self.online):
-            source = handles.open(self.path, self.located, self.driver)
+            source = handles.open(self.path, self.located, self.driver, self.masks)
             options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
             try:
                 values, alpha = self._read_bands(source, choice, window, options)
@@ -142,7 +143,7 @@ class RasterFile:
         if self.driver != "GTiff":
             return False
         with gdal_read_errors(self.path, window, self.online):
-            source = handles.open(self.path, self.located, self.driver)
+            source = handles.open(self.path, self.located, self.driver, self.masks)
             known = [self.nodatas[band - 1] for band in choice.bands]
             if None in known or known != [source.nodatavals[band - 1] for band in choice.bands]:
                 return False  # missing blocks have another value
@@ -157,7 +158,12 @@ class RasterFile:
             sparse = None
             if self.driver == "GTiff" and not self.masks:
                 sparse = SparseBlocks(source, self.path, bands).read(window, options["out_shape"])
-            return source.read(list(bands), **options) if sparse is None else sparse
+            if sparse is not None:
+                return sparse
+            values: Values = source.read(list(bands), **options)
+            if self.driver == "GTiff" and options["out_shape"] == (window.rows, window.cols):
+                check_deflate_blocks(self.path, source, bands, window, values)
+            return values
 
         bands, alpha = choice.bands, self.layout.alpha
         if alpha is None:

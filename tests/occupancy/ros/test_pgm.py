@@ -84,6 +84,8 @@ def test_a_pgm_written_is_read_equal(grey: np.ndarray) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "map.pgm"
         path.write_bytes(pgm_bytes(grey))
-        assert is_pgm(path) and not is_pgm(Path(folder) / "none.pgm")
+        assert is_pgm(path)
+        with pytest.raises(RasterReadError, match=r"none\.pgm cannot be read \(No such file"):
+            is_pgm(Path(folder) / "none.pgm")
         samples, maximum = read_pgm(path)
     assert maximum == 255 and np.array_equal(samples, grey)

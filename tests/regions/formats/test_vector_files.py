@@ -218,3 +218,16 @@ def test_named_pipes_are_not_opened(tmp_path: Path, reader: Any) -> None:
     os.mkfifo(tmp_path / "a.prj")
     with pytest.raises(OSError, match="named pipe"):
         reader(tmp_path / "a.shp")
+
+
+@pytest.mark.parametrize("reader", [read_regions, PolygonTable.of])
+def test_a_shapefile_whose_table_cannot_be_read_is_not_one_without_attributes(
+    tmp_path: Path, reader: Any
+) -> None:
+    frame = geopandas.GeoDataFrame({"id": [7]}, geometry=[shapely.box(15, 40, 15.01, 40.01)], crs="EPSG:4326")
+    frame.to_file(tmp_path / "r.shp")
+    table = (tmp_path / "r.dbf").read_bytes()
+    for content in (b"", table[:20], bytes(len(table))):
+        (tmp_path / "r.dbf").write_bytes(content)
+        with pytest.raises(RegionError, match=r"r\.shp cannot be read as regions"):
+            reader(tmp_path / "r.shp")

@@ -17,6 +17,7 @@ WINDOW = 10  # stops on either side of those parts that are improved after it
 EVERYWHERE = 100  # rounds after which all stops are
 HEAT = 0.5  # mean legs by which a tour may be longer than the last one, at first
 GAIN = 1e-7
+AT_ONCE = 1e7  # pairs of stops for one call of the kernel, about 0.1 s: Ctrl-C takes effect between calls
 
 
 def good_tour(stops: Stops, distances: Floats, start: int, end: int, rounds: int = ROUNDS) -> Ints:
@@ -38,8 +39,14 @@ def good_tour(stops: Stops, distances: Floats, start: int, end: int, rounds: int
     scratch = np.zeros((4, count), np.int64)
     totals, before = np.zeros((2, most)), np.zeros((count, most), np.int64)
     options = (stops.first, stops.enters, stops.leaves, stops.costs, stops.reverse, stops.stop_of)
-    _search(distances, *options, start, end, rounds, tour, scratch, totals, before)
-    return tour
+    passes = max(int(AT_ONCE / (8.0 * count * count)), 1)
+    state, lengths = np.zeros(4, np.int64), np.full(3, np.inf)
+    while state[0] <= rounds:
+        _search(
+            distances, *options, start, end, rounds, passes, state, lengths, tour, scratch, totals, before
+        )
+    best: Ints = scratch[0]
+    return best
 
 
 def _nearest_neighbour(stops: Stops, distances: Floats, start: int) -> Ints:
@@ -244,8 +251,8 @@ def _double_bridge(tour, copy, turn):  # type: ignore[no-untyped-def]
 
 
 @kernel(
-    "f8(f8[:,::1], i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], i8, i8, i8, i8[::1], i8[:,::1],"
-    " f8[:,::1], i8[:,::1])"
+    "void(f8[:,::1], i8[::1], i8[::1], i8[::1], f8[::1], i8[::1], i8[::1], i8, i8, i8, i8, i8[::1], f8[::1],"
+    " i8[::1], i8[:,::1], f8[:,::1], i8[:,::1])"
 )
 def _search(  # type: ignore[no-untyped-def]
     distances,
@@ -258,36 +265,42 @@ def _search(  # type: ignore[no-untyped-def]
     start,
     end,
     rounds,
+    passes,
+    state,
+    lengths,
     tour,
     scratch,
     totals,
     before,
 ):
+    """Go on with the search for some passes; `state` is the turn, whether it is under way, and its window."""
     count = tour.shape[0]
     best_tour, kept, copy, part = scratch[0], scratch[1], scratch[2], scratch[3]
-    best = current = np.inf
-    for turn in range(rounds + 1):
-        begin, stop_before = 0, count
-        if turn > 0:
-            low, high = _double_bridge(tour, copy, turn)
-            if turn % EVERYWHERE != 0:
-                begin, stop_before = max(low - WINDOW, 0), min(high + WINDOW, count)
-        improving = True
-        total = np.inf
-        while improving:
-            improving = _two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_before)
-            if _or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, stop_before):
-                improving = True
-            if _reinsert(
-                distances, first, enters, leaves, costs, stop_of, start, end, tour, begin, stop_before
-            ):
-                improving = True
-            found = _best_options(
-                distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before
-            )
-            if found < total - GAIN:
-                total = found
-                improving = True
+    turn, is_under_way, begin, stop_before = state
+    best, current, total = lengths
+    while turn <= rounds and passes > 0:
+        if not is_under_way:
+            begin, stop_before = 0, count
+            if turn > 0:
+                low, high = _double_bridge(tour, copy, turn)
+                if turn % EVERYWHERE != 0:
+                    begin, stop_before = max(low - WINDOW, 0), min(high + WINDOW, count)
+            total = np.inf
+            is_under_way = 1
+        improving = _two_opt(distances, enters, leaves, reverse, start, end, tour, begin, stop_before)
+        if _or_opt(distances, enters, leaves, reverse, start, end, tour, part, begin, stop_before):
+            improving = True
+        if _reinsert(distances, first, enters, leaves, costs, stop_of, start, end, tour, begin, stop_before):
+            improving = True
+        found = _best_options(
+            distances, first, enters, leaves, costs, stop_of, start, end, tour, totals, before
+        )
+        if found < total - GAIN:
+            total = found
+            improving = True
+        passes -= 1
+        if improving:
+            continue
         heat = HEAT * total / count * (rounds - turn) / max(rounds, 1)
         if turn == 0 or total < current + heat:
             current = total
@@ -300,6 +313,7 @@ def _search(  # type: ignore[no-untyped-def]
             best = total
             for k in range(count):
                 best_tour[k] = kept[k]
-    for k in range(count):
-        tour[k] = best_tour[k]
-    return best
+        turn += 1
+        is_under_way = 0
+    state[0], state[1], state[2], state[3] = turn, is_under_way, begin, stop_before
+    lengths[0], lengths[1], lengths[2] = best, current, total

@@ -18,7 +18,13 @@ _HEADER = re.compile(rb"P[25]" + 3 * rb"(?:\s|#[^\r\n]*[\r\n])+(\d{1,20})" + rb"
 
 
 def is_pgm(path: str | os.PathLike[str]) -> bool:
-    """Whether a file begins with the magic number of a PGM; False if it cannot be read."""
+    """Whether a file begins with the magic number of a PGM.
+
+    Raises
+    ------
+    RasterReadError
+        If it cannot be read.
+    """
     return read_start(path, 2) in MAGIC
 
 

@@ -22,7 +22,20 @@ _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _IMAGES_BESIDE = (".ovr", ".OVR", ".msk", ".MSK")
 _TEXTS_BESIDE = (".aux.xml", ".aux", ".hdr", ".HDR")
-_TEXTS_OF_STEM = (".aux", ".hdr", ".tfw", ".wld", ".prj", ".imd", ".rpb", ".ige", ".rrd")
+_TEXTS_OF_STEM = (
+    ".aux",
+    ".hdr",
+    ".tfw",
+    ".tifw",
+    ".jgw",
+    ".pgw",
+    ".wld",
+    ".prj",
+    ".imd",
+    ".rpb",
+    ".ige",
+    ".rrd",
+)
 
 
 class NamedFiles:
@@ -118,7 +131,7 @@ class NamedFiles:
         for beside in (*(name + end for end in _TEXTS_BESIDE), *(stem + end for end in _TEXTS_OF_STEM)):
             if os.path.lexists(beside):
                 current_policy().check_file(self.owner, beside)
-                if is_vrt(read_start(beside)):
+                if is_vrt(read_start(beside)):  # GDAL ignores what it cannot read: a raster without its place
                     raise AccessError(f"{beside} holds a VRT, which is not what lies beside a raster")
 
 

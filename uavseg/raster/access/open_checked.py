@@ -15,7 +15,7 @@ from uavseg.raster.access.drivers import as_file_name, drivers_of, names_no_file
 from uavseg.raster.access.limits import check_limits
 from uavseg.raster.access.named_files import NamedFiles, check_named_file
 from uavseg.raster.access.vrt_sources import sources_of
-from uavseg.raster.opening import gdal_env, quiet_open
+from uavseg.raster.opening import gdal_env, quiet_open, unread_tags_are_errors
 
 _PAGE = re.compile(r"GTIFF_DIR:\d+:(.*)", re.IGNORECASE | re.DOTALL)
 _ARCHIVE = re.compile(r"/vsi(?!curl|s3|gs|az|adls|oss|swift|hdfs|webhdfs)", re.IGNORECASE)
@@ -65,7 +65,8 @@ def open_by(path: str, drivers: tuple[str, ...]) -> DatasetReader:
     first: RasterioIOError | None = None
     for driver in drivers or (None,):
         try:
-            return quiet_open(path, driver=driver)
+            with unread_tags_are_errors(path):
+                return quiet_open(path, driver=driver)
         except RasterioIOError as error:
             first = first or error
     assert first is not None

@@ -8,14 +8,21 @@ from pathlib import Path
 
 _NODE_BYTES = 40  # of one node of FlatGeobuf's index
 _BRANCHES = 16  # of one node
+_GEOPACKAGE, _OLDEST = 0x47504B47, 10200  # "GPKG" and version 1.2
+_TRIGGERS = (
+    "trigger_insert_feature_count_{}",
+    "trigger_delete_feature_count_{}",
+    "rtree_{}_geom_insert",
+    "rtree_{}_geom_delete",
+)
 
 
 def is_complete(path: Path, count: int) -> bool:
     """Whether a .gpkg, .fgb or .shp that GDAL wrote with `count` regions is complete.
 
-    By SQLite's integrity check; the layout of FlatGeobuf 3 (magic, header, packed Hilbert R-tree, features,
-    each preceded by its size); and the file lengths stated in the headers of shapefiles (ESRI Shapefile
-    Technical Description, 1998) and dBASE III tables.
+    By SQLite's integrity check, and what else a GeoPackage of GDAL has; the layout of FlatGeobuf 3 (magic,
+    header, packed Hilbert R-tree, features, each preceded by its size); and the file lengths stated in the
+    headers of shapefiles (ESRI Shapefile Technical Description, 1998) and dBASE III tables.
     """
     check = {".gpkg": _geopackage, ".fgb": _flatgeobuf, ".shp": _shapefile}[path.suffix.lower()]
     try:
@@ -33,8 +40,18 @@ def _geopackage(path: Path, count: int) -> bool:
         [(rows,)] = base.execute(f'SELECT count(*) FROM "{table}"').fetchall()
         [(indexed,)] = base.execute(f'SELECT count(*) FROM "rtree_{table}_geom_rowid"').fetchall()
         [(integrity,), *_] = base.execute("PRAGMA quick_check(1)").fetchall()
+        [(kind,), (version,)] = (
+            base.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version")
+        )
+        [(crs,)] = base.execute(
+            "SELECT count(*) FROM gpkg_geometry_columns JOIN gpkg_spatial_ref_sys USING (srs_id)"
+        ).fetchall()
+        triggers = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")}
     has_extent = count == 0 or min_x is not None  # the extent is written last
-    return bool(stated == rows == indexed == count and has_extent and integrity == "ok")
+    has_header = kind == _GEOPACKAGE and version >= _OLDEST and crs == 1
+    has_triggers = triggers >= {name.format(table) for name in _TRIGGERS}
+    is_whole = stated == rows == indexed == count and has_extent and integrity == "ok"
+    return bool(is_whole and has_header and has_triggers)
 
 
 def _flatgeobuf(path: Path, count: int) -> bool:

@@ -17,7 +17,12 @@ from uavseg.errors import RegionError, UavsegError
 from uavseg.plain_text import cause_of
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
 from uavseg.raster.opening import file_exists
-from uavseg.regions.formats.vector_files import check_feature_count, check_vector, reading_vectors
+from uavseg.regions.formats.vector_files import (
+    check_attributes,
+    check_feature_count,
+    check_vector,
+    reading_vectors,
+)
 from uavseg.regions.table import COLUMNS, Regions
 
 if TYPE_CHECKING:
@@ -150,6 +155,7 @@ def _layers(source: Any, name: str, layer: str | None) -> Any:
     for one in wanted:
         check_feature_count(source, name, one)
     frames = [geopandas.read_file(source, layer=one) for one in wanted]
+    check_attributes(source, name, max(len(frame.columns) for frame in frames) - 1)
     frames = [frame for frame in frames if len(frame)] or frames
     return frames[0] if len(frames) == 1 else pandas.concat(frames, ignore_index=True)
 

@@ -68,7 +68,7 @@ def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
     """
     if not isinstance(source, bytes):
         regular_file(source, RegionError)
-    start = source[: 1 << 16] if isinstance(source, bytes) else read_start(source, 1 << 16)
+    start = source[: 1 << 16] if isinstance(source, bytes) else read_start(source, 1 << 16, RegionError)
     kind = _kind(start)
     suffix = "" if isinstance(source, bytes) else Path(source).suffix.lower()
     expected = next((known for known, ends in _EXTENSIONS.items() if suffix in ends), kind)
@@ -89,7 +89,7 @@ def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
     elif kind == "Shapefile":
         for beside in (Path(source).with_suffix(end) for end in _BESIDE):
             if os.path.lexists(beside):
-                current_policy().check_file(source, beside)
+                read_start(current_policy().check_file(source, beside), error=RegionError)
 
 
 @contextmanager
@@ -120,6 +120,30 @@ def check_feature_count(source: Any, name: str, layer: str | None = None) -> Non
     features = int(pyogrio.read_info(source, layer=layer)["features"])
     if features > size:
         raise RegionError(f"{name} claims {features:,} features in {size:,} bytes; its header is damaged")
+
+
+def check_attributes(source: Any, name: str, count: int) -> None:
+    """Check that attributes of a Shapefile were read: GDAL leaves out a table that it cannot read.
+
+    Parameters
+    ----------
+    source : path or file
+    name : str
+        For messages.
+    count : int
+        How many attributes were read.
+
+    Raises
+    ------
+    RegionError
+        If it has none.
+    """
+    if count == 0 and isinstance(source, str | os.PathLike):
+        table = Path(source).with_suffix(".dbf")
+        if Path(source).suffix.lower() == ".shp" and os.path.lexists(table):
+            raise RegionError(
+                f"{name} cannot be read as regions: {table.name}, the table of its attributes, is damaged"
+            )
 
 
 def _kind(start: bytes) -> str | None:
