@@ -161,7 +161,7 @@ def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[s
             else (min(low, heights.min()), max(high, heights.max()))
         )
         start += float(profile.along_m[-1]) + _SPACE * total
-    end, room = (start - _SPACE * total) / 1000, 0.12 * max(high - low, 1.0)
+    end, room = max(start - _SPACE * total, 1.0) / 1000, 0.12 * max(high - low, 1.0)
     ax.set(xlim=(-0.01 * end, 1.01 * end), ylim=(low - room / 2, high + room), autoscale_on=False)
     ax.set_xlabel(
         "km flown" if len(profiles) == 1 else "km flown, one flight after another", size=7.5, color=TEXT_COLOR
