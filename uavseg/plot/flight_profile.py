@@ -147,7 +147,7 @@ def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[s
         points = np.column_stack([x, profile.height_m])
         legs = np.stack([points[:-1], points[1:]], axis=1)
         for chosen, width in ((~profile.is_line, 1.0), (profile.is_line, 2.2)):
-            ax.add_collection(LineCollection(legs[chosen], color=color, lw=width, zorder=3))
+            ax.add_collection(LineCollection(list(legs[chosen]), color=color, lw=width, zorder=3))
         known = [profile.height_m]
         if len(profile.ground_m):
             ground_x = (start + profile.ground_along_m) / 1000

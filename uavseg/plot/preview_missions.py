@@ -121,7 +121,8 @@ def _figure(
     ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, below / page, width / _WIDTH_IN, height / page))
     ax.set_facecolor("#f7f6f2")
     point = fit_axes(ax, view, width, height)
-    for layer in (fence, *layers):
+    fence.draw(ax, point)
+    for layer in layers:
         layer.draw(ax, point)
     draw_scale_bar(ax, frame, point)
     draw_north_arrow(ax, frame, point)

@@ -59,21 +59,30 @@ class FenceLayer:
         """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.patches import Polygon
 
-        labels = {"label": "fence"}
         for ring in self.inside:
             ax.add_patch(Polygon(ring, fill=False, ec=HALO_COLOR, lw=2.6, alpha=0.7, zorder=4.6))
-            dashes = {"ls": (0, (7, 3)), "lw": 1.2}
-            ax.add_patch(Polygon(ring, fill=False, ec=INSIDE_COLOR, zorder=4.7, **dashes, **labels))
-            labels = {}
-        labels = {"label": "keep-out zone"}
+            line = Polygon(
+                ring, fill=False, ec=INSIDE_COLOR, ls=(0, (7, 3)), lw=1.2, zorder=4.7, label="fence"
+            )
+            ax.add_patch(line)
         for ring in self.keep_out:
             ax.add_patch(Polygon(ring, fc=KEEP_OUT_COLOR, alpha=0.16, lw=0, zorder=4.6))
-            look = {"hatch": "////", "lw": 1.2, "alpha": 0.75}
-            ax.add_patch(Polygon(ring, fill=False, ec=KEEP_OUT_COLOR, zorder=4.7, **look, **labels))
-            labels = {}
+            hatched = Polygon(
+                ring, fill=False, ec=KEEP_OUT_COLOR, lw=1.2, alpha=0.75, hatch="////", zorder=4.7
+            )
+            hatched.set_label("keep-out zone")
+            ax.add_patch(hatched)
         if len(self.rally):
-            look = {"marker": "^", "s": 70, "color": RALLY_COLOR, "edgecolor": HALO_COLOR, "lw": 1.0}
-            ax.scatter(*self.rally.T, **look, zorder=5.9, label="rally point")
+            ax.scatter(
+                *self.rally.T,
+                s=70,
+                marker="^",
+                color=RALLY_COLOR,
+                edgecolor=HALO_COLOR,
+                lw=1.0,
+                zorder=5.9,
+                label="rally point",
+            )
 
 
 def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:

@@ -106,8 +106,12 @@ class MissionLayer:
         for chosen, label, width, dashes in kinds:
             if chosen.any():
                 ends = {"capstyle": "round"} if dashes == "solid" else {}
-                halo = LineCollection(legs[chosen], color=_HALO_COLOR, lw=width + 1.7, alpha=0.8, zorder=5)
-                line = LineCollection(legs[chosen], color=self.color, lw=width, ls=dashes, zorder=5.2, **ends)
+                halo = LineCollection(
+                    list(legs[chosen]), color=_HALO_COLOR, lw=width + 1.7, alpha=0.8, zorder=5
+                )
+                line = LineCollection(
+                    list(legs[chosen]), color=self.color, lw=width, ls=dashes, zorder=5.2, **ends
+                )
                 line.set_label(label or None)
                 ax.add_collection(halo)
                 ax.add_collection(line)
