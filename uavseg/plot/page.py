@@ -32,7 +32,7 @@ def new_figure(width: float, height: float, dpi: float) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
+    figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white", layout="none")
     FigureCanvasAgg(figure)
     return figure
 
