@@ -118,6 +118,20 @@ def _match(options: argparse.Namespace) -> str:
     return table_by_family(measure_matches())
 
 
+def _flights(options: argparse.Namespace) -> str:
+    from benchmarks.flight.section import fields, flights_table, flown
+
+    return flights_table(list(flown(fields(), _report)))
+
+
+def _orders(options: argparse.Namespace) -> str:
+    from benchmarks.flight.order import tours
+    from benchmarks.flight.plans import plans
+    from benchmarks.flight.section import orders_table
+
+    return orders_table(list(tours()), plans())
+
+
 _SIDES = (2048, 8192, 16384, 32768, 65536)
 _SECTIONS = {
     "processes": _processes,
@@ -135,6 +149,8 @@ _SECTIONS = {
     "robot": _robot,
     "quality": _quality,
     "match": _match,
+    "flights": _flights,
+    "orders": _orders,
 }
 _DOCUMENTS = {"quality": PROJECT / "docs" / "quality.md"}
 

@@ -16,6 +16,8 @@ PACKAGES = (
     "scikit-image",
     "networkx",
     "pathfinding",
+    "ortools",
+    "python-tsp",
 )
 
 

@@ -54,7 +54,7 @@ def processes(outcomes: Sequence[Outcome], rounds: int) -> str:
         of_scene = [outcome for outcome in outcomes if outcome.scene == scene]
         parts += [f"### {scene.title}", _scene_table([outcome for outcome in of_scene if outcome.costs])]
         parts += [f"- {outcome.competitor.name}: {outcome.remark}" for outcome in of_scene if outcome.remark]
-    return _with_provenance("\n\n".join(parts))
+    return with_provenance("\n\n".join(parts))
 
 
 def _scene_table(outcomes: Sequence[Outcome]) -> str:
@@ -77,7 +77,7 @@ def starting(starts: Sequence[Start]) -> str:
         [s.title, f"{s.wall_s:.3f}", f"{s.cpu_s:.3f}", f"{s.imports_s:.3f}", f"{s.imports_s / s.cpu_s:.0%}"]
         for s in starts
     ]
-    return _with_provenance(rows(heads, cells))
+    return with_provenance(rows(heads, cells))
 
 
 def kernels(speeds: Sequence[Speed]) -> str:
@@ -86,7 +86,7 @@ def kernels(speeds: Sequence[Speed]) -> str:
     cells = [
         [s.title, f"{s.ns:.2f}", f"{s.copy_ns:.2f}", f"{s.ns / s.copy_ns:.0f}", s.remark] for s in speeds
     ]
-    return _with_provenance(rows(heads, cells))
+    return with_provenance(rows(heads, cells))
 
 
 def phases(scene: Scene, spent: Sequence[Phase], decoding_s: float) -> str:
@@ -109,7 +109,7 @@ def phases(scene: Scene, spent: Sequence[Phase], decoding_s: float) -> str:
             f"{decoding_s / scene.side**2 * 1e9:.2f}",
         ]
     )
-    return _with_provenance(
+    return with_provenance(
         f"{scene.title}, one thread, one run.\n\n" + rows(["", "s", "share", "ns / pixel"], cells)
     )
 
@@ -127,7 +127,7 @@ def scaling(runs: Sequence[Run], rounds: int) -> str:
         ]
         for run in runs
     ]
-    return _with_provenance(f"Medians of {rounds}.\n\n" + rows(heads, cells))
+    return with_provenance(f"Medians of {rounds}.\n\n" + rows(heads, cells))
 
 
 def pixel_types(runs: Sequence[Run], rounds: int) -> str:
@@ -138,7 +138,7 @@ def pixel_types(runs: Sequence[Run], rounds: int) -> str:
         [run.scene.title, *_cost(run.cost), f"{ns:.1f}", f"{ns / per_byte[0]:.2f}", f"{run.decoding_s:.2f}"]
         for run, ns in zip(runs, per_byte, strict=True)
     ]
-    return _with_provenance(f"Medians of {rounds}.\n\n" + rows(heads, cells))
+    return with_provenance(f"Medians of {rounds}.\n\n" + rows(heads, cells))
 
 
 def reuse(side: int, found: Reuse, rounds: int) -> str:
@@ -156,7 +156,7 @@ def reuse(side: int, found: Reuse, rounds: int) -> str:
         f"Within one process, with imports and kernels loaded: first range {found.first_s:.2f} s, "
         f"second range from the block map {found.second_s:.2f} s, ratio {found.second_s / found.first_s:.2f}."
     )
-    return _with_provenance(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}\n\n{summary}")
+    return with_provenance(f"{side}², medians of {rounds}.\n\n{rows(heads, cells)}\n\n{summary}")
 
 
 def threads(side: int, found: Sequence[tuple[int, float, float]], rounds: int) -> str:
@@ -167,7 +167,7 @@ def threads(side: int, found: Sequence[tuple[int, float, float]], rounds: int) -
         for count, segmenting, computing in found
     ]
     heads = ["threads", "segmentation s", "speed-up", "speed-up of independent work"]
-    return _with_provenance(f"{side}², medians of {rounds}.\n\n" + rows(heads, cells))
+    return with_provenance(f"{side}², medians of {rounds}.\n\n" + rows(heads, cells))
 
 
 def vectors(found: Vectorised, rounds: int) -> str:
@@ -185,7 +185,7 @@ def vectors(found: Vectorised, rounds: int) -> str:
         f"{found.regions} regions in {found.parts} connected parts, {found.vertices} vertices; "
         f"{found.identical} parts have identical rings in both results. Medians of {rounds}."
     )
-    return _with_provenance(f"{summary}\n\n{rows(['', 's', 'ratio'], cells)}")
+    return with_provenance(f"{summary}\n\n{rows(['', 's', 'ratio'], cells)}")
 
 
 def _cost(spent: Cost) -> list[str]:
@@ -199,9 +199,7 @@ def paths(searches: Sequence[Search]) -> str:
         [s.field, s.library, f"{s.seconds:.4f}", f"{s.cost:,.1f}", f"{s.seconds / s.uavseg_s:,.1f}"]
         for s in searches
     ]
-    return _with_provenance(
-        f"{rows(heads, cells)}\n\nscikit-image cuts corners, so its paths may be shorter."
-    )
+    return with_provenance(f"{rows(heads, cells)}\n\nscikit-image cuts corners, so its paths may be shorter.")
 
 
 def accuracy(scores: Sequence[Score], hazards: Sequence[Hazard]) -> str:
@@ -226,7 +224,7 @@ def accuracy(scores: Sequence[Score], hazards: Sequence[Hazard]) -> str:
 def small_maps(tasks: Sequence[Task]) -> str:
     """Milliseconds on maps of 320 x 320 cells."""
     cells = [[task.title, f"{task.lens_ms:.1f}", f"{task.circles_ms:.1f}"] for task in tasks]
-    return _with_provenance(rows(["320 x 320 cells", "lens, ms", "circles, ms"], cells))
+    return with_provenance(rows(["320 x 320 cells", "lens, ms", "circles, ms"], cells))
 
 
 def robot(steps: Sequence[Step]) -> str:
@@ -243,10 +241,11 @@ def robot(steps: Sequence[Step]) -> str:
         ]
         for s in steps
     ]
-    return _with_provenance(rows(heads, cells))
+    return with_provenance(rows(heads, cells))
 
 
-def _with_provenance(text: str) -> str:
+def with_provenance(text: str) -> str:
+    """A text, and below it the date, the machine and the versions of its measurement."""
     return f"{text}\n\n*{datetime.date.today().isoformat()}: {machine()}. {software()}.*"
 
 

@@ -106,6 +106,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         Path("gone.tif").unlink()
         assert done(main, ["extract", "tile.tif", "--range", "0.5,1", "-o", "regions.geojson"]).exit_code == 0
         assert done(main, ["extract", "tile.tif", "--range", "0.5,1", "-o", "regions.gpkg"]).exit_code == 0
+        Path("weak.json").write_text('{"hover_w": 900, "cruise_w": 800, "battery_wh": 9}')
         geopandas.read_file("regions.gpkg").head(2).to_file("two.gpkg", layer="a")
         geopandas.read_file("regions.gpkg").tail(2).to_file("two.gpkg", layer="b")
         yield Path()
@@ -430,6 +431,8 @@ FLIGHT: Words = {"altitude": 60, "home": "auto"}
         ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "overlap": (80.0, 60.0), "gimbal_pitch": -80.0}),
         ("regions.geojson", {"camera": "mavic 3 enterprise", "gsd": 1.5, "home": "auto", "speed": 12.0}),
         ("regions.geojson", FLIGHT | {"camera": "phantom"}),
+        ("regions.geojson", FLIGHT | {"vehicle": "weak.json"}),
+        ("regions.geojson", FLIGHT | {"vehicle": "missing.json"}),
         (
             "regions.geojson",
             FLIGHT | {"camera": "phantom 4 rtk", "trigger": "hover", "overlap": (30.0, 9.0)},
@@ -468,6 +471,41 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
         return written(planned.write, f"python{suffix}")
 
     assert_equal(in_python(planned), expected)
+
+
+@pytest.mark.parametrize("suffix", [".kmz", ".csv", ".kml", ".geojson", ".plan"])
+@pytest.mark.parametrize("words", [{"spacing": 15}, {"camera": "phantom 4 rtk"}])
+def test_files_of_missions(words: Words, suffix: str) -> None:
+    editable = ["--editable"] * (suffix == ".plan")
+    line = [
+        "regions.geojson",
+        *options(FLIGHT | words),
+        *editable,
+        "--dji-model",
+        "m30t",
+        "-o",
+        f"out{suffix}",
+    ]
+    expected = on_the_command_line("plan", line, f"out{suffix}")
+
+    def planned() -> bytes:
+        plan = uavseg.plan("regions.geojson", **FLIGHT, **words)
+        how: Words = {"editable": bool(editable), "dji_model": "m30t"}
+        return written(lambda path: plan.write(path, **how), f"python{suffix}")
+
+    assert_equal(in_python(planned), expected)
+
+
+@pytest.mark.parametrize("words", [{}, {"autopilot": "px4"}, {"autopilot": "generic"}])
+@pytest.mark.parametrize("name", ["held.plan", "missing.plan", "held.txt"])
+def test_checks(name: str, words: Words) -> None:
+    on_the_command_line("plan", ["regions.geojson", *options(FLIGHT), "-o", "held.plan"], "held.plan")
+    expected = on_the_command_line("check", [name, "--json", *options(words)], "")
+
+    def checked() -> bytes:
+        return (json.dumps(uavseg.check(name, **words).as_dict(), indent=2) + "\n").encode()
+
+    assert_equal(in_python(checked), expected)
 
 
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:

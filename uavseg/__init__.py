@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from uavseg._version import __version__
 
 if TYPE_CHECKING:
+    from uavseg.api.check import check as check
     from uavseg.api.link import download as download
     from uavseg.api.link import upload as upload
     from uavseg.api.maps import classify as classify
@@ -40,6 +41,7 @@ _HOMES = {
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
     "plan": "uavseg.api.missions",
+    "check": "uavseg.api.check",
     "upload": "uavseg.api.link",
     "download": "uavseg.api.link",
     "PlanParams": "uavseg.flight.params",

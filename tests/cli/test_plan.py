@@ -1,3 +1,4 @@
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ from click.testing import CliRunner, Result
 from uavseg.cli.plan import command
 from uavseg.errors import MissionError, OutputExistsError, ParameterError, RegionError, UavsegError
 from uavseg.flight import files
+from uavseg.flight.estimate.vehicle import read_vehicle
 from uavseg.flight.items import CAMERA_DISTANCE, WAYPOINT
 from uavseg.flight.mission import Mission
 
@@ -107,8 +109,9 @@ def test_the_summary_is_on_stderr_and_can_be_silenced(regions: Path) -> None:
     ]
     told = run(*arguments)
     assert told.stdout == ""
-    first, *notes = told.stderr.splitlines()
-    assert "3 regions, 6 items, " in first and " km, at least " in first
+    first, heads, _, *notes = told.stderr.splitlines()
+    assert heads.startswith("flight ")
+    assert "3 regions, 6 items, " in first and " km, about " in first
     assert notes and all(note.startswith("note: ") for note in notes)
     assert run(*arguments, "-q").output == ""
 
@@ -153,8 +156,8 @@ def test_what_cannot_be_flown_is_refused_and_nothing_written(
 
 
 def test_an_unknown_format_is_refused_before_anything_is_read(tmp_path: Path) -> None:
-    refused = error(tmp_path / "none.gpkg", *FLY, output="mission.kml")
-    assert ".plan or .waypoints" in str(refused)
+    refused = error(tmp_path / "none.gpkg", *FLY, output="mission.gpx")
+    assert ".plan, .waypoints" in str(refused)
 
 
 def test_a_mission_is_not_replaced_without_overwrite(regions: Path) -> None:
@@ -202,3 +205,47 @@ def test_a_camera_that_cannot_photograph_so_is_refused(
     regions: Path, options: tuple[object, ...], words: str
 ) -> None:
     assert words in str(error(regions, "--home", HOME, *options))
+
+
+def test_estimates_are_printed_as_a_table_and_as_json(regions: Path) -> None:
+    quad = regions.with_name("quad.json")
+    quad.write_text(json.dumps({"hover_w": 200, "cruise_w": 180, "battery_wh": 80}))
+    camera = ("--camera", "phantom 4 rtk", "--altitude", 60, "--home", HOME, "--vehicle", quad)
+    output = regions.with_suffix(".plan")
+    done = run(regions, "-o", output, *camera, "--json")
+    [flight] = json.loads(done.stdout)["flights"]
+    estimate = replace(files.read_mission(output), vehicle=read_vehicle(quad)).estimate
+    assert flight["duration_s"] == pytest.approx(estimate.duration_s, abs=0.1)
+    assert flight["photographs"] == estimate.photographs > 20
+    assert flight["battery"] == pytest.approx(estimate.battery, abs=1e-3)
+    assert 0 < flight["gsd_m"] < 0.02 and flight["photographed_m2"] > 300 * 150
+    heads, cells = (line.split() for line in done.stderr.splitlines()[1:3])
+    row = dict(zip(heads, cells, strict=True))
+    minutes, seconds = map(int, row["time"].split(":"))
+    assert 60 * minutes + seconds == round(flight["duration_s"])
+    assert (
+        row["photographs"] == str(flight["photographs"])
+        and row["battery"] == f"{100 * flight['battery']:.0f}%"
+    )
+    quiet = run(regions, "-o", output, *camera, "--json", "--quiet", "--overwrite")
+    assert quiet.stdout == done.stdout and quiet.stderr == ""
+
+
+def test_a_table_has_no_empty_columns(regions: Path) -> None:
+    done = run(regions, "-o", regions.with_suffix(".plan"), "--altitude", 60, "--home", HOME)
+    assert done.stdout == ""
+    assert done.stderr.splitlines()[1].split() == [
+        "flight",
+        "km",
+        "time",
+        "climb",
+        "legs",
+        "return",
+        "landing",
+    ]
+
+
+def test_a_vehicle_that_cannot_be_read_is_refused(regions: Path) -> None:
+    where = ("--altitude", 60, "--home", HOME, "--vehicle")
+    assert "a vehicle has only" in str(error(regions, *where, regions))
+    assert "none.json" in str(error(regions, *where, regions.with_name("none.json")))

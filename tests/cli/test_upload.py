@@ -89,7 +89,7 @@ def test_a_mission_that_cannot_be_read_back_ends_with_3(tmp_path: Path) -> None:
     ("words", "said"),
     [
         (["missing.plan", "--connect", "udpout:a:1"], "no file missing.plan"),
-        (["fly.kml", "--connect", "udpout:a:1"], ".plan or .waypoints"),
+        (["fly.kml", "--connect", "udpout:a:1"], ".plan and .waypoints"),
         (["fly.plan", "--connect", "usb0"], "a vehicle's address is udpout:HOST:PORT"),
         (["fly.plan", "--connect", "udpout:a:1", "--timeout", "0"], "timeout"),
         (["fly.plan", "--connect", "udpout:a:1", "--timeout", "nan"], "timeout"),

@@ -16,6 +16,8 @@ from tests.flight.fences import FENCE, RALLY, fences, rally_points
 from uavseg.errors import MissionError, OutputExistsError
 from uavseg.flight import files
 from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
+from uavseg.flight.formats.plan import plan_text
+from uavseg.flight.formats.waypoints import waypoints_text
 from uavseg.flight.items import (
     AUTOPILOTS,
     FRAME_AMSL,
@@ -121,7 +123,7 @@ def test_mavwp_reads_every_row(tmp_path: Path) -> None:
 
 
 def test_a_plan_has_every_key_that_any_reader_requires() -> None:
-    plan = json.loads(files.plan_text(MISSION), parse_constant=pytest.fail)
+    plan = json.loads(plan_text(MISSION), parse_constant=pytest.fail)
     assert set(plan) == {"fileType", "groundStation", "version", "mission", "geoFence", "rallyPoints"}
     assert (plan["fileType"], plan["version"], plan["mission"]["version"]) == ("Plan", 1, 2)
     assert plan["geoFence"] == {"version": 2, "circles": [], "polygons": []}
@@ -150,10 +152,10 @@ def test_waypoints_are_tabs_and_line_feeds_with_home_first(tmp_path: Path) -> No
 
 def test_the_extension_chooses_and_another_is_refused(tmp_path: Path) -> None:
     files.write_mission(MISSION, tmp_path / "UPPER.PLAN")
-    for name in ("mission.txt", "mission", "mission.kml"):
-        with pytest.raises(MissionError, match=r"\.plan or \.waypoints"):
+    for name in ("mission.txt", "mission", "mission.json"):
+        with pytest.raises(MissionError, match=r"\.plan, .* or \.csv"):
             files.write_mission(MISSION, tmp_path / name)
-        with pytest.raises(MissionError, match=r"\.plan or \.waypoints"):
+        with pytest.raises(MissionError, match=r"\.plan, .* or \.csv"):
             files.read_mission(tmp_path / name)
 
 
@@ -167,12 +169,12 @@ def test_a_mission_is_not_replaced_without_overwrite(tmp_path: Path) -> None:
 
 
 def changed(**changes: Any) -> str:
-    plan = json.loads(files.plan_text(MISSION))
+    plan = json.loads(plan_text(MISSION))
     return json.dumps({**plan, **changes})
 
 
 def changed_item(**changes: Any) -> str:
-    plan = json.loads(files.plan_text(MISSION))
+    plan = json.loads(plan_text(MISSION))
     plan["mission"]["items"][2].update(changes)
     return json.dumps(plan)
 
@@ -186,11 +188,11 @@ def changed_item(**changes: Any) -> str:
         (changed(fileType="Fence"), "not a plan"),
         (changed(version=3), "version 1"),
         (changed(mission={"version": 2}), "firmwareType' is missing"),
-        (changed_item(type="ComplexItem", complexItemType="survey"), "holds a survey item"),
-        (changed_item(params=[0, 0, 0]), "not a mission"),
+        (changed_item(type="ComplexItem", complexItemType="survey"), "holds a survey item of version None"),
+        (changed_item(params=[0, 0, 0]), "item 3: a list in it is of a wrong length"),
         (changed_item(params=[0, 0, 0, None, 91, 151, 40]), "-90..90"),
         (changed_item(params=[0, 0, 0, None, -33.8, 151.2, math.nan]), "finite"),
-        (changed_item(command="fly"), "not a mission"),
+        (changed_item(command="fly"), "item 3: expected a whole number"),
     ],
 )
 def test_an_invalid_plan_is_refused_by_name(tmp_path: Path, text: str, words: str) -> None:
@@ -214,7 +216,7 @@ def test_an_invalid_plan_is_refused_by_name(tmp_path: Path, text: str, words: st
 )
 def test_invalid_waypoints_are_refused_by_line(tmp_path: Path, old: str, new: str, words: str) -> None:
     path = tmp_path / "odd.waypoints"
-    path.write_text(files.waypoints_text(MISSION).replace(old, new))
+    path.write_text(waypoints_text(MISSION).replace(old, new))
     with pytest.raises(MissionError, match=words):
         files.read_mission(path)
 
@@ -237,7 +239,7 @@ def test_a_fence_and_rally_points_written_are_read_equal(
 
 
 def test_a_fence_has_every_key_that_qgroundcontrol_requires() -> None:
-    plan = json.loads(files.plan_text(FENCED), parse_constant=pytest.fail)
+    plan = json.loads(plan_text(FENCED), parse_constant=pytest.fail)
     assert plan["geoFence"]["version"] == plan["rallyPoints"]["version"] == 2
     shapes = plan["geoFence"]["polygons"] + plan["geoFence"]["circles"]
     assert [shape["inclusion"] for shape in shapes] == [True, False, False]
@@ -274,7 +276,7 @@ def test_waypoints_cannot_hold_a_fence_and_say_so(tmp_path: Path, fence: Any, ra
     path = tmp_path / "fenced.waypoints"
     with pytest.warns(UserWarning, match=r"cannot hold a fence or rally points.*\.plan"):
         files.write_mission(replace(MISSION, fence=fence, rally=rally), path)
-    assert path.read_text() == files.waypoints_text(MISSION)
+    assert path.read_text() == waypoints_text(MISSION)
 
 
 def changed_fence(polygon: Any = None, circle: Any = None, rally: Any = None) -> str:
@@ -322,7 +324,7 @@ def test_an_invalid_fence_is_refused_by_name(tmp_path: Path, text: str, words: s
 
 def test_a_plan_without_a_fence_has_none(tmp_path: Path) -> None:
     path = tmp_path / "open.plan"
-    plan = json.loads(files.plan_text(MISSION))
+    plan = json.loads(plan_text(MISSION))
     path.write_text(json.dumps({**plan, "geoFence": None, "rallyPoints": None}))
     assert files.read_mission(path) == MISSION
 

@@ -140,6 +140,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "match": lambda: {"source": seeds.image(128, 140), "like": (64.0, 64.0, 40.0), "threads": 1},
     "suggest": lambda: {"source": _field(), "threads": 1},
     "plan": lambda: {"regions": "hand.geojson", "altitude": 50, "home": "auto"},
+    "check": lambda: {"mission": "fly.plan"},
     "upload": lambda: {"mission": "fly.plan", "connect": "tcp:127.0.0.1:9"},
     "download": lambda: {"connect": "tcp:127.0.0.1:9"},
     "trace": lambda: {"labels": np.kron(np.eye(3, dtype=np.uint32), np.ones((4, 4), np.uint32))},
@@ -199,7 +200,7 @@ def case(rng: Random) -> Case:
     files = {"x.tif": seeds.rasters()["deflate.tif"]}
     if name == "plan":
         files["hand.geojson"] = seeds.vectors()["hand.geojson"]
-    if name == "upload":
+    if name in {"upload", "check"}:
         files["fly.plan"] = seeds.missions()["a.plan"]
     return Case(files, call=Call(name, given))
 

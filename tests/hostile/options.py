@@ -34,8 +34,12 @@ LINES = tuple(
         f"plan r.geojson -o out.plan {FLIGHT} --pattern perimeter --offset 3 --min-leg 4 --holes fly",
         f"plan r.geojson -o out.plan {FLIGHT} --pattern orbit --margin 9",
         f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1,2 --largest 2 --where area_m2>5",
+        f"plan r.geojson -o out.plan {FLIGHT} --vehicle v.json --json",
         f"plan r.geojson -o out.plan {FLIGHT} --dem g.tif --terrain absolute --terrain-tolerance 2 --climb 3",
         f"plan r.geojson -o out.waypoints {FLIGHT} --dem g.tif --dem g.tif --terrain relative --descent 0.5",
+        f"plan r.geojson -o out.kmz {FLIGHT} --spacing 12 --dji-model m30t",
+        f"plan r.geojson -o out.plan {FLIGHT} --spacing 12 --editable --autopilot generic",
+        "check a.plan --autopilot px4 --json",
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
         "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
@@ -75,4 +79,5 @@ def _files() -> dict[str, bytes]:
     pictures = {"rgb.tif": seeds.rasters()["jpeg.tif"], "g.tif": seeds.rasters()["lerc.tif"]}
     others = pictures | {"b.tif": seeds.block_map()["b.tif"]}
     regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
-    return drawn | others | regions
+    vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
+    return drawn | others | regions | vehicle

@@ -187,6 +187,10 @@ def missions() -> Files:
         _uavseg(folder, "classify", "m.tif", "-o", "st.tif")
         for suffix in ("plan", "waypoints"):
             _uavseg(folder, "plan", "r.geojson", "-o", f"a.{suffix}", "--altitude", "50", "--home", "auto")
+        lines = ("--altitude", "50", "--home", "auto", "--spacing", "12")
+        for suffix in ("kml", "geojson", "kmz", "csv"):
+            _uavseg(folder, "plan", "r.geojson", "-o", f"a.{suffix}", *lines)
+        _uavseg(folder, "plan", "r.geojson", "-o", "e.plan", *lines, "--editable")
         place = ("--start", "500005,4499920", "--goal", "500030,4499930")
         _uavseg(folder, "path", "x.tif", "--range", "0,0.9", *place, "-o", "p.geojson")
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}

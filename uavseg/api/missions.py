@@ -11,6 +11,7 @@ from uavseg.api._values import warn
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
+from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.fence import RallyPoint
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.terrain.params import terrain_params
@@ -46,6 +47,7 @@ def plan(
     gsd: float | None = None,
     overlap: Sequence[float] = (75.0, 70.0),
     gimbal_pitch: float = -90.0,
+    vehicle: str | os.PathLike[str] | Vehicle | None = None,
     sensor: Sequence[float] | None = None,
     image: Sequence[float] | None = None,
     focal: float | None = None,
@@ -119,6 +121,9 @@ def plan(
         Of photographs, along the lines and between them, in per cent.
     gimbal_pitch : float
         Where the camera looks, in degrees; -90 is straight down.
+    vehicle : path or Vehicle, optional
+        What flies, for the estimates of time and energy: a JSON file with parameters of
+        `uavseg.flight.estimate.vehicle.Vehicle`. By default a multirotor with those of its autopilot.
     sensor, image : (float, float), optional
         In place of a camera: width and height of its sensor in millimetres and of its image in pixels.
     focal, min_interval : float, optional
@@ -180,7 +185,7 @@ def plan(
     -------
     plan : MissionPlan
         `plan.missions`, one for each flight; `plan.write("fly.plan")` writes them. Its `warnings` are
-        warnings too.
+        warnings too; the `estimate` of each has time, photographs and energy.
 
     Raises
     ------
@@ -215,6 +220,7 @@ def plan(
             ),
             words=PatternWords(hold, offset, min_leg, holes, margin, crosshatch, turnaround),
             gsd=gsd,
+            vehicle=vehicle,
             limits=LimitParams(endurance, reserve, max_items),
             safety=SafetyParams(
                 avoid_margin, fence, max_altitude, max_distance, tuple(RallyPoint(*place) for place in rally)

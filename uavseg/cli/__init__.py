@@ -22,6 +22,7 @@ _COMMANDS = {
     "classify": "Find what is free, unknown and occupied in a map of probabilities.",
     "divide": "Save a raster's block map, from which any range is answered.",
     "plan": "Plan a mission over regions.",
+    "check": "Tell what a mission file holds, and who would refuse it.",
     "cameras": "List the cameras that a survey can be planned for.",
     "upload": "Send a mission to a vehicle, and verify it.",
     "download": "Read the mission of a vehicle.",

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from uavseg.cli._files_options import file_options
 from uavseg.cli._limit_options import limit_options, limits_of, safety_of
 from uavseg.cli._pattern_options import pattern_options, pattern_words, photo_options, photo_words
 from uavseg.cli._say import say
 from uavseg.cli._terrain_options import terrain_of, terrain_options
+from uavseg.cli._vehicle_options import duration_text, flight_table, vehicle_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
@@ -64,7 +66,7 @@ def mission_options(command: F) -> F:
         click.option(
             "--home",
             metavar="LAT,LON[,M]|auto",
-            help="Where the vehicle starts, and metres above the sea; auto: inside the first chosen region.",
+            help="Where the vehicle starts, and metres above the sea; auto: outside of regions and zones.",
         ),
         click.option(
             "--pattern",
@@ -99,8 +101,15 @@ def mission_options(command: F) -> F:
             help="How far outlines may be moved to save corners.  [default: 1 m, or a pixel where larger]",
         ),
     ]
-    command = terrain_options(limit_options(photo_options(pattern_options(command))))
-    for option in reversed(options):
+    groups = (
+        vehicle_options,
+        terrain_options,
+        limit_options,
+        file_options,
+        photo_options,
+        pattern_options,
+    )
+    for option in (*reversed(groups), *reversed(options)):
         command = option(command)
     return command
 
@@ -109,7 +118,7 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
     """How to fly, from where and over which regions, from the values of `mission_options`."""
     from uavseg.jobs.plan import PlanRequest, flight_params
 
-    names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd")
+    names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd", "vehicle")
     photos = photo_words(options, parse_overlap(options["overlap"]))
     flight = flight_params(
         options["altitude"],
@@ -173,12 +182,14 @@ def parse_angle(text: str) -> float | None:
 def report(
     missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], notes: Sequence[str]
 ) -> None:
-    """Print length and duration of missions on stderr, and notes on them."""
-    for mission, path in zip(missions, paths, strict=True):
-        minutes, seconds = divmod(round(mission.duration_s), 60)
+    """Print estimates of missions on stderr, and notes on them."""
+    flights = [(Path(path).stem, mission.estimate) for mission, path in zip(missions, paths, strict=True)]
+    for mission, path, (_, found) in zip(missions, paths, flights, strict=True):
         over = f"{regions} region{'s' * (regions != 1)}, " if len(paths) == 1 else ""
-        flown = f"{path}: {over}{len(mission.items)} items, {mission.distance_m / 1000:.2f} km"
-        say(f"{flown}, at least {minutes} min {seconds:02d} s")
+        flown = f"{path}: {over}{len(mission.items)} items, {found.distance_m / 1000:.2f} km"
+        say(f"{flown}, about {duration_text(found.duration_s)}")
+    for line in flight_table(flights):
+        say(line)
     if missions[0].autopilot != "ardupilot" and str(paths[0]).lower().endswith(".waypoints"):
         say("note: PX4 will face north at each item of a .waypoints file; a .plan leaves it free")
     for note in notes:

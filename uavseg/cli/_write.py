@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from uavseg.cli._say import standard_output
 
 if TYPE_CHECKING:
+    from uavseg.flight.formats.options import FileOptions
     from uavseg.flight.mission import Mission
     from uavseg.jobs.plan import MissionPlan
     from uavseg.jobs.result import Extraction
@@ -104,9 +105,12 @@ def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[s
     return _warnings_of(lambda: files.write_mission(mission, path, overwrite))[1]
 
 
-def write_plan_output(planned: MissionPlan, path: str, overwrite: bool) -> tuple[list[Path], list[str]]:
+def write_plan_output(
+    planned: MissionPlan, path: str, overwrite: bool, options: FileOptions
+) -> tuple[list[Path], list[str]]:
     """Write the missions of a plan; returns their files, and what the format cannot hold as warnings."""
-    return _warnings_of(lambda: planned.write(path, overwrite))
+    editable, model = options.editable, options.dji_model
+    return _warnings_of(lambda: planned.write(path, overwrite, editable=editable, dji_model=model))
 
 
 def _warnings_of(write: Callable[[], T]) -> tuple[T, list[str]]:

@@ -10,7 +10,13 @@ from uavseg.cli._write import write_mission_output
 
 @click.command("download", short_help="Read the mission of a vehicle.")
 @link_options
-@click.option("-o", "--output", required=True, metavar="FILE", help="The mission: .plan or .waypoints.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="FILE",
+    help="The mission: .plan or another file as of uavseg plan.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 def command(**options: Any) -> None:
     """Read the mission that a vehicle holds, with its fence and rally points, to a file.

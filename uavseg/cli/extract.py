@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._files_options import parse_file_options
 from uavseg.cli._limit_options import zone_files
 from uavseg.cli._mission_options import mission_options
 from uavseg.cli._options import (
@@ -60,7 +61,9 @@ if TYPE_CHECKING:
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less, after holes are filled.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
 @drawing_options
-@click.option("--mission", metavar="PATH", help="Also plan a mission over the regions: .plan or .waypoints.")
+@click.option(
+    "--mission", metavar="PATH", help="Also plan a mission over the regions: a file as of uavseg plan."
+)
 @mission_options
 @running_options
 def command(**options: Any) -> None:
@@ -77,6 +80,7 @@ def command(**options: Any) -> None:
     mission, labels = options["mission"], options["labels"]
     request, read = _request(options), read_options(options)
     flight = None if mission is None else _flight(options)
+    form = parse_file_options(options)
     check_targets(target, labels, run.overwrite)
     _check_mission_target(mission, run.overwrite)
     keep_inputs([target, labels, mission], options["rasters"], zone_files(options), options["dem"])
@@ -97,7 +101,7 @@ def command(**options: Any) -> None:
     unwritten: list[str] = []
     with transaction():
         if planned is not None:
-            paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite)
+            paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite, form)
         write_regions_and_labels(found, target, labels, work, run.overwrite)
     if planned is not None and not run.reporter.quiet:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])

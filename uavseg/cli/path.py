@@ -51,7 +51,7 @@ _LINES = (".geojson", ".json")
     "--output",
     required=True,
     metavar="PATH",
-    help="The path: .geojson, .waypoints or .plan; - is GeoJSON on stdout.",
+    help="The path: .geojson; as a mission .plan, .waypoints, .kmz, .csv or .kml; - is GeoJSON on stdout.",
 )
 @segmenting_options
 @click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
@@ -133,7 +133,9 @@ def _flight(output: str, options: dict[str, Any]) -> PlanParams | None:
     try:
         files.check_mission_format(output)
     except MissionError:
-        raise OutputError(f"{output}: a path is written to .geojson, .json, .waypoints or .plan") from None
+        raise OutputError(
+            f"{output}: a path is written to .geojson, .json, .plan, .waypoints, .kmz, .csv or .kml"
+        ) from None
     if options["altitude"] is None:
         raise ParameterError("a mission needs --altitude, in metres above home")
     parse_home(options["home"])

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from uavseg.cli._access import access_options
+from uavseg.cli._files_options import parse_file_options
 from uavseg.cli._limit_options import zone_files, zones_of
 from uavseg.cli._mission_options import mission_options, plan_request, report
+from uavseg.cli._say import show
+from uavseg.cli._vehicle_options import missions_json
 from uavseg.cli._write import keep_inputs, write_plan_output
 
 if TYPE_CHECKING:
@@ -17,7 +21,13 @@ if TYPE_CHECKING:
 
 @click.command("plan")
 @click.argument("regions", metavar="REGIONS")
-@click.option("-o", "--output", required=True, metavar="PATH", help="The mission: .plan or .waypoints.")
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    metavar="PATH",
+    help="The mission: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
+)
 @mission_options
 @click.option("--ids", metavar="N,N,...", help="Only the regions with these ids.")
 @click.option("--largest", type=click.IntRange(min=1), metavar="N", help="Only the N largest.")
@@ -29,6 +39,7 @@ if TYPE_CHECKING:
 )
 @click.option("--raster", metavar="PATH", help="Where the ranges of --avoid are looked for.")
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
+@click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
 @access_options
@@ -36,7 +47,8 @@ def command(**options: Any) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
-    QGroundControl (.plan) or for Mission Planner (.waypoints).
+    QGroundControl (.plan), Mission Planner (.waypoints), DJI Pilot 2 (.kmz), Litchi (.csv), or to look at
+    (.kml, .geojson). Length, time with turns, photographs and energy are estimates without wind.
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
@@ -48,11 +60,14 @@ def command(**options: Any) -> None:
     check_target(output, options["overwrite"])
     raster = options["raster"]
     keep_inputs([output], regions, raster, zone_files(options), options["dem"])
-    request = plan_request(options)
+    request, form = plan_request(options), parse_file_options(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     zones = zones_of(options, None if raster is None else lambda: _opened(raster))
     planned = plan(open_regions(source, options["layer"]), request, zones)
-    paths, unwritten = write_plan_output(planned, output, options["overwrite"])
+    paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
+    if options["as_json"]:
+        written = missions_json(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
+        show(json.dumps(written, allow_nan=False))
     if not options["quiet"]:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
 

@@ -20,7 +20,7 @@ _LAYERS = ("levels", "states", "leaves", "regions", "path", "mission")
 @click.command("preview", short_help="Draw a raster with what was found in it.")
 @reading_options
 @click.option("--regions", type=click.Path(), help="Regions to outline: a file that extract wrote.")
-@click.option("--mission", type=click.Path(), help="Mission to draw: a .plan or .waypoints file.")
+@click.option("--mission", type=click.Path(), help="Mission to draw: a file of uavseg plan.")
 @click.option("--states", type=click.Path(), help="States in colour, segments outlined: what classify wrote.")
 @click.option("--leaves", type=click.Path(), help="Leaves to outline: the block map that divide wrote.")
 @click.option("--levels", type=click.Path(), help="Levels in grey: the segments that levels wrote.")

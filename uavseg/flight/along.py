@@ -1,5 +1,7 @@
 """Missions along a line: takeoff at home, a waypoint for each position, return."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -89,6 +91,12 @@ def items_along(
 def _speed_item(speed_m_s: float) -> MissionItem:
     """The speed over ground from here on."""
     return MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, speed_m_s, -1.0, 0.0))
+
+
+def round_degrees(degrees: Any) -> list[float]:
+    """Latitudes or longitudes as they are written to files."""
+    rounded: list[float] = np.round(degrees, _DECIMALS).tolist()
+    return rounded
 
 
 def home_notes(home: tuple[float, ...]) -> list[str]:

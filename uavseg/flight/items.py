@@ -143,15 +143,19 @@ def check_position(lat: float, lon: float, what: str) -> None:
         )
 
 
-def check_accepted(item: MissionItem, autopilot: str) -> None:
-    """Raise MissionError for items that the autopilot refuses or is known to fly differently.
+def check_accepted(item: MissionItem, autopilot: str, number: int) -> None:
+    """Raise MissionError for an item that the autopilot refuses or is known to fly differently.
 
-    For "generic", an item must be one that ArduPilot and PX4 both accept.
+    For "generic", an item must be one that ArduPilot and PX4 both accept. The number of the item is for the
+    message.
     """
-    if autopilot != "px4":
-        _check_ardupilot(item)
-    if autopilot != "ardupilot":
-        _check_px4(item)
+    try:
+        if autopilot != "px4":
+            _check_ardupilot(item)
+        if autopilot != "ardupilot":
+            _check_px4(item)
+    except MissionError as error:
+        raise MissionError(f"item {number}: {error}") from error
 
 
 def _check_ardupilot(item: MissionItem) -> None:

@@ -26,6 +26,7 @@ from uavseg.flight.items import (
     check_near,
     distance_m,
 )
+from uavseg.flight.survey_block import SurveyBlock
 from uavseg.flight.terrain.ground import Ground
 from uavseg.raster.geodesy.globe import geod_wgs84
 
@@ -62,6 +63,8 @@ class Mission:
         Areas that the vehicle must stay inside or outside of; stored polygons first, as in files.
     rally : tuple of RallyPoint
         Places to which it may return instead of home.
+    blocks : tuple of SurveyBlock
+        Parts that a ground station could plan again; not compared.
     vehicle : Vehicle, optional
         What flies it, for estimates; by default a multirotor with the parameters of its autopilot. Neither
         compared nor written to files, like `photos`.
@@ -86,6 +89,7 @@ class Mission:
     notes: tuple[str, ...] = field(default=(), compare=False)
     fence: tuple[Fence, ...] = ()
     rally: tuple[RallyPoint, ...] = ()
+    blocks: tuple[SurveyBlock, ...] = field(default=(), compare=False)
     vehicle: Vehicle | None = field(default=None, compare=False)
     photos: Photos | None = field(default=None, compare=False)
     ground: Ground | None = field(default=None, compare=False)
@@ -100,8 +104,8 @@ class Mission:
                 f"the mission has {len(self.items)} items and a link carries {MAX_ITEMS}; "
                 "choose fewer regions, a wider spacing or a larger tolerance"
             )
-        for item in self.items:
-            check_accepted(item, self.autopilot)
+        for number, item in enumerate(self.items, start=1):
+            check_accepted(item, self.autopilot, number)
         _check_distances(self)
         _check_fence(self)
         by_kind = sorted(self.fence, key=lambda shape: isinstance(shape, FenceCircle))
@@ -110,9 +114,8 @@ class Mission:
     @property
     def speed_m_s(self) -> float:
         """Speed over ground, from the first item that sets it, or else 5 m/s."""
-        return next(
-            (i.params[1] for i in self.items if i.command == CHANGE_SPEED and i.params[1]), CRUISE_M_S
-        )
+        asked = (item.params[1] or 0.0 for item in self.items if item.command == CHANGE_SPEED)
+        return next((speed for speed in asked if speed > 0), CRUISE_M_S)
 
     @property
     def path(self) -> tuple[Floats, Floats, Floats]:

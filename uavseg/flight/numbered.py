@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uavseg.flight.files import MissionPath, write_mission
+from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission import Mission
 from uavseg.flight.paper_check import PaperCheck
 from uavseg.output.transaction import transaction
@@ -24,7 +25,11 @@ def flight_paths(path: MissionPath, count: int) -> list[Path]:
 
 
 def write_flights(
-    missions: Sequence[Mission], path: MissionPath, check: PaperCheck, overwrite: bool = False
+    missions: Sequence[Mission],
+    path: MissionPath,
+    check: PaperCheck,
+    overwrite: bool = False,
+    options: FileOptions | None = None,
 ) -> list[Path]:
     """Write missions, read each back and fly it on paper; all files appear together, or none.
 
@@ -35,6 +40,7 @@ def write_flights(
         Of the file of a single mission; see `flight_paths`.
     check : PaperCheck
     overwrite : bool
+    options : FileOptions, optional
 
     Returns
     -------
@@ -48,9 +54,12 @@ def write_flights(
         If a file exists, or cannot be written.
     """
     paths = flight_paths(path, len(missions))
+    how = options or FileOptions()
     with transaction():
         for mission, one in zip(missions, paths, strict=True):
-            write_mission(mission, one, overwrite, check.check)
+            write_mission(
+                mission, one, overwrite, check.check, editable=how.editable, dji_model=how.dji_model
+            )
     return paths
 
 

@@ -49,11 +49,14 @@ class Candidates:
         Where the region of each is, for messages.
     notes : list of str
         For the pilot.
+    surveys : list of Survey, optional
+        The surveys whose tracks they are.
     """
 
     tracks: list[list[Track]]
     places: list[str]
     notes: list[str]
+    surveys: Sequence[Survey] = ()
 
 
 def visits(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
@@ -111,7 +114,7 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
     notes += _corridor_note(regions, [ways[0] for ways in found], params)
-    return Candidates(tracks, _places(parts), notes)
+    return Candidates(tracks, _places(parts), notes, [way for ways in found for way in ways])
 
 
 def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:

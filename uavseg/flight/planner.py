@@ -1,6 +1,7 @@
 """Mission planner: polygons to missions. Read this first."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.photo_speed import lower_speed
 from uavseg.flight.route import short_route
+from uavseg.flight.survey_blocks import blocks_of_surveys
 from uavseg.flight.targets import clear_parts, plane_of, region_parts
 from uavseg.flight.terrain.home import home_on_ground
 from uavseg.flight.track import Track
@@ -80,9 +82,10 @@ def plan_missions(
     candidates = _reached(found, place, keep_out)
     params, slower = lower_speed(params, [track for tracks in candidates for track in tracks])
     route = short_route(candidates, place, keep_out.space)
-    return missions_over(
-        route, start, plane, keep_out, params, [*home_notes(home), *at_home, *cut, *found.notes, *slower]
-    )
+    notes = [*home_notes(home), *at_home, *cut, *found.notes, *slower]
+    missions = missions_over(route, start, plane, keep_out, params, notes)
+    blocks = blocks_of_surveys(found.surveys, plane, params)
+    return tuple(replace(mission, blocks=blocks) for mission in missions)
 
 
 def _reached(found: patterns.Candidates, home: Floats, keep_out: KeepOut) -> list[list[Track]]:

@@ -4,8 +4,8 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from uavseg.errors import ParameterError
-from uavseg.flight.files import read_mission
+from uavseg.errors import MissionError, ParameterError
+from uavseg.flight.files import check_mission_format, read_mission
 from uavseg.flight.link.address import parse_address
 from uavseg.flight.link.download import download_mission
 from uavseg.flight.link.link import TIMEOUT_S, connect
@@ -13,6 +13,7 @@ from uavseg.flight.link.upload import upload_mission
 from uavseg.flight.mission import Mission
 
 MAX_TIMEOUT_S = 600.0
+UPLOADABLE = (".plan", ".waypoints")
 
 Progress = Callable[[int, int], None]
 
@@ -97,10 +98,20 @@ def upload(
     LinkError
         If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
     """
-    mission = source if isinstance(source, Mission) else read_mission(source)
+    mission = source if isinstance(source, Mission) else _read_uploadable(source)
     with connect(request.connect, request.timeout_s) as link:
         found = upload_mission(link, mission, progress)
         return Uploaded(mission, str(link.vehicle), (*mission.warnings, *found))
+
+
+def _read_uploadable(source: str | os.PathLike[str]) -> Mission:
+    """A mission of a file for autopilots that MAVLink reaches."""
+    if check_mission_format(source) not in UPLOADABLE:
+        raise MissionError(
+            f"{os.fspath(source)}: only {' and '.join(UPLOADABLE)} files are sent to vehicles; others do not "
+            "hold all of a mission, or are there to look at"
+        )
+    return read_mission(source)
 
 
 def download(request: LinkRequest, progress: Progress | None = None) -> Downloaded:

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from uavseg.errors import ParameterError
+from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
+from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
 from uavseg.flight.home_place import home_outside
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import Mission
@@ -81,7 +83,14 @@ class MissionPlan:
         """What the person who flies them should know, each once."""
         return tuple(dict.fromkeys(text for mission in self.missions for text in mission.warnings))
 
-    def write(self, path: str | os.PathLike[str], overwrite: bool = False) -> list[Path]:
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        overwrite: bool = False,
+        *,
+        editable: bool = False,
+        dji_model: str = DEFAULT_DJI_MODEL,
+    ) -> list[Path]:
         """Write the missions, read them back and check them; several are numbered: fly-1.plan, fly-2.plan.
 
         Parameters
@@ -90,6 +99,8 @@ class MissionPlan:
             Its extension selects the format, see `uavseg.flight.files`.
         overwrite : bool
             Whether existing files may be replaced.
+        editable, dji_model
+            As of `uavseg.flight.files.write_mission`.
 
         Returns
         -------
@@ -102,7 +113,7 @@ class MissionPlan:
         OutputError
             If a file exists, or cannot be written.
         """
-        return write_flights(self.missions, path, self.check, overwrite)
+        return write_flights(self.missions, path, self.check, overwrite, FileOptions(editable, dji_model))
 
 
 def plan(regions: Regions, request: PlanRequest, zones: Sequence[Any] = ()) -> MissionPlan:
@@ -160,6 +171,7 @@ def flight_params(
     photos: PhotoWords = NO_PHOTOS,
     words: PatternWords = NOTHING_SAID,
     gsd: float | None = None,
+    vehicle: str | os.PathLike[str] | Vehicle | None = None,
     limits: LimitParams = LimitParams(),
     safety: SafetyParams = SafetyParams(),
     terrain: TerrainParams | None = None,
@@ -167,7 +179,7 @@ def flight_params(
     """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
 
     With a camera, the height follows from the ground sampling distance (`gsd`, centimetres) where that is
-    given, and the spacing from the overlap.
+    given, and the spacing from the overlap. A vehicle is one, or its JSON file.
 
     Raises
     ------
@@ -198,6 +210,7 @@ def flight_params(
         autopilot=autopilot,
         tolerance_m=tolerance,
         photos=taken,
+        vehicle=read_vehicle(vehicle, autopilot) if isinstance(vehicle, str | os.PathLike) else vehicle,
         how=pattern_params(pattern, words),
         limits=limits,
         safety=safety,

@@ -1,6 +1,7 @@
 """The catalogue: its size and order, names and their neighbours, and cameras in files."""
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,32 @@ def test_there_are_many_cameras_each_once_and_sorted() -> None:
     names = [camera.name for camera in cameras()]
     assert len(names) >= 40 and len(set(names)) == len(names)
     assert names == sorted(names, key=str.lower)
+
+
+def test_pixels_are_square() -> None:
+    for camera in cameras():
+        across, along = (mm / px for mm, px in zip(camera.sensor_mm, camera.image_px, strict=True))
+        assert abs(across / along - 1) < 0.006, camera.name
+
+
+@pytest.mark.parametrize(
+    ("name", "diagonal_deg"),
+    [
+        ("DJI Mavic 3 Enterprise", 84),
+        ("DJI Mavic 3 Multispectral", 73.9),
+        ("DJI Matrice 30", 84),
+        ("DJI Zenmuse H20", 82.9),
+        ("DJI Zenmuse H30", 82.1),
+        ("DJI Zenmuse P1 35 mm", 63.5),
+        ("DJI Phantom 4", 94),
+        ("DJI Phantom 4 RTK", 84),
+        ("DJI Mini 4 Pro", 82.1),
+    ],
+)
+def test_diagonal_fields_of_view_are_those_of_data_sheets(name: str, diagonal_deg: float) -> None:
+    camera = camera_named(name)
+    half = math.hypot(*camera.sensor_mm) / 2 / camera.focal_mm
+    assert half == pytest.approx(math.tan(math.radians(diagonal_deg / 2)), rel=0.03)
 
 
 def test_fields_of_view_are_those_of_lenses_on_drones() -> None:

@@ -28,6 +28,7 @@ from uavseg.flight.items import (
     MissionItem,
 )
 from uavseg.flight.mission import Mission
+from uavseg.flight.terrain.ground import Ground
 
 HOME = HomePosition(47.0, 8.0, 400.0)
 METRE = 1 / 111_177.5  # degrees of latitude at 47 degrees
@@ -147,3 +148,14 @@ def test_as_json_what_is_not_known_is_null() -> None:
     written = estimate(fly(north(300), BACK)).as_dict()
     assert written["battery"] is None and written["photographs"] == 0
     assert written["distance_m"] == pytest.approx(600, abs=0.1)
+
+
+def test_heights_are_above_the_ground_where_it_is_known() -> None:
+    line = (north(0.001), every(20, True), north(100), every(0))
+    flat = fly(*line, BACK)
+    below = {(HOME.lat, HOME.lon): 400.0} | {
+        (item.lat, item.lon): 410.0 for item in line if item.command == WAYPOINT
+    }
+    hill = replace(flat, ground=Ground(below, 30.0, 30.0))
+    known = [estimate(mission, photos=PHOTOS).gsd_m for mission in (flat, hill)]
+    assert known == pytest.approx([60 / 5472, 45 / 5472])  # 40 and 30 m above the ground

@@ -12,8 +12,12 @@ SHUTTER_S = 1 / 1000
 LONGEST_SHUTTER_S, SHORTEST_SHUTTER_S = 1.0, 1e-6
 BLUR_PX = 1.0
 """Pixels by which the ground may move during the exposure."""
-LAST_PHOTO_M = 2.0
-"""The last photograph of a line is taken so far before its end, where the vehicle may begin to turn."""
+LAST_PHOTO_M = 5.0
+"""The last photograph of a line is planned so far before its end.
+
+The vehicle leaves a line up to 2 m before its end (the radius of waypoints), its first photograph is taken up
+to 2 m after the start, and each one some centimetres late: with less, simulated flights lost the last one.
+"""
 ONE_PHOTO_M = 5.0
 """Lines that are no longer have one photograph, at their start."""
 INTERVAL_STEP_S = 0.01

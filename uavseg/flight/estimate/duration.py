@@ -1,5 +1,6 @@
 """Time of each leg of a flight without wind: acceleration, braking and corners as an autopilot flies them."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,8 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 SHORTEST_M = 1e-3  # a leg that is shorter is not flown
+NEAR_M = 0.8
+"""A height is reached within this distance where turns are "slow": NAV_MC_ALT_RAD of PX4."""
 
 
 def leg_seconds(
@@ -128,40 +131,85 @@ def _part(ramp: Ramp, some: slice) -> Ramp:
 
 def _slowed(legs: Floats, speeds: Floats, vehicle: Vehicle, stops: Bools) -> Floats:
     """Acceleration from one corner and braking to the speed of the next; the height changes meanwhile."""
-    a, j, radius = vehicle.acceleration_m_s2, vehicle.jerk_m_s3, vehicle.radius_m
-    delay = 4 * a * a / j  # m/s: braking begins as if the acceleration were still full
-    ramp = Ramp(a, j, vehicle.jerk_rise_s)
+    radius, limits = vehicle.radius_m, _Braking(vehicle.acceleration_m_s2, vehicle)
     length, straight = np.hypot(legs[:, 0], legs[:, 1]), _cosines(legs)
-    through = np.minimum(_corner_speeds(straight, vehicle), _speed_at(length[1:], 0.0, a, delay))
+    through = np.minimum(_corner_speeds(straight, vehicle), limits.speed(length[1:], 0.0))
     through = np.minimum(through, np.minimum(speeds[:-1], speeds[1:]))
-    through[stops[1:-1] | (length[1:] < radius)] = 0.0
-    corner = np.append(through, 0.0)
-    arrival = np.minimum(np.maximum(_speed_at(np.full(len(legs), radius), corner, a, delay), corner), speeds)
     passed = ~stops[1:-1]
-    start = np.concatenate([[0.0], arrival[:-1] * np.maximum(straight, 0.0) * passed])
-    start = np.minimum(start, speeds)
+    through[~passed | (length[1:] < radius)] = 0.0
+    corner = np.append(through, 0.0)
+    arrival = np.minimum(np.maximum(limits.speed(np.full(len(legs), radius), corner), corner), speeds)
+    start = np.concatenate([[0.0], arrival[:-1] * passed])
     way = np.maximum(length - radius + np.concatenate([[0.0], radius * straight * passed]), 0.0)
-
-    def used(v: Floats) -> Floats:
-        braking = np.maximum((v * v + delay * v - corner * corner) / (2 * a) - radius, 0.0) * (v > arrival)
-        gaining = ramp.seconds(np.maximum(v - start, 0.0)) * (v + start) / 2
-        total: Floats = gaining + braking
-        return total
-
-    top = largest(lambda v: used(v) <= way, np.maximum(start, arrival), np.maximum(speeds, arrival))
-    seconds = ramp.seconds(np.maximum(top - start, 0.0)) + np.maximum(way - used(top), 0.0) / top
-    seconds += (top - arrival) / a + delay / (2 * a) * np.log(top / arrival)
+    turned_s, turned_m = _turns(np.append(1.0, straight), start, limits.ramp)
+    share = np.minimum(way / np.maximum(turned_m, 1e-9), 1.0)
+    rest_m = np.maximum(way - turned_m, 0.0)
+    flat = turned_s * share + limits.seconds(
+        _Way(rest_m, np.minimum(start, speeds), arrival, corner, radius), speeds
+    )
     up = legs[:, 2]
-    vertical = np.abs(up) / np.where(up > 0, vehicle.climb_m_s, vehicle.descent_m_s)
-    slower: Floats = np.maximum(np.where(way > 0, seconds, 0.0), vertical)
+    vertical = _Braking(vehicle.vertical_acceleration_m_s2, vehicle)
+    rest = np.zeros(len(legs))
+    near = vertical.speed(np.full(len(legs), NEAR_M), 0.0)
+    height = _Way(np.abs(up) - NEAR_M, rest, near, rest, NEAR_M)
+    steep = vertical.seconds(height, np.where(up > 0, vehicle.climb_m_s, vehicle.descent_m_s))
+    slower: Floats = np.maximum(flat, steep)
     return slower
 
 
-def _speed_at(distance_m: Floats, final_m_s: Floats | float, acceleration: float, delay: float) -> Floats:
-    """Speed from which the vehicle brakes to a final one within a distance."""
-    root = np.sqrt(delay * delay + 8 * acceleration * distance_m + 4 * np.square(final_m_s))
-    speeds: Floats = (root - delay) / 2
-    return speeds
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """Ways that end before their corners: length, first and last speed, the speed of the corner, radius."""
+
+    length: Floats
+    start: Floats
+    arrival: Floats
+    corner: Floats
+    radius: float
+
+
+class _Braking:
+    """How PX4 brakes: v^2 + b v = 2 a d + w^2, with b = 4 a^2 / j."""
+
+    def __init__(self, acceleration_m_s2: float, vehicle: Vehicle) -> None:
+        self.acceleration = acceleration_m_s2
+        self.delay = 4 * acceleration_m_s2**2 / vehicle.jerk_m_s3
+        self.ramp = Ramp(acceleration_m_s2, vehicle.jerk_m_s3, vehicle.jerk_rise_s)
+
+    def speed(self, distance_m: Floats, final_m_s: Floats | float) -> Floats:
+        """Speed from which the vehicle brakes to a final one within a distance."""
+        under = self.delay**2 + 8 * self.acceleration * distance_m + 4 * np.square(final_m_s)
+        speeds: Floats = (np.sqrt(under) - self.delay) / 2
+        return speeds
+
+    def seconds(self, way: _Way, speeds: Floats) -> Floats:
+        """Time of ways: speeding up, going on, and braking."""
+        a, b = self.acceleration, self.delay
+
+        def used(v: Floats) -> Floats:
+            braking = np.maximum((v * v + b * v - way.corner**2) / (2 * a) - way.radius, 0.0) * (
+                v > way.arrival
+            )
+            total: Floats = self.ramp.seconds(np.maximum(v - way.start, 0.0)) * (v + way.start) / 2 + braking
+            return total
+
+        least = np.maximum(way.start, way.arrival)
+        top = largest(lambda v: used(v) <= way.length, least, np.maximum(speeds, way.arrival))
+        seconds = self.ramp.seconds(np.maximum(top - way.start, 0.0))
+        seconds += np.maximum(way.length - used(top), 0.0) / top
+        seconds += (top - way.arrival) / a + b / (2 * a) * np.log(top / way.arrival)
+        found: Floats = np.where(way.length > 0, seconds, 0.0)
+        return found
+
+
+def _turns(straight: Floats, speed: Floats, ramp: Ramp) -> tuple[Floats, Floats]:
+    """Time in which the velocity turns at a constant speed, and the way along the next leg meanwhile.
+
+    With an angle t the velocity changes by 2 v sin(t / 2), and half of it is along v cos(t / 2).
+    """
+    seconds = ramp.seconds(2 * speed * np.sqrt((1 - straight) / 2))
+    way: Floats = seconds * speed * (1 + straight) / 2
+    return seconds, way
 
 
 def _corner_speeds(straight: Floats, vehicle: Vehicle) -> Floats:

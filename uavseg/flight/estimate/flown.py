@@ -43,8 +43,8 @@ class FlownPath:
         Metres east, north and above home; home first.
     seconds : (n - 1,) float64 array
     part : (n - 1,) array of "climb", "flight" or "return"
-    hold_s : (n,) float64 array
-        Wait at each position.
+    hold_s, rise_m : (n,) float64 arrays
+        Wait at each position, and how far the ground there lies above home, 0 where it is not known.
     photographs : (n - 1,) int64 array
         Photographs on each leg; those taken while waiting count on the leg before.
     return_hold_s, landing_s : float
@@ -54,6 +54,7 @@ class FlownPath:
     seconds: Floats
     part: NDArray[np.str_]
     hold_s: Floats
+    rise_m: Floats
     photographs: NDArray[np.int64]
     return_hold_s: float
     landing_s: float
@@ -67,8 +68,9 @@ class FlownPath:
 
     @property
     def height_m(self) -> Floats:
-        """Greatest height of each leg above home."""
-        return np.maximum(self.xyz_m[:-1, 2], self.xyz_m[1:, 2])
+        """Height of each leg above the ground at its higher end."""
+        above = self.xyz_m[:, 2] - self.rise_m
+        return np.maximum(above[:-1], above[1:])
 
 
 @dataclass(slots=True)
@@ -80,6 +82,7 @@ class _Walk:
     part: list[str] = field(default_factory=list)
     trigger: list[tuple[float, float]] = field(default_factory=list)  # metres, seconds
     shots: list[int] = field(default_factory=list)  # single photographs
+    rise: list[float] = field(default_factory=lambda: [0.0])
     hold: list[float] = field(default_factory=lambda: [0.0])
     stop: list[bool] = field(default_factory=lambda: [True])
 
@@ -89,6 +92,7 @@ class _Walk:
         self.part.append(part)
         self.trigger.append(trigger)
         self.shots.append(0)
+        self.rise.append(0.0)
         self.hold.append(0.0)
         self.stop.append(part != "flight")
 
@@ -122,6 +126,9 @@ def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
             break
         elif item.has_position:
             walk.go(_place(item, mission, plane, walk.xyz[-1]), speed, _part(item), trigger)
+            if mission.ground is not None:
+                home = (mission.home.lat, mission.home.lon)
+                walk.rise[-1] = mission.ground.rise_m(home, (item.lat, item.lon))
             if seconds := _hold_s(item, speed):
                 walk.wait(seconds)
             if item.command in LANDINGS:
@@ -169,15 +176,25 @@ def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
     xyz = np.array(walk.xyz, np.float64).reshape(-1, 3)
     seconds = leg_seconds(xyz, np.array(walk.speed, np.float64), vehicle, np.array(walk.stop))
     hold = np.array(walk.hold)
+    climbs = np.flatnonzero(np.array(walk.part) == "climb")
+    seconds[climbs] += _first_metres_s(np.diff(xyz[:, 2])[climbs], vehicle)
     return FlownPath(
         xyz,
         seconds,
         np.array(walk.part, dtype="<U6"),
         hold,
+        np.array(walk.rise),
         _photographs(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:]),
         vehicle.return_hold_s if ends == "return" else 0.0,
         landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,
     )
+
+
+def _first_metres_s(climb_m: Floats, vehicle: Vehicle) -> Floats:
+    """Time that climbs take longer because they begin slowly."""
+    slow = np.clip(climb_m, 0.0, vehicle.takeoff_height_m)
+    longer: Floats = slow * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
+    return longer
 
 
 def landing_seconds(height_m: float, vehicle: Vehicle) -> float:

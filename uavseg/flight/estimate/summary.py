@@ -29,7 +29,7 @@ class Estimate:
         Takeoff; legs between items; waiting at items; the return to above home with its wait; the descent.
     photographs : int
     gsd_m : float, optional
-        Ground sampling distance where it is coarsest, over flat ground; where the camera is known.
+        Ground sampling distance where it is coarsest; where the camera is known.
     photographed_m2 : float, optional
         Flat ground that the photographs show.
     energy_wh, battery : float, optional
@@ -51,7 +51,7 @@ class Estimate:
 
     def as_dict(self) -> dict[str, float | int | None]:
         """As JSON: times to a tenth of a second, lengths to a tenth of a metre; what is not known is null."""
-        decimals = {"gsd_m": 5, "battery": 4, "photographs": 0}
+        decimals = {"gsd_m": 6, "battery": 4}
         return {
             name: value if value is None or isinstance(value, int) else round(value, decimals.get(name, 1))
             for name, value in asdict(self).items()

@@ -9,7 +9,8 @@ The defaults are those of the autopilots' own parameters, which most operators n
 - PX4 1.15: MPC_ACC_HOR 3 m/s2, MPC_JERK_AUTO 4 m/s3, MPC_XY_TRAJ_P 0.5, MPC_ACC_UP_MAX 4 and MPC_ACC_DOWN_MAX
   3 m/s2, MPC_XY_CRUISE 5, MPC_Z_V_AUTO_UP 3, MPC_Z_V_AUTO_DN 1.5 m/s, NAV_ACC_RAD 2 m for multirotors,
   RTL_RETURN_ALT 60 m, RTL_CONE_ANG 45 degrees, MPC_LAND_SPEED 0.7 m/s, which the descent comes down to
-  between MPC_LAND_ALT1 10 m and MPC_LAND_ALT2 5 m: as long as 7 m at that speed
+  between MPC_LAND_ALT1 10 m and MPC_LAND_ALT2 5 m: as long as 7 m at that speed; MPC_TKO_SPEED 1.5 m/s up to
+  MPC_LAND_ALT1
   (src/modules/mc_pos_control, src/modules/navigator, rc.mc_defaults).
 """
 
@@ -26,7 +27,14 @@ from uavseg.plain_text import cause_of, shown
 TURNS = ("blend", "slow")
 MAX_FILE_BYTES = 100_000
 _MAY_BE_ZERO = frozenset(
-    {"jerk_rise_s", "return_height_m", "return_slope", "return_hold_s", "landing_height_m"}
+    {
+        "jerk_rise_s",
+        "return_height_m",
+        "return_slope",
+        "return_hold_s",
+        "takeoff_height_m",
+        "landing_height_m",
+    }
 )
 _POWER = ("hover_w", "cruise_w", "battery_wh")
 
@@ -56,8 +64,10 @@ class Vehicle:
         A return climbs to this height above home, or to the slope times its length where that is lower.
     return_hold_s : float
         How long the vehicle waits above home before it descends.
+    takeoff_m_s, takeoff_height_m : float
+        Speed of the first metres of a climb, and how many they are.
     landing_m_s, landing_height_m : float
-        The last metres before the ground, and the speed there.
+        Speed of the last metres before the ground, and how many they are.
     hover_w, cruise_w, battery_wh : float, optional
         Power in hover and in forward flight, and the energy of a full battery.
 
@@ -81,6 +91,8 @@ class Vehicle:
     return_height_m: float
     return_slope: float
     return_hold_s: float
+    takeoff_m_s: float
+    takeoff_height_m: float
     landing_m_s: float
     landing_height_m: float
     hover_w: float | None = None
@@ -123,6 +135,8 @@ ARDUCOPTER = Vehicle(
     return_height_m=15.0,
     return_slope=3.0,
     return_hold_s=5.0,
+    takeoff_m_s=2.5,
+    takeoff_height_m=0.0,
     landing_m_s=0.5,
     landing_height_m=10.0,
 )
@@ -136,11 +150,13 @@ PX4 = Vehicle(
     radius_m=2.0,
     climb_m_s=3.0,
     descent_m_s=1.5,
-    vertical_acceleration_m_s2=3.0,
+    vertical_acceleration_m_s2=4.0,
     return_speed_m_s=5.0,
     return_height_m=60.0,
     return_slope=1.0,
     return_hold_s=0.0,
+    takeoff_m_s=1.5,
+    takeoff_height_m=10.0,
     landing_m_s=0.7,
     landing_height_m=7.0,
 )

@@ -15,7 +15,7 @@ from uavseg.plot.frame import Frame
 
 _LINE_COLOR, _CASING_COLOR = "#ffffff", "#111111"
 _START_COLOR, _GOAL_COLOR = "#37b24d", "#f03e3e"
-_MISSION_SUFFIXES = (".plan", ".waypoints")
+_MISSION_SUFFIXES = (".plan", ".waypoints", ".kmz", ".csv", ".kml")
 
 Floats = NDArray[np.float64]
 

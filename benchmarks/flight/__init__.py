@@ -1,0 +1,1 @@
+"""Simulated flights of planned missions, and the length and time of plans over many regions."""

@@ -1,0 +1,152 @@
+"""Simulated flights: laws of the vehicles, and that estimates, photographs and tables agree with them."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from scipy.sparse.csgraph import minimum_spanning_tree
+
+from benchmarks.flight import arducopter, px4
+from benchmarks.flight.body import Body
+from benchmarks.flight.fields import HOME, Field, degrees, drawn, many
+from benchmarks.flight.log import Log
+from benchmarks.flight.measured import covered, least_distance_m, simulate
+from benchmarks.flight.order import Tour, tours
+from benchmarks.flight.plans import Plan, planned
+from benchmarks.flight.route import Stop, route
+from benchmarks.flight.section import Row, flights_table, orders_table
+from uavseg.flight.camera.camera import Camera
+from uavseg.flight.camera.photos import Photos
+
+SIMULATORS = pytest.mark.parametrize("fly", [arducopter.fly, px4.fly], ids=["ardupilot", "px4"])
+CAMERA = "DJI Mavic 3 Enterprise"
+
+
+def speeds(log: Log) -> np.ndarray:
+    """Speeds over ground, every fifth of a second."""
+    return np.hypot(*np.diff(np.array(log.track)[:, :2], axis=0).T) / 0.2
+
+
+@SIMULATORS
+def test_a_vehicle_passes_each_corner_and_comes_home(fly: type(arducopter.fly)) -> None:
+    corners = [(100.0, 0.0, 40.0), (100.0, 80.0, 40.0), (60.0, 60.0, 55.0), (-20.0, 90.0, 30.0)]
+    log = fly(40.0, [Stop(corner, 8.0) for corner in corners], True)
+    track = np.array(log.track)
+    for corner in corners:
+        assert np.linalg.norm(track - corner, axis=1).min() < 2.6  # the radius of waypoints, and a step
+    assert np.hypot(*track[-1, :2]) < 1 and track[-1, 2] < 0.2
+    assert 7 < speeds(log).max() < 10.7  # ArduCopter returns at 10 m/s
+
+
+@SIMULATORS
+def test_wind_is_held_out_and_a_hold_lasts(fly: type(arducopter.fly)) -> None:
+    stops = [Stop((60.0, 0.0, 30.0), 5.0), Stop((60.0, 60.0, 30.0), 5.0, hold_s=20.0)]
+    calm, windy = fly(30.0, stops, True), fly(30.0, stops, True, (5.0, 3.0, 0.0))
+    assert windy.seconds == pytest.approx(calm.seconds, rel=0.03)
+    away = np.hypot(*(np.array(windy.track)[:, :2] - (60, 60)).T)
+    assert (away < 2.1).sum() * 0.2 > 19
+    brief = fly(30.0, [stops[0], Stop((60.0, 60.0, 30.0), 5.0)], True)
+    assert calm.seconds - brief.seconds == pytest.approx(20, abs=2)
+
+
+def test_lean_angles_are_limited() -> None:
+    body = Body()
+    for _ in range(500):
+        before = body.velocity
+        body.step((1000.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        change = math.dist(before, body.velocity) / 0.02
+        assert change <= 9.81 * math.tan(math.radians(30)) + 1e-6
+    assert body.velocity[0] > 10
+
+
+def test_a_ramp_is_integrated_to_its_speed() -> None:
+    for speed in (0.05, 1.0, 5.0, 10.0):
+        table = arducopter.ramp(speed, 2.5)
+        assert table[-1][1] == pytest.approx(speed, rel=1e-3)
+        assert table[-1][2] == pytest.approx(0, abs=1e-2)
+        assert max(acceleration for _, _, acceleration in table) <= 2.5 + 1e-6
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize(("pattern", "speed"), [("survey", 5.0), ("perimeter", 10.0), ("visit", 5.0)])
+def test_estimates_are_within_ten_per_cent(autopilot: str, pattern: str, speed: float) -> None:
+    for field in drawn()[1:3]:
+        [mission] = planned(
+            field,
+            pattern=pattern,
+            camera=CAMERA if pattern == "survey" else None,
+            height_m=50.0,
+            speed=speed,
+            autopilot=autopilot,
+        )
+        found = simulate(mission, field)
+        assert abs(found.error) < 0.1
+        assert found.photographs == pytest.approx(found.estimated_photographs, abs=3)
+        assert found.covered >= 0.999 or pattern != "survey"
+
+
+def test_photographs_are_taken_by_distance() -> None:
+    stops = [
+        Stop((50.0, 0.0, 30.0), 5.0, triggers=[(10.0, True)]),
+        Stop((50.0, 95.0, 30.0), 5.0, triggers=[(0.0, False)]),
+    ]
+    log = arducopter.fly(30.0, [*stops, Stop((0.0, 95.0, 30.0), 5.0)], True)
+    places = np.array(log.photographs)[:, :2]
+    apart = np.hypot(*np.diff(places, axis=0).T)
+    assert len(places) == 10 and np.all(apart >= 10) and np.all(apart < 10.2)
+    assert np.allclose([heading for *_, heading in log.photographs], 0, atol=1e-9)  # to the north
+
+
+def test_ground_that_is_not_photographed_is_seen() -> None:
+    photos = Photos(Camera("test", (12.0, 8.0), (6000, 4000), 10.0))
+    log = Log(photographs=[(0.0, 0.0, 100.0, 0.0)])  # shows 120 m east to west and 80 m north to south
+    assert covered(log, shapely.box(-60, -40, 60, 40), photos) == pytest.approx(1)
+    assert covered(log, shapely.box(-60, -40, 60, 120), photos) == pytest.approx(0.5)
+    log.photographs[0] = (0.0, 0.0, 100.0, math.pi / 2)
+    assert covered(log, shapely.box(-60, -40, 60, 40), photos) == pytest.approx(2 / 3)
+
+
+def test_the_distance_to_zones_is_that_of_the_track() -> None:
+    log = Log(track=[(0.0, 0.0, 9.0), (10.0, 0.0, 9.0)])
+    assert least_distance_m(log, shapely.box(4, 3, 6, 5)) == 3
+    assert least_distance_m(log, shapely.box(4, -3, 6, 5)) == 0
+
+
+def test_regions_and_zones_do_not_touch_and_home_is_free() -> None:
+    field = many(12, 5, seed=1)
+    shapes = [*field.polygons, *field.zones]
+    assert len(field.polygons) == 12 and len(field.zones) == 5 == len(set(field.zones))
+    tree = shapely.STRtree(shapes)
+    assert all(len(tree.query(shape, predicate="intersects")) == 1 for shape in shapes)
+    assert not shapely.intersects(shapes, shapely.Point(HOME[1], HOME[0])).any()
+
+
+def test_a_route_has_the_speed_and_the_triggers_of_the_items() -> None:
+    field = Field("box", (degrees(shapely.box(30, 30, 130, 90)),))
+    [mission] = planned(field, pattern="survey", camera=CAMERA, height_m=40.0, speed=6.0)
+    height, stops, returns = route(mission)
+    assert height == 40 and returns and {stop.speed for stop in stops} == {6.0}
+    begun = [every for stop in stops for every, at_once in stop.triggers if at_once]
+    assert len(begun) == len(stops) / 2 and min(begun) > 0
+
+
+def test_tours_lead_everywhere_and_uavseg_finds_a_short_one() -> None:
+    found = list(tours((12,), long_s=1))
+    assert found[0].method == "**uavseg**"
+    assert found[0].length_m <= 1.02 * min(tour.length_m for tour in found)
+    places = np.random.default_rng(12).uniform(0, 1000, (13, 2))  # no tour is shorter than its spanning tree
+    tree = minimum_spanning_tree(np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))).sum()
+    assert tree < found[0].length_m < 2 * tree
+
+
+def test_the_tables_name_what_is_worst() -> None:
+    field = drawn()[0]
+    [mission] = planned(field, pattern="visit", camera=None, height_m=50.0, speed=5.0)
+    flown = simulate(mission, field)
+    flights = {(autopilot, speed): flown for autopilot in ("ardupilot", "px4") for speed in (5.0, 10.0)}
+    text = flights_table([Row("rectangle", "visit", len(mission.items), flights, flights)])
+    assert f"off by {abs(flown.error):.1%}" in text and "| rectangle |" in text
+    plan = Plan("9 regions", "visit", 1, 12, 9, 1234.0, 0.5, float("nan"), 7.25)
+    text = orders_table([Tour("9 places", "a", 100.0, 0.1), Tour("9 places", "b", 103.0, 0.2)], [plan])
+    assert "+3.00%" in text and " 7.2 |" in text

@@ -1,0 +1,89 @@
+"""Which vehicle flies, for estimates; and the table and JSON of what flights take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from uavseg.flight.estimate.summary import Estimate
+    from uavseg.flight.mission import Mission
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def vehicle_options(command: F) -> F:
+    """The option --vehicle, which arrives as `vehicle`."""
+    return click.option(
+        "--vehicle",
+        metavar="FILE.json",
+        help="What flies, for estimates of time and energy: accelerations, speeds, power and battery. "
+        "[default: a multirotor with the parameters of its autopilot]",
+    )(command)
+
+
+def duration_text(seconds: float) -> str:
+    """A duration in words: 7 min 05 s."""
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest:02d} s"
+
+
+def flight_table(flights: Sequence[tuple[str, Estimate]]) -> list[str]:
+    """Lines of a table: what each flight takes and gives; without the columns that no flight has.
+
+    Parameters
+    ----------
+    flights : sequence of (name, Estimate)
+    """
+    rows = [_cells(name, found) for name, found in flights]
+    kept = [head for head in rows[0] if any(row[head] for row in rows)]
+    widths = {head: max(len(head), *(len(row[head]) for row in rows)) for head in kept}
+    first = kept[0]
+    lines = [{head: head for head in kept}, *rows]
+    return [
+        "  ".join(
+            row[head].ljust(widths[head]) if head == first else row[head].rjust(widths[head]) for head in kept
+        ).rstrip()
+        for row in lines
+    ]
+
+
+def _cells(name: str, found: Estimate) -> dict[str, str]:
+    return {
+        "flight": name,
+        "km": f"{found.distance_m / 1000:.2f}",
+        "time": _clock(found.duration_s),
+        "climb": _clock(found.climb_s),
+        "legs": _clock(found.flight_s),
+        "hold": _clock(found.hold_s) if found.hold_s else "",
+        "return": _clock(found.return_s) if found.return_s else "",
+        "landing": _clock(found.landing_s) if found.landing_s else "",
+        "photographs": str(found.photographs) if found.photographs else "",
+        "cm/pixel": "" if found.gsd_m is None else f"{100 * found.gsd_m:.2f}",
+        "hectares": "" if found.photographed_m2 is None else f"{found.photographed_m2 / 1e4:.2f}",
+        "Wh": "" if found.energy_wh is None else f"{found.energy_wh:.0f}",
+        "battery": "" if found.battery is None else f"{100 * found.battery:.0f}%",
+    }
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d}"
+
+
+def missions_json(
+    missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], warnings: Sequence[str]
+) -> dict[str, Any]:
+    """What is reported of missions, for programs: their files, estimates and warnings."""
+    return {
+        "regions": regions,
+        "autopilot": missions[0].autopilot,
+        "flights": [
+            {"file": str(path), "items": len(mission.items), **mission.estimate.as_dict()}
+            for mission, path in zip(missions, paths, strict=True)
+        ],
+        "warnings": list(warnings),
+    }

@@ -1,0 +1,69 @@
+"""`uavseg check`: what a mission file holds, and who would refuse it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from uavseg.cli._say import say, show
+from uavseg.errors import MissionError
+
+if TYPE_CHECKING:
+    from uavseg.jobs.check import MissionCheck
+
+
+@click.command("check")
+@click.argument("file", metavar="FILE")
+@click.option(
+    "--autopilot",
+    type=click.Choice(["ardupilot", "px4", "generic"]),
+    help="What it is checked for.  [default: what FILE is for, if its format says so]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+def command(**options: Any) -> None:
+    """Read the mission in FILE (.plan, .waypoints, .kml, .geojson, .kmz or .csv) back, and tell what it
+    holds, how long it takes, and which autopilots, programs and aircraft would refuse it.
+
+    Exit code 1: FILE cannot be read, its mission would not be safe, leaves its fence, or the autopilot
+    refuses it.
+    """
+    from uavseg.jobs.check import CheckRequest, check
+
+    found = check(options["file"], CheckRequest(options["autopilot"]))
+    if options["as_json"]:
+        import json
+
+        show(json.dumps(found.as_dict(), indent=2, allow_nan=False))
+    elif not options["quiet"]:
+        show("\n".join(_lines(found)))
+    for warning in () if options["quiet"] else found.warnings:
+        say(f"note: {warning}")
+    if found.problems:
+        more = f" (and {len(found.problems) - 1} more)" if len(found.problems) > 1 else ""
+        raise MissionError(f"{options['file']}: {found.problems[0]}{more}")
+
+
+def _lines(found: MissionCheck) -> list[str]:
+    """The table: what the mission holds, then who takes it."""
+    rows = _rows(found.as_dict())
+    rows |= {one.who: "accepts it" if one.accepts else f"refuses it: {one.reason}" for one in found.verdicts}
+    width = max(map(len, rows))
+    return [f"{name:<{width}}  {value}" for name, value in rows.items()]
+
+
+def _rows(about: dict[str, Any]) -> dict[str, str]:
+    minutes, seconds = divmod(round(about["duration_s"]), 60)
+    fence, home = about["fence"], about["home"]
+    autopilot = "any autopilot" if about["autopilot"] == "generic" else about["autopilot"]
+    return {
+        "items": f"{about['items']:,} ({about['waypoints']:,} waypoints), for {autopilot}",
+        "home": f"{home['lat']:.7f},{home['lon']:.7f}, {home['altitude_m']:g} m above the sea",
+        "heights": f"{about['lowest_m']:g} to {about['highest_m']:g} m above home",
+        "distance": f"{about['distance_m'] / 1000:.2f} km at {about['speed_m_s']:g} m/s",
+        "time": f"about {minutes} min {seconds:02d} s",
+        "photographs": f"{about['photographs']:,}",
+        "fence": f"{fence['inclusions']} to stay inside, {fence['exclusions']} to keep out of",
+        "rally points": f"{about['rally_points']}",
+    }

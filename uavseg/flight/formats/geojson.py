@@ -1,0 +1,66 @@
+"""Missions as .geojson files, to look at in GIS software; in positions without height.
+
+Heights of GeoJSON count from the ellipsoid (RFC 7946), which heights of missions do not: they are attributes,
+above home, the sea or the terrain, as `height_above` says.
+"""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from uavseg.errors import MissionError
+from uavseg.flight.formats.features import Feature, Place, features_of, mission_of_features
+from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.mission import Mission
+from uavseg.inputs import parse_json
+from uavseg.plain_text import shown
+
+
+def write_geojson(mission: Mission, options: FileOptions) -> bytes:
+    """A mission as the content of a .geojson file, a feature on each line."""
+    lines = ",\n".join(json.dumps(_feature(one), allow_nan=False) for one in features_of(mission))
+    return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'.encode()
+
+
+def _feature(feature: Feature) -> dict[str, Any]:
+    properties: dict[str, Any] = {"kind": feature.kind, **feature.values}
+    if feature.shape in {"Point", "LineString"}:
+        properties["height_above"] = feature.heights
+    if feature.shape == "LineString":
+        properties["heights_m"] = [place[2] for place in feature.places]
+    return {"type": "Feature", "geometry": _geometry(feature), "properties": properties}
+
+
+def _geometry(feature: Feature) -> dict[str, Any] | None:
+    if not feature.shape:
+        return None
+    coordinates: Any = [[lon, lat] for lat, lon, _ in feature.places]
+    if feature.shape == "Point":
+        coordinates = coordinates[0]
+    elif feature.shape == "Polygon":
+        coordinates = [coordinates[::-1]]  # counter-clockwise, as RFC 7946 asks for
+    return {"type": feature.shape, "coordinates": coordinates}
+
+
+def read_geojson(content: bytes, name: str) -> Mission:
+    """The mission of a .geojson file that `write_geojson` wrote."""
+    found = parse_json(content.decode())
+    if not isinstance(found, dict) or found.get("type") != "FeatureCollection":
+        raise MissionError('it is not GeoJSON: "type" is not "FeatureCollection"')
+    return mission_of_features(map(_read_feature, found["features"]), name)
+
+
+def _read_feature(feature: Mapping[str, Any]) -> Feature:
+    properties = feature.get("properties") or {}
+    geometry = feature.get("geometry")
+    if geometry is None:
+        return Feature(str(properties.get("kind")), "", (), values=properties)
+    shape, coordinates = geometry["type"], geometry["coordinates"]
+    if shape == "Point":
+        coordinates = [coordinates]
+    elif shape == "Polygon":
+        coordinates = coordinates[0][::-1]
+    elif shape != "LineString":
+        raise MissionError(f"it holds a {shown(shape, quoted=False)}, which no mission has")
+    places: tuple[Place, ...] = tuple((float(lat), float(lon), 0.0) for lon, lat, *_ in coordinates)
+    return Feature(str(properties.get("kind")), shape, places, values=properties)

@@ -1,0 +1,175 @@
+"""Missions as .kml files (OGC KML 2.2), to look at in Google Earth and other globes.
+
+Where the altitude of home above the sea is known, heights above home are drawn as heights above the sea
+(altitudeMode absolute); where it is not, they are drawn above the ground (relativeToGround), which is right
+as far as the ground is as high as home. Heights above the terrain are drawn above the ground.
+"""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator
+
+from uavseg.errors import MissionError
+from uavseg.flight.formats.features import (
+    ABOVE_HOME,
+    ABOVE_SEA,
+    FENCE,
+    FLIGHT,
+    HOME,
+    ITEM,
+    PHOTOS,
+    RALLY,
+    Feature,
+    Place,
+    Value,
+    features_of,
+    mission_of_features,
+)
+from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.formats.waypoints import decimal
+from uavseg.flight.formats.xml_text import child, parse_xml, plain_name, xml_text
+from uavseg.flight.mission import Mission
+from uavseg.plain_text import shown
+
+NAMESPACE = "http://www.opengis.net/kml/2.2"
+FOLDERS = {
+    FLIGHT: "line of flight",
+    PHOTOS: "photographs",
+    HOME: "home",
+    ITEM: "items",
+    FENCE: "fence",
+    RALLY: "rally points",
+}
+_COLORS = {FLIGHT: "ff00d7ff", PHOTOS: "ff0055ff", FENCE: "ff00ff00"}  # aabbggrr
+_FLAGS = {"true": True, "false": False}
+
+
+def write_kml(mission: Mission, options: FileOptions) -> bytes:
+    """A mission as the content of a .kml file."""
+    root = ET.Element("kml", {"xmlns": NAMESPACE})
+    document = child(root, "Document")
+    child(document, "name", plain_name(mission.name) or "mission")
+    for kind, color in _COLORS.items():
+        style = ET.SubElement(document, "Style", {"id": kind})
+        line = child(style, "LineStyle")
+        child(line, "color", color)
+        child(line, "width", "2")
+        child(child(style, "PolyStyle"), "fill", "0")
+    folders: dict[str, ET.Element] = {}
+    home_m = mission.home.altitude_m
+    for feature in features_of(mission):
+        if feature.kind not in folders:
+            folders[feature.kind] = child(document, "Folder")
+            child(folders[feature.kind], "name", FOLDERS[feature.kind])
+        _placemark(folders[feature.kind], feature, home_m)
+    return xml_text(root)
+
+
+def kml_losses(mission: Mission, options: FileOptions) -> list[str]:
+    """That heights are drawn above the ground, where the altitude of home is not known."""
+    if mission.home.altitude_m:
+        return []
+    return ["the altitude of home is not given, so that the .kml draws heights above the ground under them"]
+
+
+def _placemark(folder: ET.Element, feature: Feature, home_m: float) -> None:
+    placemark = child(folder, "Placemark")
+    child(placemark, "name", _name(feature))
+    if feature.kind in _COLORS:
+        child(placemark, "styleUrl", f"#{feature.kind}")
+    data = child(placemark, "ExtendedData")
+    for key, value in {"kind": feature.kind, **feature.values}.items():
+        entry = ET.SubElement(data, "Data", {"name": key})
+        child(entry, "value", _value_text(value))
+    _GEOMETRIES[feature.shape](placemark, feature, home_m)
+
+
+def _name(feature: Feature) -> str:
+    values = feature.values
+    if feature.kind == ITEM:
+        return f"{values['number']} (command {values['command']})"
+    if feature.kind == FENCE:
+        return "stay inside" if values["inclusion"] else "keep out"
+    return FOLDERS[feature.kind]
+
+
+def _value_text(value: Value) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "" if value is None else repr(value) if isinstance(value, float) else str(value)
+
+
+def _point(placemark: ET.Element, feature: Feature, home_m: float) -> None:
+    _coordinates(child(placemark, "Point"), feature, home_m)
+
+
+def _line(placemark: ET.Element, feature: Feature, home_m: float) -> None:
+    line = child(placemark, "LineString")
+    child(line, "tessellate", "0")
+    _coordinates(line, feature, home_m)
+
+
+def _polygon(placemark: ET.Element, feature: Feature, home_m: float) -> None:
+    polygon = child(placemark, "Polygon")
+    ring = child(child(polygon, "outerBoundaryIs"), "LinearRing")
+    child(ring, "coordinates", " ".join(f"{_degrees(lon)},{_degrees(lat)}" for lat, lon, _ in feature.places))
+
+
+def _nothing(placemark: ET.Element, feature: Feature, home_m: float) -> None:
+    pass
+
+
+_GEOMETRIES: dict[str, Callable[[ET.Element, Feature, float], None]] = {
+    "Point": _point,
+    "LineString": _line,
+    "Polygon": _polygon,
+    "": _nothing,
+}
+
+
+def _coordinates(parent: ET.Element, feature: Feature, home_m: float) -> None:
+    above_sea = feature.heights == ABOVE_SEA or (feature.heights == ABOVE_HOME and home_m != 0)
+    added = home_m if above_sea and feature.heights == ABOVE_HOME else 0.0
+    child(parent, "altitudeMode", "absolute" if above_sea else "relativeToGround")
+    texts = (f"{_degrees(lon)},{_degrees(lat)},{height + added:.3f}" for lat, lon, height in feature.places)
+    child(parent, "coordinates", " ".join(texts))
+
+
+def _degrees(value: float) -> str:
+    return decimal(value, 1)
+
+
+def read_kml(content: bytes, name: str) -> Mission:
+    """The mission of a .kml file that `write_kml` wrote."""
+    root = parse_xml(content)
+    return mission_of_features(map(_read_placemark, root.iter("Placemark")), name)
+
+
+def _read_placemark(placemark: ET.Element) -> Feature:
+    values = {
+        entry.get("name", ""): _read_value(entry.findtext("value") or "")
+        for entry in placemark.findall("ExtendedData/Data")
+    }
+    shape = next((shape for shape in _GEOMETRIES if shape and placemark.find(shape) is not None), "")
+    places = tuple(_read_places(placemark.findtext(f".//{shape}//coordinates") or "")) if shape else ()
+    if shape and not places:
+        raise MissionError("a placemark in it has no coordinates")
+    return Feature(str(values.get("kind")), shape, places, values=values)
+
+
+def _read_places(text: str) -> Iterator[Place]:
+    for place in text.split():
+        numbers = place.split(",")
+        try:
+            yield float(numbers[1]), float(numbers[0]), 0.0
+        except (ValueError, IndexError) as error:
+            raise MissionError(f"{shown(place)} in it is not longitude,latitude") from error
+
+
+def _read_value(text: str) -> Value:
+    """A number, a flag or nothing where the text is one, else the text."""
+    if text in _FLAGS:
+        return _FLAGS[text]
+    try:
+        return float(text) if text else None
+    except ValueError:
+        return text

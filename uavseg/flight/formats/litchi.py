@@ -1,0 +1,210 @@
+"""Litchi's .csv files: waypoints with gimbal pitch, photographs at equal distances, and speeds.
+
+The columns are those of Litchi's Mission Hub (import of CSV, metric units). Heights count from the place of
+takeoff, or from the ground. Settings of the whole mission (what follows its end, straight or curved path,
+heading mode) are not in the file.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+from uavseg.errors import MissionError
+from uavseg.flight.formats.options import FileOptions
+from uavseg.flight.formats.route import (
+    FINISH_NONE,
+    Route,
+    RoutePoint,
+    mission_of_route,
+    route_losses,
+    route_of,
+)
+from uavseg.flight.formats.waypoints import decimal
+from uavseg.flight.items import FRAME_RELATIVE, FRAME_TERRAIN, distance_m
+from uavseg.flight.mission import CRUISE_M_S, Mission
+from uavseg.plain_text import shown
+
+NAME = "a .csv of Litchi"
+ACTIONS = 15
+COLUMNS = (
+    *("latitude", "longitude", "altitude(m)", "heading(deg)", "curvesize(m)", "rotationdir", "gimbalmode"),
+    "gimbalpitchangle",
+    *(f"action{word}{number}" for number in range(1, ACTIONS + 1) for word in ("type", "param")),
+    *("altitudemode", "speed(m/s)", "poi_latitude", "poi_longitude", "poi_altitude(m)", "poi_altitudemode"),
+    *("photo_timeinterval", "photo_distinterval"),
+)
+NO_ACTION, STAY, PHOTO = -1, 0, 1  # actiontype
+INTERPOLATED_PITCH = 2  # gimbalmode; 0 leaves the gimbal to the pilot
+MIN_WAYPOINTS, MAX_WAYPOINTS = 2, 99
+MIN_HEIGHT_M, MAX_HEIGHT_M = -200.0, 500.0
+MAX_SPEED_M_S = 15.0
+MAX_STAY_MS = 32_000
+MIN_LEG_M, MAX_LEG_M = 0.6, 1999.0
+MAX_ROWS = 100_000
+
+
+def write_litchi(mission: Mission, options: FileOptions) -> bytes:
+    """A mission as the content of a .csv file of Litchi.
+
+    Raises
+    ------
+    MissionError
+        If Litchi's format cannot hold how the mission is flown, or it has more than 99 waypoints.
+    """
+    route = route_of(mission, NAME)
+    check_route(route)
+    rows = [COLUMNS, *(_row(point) for point in route.points)]
+    return "".join(",".join(row) + "\n" for row in rows).encode()
+
+
+def litchi_losses(mission: Mission, options: FileOptions) -> list[str]:
+    """What a .csv does not hold of a mission, and what has to be set in Litchi."""
+    route, home = route_of(mission, NAME), mission.home
+    end = {"return": "RTH", "land": "Land", "none": "None"}[route.finish]
+    heading = "auto" if all(point.heading_deg is None for point in route.points) else "custom"
+    return [
+        *route_losses(mission, route, NAME),
+        f"in Litchi, set the path mode to straight lines, the heading mode to {heading} and the finish "
+        f"action to {end}; the .csv does not hold them, nor home: take off at {home.lat:.6f},{home.lon:.6f}",
+    ]
+
+
+def check_route(route: Route) -> None:
+    """Raise MissionError if Litchi does not fly a route."""
+    count = len(route.points)
+    if not MIN_WAYPOINTS <= count <= MAX_WAYPOINTS:
+        raise MissionError(
+            f"Litchi flies {MIN_WAYPOINTS} to {MAX_WAYPOINTS} waypoints, and the mission has {count}: split "
+            "it (--max-items), or choose fewer regions or a wider spacing"
+        )
+    for number, point in enumerate(route.points, start=1):
+        if not MIN_HEIGHT_M <= point.altitude_m <= MAX_HEIGHT_M:
+            raise MissionError(
+                f"Litchi flies at {MIN_HEIGHT_M:g} to {MAX_HEIGHT_M:g} m, and waypoint {number} is at "
+                f"{point.altitude_m:g} m"
+            )
+        if not 0 < _speed(point) <= MAX_SPEED_M_S:
+            raise MissionError(
+                f"Litchi flies at up to {MAX_SPEED_M_S:g} m/s, and waypoint {number} asks for "
+                f"{_speed(point):g} m/s (--speed)"
+            )
+        if 1000 * point.hold_s > MAX_STAY_MS:
+            raise MissionError(
+                f"Litchi stays at a waypoint for up to {MAX_STAY_MS / 1000:g} s, and waypoint {number} asks "
+                f"for {point.hold_s:g} s"
+            )
+    for number, (before, point) in enumerate(pairwise(route.points), start=1):
+        leg_m = math.hypot(
+            distance_m(before.lat, before.lon, point.lat, point.lon), point.altitude_m - before.altitude_m
+        )
+        if not MIN_LEG_M <= leg_m <= MAX_LEG_M:
+            raise MissionError(
+                f"Litchi flies legs of {MIN_LEG_M:g} to {MAX_LEG_M:g} m, and the one from waypoint {number} "
+                f"to {number + 1} is {leg_m:.1f} m long"
+            )
+
+
+def _speed(point: RoutePoint) -> float:
+    return CRUISE_M_S if point.speed_m_s is None else point.speed_m_s
+
+
+def _row(point: RoutePoint) -> list[str]:
+    actions = [(STAY, round(1000 * point.hold_s))] * (point.hold_s > 0) + [(PHOTO, 0)] * point.photo
+    actions += [(NO_ACTION, 0)] * (ACTIONS - len(actions))
+    aimed = point.pitch_deg is not None
+    return [
+        decimal(point.lat, 8),
+        decimal(point.lon, 8),
+        decimal(point.altitude_m, 1),
+        "0" if point.heading_deg is None else decimal(point.heading_deg % 360 or 360.0, 1),
+        "0",
+        "0",
+        str(INTERPOLATED_PITCH if aimed else 0),
+        decimal(point.pitch_deg or 0.0, 1),
+        *(str(value) for action in actions for value in action),
+        str(int(point.frame == FRAME_TERRAIN)),
+        decimal(_speed(point), 1),
+        *("0", "0", "0", "0"),
+        decimal(point.interval_s, 1) if point.interval_s else "-1",
+        decimal(point.trigger_m, 1) if point.trigger_m else "-1",
+    ]
+
+
+def read_litchi(content: bytes, name: str) -> Mission:
+    """The mission of a .csv file of Litchi, in metric units."""
+    notes: dict[str, None] = {}
+    points = tuple(_points(content.decode("utf-8-sig"), notes))
+    if not points:
+        raise MissionError("it holds no waypoints")
+    notes["what follows the last waypoint is set in Litchi, not in its file"] = None
+    takeoff_m = max(points[0].altitude_m, 1.0)  # Litchi takes off, and climbs to the first waypoint
+    return mission_of_route(Route(points, takeoff_m, None, FINISH_NONE), name, list(notes))
+
+
+def _points(text: str, notes: dict[str, None]) -> Iterator[RoutePoint]:
+    try:
+        rows = csv.reader(io.StringIO(text), strict=True)
+        header = [column.strip().lower() for column in next(rows, [])]
+        _check_header(header)
+        for number, row in enumerate(rows, start=1):
+            if number > MAX_ROWS:
+                raise MissionError(f"it has more than {MAX_ROWS:,} rows")
+            if row and len(row) != len(header):
+                raise MissionError(f"waypoint {number} has {len(row)} fields instead of {len(header)}")
+            if row:
+                yield _point(number, dict(zip(header, row, strict=True)), notes)
+    except csv.Error as error:
+        raise MissionError(f"it is not a table: {error}") from error
+
+
+def _check_header(header: list[str]) -> None:
+    if "altitude(ft)" in header:
+        raise MissionError("its heights are in feet; export it from Litchi in metres")
+    missing = [column for column in COLUMNS[:3] if column not in header]
+    if missing:
+        raise MissionError(
+            f"its first line does not name {', '.join(missing)}: it is not a mission of Litchi"
+        )
+    if len(set(header)) < len(header):
+        raise MissionError("two columns have the same name")
+
+
+def _point(number: int, row: dict[str, str], notes: dict[str, None]) -> RoutePoint:
+    def value(column: str, default: float = 0.0) -> float:
+        text = row.get(column, "").strip()
+        try:
+            return float(text) if text else default
+        except ValueError as error:
+            raise MissionError(
+                f"{column} of waypoint {number} is {shown(text)}; expected a number"
+            ) from error
+
+    if value("curvesize(m)"):
+        notes["curves at waypoints were not read"] = None
+    if value("gimbalmode") not in {0, INTERPOLATED_PITCH} or value("poi_latitude") or value("poi_longitude"):
+        notes["points of interest were not read"] = None
+    hold_ms, photo = 0.0, False
+    for action in range(1, ACTIONS + 1):
+        kind = value(f"actiontype{action}", NO_ACTION)
+        if kind == STAY:
+            hold_ms += value(f"actionparam{action}")
+        elif kind == PHOTO:
+            photo = True
+        elif kind != NO_ACTION:
+            notes[f"actions of type {kind:g} were not read"] = None
+    heading = value("heading(deg)")
+    return RoutePoint(
+        value("latitude"),
+        value("longitude"),
+        value("altitude(m)"),
+        FRAME_TERRAIN if value("altitudemode") else FRAME_RELATIVE,
+        hold_s=hold_ms / 1000,
+        heading_deg=heading % 360 if heading else None,
+        photo=photo,
+        speed_m_s=value("speed(m/s)") or None,
+        pitch_deg=value("gimbalpitchangle") if value("gimbalmode") == INTERPOLATED_PITCH else None,
+        trigger_m=max(value("photo_distinterval"), 0.0),
+        interval_s=max(value("photo_timeinterval"), 0.0),
+    )
