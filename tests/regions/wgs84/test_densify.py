@@ -62,6 +62,4 @@ def test_short_edges_are_left_alone() -> None:
 def test_edges_that_are_far_too_long_are_refused_before_they_are_divided() -> None:
     flat = ring([(0.0, 5e6), (1e13, 5e6), (0.0, 5.1e6)])
     with pytest.raises(OutputError, match=r"edges of up to 1e\+13 map units, which is too long"):
-        OutputError, match=r"edges of up to 1e\+13 map units, which is too long for the Earth"
-    ):
         densify_edges(flat, np.zeros((len(flat.vertices), 2)) + 45, 0.1, RADIUS, degrees)
