@@ -21,6 +21,7 @@ from uavseg.jobs.photo_words import PhotoWords
 from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params
 from uavseg.jobs.plan import plan as run_plan
 from uavseg.jobs.plan_regions import open_regions, zone_polygons
+from uavseg.jobs.valid_ground import valid_ground
 from uavseg.plain_text import shown
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ def plan(
     avoid_margin : float
         Least distance to keep-out zones in metres.
     raster : path, sequence of paths, array or DataArray, optional
-        Where the ranges of `avoid` are looked for.
+        Where the ranges of `avoid` are looked for; home "auto" is a place on it.
     endurance : float, optional
         Minutes in the air on a full battery: the mission is divided into flights that fit.
     reserve : float
@@ -229,8 +230,10 @@ def plan(
         )
         request = PlanRequest(flight, _home(home), ids, largest, where)
         found = open_regions(regions, layer)
-        zones = zone_polygons(_listed(avoid), None if raster is None else open_source(raster))
-        planned = run_plan(found, request, zones)
+        source = None if raster is None else open_source(raster)
+        zones = zone_polygons(_listed(avoid), source)
+        is_ground = None if source is None else valid_ground(source)
+        planned = run_plan(found, request, zones, is_ground)
     warn(planned.warnings)
     return planned
 

@@ -95,8 +95,11 @@ def command(**options: Any) -> None:
         from uavseg.cli._mission_options import report
         from uavseg.jobs.plan import plan
         from uavseg.jobs.plan_regions import open_regions
+        from uavseg.jobs.valid_ground import valid_ground
 
-        planned = plan(open_regions(found.regions), flight, zones_of(options, lambda: source))
+        planned = plan(
+            open_regions(found.regions), flight, zones_of(options, lambda: source), valid_ground(source)
+        )
     paths: list[Path] = []
     unwritten: list[str] = []
     with transaction():

@@ -16,6 +16,7 @@ from uavseg.cli._vehicle_options import missions_json
 from uavseg.cli._write import keep_inputs, write_plan_output
 
 if TYPE_CHECKING:
+    from uavseg.flight.home_place import IsGround
     from uavseg.jobs.source import Source
 
 
@@ -37,7 +38,11 @@ if TYPE_CHECKING:
     help='Only regions that fulfil it, as in "mean > 0.7 and area_m2 > 500". A comparison with a missing '
     "number is neither true nor false, so != and not do not select it either.",
 )
-@click.option("--raster", metavar="PATH", help="Where the ranges of --avoid are looked for.")
+@click.option(
+    "--raster",
+    metavar="PATH",
+    help="Where the ranges of --avoid are looked for; --home auto is a place on it.",
+)
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
@@ -63,7 +68,8 @@ def command(**options: Any) -> None:
     request, form = plan_request(options), parse_file_options(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     zones = zones_of(options, None if raster is None else lambda: _opened(raster))
-    planned = plan(open_regions(source, options["layer"]), request, zones)
+    is_ground = None if raster is None else _ground(raster)
+    planned = plan(open_regions(source, options["layer"]), request, zones, is_ground)
     paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
     if options["as_json"]:
         written = missions_json(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
@@ -76,3 +82,9 @@ def _opened(raster: str) -> Source:
     from uavseg.jobs.open_source import open_source
 
     return open_source(raster)
+
+
+def _ground(raster: str) -> IsGround | None:
+    from uavseg.jobs.valid_ground import valid_ground
+
+    return valid_ground(_opened(raster))

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from uavseg.errors import ParameterError
 from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
-from uavseg.flight.home_place import home_outside
+from uavseg.flight.home_place import IsGround, home_outside
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import Mission
 from uavseg.flight.numbered import write_flights
@@ -116,7 +116,9 @@ class MissionPlan:
         return write_flights(self.missions, path, self.check, overwrite, FileOptions(editable, dji_model))
 
 
-def plan(regions: Regions, request: PlanRequest, zones: Sequence[Any] = ()) -> MissionPlan:
+def plan(
+    regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), is_ground: IsGround | None = None
+) -> MissionPlan:
     """Missions over regions: take off, fly their pattern in a short order, return.
 
     Parameters
@@ -126,6 +128,8 @@ def plan(regions: Regions, request: PlanRequest, zones: Sequence[Any] = ()) -> M
     request : PlanRequest
     zones : sequence of shapely Polygon or MultiPolygon
         Keep-out zones in degrees.
+    is_ground : function, optional
+        Whether a place (lat, lon) that is found for home may be it, see `uavseg.jobs.valid_ground`.
 
     Raises
     ------
@@ -142,7 +146,8 @@ def plan(regions: Regions, request: PlanRequest, zones: Sequence[Any] = ()) -> M
     flight, home, notes = request.flight, request.home, []
     if home == "auto":
         everywhere = list(regions.polygons)
-        home = home_outside(everywhere, points or _points(regions), zones, flight.safety.avoid_margin_m)
+        margin_m = flight.safety.avoid_margin_m
+        home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
         notes.append(
             f"home is {home[0]:.7f},{home[1]:.7f}, outside of all regions and keep-out zones; look at the "
             "place before the flight: the plan knows nothing of trees, water or roads there"
