@@ -66,7 +66,8 @@ def mission_options(command: F) -> F:
         click.option(
             "--home",
             metavar="LAT,LON[,M]|auto",
-            help="Where the vehicle starts, and metres above the sea; auto: a place outside of all regions and zones.",
+            help="Where the vehicle starts, and metres above the sea; auto: a place outside of all regions and "
+            "zones.",
         ),
         click.option(
             "--pattern",
@@ -131,9 +132,8 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])
-    return PlanRequest(
-        flight, home, parse_ids(options.get("ids")), options.get("largest"), options.get("where")
-    )
+    ids = parse_ids(options.get("ids"))
+    return PlanRequest(flight, home, ids, options.get("largest"), options.get("where"), options["allow_edge"])
 
 
 def parse_home(text: str | None) -> Home:
@@ -143,7 +143,7 @@ def parse_home(text: str | None) -> Home:
     if text.strip().lower() == "auto":
         return "auto"
     try:
-        numbers = tuple(float(part) for part in text.split(","))
+        numbers = tuple(float(part) for part in text.split("," if "," in text else None))
     except ValueError:
         numbers = ()
     if len(numbers) not in (2, 3):

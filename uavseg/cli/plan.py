@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from uavseg.cli._access import access_options
 from uavseg.cli._files_options import parse_file_options
+from uavseg.cli._home_words import HomeCommand
 from uavseg.cli._limit_options import zone_files, zones_of
 from uavseg.cli._mission_options import mission_options, plan_request, report
 from uavseg.cli._say import show
 from uavseg.cli._vehicle_options import missions_json
 from uavseg.cli._write import keep_inputs, write_plan_output
 
-if TYPE_CHECKING:
-    from uavseg.jobs.source import Source
 
-
-@click.command("plan")
+@click.command("plan", cls=HomeCommand)
 @click.argument("regions", metavar="REGIONS")
 @click.option(
     "-o",
@@ -37,7 +35,11 @@ if TYPE_CHECKING:
     help='Only regions that fulfil it, as in "mean > 0.7 and area_m2 > 500". A comparison with a missing '
     "number is neither true nor false, so != and not do not select it either.",
 )
-@click.option("--raster", metavar="PATH", help="Where the ranges of --avoid are looked for.")
+@click.option(
+    "--raster",
+    metavar="PATH",
+    help="Where the ranges of --avoid are looked for, and at whose edge no region may lie; see --allow-edge.",
+)
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
@@ -52,6 +54,7 @@ def command(**options: Any) -> None:
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
+    from uavseg.jobs.open_source import open_source
     from uavseg.jobs.plan import plan
     from uavseg.jobs.plan_regions import open_regions
 
@@ -62,17 +65,12 @@ def command(**options: Any) -> None:
     keep_inputs([output], regions, raster, zone_files(options), options["dem"])
     request, form = plan_request(options), parse_file_options(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
-    zones = zones_of(options, None if raster is None else lambda: _opened(raster))
-    planned = plan(open_regions(source, options["layer"]), request, zones)
+    found = open_regions(source, options["layer"])
+    opened = None if raster is None else open_source(raster)
+    planned = plan(found, request, zones_of(options, opened), opened)
     paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
     if options["as_json"]:
         written = missions_json(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
         show(json.dumps(written, allow_nan=False))
     if not options["quiet"]:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
-
-
-def _opened(raster: str) -> Source:
-    from uavseg.jobs.open_source import open_source
-
-    return open_source(raster)
