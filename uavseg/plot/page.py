@@ -32,7 +32,8 @@ def new_figure(width: float, height: float, dpi: float) -> Any:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white", layout="none")
+    figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
+    figure.set_layout_engine("none")  # whatever the settings of the caller are
     FigureCanvasAgg(figure)
     return figure
 
