@@ -45,7 +45,7 @@ def polygon(places: tuple[tuple[float, float], ...], inclusion: bool = True) -> 
             flight((100, 0), fence=(polygon(((40, -9), (60, -9), (50, 9)), False),)),
             SafetyParams(),
             [],
-            "enters an area that the fence excludes",
+            "enters the zone to keep out of",
         ),
     ],
 )

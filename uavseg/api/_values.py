@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from uavseg.execution.executors import Progress
 from uavseg.execution.executors import threads as thread_pool
@@ -26,3 +27,11 @@ def warn(messages: Iterable[str]) -> None:
     """Warn the caller of the public function that calls this."""
     for message in messages:
         warnings.warn(message, stacklevel=4)  # past its check of arguments
+
+
+def listed_zones(avoid: Any) -> Sequence[Any]:
+    """Keep-out zones as a sequence; two numbers are one range."""
+    if not isinstance(avoid, list | tuple):
+        return [avoid]
+    numbers = len(avoid) == 2 and all(isinstance(end, int | float) for end in avoid)
+    return [avoid] if numbers else avoid

@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from typing import Any
 
-from uavseg.api._values import warn
+from uavseg.access import Folders, allowing
+from uavseg.api._values import listed_zones, warn
 from uavseg.arguments import checked
 from uavseg.flight.mission import Mission
-from uavseg.jobs.check import CheckRequest, MissionCheck
+from uavseg.jobs.check import MissionCheck, check_request
 from uavseg.jobs.check import check as run_check
 
 
 @checked
-def check(mission: str | os.PathLike[str] | Mission, *, autopilot: str | None = None) -> MissionCheck:
-    """Read a mission file back, and say what it holds and who would refuse it.
+def check(
+    mission: str | os.PathLike[str] | Mission,
+    *,
+    autopilot: str | None = None,
+    avoid: Any = (),
+    avoid_margin: float = 10.0,
+    max_altitude: float | None = None,
+    max_distance: float | None = None,
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> MissionCheck:
+    """Read a mission file back, and say what it holds, who would refuse it and whether it is safe.
 
     Parameters
     ----------
@@ -21,6 +35,16 @@ def check(mission: str | os.PathLike[str] | Mission, *, autopilot: str | None = 
         A .plan, .waypoints, .kml, .geojson, .kmz or .csv file, or what `plan` gives.
     autopilot : {"ardupilot", "px4", "generic"}, optional
         What it is checked for; by default what the file is for, if its format says so.
+    avoid : path, GeoDataFrame, or a sequence of these
+        Keep-out zones, which no leg and no rally point may come near to.
+    avoid_margin : float
+        Least distance to them in metres.
+    max_altitude, max_distance : float, optional
+        Metres that the mission must not exceed, above home or with `dem` above the ground, and from home.
+    dem : path or sequence of paths, optional
+        Elevation model: no leg comes nearer to the ground than 5 m. Several files are one mosaic.
+    allow_path, allow_network
+        As of `extract`.
 
     Returns
     -------
@@ -32,6 +56,8 @@ def check(mission: str | os.PathLike[str] | Mission, *, autopilot: str | None = 
     ------
     MissionError
         If the file cannot be read, or holds a mission that would not be safe: which item, and why.
+    UavsegError
+        If zones or an elevation model cannot be read, or a parameter is wrong.
 
     Examples
     --------
@@ -39,6 +65,10 @@ def check(mission: str | os.PathLike[str] | Mission, *, autopilot: str | None = 
     >>> uavseg.check("fly.plan", autopilot="px4").problems  # doctest: +SKIP
     ()
     """
-    found = run_check(mission, CheckRequest(autopilot))
+    with allowing(allow_path, allow_network):
+        zones = listed_zones(avoid)
+        found = run_check(
+            mission, check_request(autopilot, zones, avoid_margin, max_altitude, max_distance, dem)
+        )
     warn(found.warnings)
     return found

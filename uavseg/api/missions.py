@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import warn
+from uavseg.api._values import listed_zones, warn
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
@@ -21,7 +21,6 @@ from uavseg.jobs.photo_words import PhotoWords
 from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params
 from uavseg.jobs.plan import plan as run_plan
 from uavseg.jobs.plan_regions import open_regions, zone_polygons
-from uavseg.jobs.valid_ground import valid_ground
 from uavseg.plain_text import shown
 
 if TYPE_CHECKING:
@@ -65,6 +64,7 @@ def plan(
     avoid: Any = (),
     avoid_margin: float = 10.0,
     raster: Any = None,
+    allow_edge: bool = False,
     endurance: float | None = None,
     reserve: float = 20.0,
     max_items: int | None = None,
@@ -154,7 +154,10 @@ def plan(
     avoid_margin : float
         Least distance to keep-out zones in metres.
     raster : path, sequence of paths, array or DataArray, optional
-        Where the ranges of `avoid` are looked for; home "auto" is a place on it.
+        Where the ranges of `avoid` are looked for, and home "auto" lies on a valid pixel. Regions that touch
+        its edge are left out: they may go on beyond it, or be a collar.
+    allow_edge : bool
+        Whether regions that touch the edge of `raster` are flown over all the same.
     endurance : float, optional
         Minutes in the air on a full battery: the mission is divided into flights that fit.
     reserve : float
@@ -228,22 +231,12 @@ def plan(
             ),
             terrain=terrain_params(dem, terrain, terrain_tolerance, climb, descent),
         )
-        request = PlanRequest(flight, _home(home), ids, largest, where)
+        request = PlanRequest(flight, _home(home), ids, largest, where, allow_edge)
         found = open_regions(regions, layer)
         source = None if raster is None else open_source(raster)
-        zones = zone_polygons(_listed(avoid), source)
-        is_ground = None if source is None else valid_ground(source)
-        planned = run_plan(found, request, zones, is_ground)
+        planned = run_plan(found, request, zone_polygons(listed_zones(avoid), source), source)
     warn(planned.warnings)
     return planned
-
-
-def _listed(avoid: Any) -> Sequence[Any]:
-    """Keep-out zones as a sequence; two numbers are one range."""
-    if not isinstance(avoid, list | tuple):
-        return [avoid]
-    numbers = len(avoid) == 2 and all(isinstance(end, int | float) for end in avoid)
-    return [avoid] if numbers else avoid
 
 
 def _angle(given: float | str) -> float | None:

@@ -36,6 +36,12 @@ def limit_options(command: F) -> F:
             help="Least distance to keep-out zones.",
         ),
         click.option(
+            "--allow-edge",
+            is_flag=True,
+            help="Fly over regions that touch the edge of the raster all the same; they may go on beyond it, "
+            "or be a collar.",
+        ),
+        click.option(
             "--endurance",
             type=float,
             metavar="MIN",
@@ -106,13 +112,11 @@ def safety_of(options: dict[str, Any]) -> SafetyParams:
     )
 
 
-def zones_of(options: dict[str, Any], raster: Callable[[], Source] | None) -> list[Any]:
-    """Polygons in degrees of the zones of `--avoid`; the raster is opened where a range needs it."""
+def zones_of(options: dict[str, Any], raster: Source | None) -> list[Any]:
+    """Polygons in degrees of the zones of `--avoid`."""
     from uavseg.jobs.plan_regions import zone_polygons
 
-    avoid = [_zone(text) for text in options["avoid"]]
-    needed = raster is not None and any(isinstance(zone, tuple) for zone in avoid)
-    return zone_polygons(avoid, raster() if needed and raster is not None else None)
+    return zone_polygons([_zone(text) for text in options["avoid"]], raster)
 
 
 def zone_files(options: dict[str, Any]) -> list[str]:

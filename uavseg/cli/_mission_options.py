@@ -131,9 +131,8 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
         **{name: options[name] for name in names},
     )
     home = parse_home(options["home"])
-    return PlanRequest(
-        flight, home, parse_ids(options.get("ids")), options.get("largest"), options.get("where")
-    )
+    ids = parse_ids(options.get("ids"))
+    return PlanRequest(flight, home, ids, options.get("largest"), options.get("where"), options["allow_edge"])
 
 
 def parse_home(text: str | None) -> Home:
@@ -143,7 +142,7 @@ def parse_home(text: str | None) -> Home:
     if text.strip().lower() == "auto":
         return "auto"
     try:
-        numbers = tuple(float(part) for part in text.split(","))
+        numbers = tuple(float(part) for part in text.split("," if "," in text else None))
     except ValueError:
         numbers = ()
     if len(numbers) not in (2, 3):

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli._access import access_options
 from uavseg.cli._say import say, show
 from uavseg.errors import MissionError
 
 if TYPE_CHECKING:
-    from uavseg.jobs.check import MissionCheck
+    from uavseg.jobs.check import CheckRequest, MissionCheck
 
 
 @click.command("check")
@@ -20,18 +21,38 @@ if TYPE_CHECKING:
     type=click.Choice(["ardupilot", "px4", "generic"]),
     help="What it is checked for.  [default: what FILE is for, if its format says so]",
 )
+@click.option("--avoid", multiple=True, metavar="FILE", help="Keep-out zones; may be given several times.")
+@click.option(
+    "--avoid-margin",
+    type=float,
+    default=10.0,
+    metavar="M",
+    show_default=True,
+    help="Least distance to keep-out zones.",
+)
+@click.option(
+    "--max-altitude", type=float, metavar="M", help="Refuse more above home, or with --dem above the ground."
+)
+@click.option("--max-distance", type=float, metavar="M", help="Refuse more from home.")
+@click.option(
+    "--dem",
+    multiple=True,
+    metavar="DEM.tif",
+    help="Refuse to fly nearer than 5 m to the ground of this elevation model; may be repeated.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
 @click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@access_options
 def command(**options: Any) -> None:
     """Read the mission in FILE (.plan, .waypoints, .kml, .geojson, .kmz or .csv) back, and tell what it
     holds, how long it takes, and which autopilots, programs and aircraft would refuse it.
 
-    Exit code 1: FILE cannot be read, its mission would not be safe, leaves its fence, or the autopilot
-    refuses it.
+    Exit code 1: FILE cannot be read, its mission would not be safe, leaves its fence, comes near to a zone of
+    --avoid, exceeds a limit, or the autopilot refuses it.
     """
-    from uavseg.jobs.check import CheckRequest, check
+    from uavseg.jobs.check import check
 
-    found = check(options["file"], CheckRequest(options["autopilot"]))
+    found = check(options["file"], _request(options))
     if options["as_json"]:
         import json
 
@@ -43,6 +64,19 @@ def command(**options: Any) -> None:
     if found.problems:
         more = f" (and {len(found.problems) - 1} more)" if len(found.problems) > 1 else ""
         raise MissionError(f"{options['file']}: {found.problems[0]}{more}")
+
+
+def _request(options: dict[str, Any]) -> CheckRequest:
+    from uavseg.jobs.check import check_request
+
+    return check_request(
+        options["autopilot"],
+        options["avoid"],
+        options["avoid_margin"],
+        options["max_altitude"],
+        options["max_distance"],
+        options["dem"] or None,
+    )
 
 
 def _lines(found: MissionCheck) -> list[str]:

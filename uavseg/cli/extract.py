@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._files_options import parse_file_options
+from uavseg.cli._home_words import HomeCommand
 from uavseg.cli._limit_options import zone_files
 from uavseg.cli._mission_options import mission_options
 from uavseg.cli._options import (
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.plan import PlanRequest
 
 
-@click.command("extract")
+@click.command("extract", cls=HomeCommand)
 @reading_options
 @click.option("--range", "interval", required=True, metavar="LO,HI", help="The range of v, such as 0.55,1.")
 @click.option(
@@ -95,11 +96,8 @@ def command(**options: Any) -> None:
         from uavseg.cli._mission_options import report
         from uavseg.jobs.plan import plan
         from uavseg.jobs.plan_regions import open_regions
-        from uavseg.jobs.valid_ground import valid_ground
 
-        planned = plan(
-            open_regions(found.regions), flight, zones_of(options, lambda: source), valid_ground(source)
-        )
+        planned = plan(open_regions(found.regions), flight, zones_of(options, source), source)
     paths: list[Path] = []
     unwritten: list[str] = []
     with transaction():

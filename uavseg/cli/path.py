@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._access import access_options
+from uavseg.cli._home_words import HomeCommand
 from uavseg.cli._mission_options import parse_home
 from uavseg.cli._options import (
     map_stretch_option,
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 _LINES = (".geojson", ".json")
 
 
-@click.command("path")
+@click.command("path", cls=HomeCommand)
 @click.argument("map_", metavar="MAP")
 @click.option("--range", "interval", required=True, metavar="LO,HI", help="What is passable, such as 0,0.45.")
 @click.option(

@@ -9,6 +9,7 @@ import click
 
 from uavseg.cli._access import access_options
 from uavseg.cli._files_options import parse_file_options
+from uavseg.cli._home_words import HomeCommand
 from uavseg.cli._limit_options import zone_files, zones_of
 from uavseg.cli._mission_options import mission_options, plan_request, report
 from uavseg.cli._say import show
@@ -16,11 +17,10 @@ from uavseg.cli._vehicle_options import missions_json
 from uavseg.cli._write import keep_inputs, write_plan_output
 
 if TYPE_CHECKING:
-    from uavseg.flight.home_place import IsGround
     from uavseg.jobs.source import Source
 
 
-@click.command("plan")
+@click.command("plan", cls=HomeCommand)
 @click.argument("regions", metavar="REGIONS")
 @click.option(
     "-o",
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @click.option(
     "--raster",
     metavar="PATH",
-    help="Where the ranges of --avoid are looked for; --home auto is a place on it.",
+    help="Where ranges of --avoid are looked for, and at whose edge no region may lie; see --allow-edge.",
 )
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")
@@ -67,9 +67,9 @@ def command(**options: Any) -> None:
     keep_inputs([output], regions, raster, zone_files(options), options["dem"])
     request, form = plan_request(options), parse_file_options(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
-    zones = zones_of(options, None if raster is None else lambda: _opened(raster))
-    is_ground = None if raster is None else _ground(raster)
-    planned = plan(open_regions(source, options["layer"]), request, zones, is_ground)
+    found = open_regions(source, options["layer"])
+    opened = None if raster is None else _opened(raster)
+    planned = plan(found, request, zones_of(options, opened), opened)
     paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
     if options["as_json"]:
         written = missions_json(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
@@ -82,9 +82,3 @@ def _opened(raster: str) -> Source:
     from uavseg.jobs.open_source import open_source
 
     return open_source(raster)
-
-
-def _ground(raster: str) -> IsGround | None:
-    from uavseg.jobs.valid_ground import valid_ground
-
-    return valid_ground(_opened(raster))

@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.along import items_along
+from uavseg.flight.early_return import return_notes
 from uavseg.flight.estimate.duration import leg_seconds
 from uavseg.flight.estimate.flown import landing_seconds
 from uavseg.flight.estimate.summary import estimate
 from uavseg.flight.estimate.vehicle import default_vehicle
 from uavseg.flight.fence_around import fence_around
+from uavseg.flight.fence_check import rally_of_flights
 from uavseg.flight.items import HomePosition
 from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.mission import BOARD_CAPACITY, Mission
@@ -56,8 +58,8 @@ def missions_over(
         )
     if len(missions) > 1:
         notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
-    first = replace(missions[0], notes=(*notes, *missions[0].notes))
-    return first, *missions[1:]
+        missions = rally_of_flights(missions) if params.safety.rally else missions
+    return tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
 
 
 def _at_height(xy: Floats, height_m: float) -> Floats:
@@ -70,17 +72,11 @@ def _mission(
     """One flight with its fence."""
     path = follow_ground(track.without_repeats().in_degrees(plane), home, params)
     items = items_along(path.track, home, params, path.heights)
+    place = np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat]))
+    flown = np.concatenate([place, track.xy, place])
     margin_m = params.safety.fence_margin_m
-    fence, notes = (
-        ((), [])
-        if margin_m is None
-        else fence_around(
-            np.concatenate([np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat])), track.xy]),
-            keep_out,
-            margin_m,
-            plane,
-        )
-    )
+    fence, notes = ((), []) if margin_m is None else fence_around(flown, keep_out, margin_m, plane)
+    notes += return_notes(flown, keep_out, plane, params)
     return Mission(
         home,
         items,

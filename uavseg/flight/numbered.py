@@ -1,5 +1,6 @@
 """Mission files of several flights: survey-1.plan, survey-2.plan, and so on."""
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -60,6 +61,9 @@ def write_flights(
             write_mission(
                 mission, one, overwrite, check.check, editable=how.editable, dji_model=how.dji_model
             )
+    other = left_over(path, len(missions))
+    if other is not None:
+        warnings.warn(other, stacklevel=2)
     return paths
 
 

@@ -1,7 +1,8 @@
 """A flight on paper: every leg of a mission against zones, fence, height and distance from home."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.flight.fence import FenceCircle
-from uavseg.flight.items import FRAME_AMSL
+from uavseg.flight.fence_check import fence_problems
 from uavseg.flight.limits import SafetyParams
 from uavseg.flight.mission import Mission
 from uavseg.flight.plane import Plane
@@ -46,50 +46,70 @@ class PaperCheck:
         Raises
         ------
         MissionError
-            If a leg comes too near to a zone or to the ground, leaves the fence, is too high or too far from
-            home.
+            The first of its `problems`.
+        """
+        for problem in self.problems(mission):
+            raise MissionError(problem)
+
+    def problems(self, mission: Mission) -> Iterator[str]:
+        """Why a mission must not be flown, one sentence each.
+
+        A leg or rally point comes too near to a zone or to the ground, lies outside of the fence, is too
+        high, or too far from home.
         """
         plane = Plane(mission.home.lat, mission.home.lon)
         lat, lon, height = mission.path
         xy = np.column_stack(plane.xy_from_lonlat(lon, lat))
         legs = shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1))
         walk = _Walk(lat, lon, legs)
-        self._check_zones(walk, plane)
-        _check_fence(mission, walk, plane)
+        yield from self._near_zones(mission, walk, plane)
+        yield from fence_problems(mission)
         if self.clearance is not None:
-            self.clearance.check(mission, self.safety.max_altitude_m + HEIGHT_SLACK_M)
-        elif not any(item.has_position and item.frame == FRAME_AMSL for item in mission.items):
-            self._check_height(walk, height)
-        self._check_distance(walk, np.hypot(*xy.T))
+            yield from self.clearance.problems(mission, self.safety.max_altitude_m + HEIGHT_SLACK_M)
+        else:
+            yield from self._too_high(mission, walk, height)
+        yield from self._too_far(mission, walk, np.hypot(*xy.T), plane)
 
-    def _check_zones(self, walk: "_Walk", plane: Plane) -> None:
+    def _near_zones(self, mission: Mission, walk: "_Walk", plane: Plane) -> Iterator[str]:
         if not self.zones:
             return
         zones = shapely.union_all(shapely.make_valid(plane.project_polygons(self.zones)))
-        distance = shapely.distance(walk.legs, zones)
-        nearest = int(distance.argmin())
-        if distance[nearest] < self.safety.avoid_margin_m - SLACK_M or distance[nearest] == 0:
-            raise MissionError(
-                f"{walk.leg(nearest)} comes within {distance[nearest]:.1f} m of a keep-out zone, "
-                f"and at least {self.safety.avoid_margin_m:g} m are kept"
-            )
+        places = [shapely.Point(plane.xy_from_lonlat(point.lon, point.lat)) for point in mission.rally]
+        for kind, shapes in ((walk.leg, walk.legs), (partial(_rally, mission), places)):
+            distance = shapely.distance(shapes, zones)
+            if not len(distance):
+                continue
+            nearest = int(distance.argmin())
+            if distance[nearest] < self.safety.avoid_margin_m - SLACK_M or distance[nearest] == 0:
+                yield (
+                    f"{kind(nearest)} comes within {distance[nearest]:.1f} m of a keep-out zone, "
+                    f"and at least {self.safety.avoid_margin_m:g} m are kept"
+                )
 
-    def _check_height(self, walk: "_Walk", height: Floats) -> None:
-        highest = int(height.argmax())
-        if height[highest] > self.safety.max_altitude_m + HEIGHT_SLACK_M:
-            raise MissionError(
-                f"{walk.corner(highest)} is {height[highest]:.1f} m high, above the "
-                f"{self.safety.max_altitude_m:g} m that are allowed (--max-altitude)"
-            )
+    def _too_high(self, mission: Mission, walk: "_Walk", height: Floats) -> Iterator[str]:
+        rally = [point.altitude_m for point in mission.rally]
+        for kind, heights in ((walk.corner, height), (partial(_rally, mission), np.array(rally))):
+            if not len(heights):
+                continue
+            highest = int(heights.argmax())
+            if heights[highest] > self.safety.max_altitude_m + HEIGHT_SLACK_M:
+                yield (
+                    f"{kind(highest)} is {heights[highest]:.1f} m high, above the "
+                    f"{self.safety.max_altitude_m:g} m that are allowed (--max-altitude)"
+                )
 
-    def _check_distance(self, walk: "_Walk", away: Floats) -> None:
+    def _too_far(self, mission: Mission, walk: "_Walk", away: Floats, plane: Plane) -> Iterator[str]:
         most = self.safety.max_distance_m
-        farthest = int(away.argmax())
-        if most is not None and away[farthest] > most:
-            raise MissionError(
-                f"{walk.corner(farthest)} is {away[farthest]:.0f} m from home, farther than the {most:g} m "
-                "that are allowed (--max-distance)"
-            )
+        rally = [float(np.hypot(*plane.xy_from_lonlat(point.lon, point.lat))) for point in mission.rally]
+        for kind, distance in ((walk.corner, away), (partial(_rally, mission), np.array(rally))):
+            if most is None or not len(distance):
+                continue
+            farthest = int(distance.argmax())
+            if distance[farthest] > most:
+                yield (
+                    f"{kind(farthest)} is {distance[farthest]:.0f} m from home, farther than the {most:g} m "
+                    "that are allowed (--max-distance)"
+                )
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,23 +128,6 @@ class _Walk:
         return f"the leg from {here} to {there}"
 
 
-def _check_fence(mission: Mission, walk: _Walk, plane: Plane) -> None:
-    inside = [_area(shape, plane) for shape in mission.fence if shape.inclusion]
-    outside = [_area(shape, plane) for shape in mission.fence if not shape.inclusion]
-    if inside:
-        area = shapely.union_all(inside)
-        out = np.flatnonzero(~shapely.covered_by(walk.legs, area))
-        if len(out):
-            raise MissionError(f"{walk.leg(int(out[0]))} leaves the fence")
-    if outside:
-        into = np.flatnonzero(shapely.intersects(walk.legs, shapely.union_all(outside)))
-        if len(into):
-            raise MissionError(f"{walk.leg(int(into[0]))} enters an area that the fence excludes")
-
-
-def _area(shape: Any, plane: Plane) -> Any:
-    lat, lon = np.array(shape.positions).T
-    xy = np.column_stack(plane.xy_from_lonlat(lon, lat))
-    if isinstance(shape, FenceCircle):
-        return shapely.buffer(shapely.Point(xy[0]), shape.radius_m, quad_segs=32)
-    return shapely.Polygon(xy)
+def _rally(mission: Mission, k: int) -> str:
+    point = mission.rally[k]
+    return f"rally point {k + 1} at {point.lat:.6f},{point.lon:.6f}"

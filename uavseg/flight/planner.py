@@ -24,6 +24,8 @@ from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
 
+MAX_WAYPOINTS = 20_000
+"""Of all flights together: 30 full boards."""
 _PATTERN_FUNCTIONS = {
     "visit": patterns.visits,
     "perimeter": patterns.perimeters,
@@ -58,7 +60,7 @@ def plan_missions(
     Returns
     -------
     missions : tuple of Mission
-        More than one where the limits of `params` require it; notes stand in the first.
+        More than one where the limits of `params` require it.
 
     Raises
     ------
@@ -79,6 +81,7 @@ def plan_missions(
         )
     parts, cut = clear_parts(region_parts(plane.project_polygons(polygons), plane, points), keep_out)
     found = _PATTERN_FUNCTIONS[params.pattern](parts, params)
+    _check_count(found)
     candidates = _reached(found, place, keep_out)
     params, slower = lower_speed(params, [track for tracks in candidates for track in tracks])
     route = short_route(candidates, place, keep_out.space)
@@ -86,6 +89,15 @@ def plan_missions(
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(found.surveys, plane, params)
     return tuple(replace(mission, blocks=blocks) for mission in missions)
+
+
+def _check_count(found: patterns.Candidates) -> None:
+    corners = sum(min(len(track.xy) for track in tracks) for tracks in found.tracks)
+    if corners > MAX_WAYPOINTS:
+        raise MissionError(
+            f"the mission would have {corners:,} waypoints; at most {MAX_WAYPOINTS:,} are planned: choose "
+            "fewer regions, a wider spacing or a larger tolerance"
+        )
 
 
 def _reached(found: patterns.Candidates, home: Floats, keep_out: KeepOut) -> list[list[Track]]:

@@ -156,7 +156,7 @@ def _parts(piece: Track, most_s: float, most_items: float, limits: FlightLimits)
     if seconds.sum() <= most_s and _items(piece) <= most_items:
         return [piece]
     if most_s <= 0 or most_items < 4:
-        _refuse(limits, float(seconds.sum()) - most_s + limits.seconds)
+        _refuse(limits, limits.seconds - most_s)
     lines = [line for k in range(len(seconds)) for line in _cut(piece.part(k, k + 1), seconds[k], most_s)]
     parts, spent = [lines[0]], float(limits.leg_seconds(lines[0].xy).sum())
     for line in lines[1:]:
@@ -209,7 +209,8 @@ def _cheapest_cuts(costs: _Costs, limits: FlightLimits) -> list[tuple[int, int]]
 
 def _refuse(limits: FlightLimits, needed_s: float) -> None:
     raise MissionError(
-        f"a part of the mission needs {needed_s / 60:.1f} min with the way there and back, and a flight has "
+        f"a part of the mission needs more than {needed_s / 60:.1f} min, with takeoff, the way there and "
+        "back, and landing, and a flight has "
         f"{limits.seconds / 60:.1f} min and {limits.items:.0f} items; give more --endurance or --max-items, "
         "less --reserve, or a home that is nearer"
     )

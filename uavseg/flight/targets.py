@@ -98,8 +98,8 @@ def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[Region
             )
         taken_m2 += part.polygon.area - sum(piece.area for piece in pieces)
         found += [replace(part, polygon=piece, point=_point_in(piece, part.point)) for piece in pieces]
-    share = taken_m2 / sum(part.polygon.area for part in parts)
-    if share < 1e-6:
+    if taken_m2 < 0.5:
         return found, []
+    share = taken_m2 / sum(part.polygon.area for part in parts)
     note = f"{taken_m2:,.0f} m2 of the regions ({100 * share:.2g} %) lie in keep-out zones or their margin"
     return found, [f"{note}, and are not flown over"]

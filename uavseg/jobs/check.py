@@ -1,24 +1,40 @@
-"""Check of a mission file: what it holds, who would refuse it, and whether the flight keeps its fence."""
+"""Check of a mission file: what it holds, who would refuse it, and whether the flight is safe."""
 
 import os
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.fence_check import fence_problems
 from uavseg.flight.files import MAX_BYTES, check_mission_format, read_mission
 from uavseg.flight.formats import kmz, litchi, wpml
 from uavseg.flight.formats.route import route_of
 from uavseg.flight.formats.station_rules import station_refusals
-from uavseg.flight.items import AUTOPILOTS, LANDINGS, RETURN, TAKEOFFS, WAYPOINT, check_accepted
+from uavseg.flight.items import (
+    AUTOPILOTS,
+    FRAME_AMSL,
+    LANDINGS,
+    MAX_HEIGHT_M,
+    RETURN,
+    TAKEOFFS,
+    WAYPOINT,
+    check_accepted,
+)
+from uavseg.flight.limits import SafetyParams
 from uavseg.flight.mission import Mission
+from uavseg.flight.paper_check import PaperCheck
+from uavseg.flight.terrain.clearance import Clearance
 from uavseg.inputs import read_bytes
+from uavseg.jobs.plan_regions import zone_polygons
 from uavseg.plain_text import shown
+from uavseg.raster.elevation.dem import Dem
 
 NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
+CLEARANCE_M = 5.0
+"""Least height above the ground of a DEM."""
+ANY_HEIGHT = SafetyParams(max_altitude_m=MAX_HEIGHT_M)
 OWN_AUTOPILOT = frozenset({".plan", ".kml", ".geojson"})  # formats that hold it
 
 
@@ -30,6 +46,12 @@ class CheckRequest:
     ----------
     autopilot : "ardupilot", "px4" or "generic", optional
         By default the one that the file is for, if its format says so.
+    safety : SafetyParams
+        What it keeps away from, and where it stays; by default any height and distance is accepted.
+    zones : sequence of shapely Polygon or MultiPolygon
+        Keep-out zones in degrees (lon, lat; WGS 84).
+    dem : Dem, optional
+        The ground: no leg is nearer to it than `CLEARANCE_M`, and heights are those above it.
 
     Raises
     ------
@@ -38,6 +60,9 @@ class CheckRequest:
     """
 
     autopilot: str | None = None
+    safety: SafetyParams = ANY_HEIGHT
+    zones: Sequence[Any] = ()
+    dem: Dem | None = None
 
     def __post_init__(self) -> None:
         if self.autopilot is not None and self.autopilot not in AUTOPILOTS:
@@ -156,8 +181,41 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     ]
     needed = list(NAMES) if asked == "generic" else [asked] if asked else []
     problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
-    problems += fence_problems(mission)
+    problems += _paper_check(mission, request).problems(mission)
     return MissionCheck(mission, asked or mission.autopilot, tuple(verdicts), tuple(problems))
+
+
+def check_request(
+    autopilot: str | None,
+    avoid: Sequence[Any],
+    avoid_margin_m: float,
+    max_altitude_m: float | None,
+    max_distance_m: float | None,
+    dem: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None,
+) -> CheckRequest:
+    """What a mission is checked for, with keep-out zones and an elevation model opened.
+
+    Raises
+    ------
+    UavsegError
+        If a value is out of bounds, or a file cannot be read.
+    """
+    highest = MAX_HEIGHT_M if max_altitude_m is None else max_altitude_m
+    safety = SafetyParams(avoid_margin_m, max_altitude_m=highest, max_distance_m=max_distance_m)
+    zones = tuple(zone_polygons(avoid))
+    return CheckRequest(autopilot, safety, zones, None if dem is None else Dem.open(dem))
+
+
+def _paper_check(mission: Mission, request: CheckRequest) -> PaperCheck:
+    if request.dem is None:
+        return PaperCheck(request.safety, request.zones)
+    above_sea = any(item.has_position and item.frame == FRAME_AMSL for item in mission.items)
+    if above_sea and not request.dem.is_above_sea:
+        raise ParameterError(
+            f"{request.dem.name} has heights above the ellipsoid and the mission has heights above the sea, "
+            "up to 100 m from them: check it with a model whose heights are above the sea"
+        )
+    return PaperCheck(request.safety, request.zones, Clearance(request.dem, CLEARANCE_M))
 
 
 def _check_items(mission: Mission, autopilot: str) -> None:

@@ -5,7 +5,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from uavseg.errors import ParameterError
 from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
@@ -23,6 +23,9 @@ from uavseg.jobs.pattern_words import PatternWords, pattern_params
 from uavseg.jobs.photo_words import PhotoWords, photos_of
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
+
+if TYPE_CHECKING:
+    from uavseg.jobs.source import Source
 
 MAX_GSD_CM = 100.0
 NO_PHOTOS, NOTHING_SAID = PhotoWords(), PatternWords()
@@ -46,6 +49,8 @@ class PlanRequest:
         Only so many, the largest.
     where : str, optional
         Only those that fulfil a condition, see `uavseg.regions.select.where`.
+    allow_edge : bool
+        Whether regions that touch the edge of their raster are flown over, where it is known.
     """
 
     flight: PlanParams
@@ -53,6 +58,7 @@ class PlanRequest:
     ids: Sequence[int] | None = None
     largest: int | None = None
     where: str | None = None
+    allow_edge: bool = False
 
     @property
     def chooses(self) -> bool:
@@ -80,8 +86,16 @@ class MissionPlan:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the person who flies them should know, each once."""
-        return tuple(dict.fromkeys(text for mission in self.missions for text in mission.warnings))
+        """What the person who flies them should know, each once; of which flights, if not of all."""
+        flights: dict[str, list[int]] = {}
+        for number, mission in enumerate(self.missions, start=1):
+            for text in dict.fromkeys(mission.warnings):
+                flights.setdefault(text, []).append(number)
+        everywhere = len(self.missions)
+        return tuple(
+            text if len(numbers) == everywhere else f"{_flights_text(numbers)}: {text}"
+            for text, numbers in flights.items()
+        )
 
     def write(
         self,
@@ -117,7 +131,7 @@ class MissionPlan:
 
 
 def plan(
-    regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), is_ground: IsGround | None = None
+    regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), raster: "Source | None" = None
 ) -> MissionPlan:
     """Missions over regions: take off, fly their pattern in a short order, return.
 
@@ -128,36 +142,66 @@ def plan(
     request : PlanRequest
     zones : sequence of shapely Polygon or MultiPolygon
         Keep-out zones in degrees.
-    is_ground : function, optional
-        Whether a place (lat, lon) that is found for home may be it, see `uavseg.jobs.valid_ground`.
+    raster : Source, optional
+        That the regions are of: those that touch its edge are left out, and a home that is found lies on one
+        of its valid pixels.
 
     Raises
     ------
     RegionError
-        If none of the regions is chosen.
+        If none of the regions is chosen, or one that touches the edge is chosen by its id.
     MissionError
         If there are no regions, if they are not near home, if zones make one unreachable, or if the mission
         would not be safe.
     """
-    chosen = regions
+    chosen: Regions = regions
+    notes: list[str] = []
+    if raster is not None and not request.allow_edge and len(regions):
+        from uavseg.jobs.edge_regions import without_edge_regions
+
+        chosen, notes = without_edge_regions(regions, raster, request.ids, request.where)
     if request.chooses:
-        chosen = select_regions(regions, request.ids, request.largest, request.where)
+        chosen = select_regions(chosen, request.ids, request.largest, request.where)
     polygons, points = list(chosen.polygons), _points(chosen)
-    flight, home, notes = request.flight, request.home, []
+    flight, home = request.flight, request.home
     if home == "auto":
         everywhere = list(regions.polygons)
         margin_m = flight.safety.avoid_margin_m
+        is_ground = None if raster is None else _valid_ground(raster)
         home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
         notes.append(
             f"home is {home[0]:.7f},{home[1]:.7f}, outside of all regions and keep-out zones; look at the "
             "place before the flight: the plan knows nothing of trees, water or roads there"
         )
     missions = plan_missions(polygons, points, flight, home, zones)
-    first = replace(missions[0], notes=(*notes, *missions[0].notes))
+    missions = tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
     check = PaperCheck(flight.safety, tuple(zones), clearance_of(flight))
     for mission in missions:
         check.check(mission)
-    return MissionPlan((first, *missions[1:]), len(chosen), check)
+    return MissionPlan(missions, len(chosen), check)
+
+
+def _flights_text(numbers: Sequence[int]) -> str:
+    """Numbers of flights in words.
+
+    Examples
+    --------
+    >>> _flights_text([1, 2, 3, 5])
+    'flights 1-3, 5'
+    """
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1] = [runs[-1][0], number]
+        else:
+            runs.append([number])
+    return f"flight{'s' * (len(numbers) > 1)} {', '.join('-'.join(map(str, run)) for run in runs)}"
+
+
+def _valid_ground(raster: "Source") -> IsGround | None:
+    from uavseg.jobs.valid_ground import valid_ground
+
+    return valid_ground(raster)
 
 
 def _points(regions: Regions) -> list[tuple[float, float]]:

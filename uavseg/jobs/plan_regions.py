@@ -71,7 +71,7 @@ def zone_polygons(avoid: Sequence[Any], raster: "Source | None" = None) -> list[
     RegionError
         If a file cannot be read.
     ParameterError
-        If there is a range and no raster, or a range is wrong.
+        If there is a range and no raster, or a range is wrong or finds nothing to keep out of.
     OutputError
         If the raster has no place on the Earth.
     """
@@ -91,7 +91,14 @@ def _in_range(ends: Sequence[Any], raster: "Source | None") -> Regions:
         raise ParameterError(f"a range of intensity is two numbers, such as 0,0.2, not {shown(ends)}")
     if raster is None:
         raise ParameterError(
-            f"the keep-out zones {ends[0]},{ends[1]} are a range of intensity; name the raster in which they "
-            "are looked for (--raster)"
+            f"the keep-out zones {ends[0]:g},{ends[1]:g} are a range of intensity; name the raster in which "
+            "they are looked for (--raster)"
         )
-    return in_degrees(extract(raster, ExtractRequest(IntensityRange(float(ends[0]), float(ends[1])))).regions)
+    interval = IntensityRange(float(ends[0]), float(ends[1]))
+    found = extract(raster, ExtractRequest(interval)).regions
+    if not len(found):
+        raise ParameterError(
+            f"no region of {raster.name} has a mean v in the range {interval.low:g},{interval.high:g} of "
+            "--avoid, so there is nothing to keep out of; uavseg info shows which v there are"
+        )
+    return in_degrees(found)

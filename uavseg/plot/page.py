@@ -33,7 +33,7 @@ def new_figure(width: float, height: float, dpi: float) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
-    figure.set_layout_engine("none")  # whatever the settings of the caller are
+    figure.set_layout_engine("none")  # whatever the user has set
     FigureCanvasAgg(figure)
     return figure
 

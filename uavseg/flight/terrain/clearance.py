@@ -1,5 +1,6 @@
 """Clearance: the heights of a complete mission above the ground of a DEM, checked leg by leg."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from uavseg.flight.terrain.profile import check_known, profile_along
 from uavseg.raster.elevation.dem import Dem
 
 GAP_M = 0.2  # bounds of the ground may be so far apart
+RALLY_M = 5.0  # least height of a rally point above its ground, where flights are not lower
 SLACK_M = 0.3  # what the decimals of a file may take on steep ground
 
 
@@ -30,27 +32,38 @@ class Clearance:
     least_m: float
 
     def check(self, mission: Mission, most_m: float) -> None:
-        """Check the height of every leg above the ground, the return at the height of the last item included.
+        """Raise MissionError with the first of the `problems`, if there is one."""
+        for problem in self.problems(mission, most_m):
+            raise MissionError(problem)
 
-        Heights above the terrain that the vehicle itself knows are taken for what they say.
+    def problems(self, mission: Mission, most_m: float) -> Iterator[str]:
+        """Where a leg or rally point comes nearer to the ground than allowed, or is higher above it.
 
-        Raises
-        ------
-        MissionError
-            If a leg comes nearer to the ground than `least_m`, or is higher above it than `most_m`, or the
-            ground is not known.
+        The return is at the height of the last item. Heights above the terrain that the vehicle itself knows
+        are taken for what they say.
+
+        Parameters
+        ----------
+        mission : Mission
+        most_m : float
+            Greatest height above the ground.
         """
+        try:
+            yield from self._legs(mission, most_m)
+            yield from self._rally(mission, most_m)
+        except MissionError as error:  # the ground is not known
+            yield str(error)
+
+    def _legs(self, mission: Mission, most_m: float) -> Iterator[str]:
         items = [item for item in mission.items if item.has_position]
         if any(item.frame == FRAME_TERRAIN for item in items):
-            self._check(max(item.altitude_m for item in items), most_m, "an item")
+            yield from self._wrong(max(item.altitude_m for item in items), self.least_m, most_m, "an item")
             return
-        home_lon, home_lat = np.array([mission.home.lon]), np.array([mission.home.lat])
-        ground_m = self.dem.heights_m(home_lon, home_lat)
-        check_known(self.dem, home_lon, home_lat, ground_m)
-        places = [] if items[0].command in TAKEOFFS else [(*_position(mission), float(ground_m[0]))]
+        home_m = self._ground_m(mission.home.lat, mission.home.lon)
+        places = [] if items[0].command in TAKEOFFS else [(*_position(mission), home_m)]
         for item in items:
             lon, lat = _position(mission) if item.command in TAKEOFFS else (item.lon, item.lat)
-            zero_m = 0.0 if item.frame == FRAME_AMSL else float(ground_m[0])
+            zero_m = 0.0 if item.frame == FRAME_AMSL else home_m
             places.append((lon, lat, zero_m + item.altitude_m))
         if any(item.command == RETURN for item in mission.items):
             places.append((*_position(mission), places[-1][2]))
@@ -60,18 +73,32 @@ class Clearance:
         for above in (flight - profile.upper_m, flight - profile.lower_m):
             for k in (int(above.argmin()), int(above.argmax())):
                 place = f"the position {profile.lat[k]:.6f},{profile.lon[k]:.6f}"
-                self._check(float(above[k]), most_m, place)
+                yield from self._wrong(float(above[k]), self.least_m, most_m, place)
 
-    def _check(self, above_m: float, most_m: float, place: str) -> None:
-        if above_m < self.least_m - SLACK_M:
-            raise MissionError(
+    def _rally(self, mission: Mission, most_m: float) -> Iterator[str]:
+        least_m = min(self.least_m, RALLY_M)
+        for number, point in enumerate(mission.rally, start=1):
+            home_m = self._ground_m(mission.home.lat, mission.home.lon)
+            above_m = home_m + point.altitude_m - self._ground_m(point.lat, point.lon)
+            place = f"rally point {number} at {point.lat:.6f},{point.lon:.6f}"
+            yield from self._wrong(above_m, least_m, most_m, place)
+
+    def _ground_m(self, lat: float, lon: float) -> float:
+        lons, lats = np.array([lon]), np.array([lat])
+        ground_m = self.dem.heights_m(lons, lats)
+        check_known(self.dem, lons, lats, ground_m)
+        return float(ground_m[0])
+
+    def _wrong(self, above_m: float, least_m: float, most_m: float, place: str) -> Iterator[str]:
+        if above_m < least_m - SLACK_M:
+            yield (
                 f"{place} is {above_m:.1f} m above the ground of {self.dem.name}, and at least "
-                f"{self.least_m:.1f} m are kept"
+                f"{least_m:.1f} m are kept"
             )
         if above_m > most_m:
-            raise MissionError(
+            yield (
                 f"{place} is {above_m:.1f} m above the ground of {self.dem.name}, higher than allowed "
-                "(--max-altitude): give a lower --altitude or a smaller --terrain-tolerance"
+                "(--max-altitude): plan it with a lower --altitude or a smaller --terrain-tolerance"
             )
 
 
