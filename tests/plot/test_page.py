@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import matplotlib
 import pytest
 from affine import Affine
 from hypothesis import given, settings
@@ -55,3 +56,15 @@ def test_a_caption_has_size_crs_resolution_bands_and_grey() -> None:
     )
     local = GeoBox((50, 60), Affine(2, 0, 0, 0, -2, 0), None)
     assert "no coordinate reference system" in raster_caption(local, "band 1", "dtype")
+
+
+def test_settings_of_the_caller_change_no_layout(tmp_path: Path) -> None:
+
+    pictures = []
+    for constrained in (False, True):
+        with matplotlib.rc_context({"figure.constrained_layout.use": constrained}):
+            figure = new_figure(3.0, 2.0, 50)
+            figure.add_axes((0.3, 0.3, 0.5, 0.5))
+            save_figure(figure, tmp_path / f"{constrained}.png")
+        pictures.append((tmp_path / f"{constrained}.png").read_bytes())
+    assert pictures[0] == pictures[1]
