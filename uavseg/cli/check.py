@@ -69,8 +69,14 @@ def command(**options: Any) -> None:
 def _request(options: dict[str, Any]) -> CheckRequest:
     from uavseg.jobs.check import check_request
 
-    words = ("autopilot", "avoid", "avoid_margin", "max_altitude", "max_distance")
-    return check_request(*(options[word] for word in words), options["dem"] or None)
+    return check_request(
+        options["autopilot"],
+        options["avoid"],
+        options["avoid_margin"],
+        options["max_altitude"],
+        options["max_distance"],
+        options["dem"] or None,
+    )
 
 
 def _lines(found: MissionCheck) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,6 +15,9 @@ from uavseg.cli._mission_options import mission_options, plan_request, report
 from uavseg.cli._say import show
 from uavseg.cli._vehicle_options import missions_json
 from uavseg.cli._write import keep_inputs, write_plan_output
+
+if TYPE_CHECKING:
+    from uavseg.jobs.source import Source
 
 
 @click.command("plan", cls=HomeCommand)
@@ -54,7 +57,6 @@ def command(**options: Any) -> None:
     """
     from uavseg.atomic import check_target
     from uavseg.flight import files
-    from uavseg.jobs.open_source import open_source
     from uavseg.jobs.plan import plan
     from uavseg.jobs.plan_regions import open_regions
 
@@ -66,7 +68,7 @@ def command(**options: Any) -> None:
     request, form = plan_request(options), parse_file_options(options)
     source = click.open_file("-", "rb").read() if regions == "-" else regions
     found = open_regions(source, options["layer"])
-    opened = None if raster is None else open_source(raster)
+    opened = None if raster is None else _opened(raster)
     planned = plan(found, request, zones_of(options, opened), opened)
     paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
     if options["as_json"]:
@@ -74,3 +76,9 @@ def command(**options: Any) -> None:
         show(json.dumps(written, allow_nan=False))
     if not options["quiet"]:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
+
+
+def _opened(raster: str) -> Source:
+    from uavseg.jobs.open_source import open_source
+
+    return open_source(raster)

@@ -5,7 +5,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from uavseg.errors import ParameterError
 from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
@@ -19,12 +19,13 @@ from uavseg.flight.params import COVERING, PlanParams
 from uavseg.flight.planner import plan_missions
 from uavseg.flight.terrain.clearance import clearance_of
 from uavseg.flight.terrain.params import TerrainParams
-from uavseg.jobs.edge_regions import without_edge_regions
 from uavseg.jobs.pattern_words import PatternWords, pattern_params
 from uavseg.jobs.photo_words import PhotoWords, photos_of
-from uavseg.jobs.source import Source
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
+
+if TYPE_CHECKING:
+    from uavseg.jobs.source import Source
 
 MAX_GSD_CM = 100.0
 NO_PHOTOS, NOTHING_SAID = PhotoWords(), PatternWords()
@@ -130,7 +131,7 @@ class MissionPlan:
 
 
 def plan(
-    regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), raster: Source | None = None
+    regions: Regions, request: PlanRequest, zones: Sequence[Any] = (), raster: "Source | None" = None
 ) -> MissionPlan:
     """Missions over regions: take off, fly their pattern in a short order, return.
 
@@ -152,8 +153,11 @@ def plan(
         If there are no regions, if they are not near home, if zones make one unreachable, or if the mission
         would not be safe.
     """
-    chosen, notes = regions, []
+    chosen = regions
+    notes: list[str] = []
     if raster is not None and not request.allow_edge and len(regions):
+        from uavseg.jobs.edge_regions import without_edge_regions
+
         chosen, notes = without_edge_regions(regions, raster, request.ids, request.where)
     if request.chooses:
         chosen = select_regions(chosen, request.ids, request.largest, request.where)
