@@ -505,7 +505,7 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     [
         {"max_items": 12},
         {"endurance": 6.0, "camera": "phantom 4 rtk", "autopilot": "px4"},
-        {"endurance": 5.5, "dem": "ground.tif", "raster": "tile.tif"},
+        {"max_items": 9, "dem": "ground.tif", "raster": "tile.tif"},
         {"max_items": 14, "avoid": "zone.geojson", "rally": [(45.1447, -76.2697, 30.0)]},
     ],
 )

@@ -56,5 +56,5 @@ def test_regions_at_the_edge_are_left_out_refused_or_flown_on_request() -> None:
         assert uavseg.plan(regions, allow_edge=True, **how).regions == 2
         assert uavseg.plan(regions, ids=[3 - edge], **how).regions == 1
     assert not any("edge" in str(one.message) for one in said)
-    with pytest.raises(RegionError, match=f"region {edge} touches the edge .* --allow-edge"):
+    with pytest.raises(RegionError, match=f"region {edge} touches the edge .*--allow-edge"):
         uavseg.plan(regions, ids=[edge], **how)

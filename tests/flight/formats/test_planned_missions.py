@@ -5,14 +5,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import shapely
 from pymavlink import mavwp
 
-from tests.flight.small_regions import HOME, box, inside
-from tests.flight.terrain.dems import draw, hills
+from tests.flight.small_regions import degrees, inside
+from tests.flight.terrain.dems import HOME, draw, hills
 from uavseg.flight import files
 from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.flight.mission import Mission
 from uavseg.flight.paper_check import PaperCheck
+from uavseg.flight.plane import Plane
 from uavseg.flight.planner import plan_missions
 from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.check import CheckRequest, check
@@ -20,7 +22,8 @@ from uavseg.jobs.pattern_words import PatternWords
 from uavseg.jobs.photo_words import PhotoWords
 from uavseg.jobs.plan import flight_params
 
-REGIONS = [box(100, 50, 80, 60), box(220, 60, 50, 90)]
+PLANE = Plane(*HOME)
+REGIONS = [degrees(shapely.box(*sides), PLANE) for sides in ((100, 50, 180, 110), (220, 60, 270, 150))]
 PATTERNS = {
     "visit": ["hover", "none"],
     "perimeter": ["distance", "interval", "hover", "none"],
@@ -48,7 +51,7 @@ def planned(pattern: str, trigger: str, autopilot: str, terrain: str | None, dem
         words=PatternWords(hold=3.0) if pattern == "visit" else PatternWords(),
         terrain=None if terrain is None else terrain_params(dem, terrain),
     )
-    (mission,) = plan_missions(REGIONS, inside(REGIONS), params, HOME[:2])
+    (mission,) = plan_missions(REGIONS, inside(REGIONS), params, HOME)
     return mission
 
 
