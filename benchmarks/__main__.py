@@ -125,11 +125,19 @@ def _flights(options: argparse.Namespace) -> str:
 
 
 def _orders(options: argparse.Namespace) -> str:
+    from benchmarks.flight.fields import many
     from benchmarks.flight.order import tours
+    from benchmarks.flight.orders_section import orders_table
     from benchmarks.flight.plans import plans
-    from benchmarks.flight.section import orders_table
 
-    return orders_table(list(tours()), plans())
+    return orders_table(list(tours(field=many(200, 40))), plans())
+
+
+def _patterns(options: argparse.Namespace) -> str:
+    from benchmarks.flight.cases import cases, fly_cases, survey_lengths
+    from benchmarks.flight.patterns_section import patterns_table
+
+    return patterns_table(list(fly_cases(cases(), _report)), survey_lengths())
 
 
 _SIDES = (2048, 8192, 16384, 32768, 65536)
@@ -150,6 +158,7 @@ _SECTIONS = {
     "quality": _quality,
     "match": _match,
     "flights": _flights,
+    "patterns": _patterns,
     "orders": _orders,
 }
 _DOCUMENTS = {"quality": PROJECT / "docs" / "quality.md"}

@@ -35,6 +35,7 @@ from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.paths.path_geojson import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states
+from uavseg.plot.preview_missions import preview_missions
 from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
 from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tiling import Window
@@ -239,6 +240,7 @@ LEVELS: list[tuple[Any, Words]] = [
     ("cut.tif", {"width": 0.3, "skip_bad_tiles": True}),
     ("tile.tif", {"width": 0}),
 ]
+PLAN_LINE = ["plan", "regions.geojson", "--altitude", "40", "--home", "auto", "--largest", "2"]
 DISC = (4e5 + 170, 5e6 - 140, 66)
 MATCH: list[tuple[Any, Words]] = [
     ("tile.tif", {"like": DISC}),
@@ -273,6 +275,26 @@ def test_regions(job: str, source: Any, words: Words) -> None:
     call = getattr(uavseg, job)
     expected = on_the_command_line(job, arguments, "out.geojson")
     assert_equal(in_python(lambda: geojson_of(call(source, **words))), expected)
+
+
+@pytest.mark.parametrize(
+    ("missions", "words"),
+    [
+        (["fly.plan"], {}),
+        (["fly.plan", "fly.kmz"], {"width_px": 300}),
+        (["fly.plan"], {"dem": "ground.tif"}),
+        (["fly.plan"], {"dem": "tile.tif"}),
+        (["fly.plan"], {"width_px": 9}),
+        (["missing.plan"], {}),
+    ],
+)
+def test_pictures_of_missions(missions: list[str], words: Words) -> None:
+    assert CliRunner().invoke(main, [*PLAN_LINE, "-o", "fly.plan", "--overwrite"]).exit_code == 0
+    assert CliRunner().invoke(main, [*PLAN_LINE, "-o", "fly.kmz", "--overwrite"]).exit_code == 0
+    named = {word.removesuffix("_px"): value for word, value in words.items()}
+    expected = on_the_command_line("preview", [*missions, *options(named), "-o", "out.png"], "out.png")
+    call = in_python(lambda: written(lambda name: preview_missions(missions, name, **words), "out.png"))
+    assert_equal(call, expected)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ are integrated from the jerk, and the vehicle follows them in small time steps.
 
 import math
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchmarks.flight.body import DT, Body, Vector
@@ -19,6 +20,8 @@ CLIMB, DESCENT, VERTICAL_ACCELERATION = 2.5, 1.5, 1.0
 RETURN_SPEED, RETURN_HEIGHT, CONE, RETURN_WAIT_S = 10.0, 15.0, 3.0, 5.0
 LAND_SPEED, LAND_LOW = 0.5, 10.0
 _TABLE_S = 0.01
+
+Rise = Callable[[float, float], float]
 _LONGEST_S = 4 * 3600.0
 
 
@@ -156,6 +159,8 @@ class Copter:
 
     def __init__(self, wind: Vector) -> None:
         self.log, self.body = Log(), Body(wind=wind)
+        self.rise: Rise | None = None  # of the ground, where heights are above it
+        self.offset = 0.0
         self.before: Leg | None = None
         self.scale = 1.0
         self.heading = 0.0
@@ -188,6 +193,12 @@ class Copter:
         self, target: Vector, velocity: Vector = (0.0, 0.0, 0.0), acceleration: Vector = (0.0, 0.0, 0.0)
     ) -> None:
         """One time step; the target is slowed down while the vehicle lags behind it."""
+        if self.rise is not None:
+            change = self.rise(target[0], target[1]) - self.offset
+            climb = min(max(change / DT, -DESCENT), CLIMB)
+            self.offset += climb * DT
+            target = (target[0], target[1], target[2] + self.offset)
+            velocity = (velocity[0], velocity[1], velocity[2] + climb)
         self.body.step(target, velocity, acceleration)
         self.log.note(self.body, self.heading)
         speed = math.hypot(*velocity)
@@ -201,7 +212,8 @@ class Copter:
 
     def settle(self, place: Vector, radius: float = RADIUS) -> None:
         """Stay until the vehicle is near."""
-        while math.dist(self.body.position, place) > radius and self.log.seconds < _LONGEST_S:
+        there = (place[0], place[1], place[2] + self.offset)
+        while math.dist(self.body.position, there) > radius and self.log.seconds < _LONGEST_S:
             self.follow(place)
         self.before, self.scale = None, 1.0
 
@@ -230,11 +242,24 @@ class Copter:
             self.follow((0.0, 0.0, target), (0.0, 0.0, -speed))
 
 
-def fly(height: float, stops: list[Stop], returns: bool, wind: Vector = (0.0, 0.0, 0.0)) -> Log:
-    """Fly a route from home and back, as `benchmarks.flight.route` gives it."""
+def fly(
+    height: float,
+    stops: list[Stop],
+    returns: bool,
+    wind: Vector = (0.0, 0.0, 0.0),
+    rise: Rise | None = None,
+) -> Log:
+    """Fly a route from home and back, as `benchmarks.flight.route` gives it.
+
+    Heights above the ground are flown over `rise`, the height of the ground above that at home; the target
+    follows it no faster than the vehicle climbs and descends (AC_WPNav, terrain altitudes).
+    """
     copter = Copter(wind)
     place: Vector = (0.0, 0.0, height)
     copter.go((0.0, 0.0, 0.0), place, CLIMB)
+    copter.log.begin = len(copter.log.track)
+    if any(stop.above_ground for stop in stops):
+        copter.rise = rise
     leg = make_leg(place, stops[0].place, stops[0].speed)
     for k, stop in enumerate(stops):
         ahead = stops[k + 1] if k + 1 < len(stops) else None
@@ -248,8 +273,10 @@ def fly(height: float, stops: list[Stop], returns: bool, wind: Vector = (0.0, 0.
         place, leg = stop.place, following
         if ahead is not None:
             copter.heading = _heading(place, ahead.place, copter.heading)
-        for every, at_once in stop.triggers:
-            copter.log.trigger(every, at_once, copter.body, copter.heading)
+        for action in stop.actions:
+            copter.log.act(action, copter.body)
+    place = (place[0], place[1], place[2] + copter.offset)
+    copter.rise, copter.offset = None, 0.0  # it returns at a height above home
     if returns:
         _return(copter, place)
     return copter.log
@@ -260,6 +287,7 @@ def _return(copter: Copter, place: Vector) -> None:
     above = max(min(RETURN_HEIGHT, CONE * math.hypot(place[0], place[1])), place[2])
     copter.go(place, (place[0], place[1], above), RETURN_SPEED)
     copter.go((place[0], place[1], above), (0.0, 0.0, above), RETURN_SPEED)
+    copter.log.end = len(copter.log.track)
     copter.wait((0.0, 0.0, above), RETURN_WAIT_S)
     copter.land(above)
 

@@ -21,14 +21,14 @@ class Field:
     ----------
     name : str
     polygons : tuple of shapely Polygon
-    home : (lat, lon, altitude_m)
+    home : (lat, lon) or (lat, lon, altitude_m)
     zones : tuple of shapely Polygon
         Where it may not fly.
     """
 
     name: str
     polygons: tuple[Any, ...]
-    home: tuple[float, float, float] = HOME
+    home: tuple[float, ...] = HOME
     zones: tuple[Any, ...] = ()
 
     @property

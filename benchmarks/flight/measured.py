@@ -1,19 +1,24 @@
 """Simulated flights of planned missions: time, photographs, ground covered, distance to keep-out zones."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from pyproj import Proj
 
 from benchmarks.flight import arducopter, px4
+from benchmarks.flight.arducopter import Rise
 from benchmarks.flight.fields import Field
 from benchmarks.flight.log import Log
 from benchmarks.flight.route import route
 from uavseg.flight.mission import Mission
 
-SIMULATORS = {"ardupilot": arducopter.fly, "px4": px4.fly}
+Floats = NDArray[np.float64]
+
+MARGIN_M = 10.0  # the default around keep-out zones: what lies in it is not photographed on purpose
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +30,12 @@ class Flown:
     estimated_s, simulated_s : float
     estimated_photographs, photographs : int
     covered : float
-        Share of the regions that the photographs show; nan without a camera.
+        Share of the regions, apart from keep-out zones and their margin, that the photographs show; nan
+        without a camera.
     zone_m : float
         Least distance to a keep-out zone; infinite without one.
+    lowest_m, highest_m : float
+        Height above the ground between takeoff and landing.
     """
 
     estimated_s: float
@@ -36,6 +44,8 @@ class Flown:
     photographs: int
     covered: float
     zone_m: float
+    lowest_m: float
+    highest_m: float
 
     @property
     def error(self) -> float:
@@ -43,23 +53,44 @@ class Flown:
         return self.estimated_s / self.simulated_s - 1
 
 
-def simulate(mission: Mission, field: Field, wind: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Flown:
-    """Fly a mission, and compare it with its estimate."""
-    log = fly(mission, wind)
-    estimate = mission.estimate
+def simulate(
+    missions: Sequence[Mission],
+    field: Field,
+    wind: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rise: Rise | None = None,
+) -> Flown:
+    """Fly the missions over a field one after another, and compare them with their estimates."""
+    logs = [fly(mission, wind, rise) for mission in missions]
+    photos = missions[0].photos
+    taken = Log(photographs=[photograph for log in logs for photograph in log.photographs])
+    zones = in_metres(field.zones, field)
+    region = shapely.difference(in_metres(field.polygons, field), shapely.buffer(zones, MARGIN_M))
+    above = np.concatenate([heights_m(log, rise) for log in logs])
     return Flown(
-        estimate.duration_s,
-        log.seconds,
-        estimate.photographs,
-        len(log.photographs),
-        covered(log, in_metres(field.polygons, field), mission.photos) if mission.photos else float("nan"),
-        least_distance_m(log, in_metres(field.zones, field)) if field.zones else float("inf"),
+        sum(mission.estimate.duration_s for mission in missions),
+        sum(log.seconds for log in logs),
+        sum(mission.estimate.photographs for mission in missions),
+        len(taken.photographs),
+        covered(taken, region, photos, rise) if photos else float("nan"),
+        min(least_distance_m(log, zones) for log in logs) if field.zones else float("inf"),
+        float(above.min()),
+        float(above.max()),
     )
 
 
-def fly(mission: Mission, wind: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Log:
+def fly(
+    mission: Mission, wind: tuple[float, float, float] = (0.0, 0.0, 0.0), rise: Rise | None = None
+) -> Log:
     """Fly a mission as its autopilot does."""
-    return SIMULATORS[mission.autopilot](*route(mission), wind)
+    if mission.autopilot == "px4":
+        return px4.fly(*route(mission), wind)
+    return arducopter.fly(*route(mission), wind, rise)
+
+
+def heights_m(log: Log, rise: Rise | None) -> Floats:
+    """Height above the ground along the track, between takeoff and landing."""
+    track = log.track[log.begin : log.end]
+    return np.array([z - (rise(x, y) if rise else 0.0) for x, y, z in track])
 
 
 def in_metres(polygons: Any, field: Field) -> Any:
@@ -69,10 +100,14 @@ def in_metres(polygons: Any, field: Field) -> Any:
     return shapely.transform(whole, lambda lonlat: np.column_stack(flat(*lonlat.T)))
 
 
-def covered(log: Log, region: Any, photos: Any) -> float:
-    """Share of a region that photographs show, from where and in which direction they were taken."""
+def covered(log: Log, region: Any, photos: Any, rise: Rise | None = None) -> float:
+    """Share of a region that photographs show, from where and in which direction they were taken.
+
+    The ground that a photograph shows is taken to be as high as it is below the camera.
+    """
     footprints = []
-    for x, y, height, heading in log.photographs:
+    for x, y, z, heading in log.photographs:
+        height = z - (rise(x, y) if rise else 0.0)
         corners = photos.camera.footprint_corners_m(height, photos.pitch_deg)
         ahead = np.array([np.sin(heading), np.cos(heading)])
         right = np.array([ahead[1], -ahead[0]])

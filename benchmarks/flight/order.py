@@ -7,7 +7,11 @@ from importlib.util import find_spec
 
 import numpy as np
 from numpy.typing import NDArray
+from pyproj import Proj
 
+from benchmarks.flight.fields import Field
+from benchmarks.flight.measured import MARGIN_M, in_metres
+from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.order.stops import Stops
 from uavseg.flight.order.tour import short_tour
 
@@ -23,20 +27,38 @@ class Tour:
     places: str
     method: str
     length_m: float
-    seconds: float
+    cpu_s: float
 
 
-def tours(counts: Sequence[int] = (50, 200), long_s: int = LONG_S) -> Iterator[Tour]:
-    """Each method on places drawn at random."""
-    for count in counts:
-        places = np.random.default_rng(count).uniform(0, 1000, (count + 1, 2))
-        distances = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+def tours(
+    counts: Sequence[int] = (50, 200), field: Field | None = None, long_s: int = LONG_S
+) -> Iterator[Tour]:
+    """Each method on places drawn at random, and on the regions of a field, around its keep-out zones."""
+    matrices = {f"{count} places": _random_distances(count) for count in counts}
+    if field is not None:
+        matrices[field.name] = ways_between(field)
+    for name, distances in matrices.items():
         _by_uavseg(distances)  # compiles the kernels
         for method, find in _methods(long_s):
-            start = time.perf_counter()
+            start = time.process_time()
             order = find(distances)
-            seconds = time.perf_counter() - start
-            yield Tour(f"{count} places", method, _length(distances, order), seconds)
+            yield Tour(name, method, _length(distances, order), time.process_time() - start)
+
+
+def _random_distances(count: int) -> Floats:
+    places = np.random.default_rng(count).uniform(0, 1000, (count + 1, 2))
+    distances: Floats = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    return distances
+
+
+def ways_between(field: Field) -> Floats:
+    """Shortest ways between home and a point in each region, around keep-out zones with their margin."""
+    flat = Proj(proj="aeqd", lat_0=field.home[0], lon_0=field.home[1], datum="WGS84")
+    places = np.array([(0.0, 0.0), *(flat(*point) for point in field.points)])
+    zones = [in_metres([zone], field) for zone in field.zones]
+    space = KeepOut(zones, MARGIN_M).space
+    ways: Floats = space.paths(places[space.is_free(places)]).lengths
+    return ways
 
 
 def _methods(long_s: int) -> Iterator[tuple[str, Callable[[Floats], list[int]]]]:

@@ -100,7 +100,8 @@ class Px4:
         aim_x, aim_y = to_x, to_y
         if moving > 0.2 and aligned < 0.98 and away > RADIUS:  # turning: join the line further ahead
             speed = min(self.before_turn, speed)
-            aim_x, aim_y = _ahead(start, target, (smooth.x, smooth.y))
+            is_behind = (target[0] - start[0]) * to_x + (target[1] - start[1]) * to_y < 0
+            aim_x, aim_y = (to_x, to_y) if is_behind else _ahead(start, target, (smooth.x, smooth.y))
         else:
             self.before_turn = speed
         aim = math.hypot(aim_x, aim_y)
@@ -126,6 +127,7 @@ def fly(height: float, stops: list[Stop], returns: bool, wind: Vector = (0.0, 0.
     while abs(px4.body.position[2] - height) > ALT_RADIUS:
         slow = TAKEOFF_SPEED if px4.body.position[2] < LAND_1 else V_UP
         px4.towards(place, place, place, CRUISE, slow)
+    px4.log.begin = len(px4.log.track)
     for k, stop in enumerate(stops):
         last = stop.hold_s > 0 or k + 1 == len(stops)
         px4.heading = _heading(place, stop.place, px4.heading)
@@ -135,8 +137,8 @@ def fly(height: float, stops: list[Stop], returns: bool, wind: Vector = (0.0, 0.
         place = stop.place
         if k + 1 < len(stops):
             px4.heading = _heading(place, stops[k + 1].place, px4.heading)
-        for every, at_once in stop.triggers:
-            px4.log.trigger(every, at_once, px4.body, px4.heading)
+        for action in stop.actions:
+            px4.log.act(action, px4.body)
     if returns:
         _return(px4)
     return px4.log
@@ -148,6 +150,7 @@ def _return(px4: Px4) -> None:
     above = max(min(RETURN_HEIGHT, math.hypot(x, y)), z)
     px4.go((x, y, z), (x, y, above), (x, y, above), CRUISE)
     px4.go((x, y, above), (0.0, 0.0, above), (0.0, 0.0, above), CRUISE)
+    px4.log.end = len(px4.log.track)
     low = (0.0, 0.0, min(DESCEND_HEIGHT, above))
     px4.go((0.0, 0.0, above), low, low, CRUISE)
     while px4.body.position[2] > 0.05 and px4.log.seconds < _LONGEST_S:

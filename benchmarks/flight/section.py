@@ -1,4 +1,4 @@
-"""Tables of the sections flights and orders."""
+"""Table of the section flights."""
 
 import itertools
 import math
@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from benchmarks.flight.fields import Field, drawn, of_sample
 from benchmarks.flight.measured import Flown, simulate
-from benchmarks.flight.order import Tour
-from benchmarks.flight.plans import Plan, planned
+from benchmarks.flight.plans import planned
 from benchmarks.table import rows, with_provenance
 
 HEIGHT_M, CAMERA, SPEEDS = 50.0, "DJI Mavic 3 Enterprise", (5.0, 10.0)
@@ -37,7 +36,7 @@ def flown(some: Sequence[Field], report: Callable[[str], None]) -> Iterator[Row]
     for field, pattern in itertools.product(some, PATTERNS):
         calm, windy, items = {}, {}, 0
         for autopilot, speed in itertools.product(("ardupilot", "px4"), SPEEDS):
-            [mission] = planned(
+            missions = planned(
                 field,
                 pattern=pattern,
                 camera=CAMERA if pattern == "survey" else None,
@@ -45,9 +44,9 @@ def flown(some: Sequence[Field], report: Callable[[str], None]) -> Iterator[Row]
                 speed=speed,
                 autopilot=autopilot,
             )
-            items = max(items, len(mission.items))
-            calm[autopilot, speed] = simulate(mission, field)
-            windy[autopilot, speed] = simulate(mission, field, WIND)
+            items = max(items, sum(len(mission.items) for mission in missions))
+            calm[autopilot, speed] = simulate(missions, field)
+            windy[autopilot, speed] = simulate(missions, field, WIND)
         report(f"flights: {field.name}, {pattern}")
         yield Row(field.name, pattern, items, calm, windy)
 
@@ -83,41 +82,3 @@ def flights_table(found: Sequence[Row]) -> str:
         "without wind."
     )
     return with_provenance(f"{rows(heads, cells)}\n\n{summary}")
-
-
-def orders_table(tours: Sequence[Tour], plans: Sequence[Plan]) -> str:
-    """Lengths of tours relative to the best that was found, and complete plans."""
-    best = {
-        name: min(tour.length_m for tour in tours if tour.places == name)
-        for name in {t.places for t in tours}
-    }
-    cells = [
-        [
-            t.places,
-            t.method,
-            f"{t.length_m:,.0f}",
-            f"{t.length_m / best[t.places] - 1:+.2%}",
-            f"{t.seconds:.2f}",
-        ]
-        for t in tours
-    ]
-    first = rows(["home and", "order by", "metres", "longer than the best", "seconds"], cells)
-    kinds = [
-        [
-            *(p.field, p.pattern, str(p.flights), f"{p.items:,}", f"{p.length_m / 1000:.1f}", f"{p.turns:,}"),
-            *("" if math.isnan(p.covered) else f"{p.covered:.2%}", p.distance, f"{p.seconds:.1f}"),
-        ]
-        for p in plans
-    ]
-    heads = [
-        "regions",
-        "pattern",
-        "flights",
-        "items",
-        "km",
-        "turns",
-        "covered",
-        "m to zones",
-        "seconds to plan",
-    ]
-    return with_provenance(f"{first}\n\n{rows(heads, kinds)}")

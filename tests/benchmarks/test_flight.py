@@ -9,13 +9,17 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 
 from benchmarks.flight import arducopter, px4
 from benchmarks.flight.body import Body
+from benchmarks.flight.cases import Case, fly_cases
 from benchmarks.flight.fields import HOME, Field, degrees, drawn, many
+from benchmarks.flight.lengths import length_of
 from benchmarks.flight.log import Log
-from benchmarks.flight.measured import covered, least_distance_m, simulate
-from benchmarks.flight.order import Tour, tours
+from benchmarks.flight.measured import covered, heights_m, least_distance_m, simulate
+from benchmarks.flight.order import Tour, tours, ways_between
+from benchmarks.flight.orders_section import orders_table
+from benchmarks.flight.patterns_section import patterns_table
 from benchmarks.flight.plans import Plan, planned
-from benchmarks.flight.route import Stop, route
-from benchmarks.flight.section import Row, flights_table, orders_table
+from benchmarks.flight.route import Look, Shutter, Stop, route
+from benchmarks.flight.section import Row, flights_table
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.camera.photos import Photos
 
@@ -72,7 +76,7 @@ def test_a_ramp_is_integrated_to_its_speed() -> None:
 @pytest.mark.parametrize(("pattern", "speed"), [("survey", 5.0), ("perimeter", 10.0), ("visit", 5.0)])
 def test_estimates_are_within_ten_per_cent(autopilot: str, pattern: str, speed: float) -> None:
     for field in drawn()[1:3]:
-        [mission] = planned(
+        missions = planned(
             field,
             pattern=pattern,
             camera=CAMERA if pattern == "survey" else None,
@@ -80,7 +84,7 @@ def test_estimates_are_within_ten_per_cent(autopilot: str, pattern: str, speed: 
             speed=speed,
             autopilot=autopilot,
         )
-        found = simulate(mission, field)
+        found = simulate(missions, field)
         assert abs(found.error) < 0.1
         assert found.photographs == pytest.approx(found.estimated_photographs, abs=3)
         assert found.covered >= 0.999 or pattern != "survey"
@@ -88,14 +92,54 @@ def test_estimates_are_within_ten_per_cent(autopilot: str, pattern: str, speed: 
 
 def test_photographs_are_taken_by_distance() -> None:
     stops = [
-        Stop((50.0, 0.0, 30.0), 5.0, triggers=[(10.0, True)]),
-        Stop((50.0, 95.0, 30.0), 5.0, triggers=[(0.0, False)]),
+        Stop((50.0, 0.0, 30.0), 5.0, actions=[Shutter(every_m=10.0, at_once=True)]),
+        Stop((50.0, 95.0, 30.0), 5.0, actions=[Shutter()]),
     ]
     log = arducopter.fly(30.0, [*stops, Stop((0.0, 95.0, 30.0), 5.0)], True)
     places = np.array(log.photographs)[:, :2]
     apart = np.hypot(*np.diff(places, axis=0).T)
     assert len(places) == 10 and np.all(apart >= 10) and np.all(apart < 10.2)
-    assert np.allclose([heading for *_, heading in log.photographs], 0, atol=1e-9)  # to the north
+    assert np.allclose([yaw for *_, yaw in log.photographs[1:]], 0, atol=1e-9)  # to the north
+    assert log.photographs[0][3] == pytest.approx(math.pi / 2)  # it has not turned yet
+
+
+def test_photographs_are_taken_by_time_and_in_hover() -> None:
+    first = Stop((50.0, 0.0, 30.0), 5.0, actions=[Shutter(every_s=3.0, at_once=True)])
+    then = Stop((50.0, 95.0, 30.0), 5.0, 4.0, actions=[Shutter(), Shutter(at_once=True, single=True)])
+    log = arducopter.fly(30.0, [first, then, Stop((0.0, 95.0, 30.0), 5.0)], True)
+    apart = np.hypot(*np.diff(np.array(log.photographs)[:, :2], axis=0).T)
+    assert np.all(apart[3:-4] == pytest.approx(15, abs=0.3))  # 3 s at 5 m/s
+    assert math.dist(log.photographs[-1][:2], (50, 95)) < 0.5
+
+
+def test_the_camera_looks_at_a_place() -> None:
+    stops = [
+        Stop((50.0, -60.0, 30.0), 5.0, actions=[Look((0.0, 0.0)), Shutter(every_m=10.0)]),
+        Stop((50.0, 60.0, 30.0), 5.0, actions=[Shutter(), Look(None)]),
+    ]
+    log = arducopter.fly(30.0, [*stops, Stop((0.0, 60.0, 30.0), 5.0)], True)
+    for x, y, _, yaw in log.photographs[2:]:
+        assert math.remainder(yaw - math.atan2(-x, -y), math.tau) == pytest.approx(0, abs=0.02)
+
+
+def test_heights_above_the_terrain_follow_the_ground() -> None:
+    stops = [Stop((x, 0.0, 40.0), 5.0, above_ground=True) for x in (50.0, 450.0)]
+    log = arducopter.fly(40.0, stops, False, rise=lambda x, y: 0.1 * x + 5 * math.sin(x / 60))
+    above = heights_m(log, lambda x, y: 0.1 * x + 5 * math.sin(x / 60))
+    assert np.abs(above - 40).max() < 1.0
+    assert np.ptp(heights_m(log, None)) > 30
+
+
+def test_px4_climbs_before_it_flies_on() -> None:
+    log = px4.fly(40.0, [Stop((30.0, 0.0, 40.0), 5.0), Stop((230.0, 0.0, 70.0), 5.0)], False)
+    x, _, z = np.array(log.track).T
+    assert np.interp(130, x, z) > 69  # and not half way
+
+
+def test_px4_turns_back_to_a_target_that_it_passed() -> None:
+    stops = [Stop((12.0 * k, 0.0, 40.0 + 8 * (k % 2)), 5.0, hold_s=1.0) for k in range(1, 8)]
+    log = px4.fly(40.0, stops, True)
+    assert log.seconds < 300 and np.abs(np.array(log.track)[:, 1]).max() < 5
 
 
 def test_ground_that_is_not_photographed_is_seen() -> None:
@@ -127,7 +171,7 @@ def test_a_route_has_the_speed_and_the_triggers_of_the_items() -> None:
     [mission] = planned(field, pattern="survey", camera=CAMERA, height_m=40.0, speed=6.0)
     height, stops, returns = route(mission)
     assert height == 40 and returns and {stop.speed for stop in stops} == {6.0}
-    begun = [every for stop in stops for every, at_once in stop.triggers if at_once]
+    begun = [one.every_m for stop in stops for one in stop.actions if one.at_once]
     assert len(begun) == len(stops) / 2 and min(begun) > 0
 
 
@@ -142,11 +186,34 @@ def test_tours_lead_everywhere_and_uavseg_finds_a_short_one() -> None:
 
 def test_the_tables_name_what_is_worst() -> None:
     field = drawn()[0]
-    [mission] = planned(field, pattern="visit", camera=None, height_m=50.0, speed=5.0)
-    flown = simulate(mission, field)
+    [mission] = missions = planned(field, pattern="visit", camera=None, height_m=50.0, speed=5.0)
+    flown = simulate(missions, field)
     flights = {(autopilot, speed): flown for autopilot in ("ardupilot", "px4") for speed in (5.0, 10.0)}
     text = flights_table([Row("rectangle", "visit", len(mission.items), flights, flights)])
     assert f"off by {abs(flown.error):.1%}" in text and "| rectangle |" in text
-    plan = Plan("9 regions", "visit", 1, 12, 9, 1234.0, 0.5, float("nan"), 7.25)
+    plan = Plan("9 regions", "visit", 1, 12, 9, 1234.0, 0.4, 0.5, float("nan"), 7.25)
     text = orders_table([Tour("9 places", "a", 100.0, 0.1), Tour("9 places", "b", 103.0, 0.2)], [plan])
     assert "+3.00%" in text and " 7.2 |" in text
+
+
+def test_heights_over_hills_are_kept_by_both_autopilots() -> None:
+    field = Field("box", (degrees(shapely.box(60, 60, 260, 110)),))
+    case = Case(field, "survey", "distance", terrain="absolute")
+    [row] = fly_cases([case], lambda line: None)
+    for flown in row.calm.values():
+        assert 44 < flown.lowest_m <= flown.highest_m < 56 and flown.covered >= 0.999
+    length = length_of(field, 20.0, 5.0)
+    text = patterns_table([row], [length])
+    assert "ArduCopter" in text and "PX4" in text and f" {length.over_bound:.2f} |" in text
+
+
+def test_a_square_of_whole_lines_is_at_its_lower_bound_but_for_its_legs() -> None:
+    length = length_of(Field("box", (degrees(shapely.box(60, 60, 160, 160)),)), 20.0, 0.0)
+    assert length.lines_m == pytest.approx(length.area_m, rel=0.01) and length.tour_m == 0
+    assert length.legs_m == pytest.approx(80, rel=0.05)
+
+
+def test_ways_between_regions_lead_around_zones() -> None:
+    field = many(6, 3, seed=1)
+    around, straight = ways_between(field), ways_between(Field("free", field.polygons))
+    assert (around >= straight - 1e-6).all() and around.max() < 2000

@@ -72,7 +72,10 @@ SURVEY = ["r.geojson", *FLIGHT, "--spacing", "20"]
         (["r.geojson", "--home", "47,8"], "needs --altitude"),
         (["r.geojson", "--home", "47,8", "--altitude", "0"], r"0\.001 to 1000 m above home, not 0"),
         (["r.geojson", "--home", "47,8", "--altitude", "-5"], r"0\.001 to 1000 m above home, not -5"),
-        (["r.geojson", "--home", "47,8", "--altitude", "121"], "121 m is higher than 120 m .* --max-altitude"),
+        (
+            ["r.geojson", "--home", "47,8", "--altitude", "121"],
+            "121 m is higher than 120 m .* --max-altitude",
+        ),
         (["nowhere.gpkg", *FLIGHT], "no coordinate system"),
         (["r.geojson", *FLIGHT, "--ids", "9"], "no region 9; there are 1, 2"),
         (["r.geojson", *FLIGHT, "--where", "id > 9"], "none of the 2 regions is selected"),
@@ -81,17 +84,23 @@ SURVEY = ["r.geojson", *FLIGHT, "--spacing", "20"]
         (["r.geojson", *FLIGHT, "--spacing", "0.001"], "149932 lines, .* wider spacing"),
         ([*SURVEY, "--endurance", "3"], r"more than 5\.\d min, .* a flight has 2\.4 min"),
         ([*SURVEY, "--dem", "holes.tif"], "with a hole there"),
-        (["r.geojson", *AT_60, "--home", "47.0005,8.0006", "--avoid", "zone.geojson"], "home lies in a keep-out"),
+        (
+            ["r.geojson", *AT_60, "--home", "47.0005,8.0006", "--avoid", "zone.geojson"],
+            "home lies in a keep-out",
+        ),
         ([*SURVEY, "--avoid", "none.geojson"], "none.geojson does not exist"),
         ([*SURVEY, "--avoid", "0,0.2"], r"0,0\.2 are a range of intensity; .* \(--raster\)"),
         ([*SURVEY, "--avoid", "0,0.1", "--raster", "holes.tif"], "no region of holes.tif .* 0,0.1"),
         ([*SURVEY, "--camera", "mavik 3 enterprise"], "nearest names are DJI Mavic 3 Enterprise"),
         ([*SURVEY, "--rally", "47.1,8,40"], "rally point 1 .* outside of the fence"),
-        ([*SURVEY, "--rally", "47.0005,8.0006,40", "--avoid", "zone.geojson"], "rally point 1 .* keep-out zone"),
+        (
+            [*SURVEY, "--rally", "47.0005,8.0006,40", "--avoid", "zone.geojson"],
+            "rally point 1 .* keep-out zone",
+        ),
         ([*SURVEY, "--rally", "47.0005,8.001,130"], r"rally point 1 .* 130\.0 m high, .*--max-altitude"),
         ([*SURVEY, "--rally", "47.0005,8.001"], "--rally is LAT,LON,M"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_is_one_line_and_leaves_no_file(folder: Path, words: list[str], said: str) -> None:
     result = plan(*words)
     lines = result.stderr.splitlines()
@@ -105,16 +114,16 @@ SENSOR = ["--sensor", "13.2x8.8", "--image", "5472x3648"]
 NUMBERS: dict[str, list[str]] = {
     "--altitude": ["--home", "47,8"],
     "--gsd": ["--home", "47,8", *CAMERA],
-    **dict.fromkeys(["--overlap", "--gimbal-pitch", "--shutter"], [*FLIGHT, *CAMERA]),
+    **{name: [*FLIGHT, *CAMERA] for name in ["--overlap", "--gimbal-pitch", "--shutter"]},
     **dict.fromkeys(["--spacing", "--speed", "--tolerance", "--fence", "--rally", "--home"], FLIGHT),
     **dict.fromkeys(["--avoid-margin", "--endurance", "--reserve", "--max-altitude"], FLIGHT),
     **dict.fromkeys(["--max-distance"], FLIGHT),
-    **dict.fromkeys(["--angle", "--margin", "--turnaround"], [*FLIGHT, "--spacing", "20"]),
-    **dict.fromkeys(["--offset", "--min-leg"], [*FLIGHT, "--pattern", "perimeter"]),
+    **{name: [*FLIGHT, "--spacing", "20"] for name in ["--angle", "--margin", "--turnaround"]},
+    **{name: [*FLIGHT, "--pattern", "perimeter"] for name in ["--offset", "--min-leg"]},
     "--hold": FLIGHT,
     "--focal": [*FLIGHT, *SENSOR],
     "--min-interval": [*FLIGHT, *SENSOR, "--focal", "8.8"],
-    **dict.fromkeys(["--terrain-tolerance", "--climb", "--descent"], [*FLIGHT, "--dem", "holes.tif"]),
+    **{name: [*FLIGHT, "--dem", "holes.tif"] for name in ["--terrain-tolerance", "--climb", "--descent"]},
 }
 LISTS = {"--overlap": "{},70", "--rally": "47,8,{}", "--home": "47,{}"}
 

@@ -9,9 +9,11 @@ from affine import Affine
 from click.testing import CliRunner, Result
 from PIL import Image
 
+from tests.plot.pictures import a_mission
 from uavseg.cli import main
 from uavseg.cli.preview import command
-from uavseg.errors import OutputExistsError, ParameterError, RegionError
+from uavseg.errors import OutputExistsError, ParameterError, RegionError, UavsegError
+from uavseg.flight.files import write_mission
 
 
 @pytest.fixture
@@ -99,3 +101,43 @@ def test_layers_that_are_not_what_they_should_be_are_told_in_one_line(raster: Pa
         done = CliRunner().invoke(main, ["preview", str(raster), *option])
         assert done.exit_code == 1 and told in done.stderr and done.stderr.count("\n") == 1
         assert not Path("a.preview.png").exists()
+
+
+def test_missions_are_drawn_without_a_raster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    flight = a_mission([(-76.5, 44.2), (-76.499, 44.2), (-76.499, 44.201)])
+    for name in ("fly-1.plan", "fly-2.waypoints"):
+        write_mission(flight, name)
+    alone = run("fly-1.plan", "--width", 300)
+    assert (alone.exit_code, alone.stderr.splitlines()) == (0, ["wrote fly-1.preview.png"])
+    assert run("--mission", "fly-1.plan", "-o", "named.png", "--width", 300, "-q").stderr == ""
+    assert Path("named.png").read_bytes() == Path("fly-1.preview.png").read_bytes()
+    assert run("fly-1.plan", "fly-2.waypoints", "-o", "two.png", "--width", 300).exit_code == 0
+    assert Path("two.png").read_bytes() != Path("named.png").read_bytes()
+
+
+def test_what_does_not_go_with_missions_alone_is_refused(raster: Path) -> None:
+    write_mission(a_mission([(-76.5, 44.2), (-76.499, 44.2)]), "fly.plan")
+    for words, expected in (
+        (("fly.plan", raster), "give --mission fly.plan"),
+        (("fly.plan", "--regions", "r.geojson"), "--regions needs a raster"),
+        (("--mission", "fly.plan", "--stretch", "dtype"), "--stretch needs a raster"),
+        (("fly.plan", "--skip-bad-tiles"), "--skip-bad-tiles needs a raster"),
+        ((raster, "--dem", raster), "leave RASTER or --dem out"),
+        (("missing.plan",), "missing.plan"),
+    ):
+        done = run(*words, "-o", "no.png")
+        assert isinstance(done.exception, UavsegError) and expected in str(done.exception)
+        assert not Path("no.png").exists()
+    nothing = run("-o", "no.png")
+    assert nothing.exit_code == 2 and "RASTER" in nothing.stderr
+
+
+def test_several_missions_are_drawn_over_a_raster(raster: Path) -> None:
+    flight = a_mission([(-76.5, 44.2), (-76.499, 44.2)])
+    for name in ("a.plan", "b.plan"):
+        write_mission(flight, name)
+    one = run(raster, "--mission", "a.plan", "-o", "one.png", "--width", 300)
+    two = run(raster, "--mission", "a.plan", "--mission", "b.plan", "-o", "two.png", "--width", 300)
+    assert one.exit_code == 0 and two.exit_code == 0
+    assert Path("one.png").read_bytes() != Path("two.png").read_bytes()

@@ -35,8 +35,14 @@ def test_a_way_through_a_zone_is_noted_where_points_along_the_flight_say_so(
 
 @pytest.mark.parametrize(
     ("autopilot", "most_m", "noted"),
-    [("px4", 50, True), ("generic", 50, True), ("ardupilot", 50, False), ("ardupilot", 12, True), ("px4", 60, False)],
-)  # fmt: skip
+    [
+        ("px4", 50, True),
+        ("generic", 50, True),
+        ("ardupilot", 50, False),
+        ("ardupilot", 12, True),
+        ("px4", 60, False),
+    ],
+)
 def test_a_return_above_the_allowed_height_is_noted(autopilot: str, most_m: float, noted: bool) -> None:
     mission = planned(
         [box(100, 50, 80, 60)], altitude_m=10, autopilot=autopilot, safety=SafetyParams(max_altitude_m=most_m)

@@ -67,9 +67,21 @@ def rally(east: float, north: float, height: float = 30) -> RallyPoint:
 @pytest.mark.parametrize(
     ("mission", "safety", "words"),
     [
-        (flight((100, 0), rally=(rally(45, 12),)), SafetyParams(2), "rally point 1 .* within 0.0 m of a keep-out"),
-        (flight((100, 0), rally=(rally(0, 9), rally(0, 9, 121))), SafetyParams(2), "rally point 2 .* 121.0 m high"),
-        (flight((100, 0), rally=(rally(0, 150),)), SafetyParams(2, max_distance_m=120.0), "rally .* 150 m from home"),
+        (
+            flight((100, 0), rally=(rally(45, 12),)),
+            SafetyParams(2),
+            "rally point 1 .* within 0.0 m of a keep-out",
+        ),
+        (
+            flight((100, 0), rally=(rally(0, 9), rally(0, 9, 121))),
+            SafetyParams(2),
+            "rally point 2 .* 121.0 m high",
+        ),
+        (
+            flight((100, 0), rally=(rally(0, 150),)),
+            SafetyParams(2, max_distance_m=120.0),
+            "rally .* 150 m from home",
+        ),
         (
             flight((100, 0), fence=(polygon(AROUND),), rally=(rally(0, 301),)),
             SafetyParams(2),
@@ -81,7 +93,7 @@ def rally(east: float, north: float, height: float = 30) -> RallyPoint:
             r"leaves the fence \(shape 2\)",  # each inclusion holds, not their union
         ),
     ],
-)  # fmt: skip
+)
 def test_rally_points_and_every_inclusion_are_checked(
     mission: Mission, safety: SafetyParams, words: str
 ) -> None:

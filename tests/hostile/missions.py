@@ -37,7 +37,7 @@ def case(rng: Random) -> Case:
 
 
 def _checked(known: dict[str, bytes], rng: Random) -> Case:
-    """A mission file changed, and checked."""
+    """A mission file changed, and checked or drawn without a raster."""
     name = rng.choice(CHECKED)
     content = known[name]
     if name.endswith((".plan", ".geojson")) and chosen(rng, 0.7):
@@ -47,7 +47,8 @@ def _checked(known: dict[str, bytes], rng: Random) -> Case:
     else:
         content = rng.choice((words_mutated, bytes_mutated))(content, rng)
     asked = rng.choice(((), ("--autopilot", "px4"), ("--autopilot", "generic"), ("--json",)))
-    return Case({name: content}, (("check", name, *asked),))
+    drawn = ("preview", name, "-o", "out.png", "--width", "300")
+    return Case({name: content}, (drawn if chosen(rng, 0.3) else ("check", name, *asked),))
 
 
 def _kmz_mutated(content: bytes, rng: Random) -> bytes:

@@ -44,6 +44,7 @@ LINES = tuple(
         "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
         "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
+        "preview a.plan a.waypoints -o out.png --width 300 --dem g.tif",
         "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",
     )
 )

@@ -80,3 +80,9 @@ def test_strips_are_read_by_whole_rows_and_tiles_by_squares() -> None:
     assert tile_side((9000, 100), (1, 100)) == (2048, 2048)  # narrow: the strips are short anyway
     assert tile_side((10, 200_000), (1, 200_000)) == (64, 200_000)
     assert tile_side((10, 10_000_000), (1, 10_000_000)) == (2048, 2048)  # 64 whole rows are too much at once
+
+
+def test_tiles_that_are_far_too_many_are_refused_before_any_is_made() -> None:
+    with pytest.raises(ParameterError, match=r"divide the raster into 244,140,625, .*--tile"):
+        tiles((1_000_000, 1_000_000), 64)
+    assert len(tiles((1_000_000, 1_000_000), 64_000)) == 256

@@ -154,8 +154,8 @@ def plan(
     avoid_margin : float
         Least distance to keep-out zones in metres.
     raster : path, sequence of paths, array or DataArray, optional
-        Where the ranges of `avoid` are looked for. Regions that touch its edge are left out: they may go on
-        beyond it, or be a collar.
+        Where the ranges of `avoid` are looked for, and home "auto" lies on a valid pixel. Regions that touch
+        its edge are left out: they may go on beyond it, or be a collar.
     allow_edge : bool
         Whether regions that touch the edge of `raster` are flown over all the same.
     endurance : float, optional

@@ -66,8 +66,7 @@ def mission_options(command: F) -> F:
         click.option(
             "--home",
             metavar="LAT,LON[,M]|auto",
-            help="Where the vehicle starts, and metres above the sea; auto: a place outside of all regions "
-            "and zones.",
+            help="Where the vehicle starts, and metres above the sea; auto: outside of regions and zones.",
         ),
         click.option(
             "--pattern",

@@ -27,11 +27,13 @@ map_stretch_option = click.option(
 )
 
 
-def reading_options(command: Command) -> Command:
+def reading_options(command: Command, required: bool = True) -> Command:
     """Give a command RASTER..., the options of `read_options` and those of `access_options`."""
     return _with_options(
         access_options(command),
-        click.argument("rasters", metavar="RASTER...", nargs=-1, required=True),
+        click.argument(
+            "rasters", metavar="RASTER..." if required else "[RASTER...]", nargs=-1, required=required
+        ),
         click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1."),
         click.option("--rgb", metavar="R,G,B", callback=_three, help="Use the luminance of these bands."),
         click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing."),

@@ -102,7 +102,7 @@ def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[s
     """Write a mission; what its format cannot hold is returned as warnings."""
     from uavseg.flight import files
 
-    return _warnings_of(lambda: files.write_mission(mission, path, overwrite))[1]
+    return warnings_of(lambda: files.write_mission(mission, path, overwrite))[1]
 
 
 def write_plan_output(
@@ -110,10 +110,11 @@ def write_plan_output(
 ) -> tuple[list[Path], list[str]]:
     """Write the missions of a plan; returns their files, and what the format cannot hold as warnings."""
     editable, model = options.editable, options.dji_model
-    return _warnings_of(lambda: planned.write(path, overwrite, editable=editable, dji_model=model))
+    return warnings_of(lambda: planned.write(path, overwrite, editable=editable, dji_model=model))
 
 
-def _warnings_of(write: Callable[[], T]) -> tuple[T, list[str]]:
+def warnings_of(write: Callable[[], T]) -> tuple[T, list[str]]:
+    """What a function returns, and its warnings, each once."""
     import warnings
 
     with warnings.catch_warnings(record=True) as caught:

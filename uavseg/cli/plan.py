@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 @click.option(
     "--raster",
     metavar="PATH",
-    help="Where the ranges of --avoid are looked for, and at whose edge no region may lie; see --allow-edge.",
+    help="Where ranges of --avoid are looked for, and at whose edge no region may lie; see --allow-edge.",
 )
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")

@@ -26,7 +26,7 @@ from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
 
-FIXED_ITEMS = 5  # takeoff, speed, gimbal, return, and one for the fence of the count
+FIXED_ITEMS = 5  # takeoff, speed, gimbal, return, and one in reserve
 ATTEMPTS = 8
 
 

@@ -1,6 +1,6 @@
 """A place for home outside of all regions and keep-out zones, near to what is flown."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,12 @@ from uavseg.errors import MissionError
 from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.plane import plane_around
 
+IsGround = Callable[[float, float], bool]
+
 CLEARANCE_M = 15.0
 """Distance from home to regions and to zones with their margin."""
 STEP_M = 5.0
+MOST_TRIED = 5000
 _DECIMALS = 7  # of degrees: a centimetre
 
 
@@ -21,6 +24,7 @@ def home_outside(
     points: Sequence[tuple[float, float]],
     zones: Sequence[Any] = (),
     avoid_margin_m: float = 0.0,
+    is_ground: IsGround | None = None,
 ) -> tuple[float, float]:
     """The place nearest to the middle of all regions that lies outside of them and of keep-out zones.
 
@@ -35,6 +39,8 @@ def home_outside(
     zones : sequence of shapely Polygon or MultiPolygon
         In degrees.
     avoid_margin_m : float
+    is_ground : function, optional
+        Whether a place (lat, lon) may be home; by default every place may.
 
     Returns
     -------
@@ -43,7 +49,7 @@ def home_outside(
     Raises
     ------
     MissionError
-        If there are no regions.
+        If there are no regions, or none of the nearest places may be home.
     """
     if not len(polygons):
         raise MissionError("there is no region to fly to; choose at least one")
@@ -55,9 +61,13 @@ def home_outside(
     outlines = shapely.get_exterior_ring(shapely.get_parts(_without_holes(grown)))
     places = shapely.get_coordinates(shapely.segmentize(outlines, STEP_M))
     middle = np.mean(np.column_stack(plane.xy_from_lonlat(*np.array(points).T)), axis=0)
-    nearest = places[np.argmin(np.hypot(*(places - middle).T))]
-    lon, lat = plane.lonlat_from_xy(*nearest)
-    return round(float(lat), _DECIMALS), round(float(lon), _DECIMALS)
+    nearest = places[np.argsort(np.hypot(*(places - middle).T), kind="stable")[:MOST_TRIED]]
+    for lon, lat in np.round(np.column_stack(plane.lonlat_from_xy(*nearest.T)), _DECIMALS).tolist():
+        if is_ground is None or is_ground(lat, lon):
+            return lat, lon
+    raise MissionError(
+        "no place for home was found near the regions on valid pixels of the raster; give --home LAT,LON"
+    )
 
 
 def _without_holes(polygons: Any) -> Any:

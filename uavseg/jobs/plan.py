@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from uavseg.errors import ParameterError
 from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
-from uavseg.flight.home_place import home_outside
+from uavseg.flight.home_place import IsGround, home_outside
 from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import Mission
 from uavseg.flight.numbered import write_flights
@@ -143,7 +143,8 @@ def plan(
     zones : sequence of shapely Polygon or MultiPolygon
         Keep-out zones in degrees.
     raster : Source, optional
-        That the regions are of: those that touch its edge are left out.
+        That the regions are of: those that touch its edge are left out, and a home that is found lies on one
+        of its valid pixels.
 
     Raises
     ------
@@ -153,7 +154,7 @@ def plan(
         If there are no regions, if they are not near home, if zones make one unreachable, or if the mission
         would not be safe.
     """
-    chosen = regions
+    chosen: Regions = regions
     notes: list[str] = []
     if raster is not None and not request.allow_edge and len(regions):
         from uavseg.jobs.edge_regions import without_edge_regions
@@ -165,7 +166,9 @@ def plan(
     flight, home = request.flight, request.home
     if home == "auto":
         everywhere = list(regions.polygons)
-        home = home_outside(everywhere, points or _points(regions), zones, flight.safety.avoid_margin_m)
+        margin_m = flight.safety.avoid_margin_m
+        is_ground = None if raster is None else _valid_ground(raster)
+        home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
         notes.append(
             f"home is {home[0]:.7f},{home[1]:.7f}, outside of all regions and keep-out zones; look at the "
             "place before the flight: the plan knows nothing of trees, water or roads there"
@@ -193,6 +196,12 @@ def _flights_text(numbers: Sequence[int]) -> str:
         else:
             runs.append([number])
     return f"flight{'s' * (len(numbers) > 1)} {', '.join('-'.join(map(str, run)) for run in runs)}"
+
+
+def _valid_ground(raster: "Source") -> IsGround | None:
+    from uavseg.jobs.valid_ground import valid_ground
+
+    return valid_ground(raster)
 
 
 def _points(regions: Regions) -> list[tuple[float, float]]:

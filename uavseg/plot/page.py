@@ -33,6 +33,7 @@ def new_figure(width: float, height: float, dpi: float) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height), dpi=dpi, facecolor="white")
+    figure.set_layout_engine("none")  # whatever the user has set
     FigureCanvasAgg(figure)
     return figure
 
@@ -67,6 +68,15 @@ def fit_axes(ax: Any, view: tuple[float, float, float, float], width: float, hei
     for side in ax.spines.values():
         side.set(color="#bbbbbb", lw=0.6)
     return point
+
+
+def draw_legend(ax: Any) -> None:
+    """Draw a legend of what has a label, each label once; none if nothing has one."""
+    handles, labels = ax.get_legend_handles_labels()
+    named = dict(zip(labels, handles, strict=True))
+    if named:
+        look = {"loc": "lower right", "fontsize": 7, "framealpha": 0.8, "borderpad": 0.6}
+        ax.legend(named.values(), named.keys(), **look).set_zorder(10)
 
 
 def raster_caption(box: GeoBox, band_names: str, grey_name: str) -> str:

@@ -13,13 +13,14 @@ from uavseg.jobs.inputs import keep_inputs
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.plot.frame import Frame
-from uavseg.plot.layers.mission_layer import MissionLayer
+from uavseg.plot.layers.mission_layer import MissionLayer, mission_title
 from uavseg.plot.layers.raster_layer import draw_raster
 from uavseg.plot.layers.stack import File, Layer, LayerSources, make_layers
 from uavseg.plot.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
 from uavseg.plot.page import (
     CAPTION_COLOR,
     check_png_target,
+    draw_legend,
     fit_axes,
     new_figure,
     raster_caption,
@@ -40,7 +41,7 @@ def preview(
     raster: Any,
     out: File,
     regions: Any = None,
-    mission: "Mission | File | None" = None,
+    mission: "Mission | File | Sequence[Mission | File] | None" = None,
     *,
     levels: Any = None,
     states: Dataset | File | None = None,
@@ -62,8 +63,8 @@ def preview(
     out : path
         The picture, .png.
     regions : path or GeoDataFrame, optional
-    mission : Mission or path, optional
-        A path to a .plan or .waypoints file.
+    mission : Mission, path or sequence of these, optional
+        Flights with their fence, or mission files; without a raster, see `uavseg.plot.preview_missions`.
     levels : path or GeoDataFrame, optional
         Segments with a column `level`, and `range_low` and `range_high` of v: drawn in grey.
     states : Dataset or path, optional
@@ -137,8 +138,7 @@ def _figure(
         layer.draw(ax, point)
     draw_scale_bar(ax, frame, point)
     draw_north_arrow(ax, frame, point)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="lower right", fontsize=7, framealpha=0.8, borderpad=0.6).set_zorder(10)
+    draw_legend(ax)
     _write_title_and_caption(figure, dataset, grey_name, layers)
     return figure
 
@@ -147,10 +147,10 @@ def _view(frame: Frame, layers: Sequence[Layer]) -> tuple[float, float, float, f
     """left, right, bottom, top in plot coordinates: the raster, and a mission up to half a raster beyond."""
     corners = frame.corners
     low, high = corners.min(axis=0), corners.max(axis=0)
-    for flight in (layer for layer in layers if isinstance(layer, MissionLayer)):
-        reach = (high - low) / 2
-        near = flight.path[np.isfinite(flight.path).all(axis=1)]
-        near = np.clip(near, low - reach, high + reach)
+    flights = [layer.path for layer in layers if isinstance(layer, MissionLayer)]
+    if flights:
+        reach, path = (high - low) / 2, np.concatenate(flights)
+        near = np.clip(path[np.isfinite(path).all(axis=1)], low - reach, high + reach)
         low, high = np.minimum(low, near.min(axis=0)), np.maximum(high, near.max(axis=0))
     margin = 0.02 * float((high - low).max())
     return low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin
@@ -187,4 +187,7 @@ def _write_title_and_caption(figure: Any, dataset: Dataset, grey_name: str, laye
 
 
 def _title_parts(layers: Sequence[Layer], has_crs: bool) -> list[str]:
-    return [text for layer in layers for text in layer.title_parts(has_crs)] or ["the raster alone"]
+    flights = [layer for layer in layers if isinstance(layer, MissionLayer)]
+    others = [layer for layer in layers if not isinstance(layer, MissionLayer)]
+    parts = [text for layer in others for text in layer.title_parts(has_crs)]
+    return [*parts, *(mission_title(flights) if flights else [])] or ["the raster alone"]

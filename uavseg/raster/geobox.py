@@ -155,6 +155,21 @@ def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, flo
     return GeoBox(shape, transform, None)
 
 
+def azimuthal_geobox(lat: float, lon: float, bounds: tuple[float, float, float, float]) -> GeoBox:
+    """A box in metres around a centre: azimuthal equidistant projection (WGS 84), one pixel, north up.
+
+    Parameters
+    ----------
+    lat, lon : float
+        The centre in degrees.
+    bounds : (left, bottom, right, top)
+        Metres east and north of the centre.
+    """
+    left, bottom, right, top = bounds
+    crs = CRS.from_dict(proj="aeqd", lat_0=lat, lon_0=lon, datum="WGS84", units="m")
+    return GeoBox((1, 1), Affine(right - left, 0.0, left, 0.0, bottom - top, top), crs)
+
+
 def check_metres(geobox: GeoBox) -> None:
     """Check that the coordinates of a map are metres; local coordinates are taken for metres.
 

@@ -1,4 +1,4 @@
-"""Planned missions, not random items: what the planner writes is read by MAVSDK and mavwp, and passes its check."""
+"""Planned missions, not random items: MAVSDK and mavwp read them, and the check refuses nothing."""
 
 import math
 from pathlib import Path
@@ -62,8 +62,14 @@ def dem(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(("pattern", "trigger", "autopilot", "terrain"), CASES)
 def test_independent_readers_find_every_item_and_the_check_refuses_nothing(
-    mavsdk_reader: Any, dem: Path, tmp_path: Path, pattern: str, trigger: str, autopilot: str, terrain: str | None
-) -> None:  # fmt: skip
+    mavsdk_reader: Any,
+    dem: Path,
+    tmp_path: Path,
+    pattern: str,
+    trigger: str,
+    autopilot: str,
+    terrain: str | None,
+) -> None:
     mission = planned(pattern, trigger, autopilot, terrain, dem)
     frames = {item.frame for item in mission.items if item.has_position}
     assert FRAMES[terrain] in frames

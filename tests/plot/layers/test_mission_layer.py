@@ -7,6 +7,9 @@ import pytest
 
 from tests.plot.pictures import NORTH_UP, UTM, a_mission, colored, middle_of, write
 from uavseg.flight import files
+from uavseg.flight.items import HomePosition, MissionItem
+from uavseg.flight.mission import Mission
+from uavseg.plot.frame import Frame
 from uavseg.plot.layers import mission_layer
 from uavseg.plot.preview import preview
 from uavseg.raster.geobox import GeoBox
@@ -36,3 +39,16 @@ def test_a_mission_is_drawn_where_it_flies(suffix: str, tmp_path: Path) -> None:
     body = mask[: int(0.8 * len(mask))]  # without the legend
     row, col = middle_of(body)
     assert 0.1 < row < 0.45 and 0.1 < col < 0.4
+
+
+def test_lines_with_photographs_and_single_photographs_are_known() -> None:
+    waypoint = [MissionItem(16, 3, (0.0, 0.0, 0.0, None), 44.2, -76.5 + 0.001 * k, 50.0) for k in range(5)]
+    start, stop = MissionItem(206, 2, (9.0, 0.0, 1.0, 0.0)), MissionItem(206, 2, (0.0, 0.0, 0.0, 0.0))
+    shot, back = MissionItem(2000, 2, (0.0, 0.0, 1.0, 0.0)), MissionItem(20, 2)
+    up = MissionItem(22, 3, (0.0, 0.0, 0.0, None), 0.0, 0.0, 50.0)
+    items = (up, waypoint[0], start, waypoint[1], waypoint[2], stop, waypoint[3], shot, waypoint[4], back)
+    frame = Frame(GeoBox((200, 200), NORTH_UP, UTM))
+    layer = mission_layer.MissionLayer.of(Mission(HomePosition(44.2, -76.5), items), frame)
+    assert layer.is_line.tolist() == [False, False, True, True, False, False, False]
+    assert np.flatnonzero(layer.has_shot).tolist() == [2, 5]  # where the line starts, and the single one
+    assert layer.returns and len(layer.path) == 8

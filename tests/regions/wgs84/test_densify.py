@@ -2,9 +2,11 @@
 
 import numpy as np
 import pyproj
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uavseg.errors import OutputError
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.wgs84.antimeridian import densify_edges
 
@@ -55,3 +57,9 @@ def test_short_edges_are_left_alone() -> None:
     flat = ring([(x, y), (x + 10, y), (x, y - 10)])
     dense = densify_edges(flat, degrees(flat.vertices), 1.0, RADIUS, degrees)
     assert np.array_equal(dense.vertices, degrees(flat.vertices))
+
+
+def test_edges_that_are_far_too_long_are_refused_before_they_are_divided() -> None:
+    flat = ring([(0.0, 5e6), (1e13, 5e6), (0.0, 5.1e6)])
+    with pytest.raises(OutputError, match=r"edges of up to 1e\+13 map units, which is too long"):
+        densify_edges(flat, np.zeros((len(flat.vertices), 2)) + 45, 0.1, RADIUS, degrees)

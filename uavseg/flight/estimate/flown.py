@@ -48,6 +48,10 @@ class FlownPath:
     photographs : (n - 1,) int64 array
         Photographs on each leg; those taken while waiting count on the leg before.
     return_hold_s, landing_s : float
+    is_line : (n - 1,) bool array
+        Whether photographs are taken along the leg, by distance or time.
+    has_shot : (n,) bool array
+        Whether a single photograph is taken at the position.
     """
 
     xyz_m: Floats
@@ -58,6 +62,8 @@ class FlownPath:
     photographs: NDArray[np.int64]
     return_hold_s: float
     landing_s: float
+    is_line: NDArray[np.bool_]
+    has_shot: NDArray[np.bool_]
 
     @property
     def length_m(self) -> Floats:
@@ -187,6 +193,8 @@ def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
         _photographs(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:]),
         vehicle.return_hold_s if ends == "return" else 0.0,
         landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,
+        np.array([any(trigger) for trigger in walk.trigger], np.bool_),
+        np.array([False, *(shots > 0 for shots in walk.shots)], np.bool_),
     )
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg.flight.estimate.vehicle import default_vehicle
 from uavseg.flight.params import PlanParams
-from uavseg.flight.terrain.params import TerrainParams
+from uavseg.flight.terrain.params import FRAME, TerrainParams
 from uavseg.flight.terrain.profile import Profile, profile_along
 from uavseg.flight.terrain.selection import limit_slopes, points_within
 from uavseg.raster.elevation.dem import Dem
@@ -70,28 +70,95 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, terrain: Te
     profile = profile_along(dem, lon, lat, GAP * tolerance_m)
     slowest = min(SLOWEST_M_S, params.speed_m_s)
     climb, descent = rates_m_s(params, terrain)
+    early = terrain.mode != FRAME and _climbs_early(params)
+    rates = Rates(climb, descent, params.speed_m_s)
     limited = limit_slopes(profile.along_m, profile.upper_m, climb / slowest, descent / slowest)
     target = limited + params.altitude_m
     chosen = [np.zeros(1, np.int64)]
     for start, end in zip(profile.corners[:-1].tolist(), profile.corners[1:].tolist(), strict=True):
         part = slice(start, end + 1)
-        points = points_within(profile.along_m[part], target[part], (1 - GAP) * tolerance_m)
+        at, height = profile.along_m[part], target[part]
+        points = (
+            points_climbed_early(at, height, (1 - GAP) * tolerance_m, rates)
+            if early
+            else points_within(at, height, (1 - GAP) * tolerance_m)
+        )
         chosen.append(start + np.array(points[1:], np.int64))
     found = np.concatenate(chosen)
     length, rise = np.diff(profile.along_m[found]), np.diff(target[found])
-    return Flown(profile, target, found, _speeds(length, rise, params, terrain))
+    return Flown(profile, target, found, rates.speeds(length, rise))
+
+
+def _climbs_early(params: PlanParams) -> bool:
+    """Whether the vehicle approaches the height of the next waypoint at once, and not along the leg.
+
+    PX4 computes the velocities over ground and in height independently of each other (PositionSmoothing.cpp,
+    since 2025); ArduCopter follows the straight line.
+    """
+    return params.autopilot != "ardupilot"
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """How fast a vehicle climbs, descends, and flies where it is not slowed down."""
+
+    climb_m_s: float
+    descent_m_s: float
+    speed_m_s: float
+
+    def speeds(self, length_m: Floats, rise_m: Floats) -> Floats:
+        """The speed on each leg: that of the mission, or a lower one where the vehicle could not follow."""
+        rate = np.where(rise_m > 0, self.climb_m_s, self.descent_m_s)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            most = np.where(np.abs(rise_m) > 1e-6, length_m * rate / np.abs(rise_m), np.inf)
+        stepped = np.floor(most / SPEED_STEP_M_S + 1e-6) * SPEED_STEP_M_S
+        slowest = min(SLOWEST_M_S, self.speed_m_s)
+        return np.where(most >= self.speed_m_s, self.speed_m_s, np.maximum(stepped, slowest))
+
+
+def points_climbed_early(along_m: Floats, height_m: Floats, tolerance_m: float, rates: Rates) -> list[int]:
+    """Samples between which a vehicle stays within a tolerance, on the straight line and climbing early.
+
+    It climbs or descends at the beginning of each leg until the height of its end is reached. Each leg is as
+    long as possible; one between neighbouring samples is always flown.
+
+    Parameters
+    ----------
+    along_m, height_m : (n,) float64 arrays
+        Distance along the way and height of all samples, before they are simplified.
+    tolerance_m : float
+    rates : Rates
+
+    Examples
+    --------
+    >>> at = np.arange(0.0, 101, 10)
+    >>> points_climbed_early(at, 0.1 * at, 4.0, Rates(3, 1.5, 5))
+    [0, 5, 10]
+    """
+    last, found = len(along_m) - 1, [0]
+    while found[-1] < last:
+        first = end = found[-1]
+        while end < last:
+            leg = slice(first, end + 2)
+            if not _is_within(
+                along_m[leg] - along_m[first], height_m[leg] - height_m[first], tolerance_m, rates
+            ):
+                break
+            end += 1
+        found.append(max(end, first + 1))
+    return found
+
+
+def _is_within(way_m: Floats, climbed_m: Floats, tolerance_m: float, rates: Rates) -> bool:
+    """Whether a leg from the first of these samples to the last is within the tolerance of all."""
+    rise, length = float(climbed_m[-1]), float(way_m[-1])
+    speed = rates.speeds(way_m[-1:], climbed_m[-1:])
+    slope = (rates.climb_m_s if rise > 0 else rates.descent_m_s) / speed
+    early = np.minimum(way_m * slope, abs(rise)) * np.sign(rise)
+    straight = way_m / length * rise if length > 0 else early
+    return bool(max(np.abs(early - climbed_m).max(), np.abs(straight - climbed_m).max()) <= tolerance_m)
 
 
 def rates_m_s(params: PlanParams, terrain: TerrainParams) -> tuple[float, float]:
     """How fast the vehicle climbs and descends on a leg."""
     return terrain.rates_m_s(params.vehicle or default_vehicle(params.autopilot))
-
-
-def _speeds(length: Floats, rise: Floats, params: PlanParams, terrain: TerrainParams) -> Floats:
-    """The speed on each leg: that of the mission, or a lower one where the vehicle could not follow."""
-    rate = np.where(rise > 0, *rates_m_s(params, terrain))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        most = np.where(np.abs(rise) > 1e-6, length * rate / np.abs(rise), np.inf)
-    stepped = np.floor(most / SPEED_STEP_M_S + 1e-6) * SPEED_STEP_M_S
-    slowest = min(SLOWEST_M_S, params.speed_m_s)
-    return np.where(most >= params.speed_m_s, params.speed_m_s, np.maximum(stepped, slowest))

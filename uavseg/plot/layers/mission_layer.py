@@ -1,6 +1,7 @@
-"""Layer of a mission: home, legs with arrows, numbered waypoints."""
+"""Layer of a mission: home, legs with arrows, lines with photographs, numbered waypoints."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,8 @@ from uavseg.plot.frame import Frame
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
 
-_MISSION_COLOR, _HALO_COLOR = "#c4001a", "#ffffff"
+FLIGHT_COLORS = ("#c4001a", "#1457c8", "#8a2be2", "#c25700", "#00796b", "#ad1457", "#5d4037", "#37474f")
+_HALO_COLOR = "#ffffff"
 _MAX_NUMBERS = 60
 _MIN_ARROW_LEG = 26.0  # points: shorter legs have no arrow
 _MIN_NUMBER_DISTANCE = 15.0  # points between two numbers
@@ -30,54 +32,89 @@ class MissionLayer:
         Home, then each position that is flown to; home again at the end if the mission returns.
     numbers : (n,) int64 array
         Number of each position among the waypoints, from 1; 0 for home and takeoff.
+    is_line : (n - 1,) bool array
+        Whether photographs are taken along a leg.
+    has_shot : (n,) bool array
+        Whether a single photograph is taken at a position.
     returns : bool
         Whether the last leg leads home.
     distance_m, duration_s : float
-    items : int
+    items, photographs : int
+    name : str
+        What the legend calls it, beside others; empty if it is alone.
+    color : str
     """
 
     path: Floats
     numbers: NDArray[np.int64]
+    is_line: NDArray[np.bool_]
+    has_shot: NDArray[np.bool_]
     returns: bool
     distance_m: float
     duration_s: float
     items: int
+    photographs: int
+    name: str = ""
+    color: str = FLIGHT_COLORS[0]
 
     @classmethod
-    def of(cls, mission: "Mission | str | os.PathLike[str]", frame: Frame) -> "MissionLayer":
-        """A mission, or one in a .plan or .waypoints file."""
-        from uavseg.flight import files
+    def of(
+        cls, mission: "Mission", frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]
+    ) -> "MissionLayer":
+        """A mission as it lies in a picture."""
+        from uavseg.flight.estimate.flown import flown_path
+        from uavseg.flight.estimate.vehicle import default_vehicle
         from uavseg.flight.items import LANDINGS, RETURN, TAKEOFFS
 
-        flight = files.read_mission(mission) if isinstance(mission, str | os.PathLike) else mission
-        lat, lon, _ = flight.path
-        flown = [item for item in flight.items if item.has_position or item.command == RETURN]
+        lat, lon, _ = mission.path
+        flown = [item for item in mission.items if item.has_position or item.command == RETURN]
         aside = {*TAKEOFFS, RETURN, *LANDINGS}
         counts = np.array([False] + [item.command not in aside for item in flown])
+        estimate = mission.estimate
+        legs = flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
         return cls(
             frame.plot_from_lonlat(lon, lat),
             np.where(counts, np.cumsum(counts), 0),
+            np.r_[legs.is_line, np.zeros(len(lat), bool)][: len(lat) - 1],
+            np.r_[legs.has_shot, np.zeros(len(lat), bool)][: len(lat)],
             bool(flown) and flown[-1].command == RETURN,
-            flight.distance_m,
-            flight.duration_s,
-            len(flight.items),
+            estimate.distance_m,
+            estimate.duration_s,
+            len(mission.items),
+            estimate.photographs,
+            name,
+            color,
         )
 
     def title_parts(self, has_crs: bool) -> list[str]:
-        """Number of items, length and duration."""
-        minutes = max(round(self.duration_s / 60), 1)
-        return [f"mission of {self.items} items, {self.distance_m / 1000:.2g} km, about {minutes} min"]
+        """Number of items, length, duration and photographs."""
+        return mission_title([self])
 
     def draw(self, ax: Any, point: float) -> None:
         """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
-        outward = self.path[:-1] if self.returns else self.path
-        ax.plot(*outward.T, color=_HALO_COLOR, lw=3.0, alpha=0.85, solid_joinstyle="round", zorder=5)
-        ax.plot(*outward.T, color=_MISSION_COLOR, lw=1.3, solid_joinstyle="round", zorder=5.2, label="flight")
-        if self.returns:
-            ax.plot(*self.path[-2:].T, color=_HALO_COLOR, lw=3.0, alpha=0.6, zorder=5)
-            ax.plot(
-                *self.path[-2:].T, color=_MISSION_COLOR, lw=1.2, ls=(0, (4, 2.5)), zorder=5.2, label="return"
-            )
+        from matplotlib.collections import LineCollection
+
+        legs = np.stack([self.path[:-1], self.path[1:]], axis=1)
+        back = np.arange(len(legs)) == len(legs) - 1 if self.returns else np.zeros(len(legs), bool)
+        ways = ~self.is_line & ~back
+        flight = self.name or "flight"
+        kinds: list[tuple[NDArray[np.bool_], str, float, Any]] = [
+            (self.is_line, f"{flight}, with photographs", 2.0, "solid"),
+            (ways, flight, 1.0 if self.is_line.any() else 1.3, "solid"),
+            (back, "" if self.name else "return", 1.1, (0, (4, 2.5))),
+        ]
+        for chosen, label, width, dashes in kinds:
+            if chosen.any():
+                ends = {"capstyle": "round"} if dashes == "solid" else {}
+                halo = LineCollection(
+                    list(legs[chosen]), color=_HALO_COLOR, lw=width + 1.7, alpha=0.8, zorder=5
+                )
+                line = LineCollection(
+                    list(legs[chosen]), color=self.color, lw=width, ls=dashes, zorder=5.2, **ends
+                )
+                line.set_label(label or None)
+                ax.add_collection(halo)
+                ax.add_collection(line)
         self._draw_arrows(ax, point)
         self._draw_places(ax, point)
 
@@ -86,7 +123,7 @@ class MissionLayer:
 
         heads = arrow_heads(self.path, _MIN_ARROW_LEG * point, 7.0 * point)
         ax.add_collection(
-            PolyCollection(list(heads), facecolor=_MISSION_COLOR, edgecolor=_HALO_COLOR, lw=0.6, zorder=5.4)
+            PolyCollection(list(heads), facecolor=self.color, edgecolor=_HALO_COLOR, lw=0.6, zorder=5.4)
         )
 
     def _draw_places(self, ax: Any, point: float) -> None:
@@ -96,20 +133,23 @@ class MissionLayer:
             *points.T,
             s=size,
             color=_HALO_COLOR,
-            edgecolor=_MISSION_COLOR,
+            edgecolor=self.color,
             lw=1.0,
             zorder=5.6,
-            label="waypoint",
+            label=None if self.name else "waypoint",
         )
+        shots = self.path[self.has_shot & ~np.r_[self.is_line, False]]
+        if len(shots):
+            ax.scatter(*shots.T, s=8, color=self.color, zorder=5.7, label="photograph")
         ax.scatter(
             *self.path[:1].T,
             s=110,
             marker="s",
-            color=_MISSION_COLOR,
+            color=self.color,
             edgecolor=_HALO_COLOR,
             lw=1.2,
             zorder=6,
-            label="home",
+            label=None if self.name else "home",
         )
         ax.text(
             *self.path[0],
@@ -134,12 +174,56 @@ class MissionLayer:
                 y,
                 str(self.numbers[n]),
                 size=6.5,
-                color=_MISSION_COLOR,
+                color=self.color,
                 weight="bold",
                 zorder=6.2,
                 clip_on=True,
             )
             text.set_path_effects(halo)
+
+
+def mission_layers(missions: Sequence[tuple[str, "Mission"]], frame: Frame) -> list[MissionLayer]:
+    """Layers of missions with their names, each in a colour of its own."""
+    alone = len(missions) == 1
+    return [
+        MissionLayer.of(mission, frame, "" if alone else name, FLIGHT_COLORS[n % len(FLIGHT_COLORS)])
+        for n, (name, mission) in enumerate(missions)
+    ]
+
+
+def read_missions(given: Any) -> list[tuple[str, "Mission"]]:
+    """Names and missions of a mission or a sequence of them, missions or files.
+
+    Raises
+    ------
+    MissionError
+        If a file cannot be read, or there is none.
+    """
+    from pathlib import Path
+
+    from uavseg.errors import MissionError
+    from uavseg.flight.files import read_mission
+
+    parts = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    if not parts:
+        raise MissionError("there is no mission to draw; give at least one")
+    found = []
+    for number, part in enumerate(parts, start=1):
+        if isinstance(part, str | os.PathLike):
+            found.append((Path(part).stem, read_mission(part)))
+        else:
+            found.append((part.name or f"flight {number}", part))
+    return found
+
+
+def mission_title(layers: Sequence[MissionLayer]) -> list[str]:
+    """What flights take together: items, length, duration, photographs."""
+    items, shots = sum(one.items for one in layers), sum(one.photographs for one in layers)
+    minutes = max(round(sum(one.duration_s for one in layers) / 60), 1)
+    what = "mission" if len(layers) == 1 else f"{len(layers)} flights"
+    km = sum(one.distance_m for one in layers) / 1000
+    photographs = [f"{shots:,} photograph{'s' * (shots != 1)}"] if shots else []
+    return [", ".join([f"{what} of {items} items, {km:.2g} km, about {minutes} min", *photographs])]
 
 
 def arrow_heads(path: Floats, min_leg: float, size: float) -> Floats:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from uavseg.plot.frame import Frame
+from uavseg.plot.layers.fence_layer import FenceLayer
 from uavseg.plot.layers.leaves_layer import LeavesLayer
 from uavseg.plot.layers.levels_layer import LevelsLayer
-from uavseg.plot.layers.mission_layer import MissionLayer
+from uavseg.plot.layers.mission_layer import mission_layers, read_missions
 from uavseg.plot.layers.path_layer import PathLayer
 from uavseg.plot.layers.region_layer import RegionLayer
 from uavseg.plot.layers.states_layer import StatesLayer
@@ -49,13 +50,15 @@ def make_layers(sources: LayerSources, frame: Frame, max_side: int) -> list[Laye
         Rasters are read with at most this many rows and columns.
     """
     levels, states, leaves = sources.levels, sources.states, sources.leaves
-    regions, path, mission = sources.regions, sources.path, sources.mission
+    regions, path = sources.regions, sources.path
+    flights = None if sources.mission is None else read_missions(sources.mission)
     layers: list[Layer | None] = [
         None if levels is None else LevelsLayer.of(levels, frame),
         None if states is None else StatesLayer.of(states, frame, max_side),
         None if leaves is None else LeavesLayer.of(leaves, frame, max_side),
         None if regions is None else RegionLayer.of(regions, frame),
         None if path is None else PathLayer.of(path, frame),
-        None if mission is None else MissionLayer.of(mission, frame),
+        None if flights is None else FenceLayer.of([mission for _, mission in flights], frame),
     ]
-    return [layer for layer in layers if layer is not None]
+    there = [layer for layer in layers if layer is not None]
+    return there if flights is None else [*there, *mission_layers(flights, frame)]
