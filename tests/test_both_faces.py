@@ -13,6 +13,7 @@ import geopandas
 import numpy as np
 import pytest
 import rasterio
+import shapely
 from affine import Affine
 from click.testing import CliRunner
 
@@ -110,6 +111,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         Path("weak.json").write_text('{"hover_w": 900, "cruise_w": 800, "battery_wh": 9}')
         geopandas.read_file("regions.gpkg").head(2).to_file("two.gpkg", layer="a")
         geopandas.read_file("regions.gpkg").tail(2).to_file("two.gpkg", layer="b")
+        far = shapely.Point(-76.2708, 45.1511).buffer(8e-5)
+        geopandas.GeoDataFrame({"id": [1]}, geometry=[far], crs=4326).to_file("zone.geojson")
         yield Path()
 
 
@@ -123,6 +126,8 @@ def options(words: Words) -> list[str]:
         option = f"--{word.replace('_', '-')}"
         if value is True:
             found.append(option)
+        elif isinstance(value, list) and value and isinstance(value[0], tuple):
+            found += [part for one in value for part in (option, ",".join(map(repr, one)))]
         elif isinstance(value, tuple | list):
             found += [option, ",".join(map(repr, value))]
         else:
@@ -476,6 +481,27 @@ FLIGHT: Words = {"altitude": 60, "home": "auto"}
         ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain_tolerance": 99.0}),
         ("regions.gpkg", FLIGHT | {"dem": "missing.tif"}),
         ("regions.gpkg", FLIGHT | {"dem": "tile.tif"}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": "zone.geojson", "avoid_margin": 4.0}),
+        ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": (0.0, 0.2), "raster": "tile.tif"}),
+        ("regions.geojson", FLIGHT | {"raster": "tile.tif"}),
+        ("regions.geojson", FLIGHT | {"raster": "tile.tif", "allow_edge": True}),
+        ("regions.geojson", FLIGHT | {"raster": "blocks.tif", "largest": 2}),
+        ("regions.geojson", FLIGHT | {"avoid": (0.0, 0.2)}),
+        ("regions.geojson", FLIGHT | {"avoid": (0.0, 0.001), "raster": "tile.tif"}),
+        ("regions.geojson", FLIGHT | {"avoid": "missing.geojson"}),
+        ("regions.geojson", FLIGHT | {"avoid_margin": -1.0}),
+        ("regions.geojson", FLIGHT | {"endurance": 99.0, "reserve": 10.0}),
+        ("regions.geojson", FLIGHT | {"endurance": 1.0}),
+        ("regions.geojson", FLIGHT | {"max_items": 5}),
+        ("regions.geojson", FLIGHT | {"fence": "none"}),
+        ("regions.geojson", FLIGHT | {"fence": 20.0}),
+        ("regions.geojson", FLIGHT | {"rally": [(45.1447, -76.2697, 30.0)]}),
+        ("regions.geojson", FLIGHT | {"rally": [(45.3, -76.2715, 30.0)]}),
+        ("regions.geojson", FLIGHT | {"max_distance": 5.0}),
+        ("regions.geojson", FLIGHT | {"max_distance": 5000.0}),
+        ("regions.geojson", FLIGHT | {"altitude": 150, "max_altitude": 160.0}),
+        ("regions.geojson", FLIGHT | {"altitude": 150}),
+        ("regions.geojson", FLIGHT | {"altitude": 12, "max_altitude": 12.0, "autopilot": "px4"}),
         ("missing.geojson", FLIGHT),
         ("tile.tif", FLIGHT),
     ],
@@ -489,8 +515,52 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     expected = Answer(expected.content, expected.warnings - north)
 
     def planned() -> bytes:
-        planned = uavseg.plan(source, **words)
+        planned = uavseg.plan(source, **(words | {"fence": None} if words.get("fence") == "none" else words))
         return written(planned.write, f"python{suffix}")
+
+    assert_equal(in_python(planned), expected)
+
+
+@pytest.mark.parametrize("suffix", [".plan", ".kmz"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"max_items": 12},
+        {"endurance": 6.0, "camera": "phantom 4 rtk", "autopilot": "px4"},
+        {"max_items": 9, "dem": "ground.tif", "raster": "tile.tif"},
+        {"max_items": 14, "avoid": "zone.geojson", "rally": [(45.1447, -76.2697, 30.0)]},
+    ],
+)
+def test_several_flights(words: Words, suffix: str) -> None:
+    words = FLIGHT | {"spacing": 15} | words
+    for old in Path().glob(f"*several*{suffix}"):
+        old.unlink()
+    line = ["regions.geojson", *options(words), "-o", f"several{suffix}"]
+    command = main.get_command(None, "plan")  # type: ignore[arg-type]
+    result = CliRunner().invoke(command, [*line, "--json"])  # type: ignore[arg-type]
+    assert result.exit_code == 0, result.output
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        plan = uavseg.plan("regions.geojson", **words)
+        paths = plan.write(f"in-python-several{suffix}")
+    assert len(paths) > 1
+    theirs = sorted(Path().glob(f"several*{suffix}"))
+    assert [path.read_bytes() for path in theirs] == [path.read_bytes() for path in sorted(paths)]
+    said = {str(one.message) for one in caught if one.category is UserWarning}
+    assert said == told(result.stderr) == set(json.loads(result.stdout)["warnings"])
+    assert {one["items"] for one in json.loads(result.stdout)["flights"]} == {
+        len(mission.items) for mission in plan.missions
+    }
+
+
+@pytest.mark.parametrize("words", [{}, {"allow_edge": True}, {"avoid": (0.0, 0.2)}])
+def test_missions_over_what_is_extracted(words: Words) -> None:
+    line = ["tile.tif", "--range", "0.5,1", "-o", "tiles.geojson", "--overwrite", "--mission", "fly.plan"]
+    expected = on_the_command_line("extract", [*line, *options(FLIGHT | words)], "fly.plan")
+
+    def planned() -> bytes:
+        plan = uavseg.plan("tiles.geojson", raster="tile.tif", **FLIGHT, **words)
+        return written(plan.write, "python.plan")
 
     assert_equal(in_python(planned), expected)
 
@@ -518,7 +588,17 @@ def test_files_of_missions(words: Words, suffix: str) -> None:
     assert_equal(in_python(planned), expected)
 
 
-@pytest.mark.parametrize("words", [{}, {"autopilot": "px4"}, {"autopilot": "generic"}])
+CHECKS: list[Words] = [
+    {},
+    {"autopilot": "px4"},
+    {"autopilot": "generic"},
+    {"avoid": "missing.geojson"},
+    {"max_altitude": 500.0, "max_distance": 5000.0, "avoid_margin": 5.0},
+    {"dem": "missing.tif"},
+]
+
+
+@pytest.mark.parametrize("words", CHECKS)
 @pytest.mark.parametrize("name", ["held.plan", "missing.plan", "held.txt"])
 def test_checks(name: str, words: Words) -> None:
     on_the_command_line("plan", ["regions.geojson", *options(FLIGHT), "-o", "held.plan"], "held.plan")

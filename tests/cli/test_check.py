@@ -5,7 +5,12 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import geopandas
+import numpy as np
 import pytest
+import rasterio
+import shapely
+from affine import Affine
 from click.testing import CliRunner, Result
 
 import uavseg
@@ -93,6 +98,34 @@ def test_what_a_pilot_should_know_is_noted(tmp_path: Path) -> None:
     notes = check(path).stderr
     assert "no takeoff" in notes and "ends in the air" in notes and "150 m above home" in notes
     assert check(path, "-q").output == ""
+
+
+def test_zones_limits_and_ground_are_checked(tmp_path: Path) -> None:
+    lon = np.array([item.lon for item in SURVEY.items if item.has_position])
+    lat = np.array([item.lat for item in SURVEY.items if item.has_position])
+    zone = tmp_path / "zone.geojson"
+    polygons = [shapely.Point(lon.max(), lat.max()).buffer(1e-5)]
+    geopandas.GeoDataFrame({"id": [1]}, geometry=polygons, crs=4326).to_file(zone)
+    path, dem = written(SURVEY, tmp_path / "fly.plan"), tmp_path / "hill.tif"
+    ground = np.full((50, 50), 400, np.float32)
+    ground[:, 25:] = 446
+    how = {"height": 50, "width": 50, "count": 1, "dtype": "float32", "crs": "EPSG:4326"}
+    step = Affine(6e-4, 0, lon.mean() - 0.015, 0, -6e-4, lat.mean() + 0.015)
+    with rasterio.open(dem, "w", "GTiff", transform=step, **how) as file:
+        file.write(ground, 1)
+    for words, said in (
+        (["--avoid", zone], "of a keep-out zone, and at least 10 m are kept"),
+        (["--avoid", zone, "--avoid-margin", "0"], "within 0.0 m of a keep-out zone"),
+        (["--max-altitude", "49"], "50.0 m high, above the 49 m"),
+        (["--max-distance", "20"], "farther than the 20 m"),
+        (["--dem", dem], "above the ground of hill.tif, and at least 5.0 m"),
+        (["--max-altitude", "nan"], "--max-altitude is above 0"),
+        (["--avoid", tmp_path / "none.gpkg"], "none.gpkg does not exist"),
+    ):
+        result = check(path, *words, "-q")
+        assert (result.exit_code, len(result.stderr.splitlines())) == (1, 1) and said in result.stderr
+    assert check(path, "--max-altitude", 51, "--max-distance", 5000).exit_code == 0
+    assert "keep-out zone" in uavseg.check(path, avoid=zone).problems[0]
 
 
 @pytest.mark.parametrize("name", ["none.plan", "fly.txt", "."])

@@ -1,5 +1,7 @@
 """Flights on paper: what a written mission must not do, drawn by hand."""
 
+import re
+
 import numpy as np
 import pytest
 import shapely
@@ -55,6 +57,50 @@ def test_what_is_not_safe_is_refused_and_says_where(
     with pytest.raises(MissionError, match=words):
         PaperCheck(safety, zones).check(mission)
     PaperCheck(SafetyParams(0, max_altitude_m=500), []).check(flight((100, 0)))
+
+
+def rally(east: float, north: float, height: float = 30) -> RallyPoint:
+    lon, lat = shapely.get_coordinates(degrees(shapely.Point(east, north)))[0].tolist()
+    return RallyPoint(lat, lon, height)
+
+
+@pytest.mark.parametrize(
+    ("mission", "safety", "words"),
+    [
+        (
+            flight((100, 0), rally=(rally(45, 12),)),
+            SafetyParams(2),
+            "rally point 1 .* within 0.0 m of a keep-out",
+        ),
+        (
+            flight((100, 0), rally=(rally(0, 9), rally(0, 9, 121))),
+            SafetyParams(2),
+            "rally point 2 .* 121.0 m high",
+        ),
+        (
+            flight((100, 0), rally=(rally(0, 150),)),
+            SafetyParams(2, max_distance_m=120.0),
+            "rally .* 150 m from home",
+        ),
+        (
+            flight((100, 0), fence=(polygon(AROUND),), rally=(rally(0, 301),)),
+            SafetyParams(2),
+            r"rally point 1 .* outside of the fence \(shape 1\)",
+        ),
+        (
+            flight((100, 0), fence=(polygon(AROUND), FenceCircle(47, 8, 90))),
+            SafetyParams(2),
+            r"leaves the fence \(shape 2\)",  # each inclusion holds, not their union
+        ),
+    ],
+)
+def test_rally_points_and_every_inclusion_are_checked(
+    mission: Mission, safety: SafetyParams, words: str
+) -> None:
+    found = list(PaperCheck(safety, [box(40, 5, 20, 20)]).problems(mission))
+    assert len(found) == 1 and re.search(words, found[0])
+    good = flight((100, 0), fence=(polygon(AROUND),), rally=(rally(0, 40), rally(-20, -20, 60)))
+    assert not list(PaperCheck(SafetyParams(2), [box(40, 5, 20, 20)]).problems(good))
 
 
 def test_the_fence_leads_around_the_flight_and_is_left_out_on_request() -> None:

@@ -80,7 +80,7 @@ def test_a_line_that_is_longer_than_a_flight_is_flown_in_parts() -> None:
 
 def test_what_fits_into_no_flight_is_refused() -> None:
     far = route(np.array([[10.0, 0.0], [900.0, 0.0]]))
-    with pytest.raises(MissionError, match=r"needs more than 30\.2 min.* 20\.0 min .* --endurance"):
+    with pytest.raises(MissionError, match=r"needs more than 30\.2 min, .* 20\.0 min .* --endurance"):
         split_route(far, limits(1200))
 
 

@@ -88,4 +88,5 @@ def _mission(
         vehicle=params.vehicle,
         photos=params.photos,
         ground=path.ground,
+        endurance_s=None if params.limits.endurance_min is None else 60 * params.limits.endurance_min,
     )

@@ -72,6 +72,8 @@ class Mission:
         How it photographs, for estimates.
     ground : Ground, optional
         The ground below it, where the planner knows it; neither compared nor written to files.
+    endurance_s : float, optional
+        Time in the air on a full battery, where the planner knows it; neither compared nor written to files.
 
     Raises
     ------
@@ -93,6 +95,7 @@ class Mission:
     vehicle: Vehicle | None = field(default=None, compare=False)
     photos: Photos | None = field(default=None, compare=False)
     ground: Ground | None = field(default=None, compare=False)
+    endurance_s: float | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.autopilot not in AUTOPILOTS:
@@ -189,7 +192,7 @@ class Mission:
                 return []
             share = f"{100 * flight.battery:.0f} %"
             return [f"the flight takes {share} of a battery without wind: split the mission"]
-        if flight.duration_s <= LONG_FLIGHT_S:
+        if flight.duration_s <= (LONG_FLIGHT_S if self.endurance_s is None else self.endurance_s):
             return []
         return [f"about {flight.duration_s / 60:.0f} min in the air: few multirotors fly 30 min on a battery"]
 

@@ -56,12 +56,12 @@ def write_flights(
     """
     paths = flight_paths(path, len(missions))
     how = options or FileOptions()
+    other = left_over(path, len(missions))
     with transaction():
         for mission, one in zip(missions, paths, strict=True):
             write_mission(
                 mission, one, overwrite, check.check, editable=how.editable, dji_model=how.dji_model
             )
-    other = left_over(path, len(missions))
     if other is not None:
         warnings.warn(other, stacklevel=2)
     return paths

@@ -15,6 +15,7 @@ from uavseg.flight.plane import Plane, plane_around
 
 Floats = NDArray[np.float64]
 
+MAX_LISTED = 10  # places in a message
 LEAST_SHARE = 0.01  # of a region: what zones leave of it in smaller pieces is not flown
 
 
@@ -84,6 +85,7 @@ def _place(point: tuple[float, float], plane: Plane) -> str:
 def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[RegionPart], list[str]]:
     """What keep-out zones leave of regions, and a note of what they take."""
     found, taken_m2 = [], 0.0
+    lost: list[str] = []
     for part in parts:
         left = keep_out.left_of(part.polygon)
         pieces = [
@@ -92,12 +94,16 @@ def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[Region
             if piece.geom_type == "Polygon" and piece.area >= LEAST_SHARE * part.polygon.area
         ]
         if not pieces:
-            raise MissionError(
-                f"the region at {part.place} lies in a keep-out zone or its margin; leave it out, or use a "
-                "smaller --avoid-margin"
-            )
+            lost.append(part.place)
         taken_m2 += part.polygon.area - sum(piece.area for piece in pieces)
         found += [replace(part, polygon=piece, point=_point_in(piece, part.point)) for piece in pieces]
+    if lost:
+        more = f" and {len(lost) - MAX_LISTED} more" if len(lost) > MAX_LISTED else ""
+        which = "the region at" if len(lost) == 1 else f"{len(lost)} regions, at"
+        raise MissionError(
+            f"{which} {'; '.join(lost[:MAX_LISTED])}{more}, lie{'s' * (len(lost) == 1)} in a keep-out zone "
+            "or its margin; leave out what is not to be flown, or use a smaller --avoid-margin"
+        )
     if taken_m2 < 0.5:
         return found, []
     share = taken_m2 / sum(part.polygon.area for part in parts)

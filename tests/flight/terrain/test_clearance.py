@@ -1,5 +1,6 @@
 """The heights of a complete mission above the ground of a DEM."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from tests.flight.terrain.dems import HOME, cone, draw, hills, plane
 from tests.flight.terrain.flights import PLANE, flown, follow, track
 from uavseg.errors import MissionError
 from uavseg.flight.along import items_along
+from uavseg.flight.fence import RallyPoint
 from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, RETURN, HomePosition, MissionItem
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
@@ -70,6 +72,18 @@ def test_a_hill_between_two_waypoints_or_on_the_way_back_is_seen(tmp_path: Path)
             with pytest.raises(MissionError, match=r"is 1\d\.\d m above the ground"):
                 Clearance(dem, 55).check(mission(path, frame, [zero + 60] * 2), 120)
     Clearance(dem, 55).check(mission([(300, 0), (300, 300)], FRAME_AMSL, [460] * 2), 120)
+
+
+def test_rally_points_keep_above_their_own_ground(tmp_path: Path) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", cone(50, 120, 500, 0)))
+    lon, lat = (float(v) for v in PLANE.lonlat_from_xy(500, 0))
+    flight = mission([(300, 0), (300, 300)], FRAME_AMSL, [460] * 2)
+    for height_m, words in ((40, ["and at least 5.0 m"]), (70, []), (190, ["--max-altitude"])):
+        found = list(
+            Clearance(dem, 55).problems(replace(flight, rally=(RallyPoint(lat, lon, height_m),)), 120)
+        )
+        assert [word in text for word, text in zip(words, found, strict=True)] == [True] * len(words)
+        assert all("rally point 1" in text for text in found)
 
 
 def test_a_mission_without_takeoff_starts_at_the_ground_of_home(tmp_path: Path) -> None:
