@@ -31,7 +31,7 @@ def test_photographs_in_hover_overlap_along_the_line(
     assert np.allclose(stops[0], corners[0]) and np.allclose(stops[-1], corners[-1])
     assert (np.hypot(*np.diff(stops, axis=0).T) <= every + 1e-6).all()
     assert (line.hold_s[line.shots] == HOVER_S).all() and not line.hold_s[~line.shots].any()
-    assert line.length_m == pytest.approx(Track.of_path(np.array(corners)).length_m)
+    assert line.length_m == pytest.approx(Track.of_path(np.array(corners)).length_m, abs=0.01 * len(corners))
     assert line.is_line.all() and not line.trigger_m.any()
 
 

@@ -8,6 +8,7 @@ from tests.hostile.sandbox import MEMORY, PATIENCE_S, Outcome
 
 LONGEST = 600  # characters of a message
 SLOW_S = 8.0
+_ESTIMATE = re.compile(r"flight +km +time |.* \d+\.\d\d +\d+:\d\d +\d+:\d\d ")  # the table of a plan
 _SAID = re.compile(  # what a command says on stderr beside its errors
     r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: \d+ regions?, \d+ items|"
     r" *kept out of [\d,]+ cells| *G per pixel |uavseg: interrupted"
@@ -90,7 +91,11 @@ def _judge_text(err: str, code: int) -> list[Finding]:
         others = [line for line in lines if not line.startswith(("Error: ", "  ", "uavseg: "))]
     else:
         errors = [line for line in lines if line.startswith("uavseg: error: ")]
-        others = [line for line in lines if not line.startswith("uavseg: error: ") and not _SAID.match(line)]
+        others = [
+            line
+            for line in lines
+            if not (line.startswith("uavseg: error: ") or _SAID.match(line) or _ESTIMATE.match(line))
+        ]
     if code not in (0, 1, 2):
         found.append(Finding("CODE", str(code), err[-300:]))
     if len(errors) != (code != 0):

@@ -7,6 +7,7 @@ folders, each folder has its own staging folder and journal: an error undoes all
 killed between the renames of two folders leaves one folder new and the other as it was.
 """
 
+import warnings
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from contextvars import ContextVar
@@ -149,8 +150,21 @@ class Transaction:
                 source.replace(place)
             else:
                 put_new(source, place)
-        if self._sync:
+            if self._sync:
+                self._sync_single(stage, place, bool(journal.old))
+
+    def _sync_single(self, stage: Stage, place: Path, replaced: bool) -> None:
+        """Sync the name of the only file; a new one goes where that fails, one that is replaced has gone."""
+        try:
             sync_folder(stage.home)
+        except OSError as error:
+            if not replaced:
+                place.unlink()
+                raise
+            warnings.warn(
+                f"{place} was replaced, but its folder could not be synced to disk ({error.strerror})",
+                stacklevel=2,
+            )
 
     def _journal(self, stage: Stage) -> Journal:
         """The renames of one folder: main files go first and come last."""

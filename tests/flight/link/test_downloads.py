@@ -53,7 +53,7 @@ def test_a_mission_of_a_generic_vehicle_is_read_as_one_for_the_autopilot_whose_r
         assert found.autopilot == autopilot
         assert any("generic" in note for note in found.notes) == (autopilot != "generic")
     vehicle.stored[0][3] = replace(vehicle.stored[0][3], frame=10)  # which PX4 refuses, as ArduPilot the gate
-    with pytest.raises(MissionError, match="cannot be used: ArduPilot does not know command 4501"):
+    with pytest.raises(MissionError, match="cannot be used: item 13: ArduPilot does not know command 4501"):
         download_mission(linked(Network([vehicle])))
 
 
