@@ -28,7 +28,8 @@ def valid_ground(source: Source) -> IsGround | None:
 
 
 def _is_valid(dataset: Dataset, x: float, y: float) -> bool:
-    col, row = ~dataset.geobox.transform * (x, y)
+    t = ~dataset.geobox.transform
+    col, row = t.a * x + t.b * y + t.c, t.d * x + t.e * y + t.f
     rows, cols = dataset.geobox.shape
     if not (0 <= row < rows and 0 <= col < cols):
         return False
