@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.plane import Plane
-from uavseg.flight.track import HOVER_S, Track
+from uavseg.flight.track import HOVER_S, SAME_PLACE_M, Track
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5)
 RING = np.array([[0, 0], [100, 0], [100, 60], [0, 60], [0, 0.0]])
@@ -31,7 +31,10 @@ def test_photographs_in_hover_overlap_along_the_line(
     assert np.allclose(stops[0], corners[0]) and np.allclose(stops[-1], corners[-1])
     assert (np.hypot(*np.diff(stops, axis=0).T) <= every + 1e-6).all()
     assert (line.hold_s[line.shots] == HOVER_S).all() and not line.hold_s[~line.shots].any()
-    assert line.length_m == pytest.approx(Track.of_path(np.array(corners)).length_m, abs=0.01 * len(corners))
+    left_out_m = (
+        Track.of_path(np.array(corners)).length_m - line.length_m
+    )  # of corners that are stops, or nearly
+    assert -1e-6 <= left_out_m <= 2 * SAME_PLACE_M * len(corners)
     assert line.is_line.all() and not line.trigger_m.any()
 
 
