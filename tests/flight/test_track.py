@@ -28,7 +28,7 @@ def test_photographs_in_hover_overlap_along_the_line(
 ) -> None:
     line = Track.with_photos(np.array(corners), Photos(CAMERA, trigger="hover"), every)
     stops = line.xy[line.shots]
-    assert np.allclose(stops[0], corners[0]) and np.allclose(stops[-1], corners[-1])
+    assert (np.hypot(*(stops[[0, -1]] - np.array(corners)[[0, -1]]).T) <= SAME_PLACE_M).all()
     assert (np.hypot(*np.diff(stops, axis=0).T) <= every + 1e-6).all()
     assert (line.hold_s[line.shots] == HOVER_S).all() and not line.hold_s[~line.shots].any()
     left_out_m = (
