@@ -99,10 +99,11 @@ def clear_parts(parts: list[RegionPart], keep_out: KeepOut) -> tuple[list[Region
         found += [replace(part, polygon=piece, point=_point_in(piece, part.point)) for piece in pieces]
     if lost:
         more = f" and {len(lost) - MAX_LISTED} more" if len(lost) > MAX_LISTED else ""
-        which = "the region at" if len(lost) == 1 else f"{len(lost)} regions, at"
+        places = "; ".join(lost[:MAX_LISTED]) + more
+        which = f"the region at {places} lies" if len(lost) == 1 else f"{len(lost)} regions lie ({places})"
         raise MissionError(
-            f"{which} {'; '.join(lost[:MAX_LISTED])}{more}, lie{'s' * (len(lost) == 1)} in a keep-out zone "
-            "or its margin; leave out what is not to be flown, or use a smaller --avoid-margin"
+            f"{which} in a keep-out zone or its margin; leave out what is not to be flown, or use a smaller "
+            "--avoid-margin"
         )
     if taken_m2 < 0.5:
         return found, []

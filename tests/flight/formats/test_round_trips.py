@@ -16,6 +16,7 @@ from uavseg.flight.items import HEADING_COMMANDS, MissionItem
 from uavseg.flight.mission import CRUISE_M_S, Mission
 
 DEGREES = 1e-7
+pytestmark = pytest.mark.slow
 
 
 def read_back(mission: Mission, folder: Path, suffix: str) -> Mission:

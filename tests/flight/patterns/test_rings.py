@@ -37,9 +37,10 @@ def test_rings_lie_at_the_offset_within_the_tolerance(
 def test_no_leg_is_shorter_or_it_is_reported(field: shapely.Polygon, min_leg: float) -> None:
     found = offset_rings(field, PerimeterParams(), 0.5, min_leg)
     [ring] = found.rings
-    assert len(ring) >= 4 and np.array_equal(ring[0], ring[-1])
+    is_sliver = field.area < 0.5 * field.length  # thinner than the tolerance: flown there and back
+    assert len(ring) >= (3 if is_sliver else 4) and np.array_equal(ring[0], ring[-1])
     assert found.has_short_legs == bool(legs(ring).min() < min_leg)
-    assert not found.has_short_legs or len(ring) == 4
+    assert not found.has_short_legs or len(ring) <= 4
     beside = shapely.hausdorff_distance(shapely.LineString(ring), field.exterior, densify=0.05)
     assert beside <= max(found.moved_m, 0.5) * 1.05 + 1e-6
 
