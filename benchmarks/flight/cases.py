@@ -14,8 +14,8 @@ from benchmarks.flight.lengths import Length, lengths
 from benchmarks.flight.measured import Flown, simulate
 from benchmarks.flight.plans import planned
 from uavseg.flight.terrain.params import terrain_params
-from uavseg.jobs.pattern_words import PatternWords
-from uavseg.jobs.photo_words import PhotoWords, photos_of
+from uavseg.jobs.words.pattern_words import PatternWords
+from uavseg.jobs.words.photo_words import PhotoWords, photos_of
 
 HEIGHT_M, SPEED, CAMERA = 50.0, 5.0, "DJI Mavic 3 Enterprise"
 WIND = (5.0, 3.0, 0.0)

@@ -79,7 +79,7 @@ def program(*arguments: object, script: str = "", **how: Any) -> subprocess.Pope
 SLOW = """
 import time
 from uavseg.cli import main
-from uavseg.cli._run import Reporter
+from uavseg.cli.options.running import Reporter
 tell = Reporter.progress
 def tell_slowly(self, done, total):
     tell(self, done, total)
@@ -247,7 +247,7 @@ def test_a_terminated_run_cleans_up_like_an_interrupted_one(by: signal.Signals, 
 IGNORING = """
 import os, signal, sys
 signal.signal(signal.SIGHUP, signal.SIG_IGN)
-from uavseg.cli import _run, main
+from uavseg.cli.options import running as _run, main
 _run.Reporter.begin = lambda *_: os.kill(os.getpid(), signal.SIGHUP)
 main(prog_name="uavseg")
 """

@@ -13,8 +13,9 @@ import rasterio
 from affine import Affine
 from click.testing import CliRunner
 
-from uavseg.cli import _run, main
-from uavseg.cli._run import Amount, Reporter, bar
+from uavseg.cli.options import main
+from uavseg.cli.options import running as _run
+from uavseg.cli.options.running import Amount, Reporter, bar
 from uavseg.raster.dataset import Dataset
 
 QUARRY = Path(__file__).resolve().parents[2] / "samples" / "quarry.tif"

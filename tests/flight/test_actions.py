@@ -19,7 +19,7 @@ from uavseg.flight.items import (
     ROI_NONE,
     WAYPOINT,
 )
-from uavseg.flight.pattern_params import OrbitParams, PerimeterParams, VisitParams
+from uavseg.flight.patterns.pattern_params import OrbitParams, PerimeterParams, VisitParams
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 2.0)
 FIELD = box(100, 100, 200, 150)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from tests.flight.small_regions import box, flights, waypoints
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.limits import LimitParams
 from uavseg.flight.route import Route
+from uavseg.flight.safety.limits import LimitParams
 from uavseg.flight.split import FlightLimits, split_route
 from uavseg.flight.track import Track
 

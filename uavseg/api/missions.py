@@ -13,14 +13,14 @@ from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.fence import RallyPoint
-from uavseg.flight.limits import LimitParams, SafetyParams
+from uavseg.flight.safety.limits import LimitParams, SafetyParams
 from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.open_source import open_source
-from uavseg.jobs.pattern_words import PatternWords
-from uavseg.jobs.photo_words import PhotoWords
 from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params
 from uavseg.jobs.plan import plan as run_plan
 from uavseg.jobs.plan_regions import open_regions, zone_polygons
+from uavseg.jobs.words.pattern_words import PatternWords
+from uavseg.jobs.words.photo_words import PhotoWords
 from uavseg.plain_text import shown
 
 if TYPE_CHECKING:

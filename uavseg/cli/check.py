@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._access import access_options
 from uavseg.cli._say import say, show
+from uavseg.cli.options.access import access_options
 from uavseg.errors import MissionError
 
 if TYPE_CHECKING:

@@ -8,16 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._access import access_options
-from uavseg.cli._options import (
-    area,
-    drawing,
-    map_stretch_option,
-    read_options,
-    segment_params,
-    segmenting_options,
-)
-from uavseg.cli._run import RunOptions, running_options
 from uavseg.cli._write import (
     check_distinct,
     check_targets,
@@ -28,6 +18,16 @@ from uavseg.cli._write import (
     write_label_output,
     write_region_output,
 )
+from uavseg.cli.options.access import access_options
+from uavseg.cli.options.raster import (
+    area,
+    drawing,
+    map_stretch_option,
+    read_options,
+    segment_params,
+    segmenting_options,
+)
+from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.errors import OutputError
 
 if TYPE_CHECKING:

@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from uavseg.cli._options import read_options, reading_options, segment_params, segmenting_options
-from uavseg.cli._run import RunOptions, running_options
 from uavseg.cli._write import keep_inputs
+from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
+from uavseg.cli.options.running import RunOptions, running_options
 
 
 @click.command("divide")

@@ -4,8 +4,8 @@ from typing import Any
 
 import click
 
-from uavseg.cli._link import link_options, reporter_of, vehicle_report
 from uavseg.cli._write import write_mission_output
+from uavseg.cli.options.link import link_options, reporter_of, vehicle_report
 
 
 @click.command("download", short_help="Read the mission of a vehicle.")

@@ -7,21 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._files_options import parse_file_options
-from uavseg.cli._home_words import HomeCommand
-from uavseg.cli._limit_options import zone_files
-from uavseg.cli._mission_options import mission_options
-from uavseg.cli._options import (
-    area,
-    drawing,
-    drawing_options,
-    parsed_range,
-    read_options,
-    reading_options,
-    segment_params,
-    segmenting_options,
-)
-from uavseg.cli._run import RunOptions, running_options
 from uavseg.cli._write import (
     check_targets,
     keep_inputs,
@@ -31,6 +16,21 @@ from uavseg.cli._write import (
     write_plan_output,
     write_regions_and_labels,
 )
+from uavseg.cli.options.files import parse_file_options
+from uavseg.cli.options.home_words import HomeCommand
+from uavseg.cli.options.limits import zone_files
+from uavseg.cli.options.mission import mission_options
+from uavseg.cli.options.raster import (
+    area,
+    drawing,
+    drawing_options,
+    parsed_range,
+    read_options,
+    reading_options,
+    segment_params,
+    segmenting_options,
+)
+from uavseg.cli.options.running import RunOptions, running_options
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
@@ -92,8 +92,8 @@ def command(**options: Any) -> None:
     run.reporter.finish(found.warnings)
     planned = None
     if flight is not None:
-        from uavseg.cli._limit_options import zones_of
-        from uavseg.cli._mission_options import report
+        from uavseg.cli.options.limits import zones_of
+        from uavseg.cli.options.mission import report
         from uavseg.jobs.plan import plan
         from uavseg.jobs.plan_regions import open_regions
 
@@ -124,7 +124,7 @@ def _request(options: dict[str, Any]) -> ExtractRequest:
 
 def _flight(options: dict[str, Any]) -> PlanRequest:
     """How to fly, checked before any work is done."""
-    from uavseg.cli._mission_options import plan_request
+    from uavseg.cli.options.mission import plan_request
     from uavseg.flight import files
 
     files.check_mission_format(options["mission"])

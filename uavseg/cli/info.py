@@ -5,8 +5,8 @@ from typing import Any
 
 import click
 
-from uavseg.cli._options import read_options, reading_options
 from uavseg.cli._say import show
+from uavseg.cli.options.raster import read_options, reading_options
 
 
 @click.command("info", short_help="Tell what a raster is and what its intensity looks like.")

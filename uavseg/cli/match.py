@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._options import area, drawing, read_options, reading_options
-from uavseg.cli._run import RunOptions, running_options
 from uavseg.cli._write import (
     check_targets,
     keep_inputs,
@@ -17,6 +15,8 @@ from uavseg.cli._write import (
     transaction,
     write_regions_and_labels,
 )
+from uavseg.cli.options.raster import area, drawing, read_options, reading_options
+from uavseg.cli.options.running import RunOptions, running_options
 
 if TYPE_CHECKING:
     from uavseg.jobs.match import Match, MatchRequest

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._access import access_options
-from uavseg.cli._home_words import HomeCommand
-from uavseg.cli._mission_options import parse_home
-from uavseg.cli._options import (
+from uavseg.cli._say import show
+from uavseg.cli._write import keep_inputs, shown
+from uavseg.cli.options.access import access_options
+from uavseg.cli.options.home_words import HomeCommand
+from uavseg.cli.options.mission import parse_home
+from uavseg.cli.options.raster import (
     map_stretch_option,
     parsed_range,
     read_options,
     segment_params,
     segmenting_options,
 )
-from uavseg.cli._run import RunOptions, running_options
-from uavseg.cli._say import show
-from uavseg.cli._write import keep_inputs, shown
+from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.errors import MissionError, OutputError, ParameterError
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def command(**options: Any) -> None:
     _write(found.path, mission, output, run.overwrite)
     run.reporter.table(_rows(found, output) | {"seconds": f"{run.reporter.seconds:.2f}"})
     if mission is not None and not run.reporter.quiet:
-        from uavseg.cli._mission_options import report
+        from uavseg.cli.options.mission import report
 
         report([mission], 1, [output], mission.warnings)
 

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._access import access_options
-from uavseg.cli._files_options import parse_file_options
-from uavseg.cli._home_words import HomeCommand
-from uavseg.cli._limit_options import zone_files, zones_of
-from uavseg.cli._mission_options import mission_options, plan_request, report
 from uavseg.cli._say import show
-from uavseg.cli._vehicle_options import missions_json
 from uavseg.cli._write import keep_inputs, write_plan_output
+from uavseg.cli.options.access import access_options
+from uavseg.cli.options.files import parse_file_options
+from uavseg.cli.options.home_words import HomeCommand
+from uavseg.cli.options.limits import zone_files, zones_of
+from uavseg.cli.options.mission import mission_options, plan_request, report
+from uavseg.cli.options.vehicle import missions_json
 
 if TYPE_CHECKING:
     from uavseg.jobs.source import Source

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._options import read_options, reading_options
 from uavseg.cli._say import say
+from uavseg.cli.options.raster import read_options, reading_options
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from uavseg.cli._options import read_options, reading_options, segment_params, segmenting_options
-from uavseg.cli._run import Reporter, RunOptions, running_options
 from uavseg.cli._say import show
 from uavseg.cli._write import keep_inputs, transaction
+from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
+from uavseg.cli.options.running import Reporter, RunOptions, running_options
 
 if TYPE_CHECKING:
     from uavseg.jobs.suggest import Suggestion, Suggestions

@@ -4,7 +4,7 @@ from typing import Any
 
 import click
 
-from uavseg.cli._link import link_options, reporter_of, vehicle_report
+from uavseg.cli.options.link import link_options, reporter_of, vehicle_report
 
 
 @click.command("upload", short_help="Send a mission to a vehicle, and verify it.")

@@ -7,19 +7,19 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.along import items_along
-from uavseg.flight.early_return import return_notes
 from uavseg.flight.estimate.duration import leg_seconds
 from uavseg.flight.estimate.flown import landing_seconds
 from uavseg.flight.estimate.summary import estimate
 from uavseg.flight.estimate.vehicle import default_vehicle
-from uavseg.flight.fence_around import fence_around
-from uavseg.flight.fence_check import rally_of_flights
 from uavseg.flight.items import HomePosition
-from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.mission import BOARD_CAPACITY, Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
 from uavseg.flight.route import Route
+from uavseg.flight.safety.early_return import return_notes
+from uavseg.flight.safety.fence_around import fence_around
+from uavseg.flight.safety.fence_check import rally_of_flights
+from uavseg.flight.safety.keep_out import KeepOut
 from uavseg.flight.split import FlightLimits, split_route
 from uavseg.flight.terrain.follow import follow_ground
 from uavseg.flight.track import Track

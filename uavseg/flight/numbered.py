@@ -7,7 +7,7 @@ from pathlib import Path
 from uavseg.flight.files import MissionPath, write_mission
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission import Mission
-from uavseg.flight.paper_check import PaperCheck
+from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.output.transaction import transaction
 
 

@@ -9,9 +9,9 @@ from uavseg.flight.camera.camera import NADIR_DEG
 from uavseg.flight.camera.photos import Photos
 from uavseg.flight.estimate.vehicle import Vehicle
 from uavseg.flight.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M
-from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import CRUISE_M_S
-from uavseg.flight.pattern_params import PARAMS_OF, PATTERNS, PatternParams
+from uavseg.flight.patterns.pattern_params import PARAMS_OF, PATTERNS, PatternParams
+from uavseg.flight.safety.limits import LimitParams, SafetyParams
 from uavseg.flight.terrain.params import TerrainParams
 
 COVERING = ("survey", "corridor")  # patterns of lines that cover a region

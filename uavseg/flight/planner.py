@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
-from uavseg.flight import patterns
 from uavseg.flight.along import home_notes
 from uavseg.flight.flights import missions_over
 from uavseg.flight.items import HomePosition
-from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
+from uavseg.flight.patterns import candidates as patterns
+from uavseg.flight.patterns.survey_blocks import blocks_of_surveys
 from uavseg.flight.photo_speed import lower_speed
 from uavseg.flight.route import short_route
-from uavseg.flight.survey_blocks import blocks_of_surveys
+from uavseg.flight.safety.keep_out import KeepOut
 from uavseg.flight.targets import clear_parts, plane_of, region_parts
 from uavseg.flight.terrain.home import home_on_ground
 from uavseg.flight.track import Track

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.items import MAX_DISTANCE_M, HomePosition, check_near, check_position, distance_m
-from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.plane import Plane, plane_around
+from uavseg.flight.safety.keep_out import KeepOut
 
 Floats = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ from uavseg.flight.items import (
     WAYPOINT,
     check_accepted,
 )
-from uavseg.flight.limits import SafetyParams
 from uavseg.flight.mission import Mission
-from uavseg.flight.paper_check import PaperCheck
+from uavseg.flight.safety.limits import SafetyParams
+from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.clearance import Clearance
 from uavseg.inputs import read_bytes
 from uavseg.jobs.plan_regions import zone_polygons

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any, Literal
 from uavseg.errors import ParameterError
 from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
-from uavseg.flight.home_place import IsGround, home_outside
-from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import Mission
 from uavseg.flight.numbered import write_flights
-from uavseg.flight.paper_check import PaperCheck
 from uavseg.flight.params import COVERING, PlanParams
 from uavseg.flight.planner import plan_missions
+from uavseg.flight.safety.home_place import IsGround, home_outside
+from uavseg.flight.safety.limits import LimitParams, SafetyParams
+from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.clearance import clearance_of
 from uavseg.flight.terrain.params import TerrainParams
-from uavseg.jobs.pattern_words import PatternWords, pattern_params
-from uavseg.jobs.photo_words import PhotoWords, photos_of
+from uavseg.jobs.words.pattern_words import PatternWords, pattern_params
+from uavseg.jobs.words.photo_words import PhotoWords, photos_of
 from uavseg.regions.select.choose import select_regions
 from uavseg.regions.table import Regions
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from uavseg.flight.home_place import IsGround
+from uavseg.flight.safety.home_place import IsGround
 from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geodesy.globe import WGS84, transform_between

@@ -13,14 +13,14 @@ from tests.flight.terrain.dems import HOME, draw, hills
 from uavseg.flight import files
 from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.flight.mission import Mission
-from uavseg.flight.paper_check import PaperCheck
 from uavseg.flight.plane import Plane
 from uavseg.flight.planner import plan_missions
+from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.check import CheckRequest, check
-from uavseg.jobs.pattern_words import PatternWords
-from uavseg.jobs.photo_words import PhotoWords
 from uavseg.jobs.plan import flight_params
+from uavseg.jobs.words.pattern_words import PatternWords
+from uavseg.jobs.words.photo_words import PhotoWords
 
 PLANE = Plane(*HOME)
 REGIONS = [degrees(shapely.box(*sides), PLANE) for sides in ((100, 50, 180, 110), (220, 60, 270, 150))]

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from tests.flight.fences import fences
 from tests.flight.mission_items import waypoint
 from uavseg.flight.fence import Fence, FenceCircle, FencePolygon
-from uavseg.flight.fence_check import fence_problems
 from uavseg.flight.items import FRAME_MISSION, RETURN, HomePosition, MissionItem
 from uavseg.flight.mission import Mission
+from uavseg.flight.safety.fence_check import fence_problems
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 BOX = FencePolygon(((46.99, 7.99), (47.01, 7.99), (47.01, 8.01), (46.99, 8.01)))

@@ -7,8 +7,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.pattern_params import PerimeterParams
-from uavseg.flight.perimeter import simplified_ring
+from uavseg.flight.patterns.pattern_params import PerimeterParams
+from uavseg.flight.patterns.perimeter import simplified_ring
 
 Floats = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
-from uavseg.flight.pattern_params import PerimeterParams
-from uavseg.flight.rings import long_legs, offset_rings
+from uavseg.flight.patterns.pattern_params import PerimeterParams
+from uavseg.flight.patterns.rings import long_legs, offset_rings
 
 
 def legs(ring: np.ndarray) -> np.ndarray:

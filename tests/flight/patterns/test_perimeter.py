@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.affinity import rotate, scale
 
-from uavseg.flight.perimeter import default_tolerance_m, perimeter
+from uavseg.flight.patterns.perimeter import default_tolerance_m, perimeter
 
 PIXELS = np.hypot(*np.indices((40, 40)) - 19.5) < 17
 DISC = shapely.union_all([shapely.box(x, y, x + 1, y + 1) for y, x in np.argwhere(PIXELS).tolist()])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli._run import Reporter
+from uavseg.cli.options.running import Reporter
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission

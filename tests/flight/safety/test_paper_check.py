@@ -9,12 +9,12 @@ import shapely
 from tests.flight.small_regions import HOME, box, degrees, planned
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.fence import FenceCircle, FencePolygon, RallyPoint
-from uavseg.flight.home_place import CLEARANCE_M, home_outside
 from uavseg.flight.items import FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT, HomePosition, MissionItem
-from uavseg.flight.limits import SafetyParams
 from uavseg.flight.mission import Mission
-from uavseg.flight.paper_check import PaperCheck
 from uavseg.flight.plane import Plane
+from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
+from uavseg.flight.safety.limits import SafetyParams
+from uavseg.flight.safety.paper_check import PaperCheck
 
 
 def flight(*places: tuple[float, float], height: float = 60, **words: object) -> Mission:

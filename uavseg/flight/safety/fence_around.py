@@ -7,8 +7,8 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.flight.fence import FencePolygon
-from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.plane import Plane
+from uavseg.flight.safety.keep_out import KeepOut
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import click
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.flight.limits import LimitParams, SafetyParams
+    from uavseg.flight.safety.limits import LimitParams, SafetyParams
     from uavseg.jobs.source import Source
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -93,7 +93,7 @@ def limit_options(command: F) -> F:
 
 def limits_of(options: dict[str, Any]) -> LimitParams:
     """What each flight may take."""
-    from uavseg.flight.limits import LimitParams
+    from uavseg.flight.safety.limits import LimitParams
 
     return LimitParams(options["endurance"], options["reserve"], options["max_items"])
 
@@ -101,7 +101,7 @@ def limits_of(options: dict[str, Any]) -> LimitParams:
 def safety_of(options: dict[str, Any]) -> SafetyParams:
     """What flights keep away from, and where they stay."""
     from uavseg.flight.fence import RallyPoint
-    from uavseg.flight.limits import SafetyParams
+    from uavseg.flight.safety.limits import SafetyParams
 
     return SafetyParams(
         options["avoid_margin"],

@@ -7,11 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.small_regions import HOME, box, flights, planned
-from uavseg.flight.early_return import return_notes
-from uavseg.flight.keep_out import KeepOut
-from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
+from uavseg.flight.safety.early_return import return_notes
+from uavseg.flight.safety.keep_out import KeepOut
+from uavseg.flight.safety.limits import LimitParams, SafetyParams
 
 PLANE = Plane(*HOME[:2])
 

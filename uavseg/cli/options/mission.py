@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli._files_options import file_options
-from uavseg.cli._limit_options import limit_options, limits_of, safety_of
-from uavseg.cli._pattern_options import pattern_options, pattern_words, photo_options, photo_words
 from uavseg.cli._say import say
-from uavseg.cli._terrain_options import terrain_of, terrain_options
-from uavseg.cli._vehicle_options import duration_text, flight_table, vehicle_options
+from uavseg.cli.options.files import file_options
+from uavseg.cli.options.limits import limit_options, limits_of, safety_of
+from uavseg.cli.options.pattern import pattern_options, pattern_words, photo_options, photo_words
+from uavseg.cli.options.terrain import terrain_of, terrain_options
+from uavseg.cli.options.vehicle import duration_text, flight_table, vehicle_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:

@@ -13,18 +13,18 @@ from uavseg.flight.cover.corridor import corridor, is_long_and_thin
 from uavseg.flight.cover.strips import LEAST_LINE_M
 from uavseg.flight.cover.survey import CoverParams, Survey
 from uavseg.flight.cover.survey import surveys as cover_region
-from uavseg.flight.orbit import orbit, orbit_trigger_m
 from uavseg.flight.params import PlanParams
-from uavseg.flight.pattern_params import (
+from uavseg.flight.patterns.orbit import orbit, orbit_trigger_m
+from uavseg.flight.patterns.pattern_params import (
     CorridorParams,
     OrbitParams,
     PerimeterParams,
     SurveyParams,
     VisitParams,
 )
-from uavseg.flight.perimeter import default_tolerance_m
-from uavseg.flight.photo_notes import photo_notes
-from uavseg.flight.rings import OffsetRings, offset_rings
+from uavseg.flight.patterns.perimeter import default_tolerance_m
+from uavseg.flight.patterns.photo_notes import photo_notes
+from uavseg.flight.patterns.rings import OffsetRings, offset_rings
 from uavseg.flight.targets import RegionPart
 from uavseg.flight.track import HOVER_S, Track
 

@@ -7,8 +7,8 @@ import numpy as np
 import shapely
 
 from uavseg.errors import MissionError
-from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.plane import plane_around
+from uavseg.flight.safety.keep_out import KeepOut
 
 IsGround = Callable[[float, float], bool]
 

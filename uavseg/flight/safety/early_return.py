@@ -7,9 +7,9 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.flight.estimate.vehicle import default_vehicle
-from uavseg.flight.keep_out import KeepOut
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
+from uavseg.flight.safety.keep_out import KeepOut
 
 Floats = NDArray[np.float64]
 

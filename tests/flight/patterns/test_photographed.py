@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
-from tests.flight.photographed import photographs
+from tests.flight.patterns.photographed import photographs
 from tests.flight.small_regions import degrees, planned
 from uavseg.flight.camera.camera import Camera, Overlap
 from uavseg.flight.camera.photos import Photos
-from uavseg.flight.limits import LimitParams
-from uavseg.flight.pattern_params import CorridorParams, SurveyParams
+from uavseg.flight.patterns.pattern_params import CorridorParams, SurveyParams
 from uavseg.flight.plane import Plane
+from uavseg.flight.safety.limits import LimitParams
 
 CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5)
 PLANE = Plane(47.0, 8.0)

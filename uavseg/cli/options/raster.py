@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli._access import access_options
+from uavseg.cli.options.access import access_options
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from tests.flight.small_regions import HOME, box, degrees, flights, planned, waypoints
 from uavseg.errors import MissionError
 from uavseg.flight.items import CAMERA_DISTANCE
-from uavseg.flight.keep_out import KeepOut
-from uavseg.flight.limits import LimitParams, SafetyParams
 from uavseg.flight.mission import Mission
 from uavseg.flight.plane import Plane
+from uavseg.flight.safety.keep_out import KeepOut
+from uavseg.flight.safety.limits import LimitParams, SafetyParams
 from uavseg.flight.track import Track
 
 PLANE = Plane(47.0, 8.0)

@@ -10,8 +10,8 @@ import click
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
-    from uavseg.jobs.pattern_words import PatternWords
-    from uavseg.jobs.photo_words import PhotoWords
+    from uavseg.jobs.words.pattern_words import PatternWords
+    from uavseg.jobs.words.photo_words import PhotoWords
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -91,14 +91,14 @@ def pattern_words(options: dict[str, Any]) -> PatternWords:
     """What was said about the pattern."""
     from dataclasses import fields
 
-    from uavseg.jobs.pattern_words import PatternWords
+    from uavseg.jobs.words.pattern_words import PatternWords
 
     return PatternWords(**{one.name: options[one.name] for one in fields(PatternWords)})
 
 
 def photo_words(options: dict[str, Any], overlap: list[float]) -> PhotoWords:
     """What was said about the camera and its photographs."""
-    from uavseg.jobs.photo_words import PhotoWords
+    from uavseg.jobs.words.photo_words import PhotoWords
 
     return PhotoWords(
         sensor=parse_size("--sensor", options["sensor"]),

@@ -1,0 +1,1 @@
+"""Words of a plan that belong together, and the values that they become."""
