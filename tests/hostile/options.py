@@ -19,7 +19,7 @@ LINES = tuple(
         f"extract rgb.tif --rgb 1,2,3 --range 0.5,1 -o out.parquet --method paper {RUN}",
         f"levels x.tif --width 0.3 -o out.geojson --min-area 9 --small merge --simplify 1 {RUN}",
         f"levels x.tif --width 0.3 -o out.fgb --labels out.tif --stretch percentile:1,99 {DIVISION} {RUN}",
-        f"match x.tif --like 500035,4499962,20 -o out.geojson --window 32 --similarity 0.9 --intensity 1 {RUN}",
+        f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 {RUN}",
         f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
         f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
         f"classify m.tif -o out.yaml --mode scale {DIVISION} --threads 1",
@@ -33,13 +33,22 @@ LINES = tuple(
         f"plan r.geojson -o out.plan {FLIGHT} --sensor 13x9 --image 5200x3600 --focal 9 --trigger hover --shutter 1/500",
         f"plan r.geojson -o out.plan {FLIGHT} --pattern perimeter --offset 3 --min-leg 4 --holes fly",
         f"plan r.geojson -o out.plan {FLIGHT} --pattern orbit --margin 9",
-        f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1,2 --largest 2 --where area_m2>5",
+        f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1 --largest 2 --where area_m2>5",
         f"plan r.geojson -o out.plan {FLIGHT} --vehicle v.json --json",
         f"plan r.geojson -o out.plan {FLIGHT} --dem g.tif --terrain absolute --terrain-tolerance 2 --climb 3",
         f"plan r.geojson -o out.waypoints {FLIGHT} --dem g.tif --dem g.tif --terrain relative --descent 0.5",
         f"plan r.geojson -o out.kmz {FLIGHT} --spacing 12 --dji-model m30t",
         f"plan r.geojson -o out.plan {FLIGHT} --spacing 12 --editable --autopilot generic",
+        f"plan r.geojson -o out.plan {FLIGHT} --ids 1 --avoid z.geojson --avoid-margin 5 --fence none",
+        f"plan r.geojson -o out.plan {FLIGHT} --avoid 0.2,0.3 --raster x.tif --allow-edge --avoid-margin 0.1",
+        f"plan r.geojson -o out.plan {FLIGHT} --spacing 3 --endurance 2.5 --reserve 20 --max-items 60",
+        f"plan r.geojson -o out.plan {FLIGHT} --rally 40.6504,15.0004,30 --fence 40 --max-distance 3e3 --max-altitude 90",
+        f"plan r.geojson -o out.csv {FLIGHT[14:]} --camera Altum --gsd 2 --overlap 70,60 --gimbal-pitch -80",
+        f"plan r.geojson -o out.kml {FLIGHT} --pattern corridor --spacing 9",
+        f"plan r.geojson -o out.geojson {FLIGHT} --pattern visit --hold 3",
         "check a.plan --autopilot px4 --json",
+        "check a.waypoints --avoid z.geojson --avoid-margin 3 --max-altitude 90 --max-distance 2000 --dem g.tif",
+        "cameras mavic 3",
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
         "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
@@ -48,6 +57,8 @@ LINES = tuple(
         "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",
     )
 )
+ZONE = b"""{"type": "Polygon", "coordinates": [[[15.001, 40.651], [15.0015, 40.651], [15.001, 40.6515],
+                                                 [15.001, 40.651]]]}"""
 NAMES = (
     "out\n.geojson", "out\x1b[31m.geojson", "out\udce9.geojson", "\udcff", "a" * 300 + ".tif", "a/" * 3000, "",
     "\x01", "\n", ".", "..", "/", "/dev/null", "/dev/full", "/proc/self/mem", "no/such/out.geojson", "x.tif",
@@ -81,4 +92,4 @@ def _files() -> dict[str, bytes]:
     others = pictures | {"b.tif": seeds.block_map()["b.tif"]}
     regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
     vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
-    return drawn | others | regions | vehicle
+    return drawn | others | regions | vehicle | {"z.geojson": ZONE}
