@@ -247,8 +247,9 @@ def test_a_terminated_run_cleans_up_like_an_interrupted_one(by: signal.Signals, 
 IGNORING = """
 import os, signal, sys
 signal.signal(signal.SIGHUP, signal.SIG_IGN)
-from uavseg.cli.options import running as _run, main
-_run.Reporter.begin = lambda *_: os.kill(os.getpid(), signal.SIGHUP)
+from uavseg.cli import main
+from uavseg.cli.options.running import Reporter
+Reporter.begin = lambda *_: os.kill(os.getpid(), signal.SIGHUP)
 main(prog_name="uavseg")
 """
 

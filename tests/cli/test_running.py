@@ -13,7 +13,7 @@ import rasterio
 from affine import Affine
 from click.testing import CliRunner
 
-from uavseg.cli.options import main
+from uavseg.cli import main
 from uavseg.cli.options import running as _run
 from uavseg.cli.options.running import Amount, Reporter, bar
 from uavseg.raster.dataset import Dataset
