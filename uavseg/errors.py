@@ -91,3 +91,7 @@ class OutputError(UavsegError, OSError):
 
 class OutputExistsError(OutputError):
     """An output file exists already, and may not be replaced."""
+
+
+class MissingLibraryError(UavsegError, ImportError):
+    """An optional library is not installed."""

@@ -145,7 +145,7 @@ def prepare() -> None:
     from uavseg._jit.object_cache import cache_folder
 
     for command in cli._COMMANDS:
-        importlib.import_module(f"uavseg.cli.{command}")
+        importlib.import_module(f"uavseg.cli.{command.replace('-', '_')}")
     for path in sorted(Path(cli.__file__).parents[1].rglob("*.py")):
         if "kernel" in path.read_text(encoding="utf-8"):
             importlib.import_module(
@@ -155,7 +155,7 @@ def prepare() -> None:
     if folder is not None and folder.name == "kernels":
         os.environ["UAVSEG_CACHE"] = str(folder.parent)  # cases have other homes
     for kernel in [found for found in gc.get_objects() if type(found) is Kernel]:  # weak proxies may be dead
-        kernel._load()
+        kernel.load()
 
 
 def report(count: Counter[str], found: Found, seconds: float) -> str:

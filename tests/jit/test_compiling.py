@@ -43,7 +43,7 @@ def all_kernels() -> Iterator[Kernel]:
 def test_no_kernel_of_the_package_needs_the_fallback(notes: list[str]) -> None:
     kernels = list(all_kernels())
     for kernel in kernels:
-        kernel._load()
+        kernel.load()
     assert len(kernels) > 60 and notes == []
     assert [kernel.__name__ for kernel in kernels if kernel._dispatcher is not None] == []
 

@@ -56,7 +56,7 @@ def _describe(function: Callable[..., Any], parts: list[str]) -> None:
         value = function.__globals__.get(name)
         if isinstance(value, Inlined):
             _describe(value.function, parts)
-        elif isinstance(value, int | float):
+        elif isinstance(value, int | float | np.generic):
             parts.append(f"{name}={value!r}")
 
 
@@ -77,7 +77,18 @@ def _link(content: bytes) -> tuple[Any, int]:
 
 
 def _compile(kernel: LoopNest) -> bytes:
-    """Name and object code of a kernel, as native code for this processor."""
+    """Name and object code of a kernel, for this processor."""
+    import llvmlite.binding as llvm
+
+    return compile_for(kernel, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
+
+
+def compile_for(kernel: LoopNest, processor: str, features: str) -> bytes:
+    """Name and object code of a kernel for a processor that LLVM has a name for, such as x86-64-v3.
+
+    For another processor than this one, NUMBA_CPU_NAME and NUMBA_CPU_FEATURES name it too, from before numba
+    is imported.
+    """
     import llvmlite.binding as llvm
     import numba
 
@@ -94,8 +105,8 @@ def _compile(kernel: LoopNest) -> bytes:
         if not function.is_declaration and function.name != name:
             function.linkage = "internal"
     machine = llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
+        cpu=processor,
+        features=features,
         opt=3,
         reloc="pic",
         codemodel="jitdefault",

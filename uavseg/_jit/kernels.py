@@ -1,6 +1,7 @@
 """Kernels as values: a loop nest with its signature, which is compiled when it is first called."""
 
 import ctypes
+import importlib.util
 import os
 import platform
 import sys
@@ -8,8 +9,9 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from uavseg._jit import compiling, fallback, messages
+from uavseg._jit import compiling, fallback, messages, shipped
 from uavseg._jit.loop_nest import C_TYPES, LoopNest
+from uavseg.errors import MissingLibraryError
 
 _TESTED = {"linux-x86_64"}
 _SLOWER = "kernels run through numba.njit, which gives the same results but starts more slowly"
@@ -40,12 +42,13 @@ class Kernel(LoopNest):
         super().__init__(function, signature)
         self._native: Any = None
         self._code: Any = None  # keeps the machine code alive
+        self.is_shipped = False  # the machine code came with the package
         self._dispatcher: Any = None  # numba's, where the kernel runs through the fallback
 
     def __call__(self, *values: Any) -> Any:
         if self._native is None:
             if self._dispatcher is None:
-                self._load()
+                self.load()
             if self._dispatcher is not None:
                 return self._call_through_numba(values)
         flat: list[Any] = []
@@ -61,17 +64,18 @@ class Kernel(LoopNest):
         given = [argument.for_numba(value) for argument, value in zip(self.arguments, values, strict=True)]
         return self._dispatcher(*given)
 
-    def _load(self) -> None:
+    def load(self) -> None:
+        """Get the machine code: what came with the package, or else what is compiled on this machine."""
         global _object_files_failed
         with _compiling:
             if self._native is not None or self._dispatcher is not None:
                 return
+            if self._use_shipped():
+                return
+            _require_compiler(self.__name__)
             if _object_files_wanted():
                 try:
-                    self._code, address = compiling.machine_code(self)
-                    flat = [c_type for argument in self.arguments for c_type in argument.c_types]
-                    prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *flat)
-                    self._native = prototype(address)
+                    self._use(*compiling.machine_code(self))
                     return
                 except Exception as error:  # private parts of two libraries: anything may be missing
                     _object_files_failed = True
@@ -81,14 +85,42 @@ class Kernel(LoopNest):
                     )
             self._dispatcher = fallback.dispatcher(self)
 
+    def load_shipped(self) -> bool:
+        """Load the machine code that came with the package; whether there is some for this machine."""
+        with _compiling:
+            return self.is_shipped or (self._native is None and self._use_shipped())
+
+    def _use_shipped(self) -> bool:
+        choice = os.environ.get("UAVSEG_JIT", "")
+        found = None if choice in ("numba", "objects") else shipped.load(self, choice == "baseline")
+        if found is None:
+            return False
+        self._use(*found)
+        self.is_shipped = True
+        return True
+
+    def _use(self, code: Any, address: int) -> None:
+        self._code = code
+        flat = [c_type for argument in self.arguments for c_type in argument.c_types]
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_void_p, *flat)
+        self._native = prototype(address)
+
+
+def _require_compiler(name: str) -> None:
+    if importlib.util.find_spec("numba") is None:
+        raise MissingLibraryError(
+            f"the package has no machine code of {name} that this machine can use, and numba, which would"
+            " compile it, is not installed; install it: pip install 'uavseg[compile]'"
+        )
+
 
 def _object_files_wanted() -> bool:
     """Whether to use object files: unless the user or the platform is against it, or they failed before."""
     choice = os.environ.get("UAVSEG_JIT", "")
     if choice == "numba" or _object_files_failed:
         return False
-    if choice not in ("", "objects"):
-        messages.note(f"UAVSEG_JIT={choice} is ignored; expected numba or objects")
+    if choice not in ("", "objects", "baseline"):
+        messages.note(f"UAVSEG_JIT={choice} is ignored; expected objects, numba or baseline")
     here = f"{sys.platform}-{platform.machine()}"
     if choice != "objects" and here not in _TESTED:
         messages.note(

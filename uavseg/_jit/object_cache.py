@@ -63,6 +63,11 @@ def _temporary_folder() -> Path:
     return Path(_process_folder.name)
 
 
+def is_temporary(folder: Path | None) -> bool:
+    """Whether what is kept in the folder of the caches ends with the process."""
+    return folder is None or (_process_folder is not None and folder == Path(_process_folder.name))
+
+
 _process_folder: tempfile.TemporaryDirectory[str] | None = None
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 _OPEN_TO_OTHERS = stat.S_IRWXG | stat.S_IRWXO

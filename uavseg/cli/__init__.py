@@ -31,6 +31,7 @@ _COMMANDS = {
     "info": "Tell what a raster is and what its intensity looks like.",
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",
+    "warm-up": "Load or compile everything once, before going to the field.",
 }
 
 
@@ -43,7 +44,7 @@ class _Group(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        command: click.Command = importlib.import_module(f"uavseg.cli.{name}").command
+        command: click.Command = importlib.import_module(f"uavseg.cli.{name.replace('-', '_')}").command
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -130,7 +131,7 @@ def _report_kernels() -> None:
     def tell(name: str) -> None:
         if not told:
             told.append(name)
-            click.echo("uavseg: compiling for this machine, once (about half a minute)", err=True)
+            click.echo("uavseg: compiling for this machine, once (uavseg warm-up does it for everything)", err=True)
 
     messages.on_compile = tell
     messages.on_note = lambda note: say(f"uavseg: note: {note}")

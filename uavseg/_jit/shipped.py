@@ -1,0 +1,116 @@
+"""Kernels that come with the package: for each, a shared library for each level of x86-64 processors on Linux.
+
+A library has the name of its kernel with a hash of the kernel's source text, so one that was made of another
+text is not found. It ends with a checksum. Who may change it may change the Python files beside it, so its
+owner and mode are not looked at. `build` makes the libraries.
+"""
+
+import ctypes
+import hashlib
+import linecache
+import platform
+import sys
+from collections.abc import Callable
+from functools import cache
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+from uavseg._jit.loop_nest import Inlined, LoopNest
+from uavseg._jit.object_cache import checksum
+
+FOLDER = Path(__file__).with_name("libraries")
+BASELINE = "x86-64"
+LEVELS = ("x86-64-v3", BASELINE)
+"""The best level first; names of processors in LLVM and folders of libraries."""
+ENTRY = "kernel"
+_FORMAT = "uavseg shipped kernel, version 1"
+_CPUINFO = Path("/proc/cpuinfo")
+_V3 = {"avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe", "xsave", "popcnt", "sse4_2", "ssse3", "cx16"}
+
+
+def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
+    """The library of a kernel for this processor, and the address of its function.
+
+    None where the package has none for the kernel as it is now, or it is damaged or cannot be loaded.
+
+    Parameters
+    ----------
+    kernel : LoopNest
+    baseline : bool
+        Whether to load what runs on every x86-64 processor.
+    """
+    if sys.platform != "linux" or platform.machine() != "x86_64":
+        return None
+    name = library_name(kernel)
+    for level in (BASELINE,) if baseline or not _is_v3() else LEVELS:
+        path = FOLDER / level / name
+        if name and _intact(path):
+            try:
+                library = ctypes.CDLL(str(path))
+                return library, ctypes.cast(library[ENTRY], ctypes.c_void_p).value or 0
+            except (OSError, AttributeError):  # of another kind of process, or without the function
+                continue
+    return None
+
+
+def library_name(kernel: LoopNest) -> str:
+    """File name of the library of a kernel; empty where its source text cannot be read."""
+    parts = [_FORMAT, kernel.signature]
+    try:
+        _describe(kernel.function, parts)
+    except (LookupError, OSError, SyntaxError):
+        return ""
+    digest = hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+    return f"{kernel.function.__module__.removeprefix('uavseg.')}.{kernel.__name__}-{digest}.so"
+
+
+def _describe(function: Callable[..., Any], parts: list[str]) -> None:
+    """Append the source of a function and of what it calls, and the constants that it reads.
+
+    Byte code would be simpler, but each version of Python has its own.
+    """
+    parts.append(_source(function))
+    for name in sorted(set(function.__code__.co_names)):
+        value = function.__globals__.get(name)
+        if isinstance(value, Inlined):
+            _describe(value.function, parts)
+        elif value is not None:
+            parts.append(f"{name}={getattr(value, '__name__', None) or repr(value)}")
+
+
+def _source(function: Callable[..., Any]) -> str:
+    """The lines of a function of a module, without decorators, comments and empty lines."""
+    code = function.__code__
+    linecache.checkcache(code.co_filename)
+    lines = linecache.getlines(code.co_filename, function.__globals__)[code.co_firstlineno - 1 :]
+    start = next((k for k, line in enumerate(lines) if line.startswith("def ")), None)
+    if start is None:
+        raise LookupError(f"no source text of {function.__name__}")
+    body = takewhile(lambda line: not line.strip() or line[0] in " \t)#", lines[start + 1 :])
+    said = [line.rstrip() for line in [lines[start], *body] if not line.lstrip().startswith("#")]
+    return "\n".join(line for line in said if line)
+
+
+def _intact(path: Path) -> bool:
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return False
+    return content == sealed(path.name, content[: -len(checksum("", b""))])
+
+
+def sealed(name: str, library: bytes) -> bytes:
+    """A library with its checksum at the end, where loaders do not look."""
+    return library + checksum(name, library)
+
+
+@cache
+def _is_v3() -> bool:
+    """Whether the processor has what x86-64-v3 asks for, from the system's list of its features."""
+    try:
+        with _CPUINFO.open(encoding="ascii", errors="replace") as lines:
+            flags = next((line for line in lines if line.startswith("flags")), "")
+    except OSError:
+        return False
+    return set(flags.partition(":")[2].split()) >= _V3

@@ -1,0 +1,102 @@
+"""All kernels of the package, and getting their machine code before it is needed."""
+
+import contextlib
+import importlib
+import os
+import pkgutil
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from uavseg._jit import messages
+from uavseg._jit.kernels import Kernel
+
+PACKAGES = ("raster", "segmentation", "regions", "occupancy", "flight")
+_CHILD = "import sys; from uavseg._jit.warming import prepare; prepare(sys.argv[1:])"
+
+
+def all_kernels() -> dict[str, Kernel]:
+    """All kernels of the package by module and name, such as "segmentation.components._label_u1"."""
+    found = {}
+    for package in PACKAGES:
+        path = importlib.import_module(f"uavseg.{package}").__path__
+        for module in pkgutil.walk_packages(path, f"uavseg.{package}."):
+            for name, value in vars(importlib.import_module(module.name)).items():
+                if isinstance(value, Kernel) and value.function.__module__ == module.name:
+                    found[f"{module.name.removeprefix('uavseg.')}.{name}"] = value
+    return found
+
+
+def warm(kernels: dict[str, Kernel], processes: int, progress: Callable[[int], None]) -> Counter[str]:
+    """Load kernels, after those that need it are compiled into the cache by several processes at once.
+
+    Parameters
+    ----------
+    kernels : dict of Kernel
+        By module and name, as of `all_kernels`.
+    processes : int
+    progress : callable
+        Receives the number of kernels that are ready.
+
+    Returns
+    -------
+    Counter
+        How many were "shipped" with the package, "kept" in the cache and "compiled".
+    """
+    counts = Counter({"shipped": 0, "kept": 0, "compiled": 0})
+    rest = [name for name, kernel in kernels.items() if not kernel.load_shipped()]
+    counts["shipped"] = done = len(kernels) - len(rest)
+    progress(done)
+    compiled = set()
+    if processes > 1 and len(rest) > 1:
+        for line in _lines_of([rest[k::processes] for k in range(processes)]):
+            state, _, name = line.partition(" ")
+            if name in rest:
+                done += 1
+                progress(done)
+                if state == "compiled":
+                    compiled.add(name)
+    for name in rest:
+        if _load(kernels[name]):
+            compiled.add(name)
+    counts["compiled"], counts["kept"] = len(compiled), len(rest) - len(compiled)
+    progress(len(kernels))
+    return counts
+
+
+def prepare(names: Sequence[str]) -> None:
+    """Load kernels, compiling those that the cache does not have; print a line for each."""
+    messages.on_note = lambda text: None  # the parent process has the same notes
+    for name in names:
+        module, _, attribute = name.rpartition(".")
+        compiled = _load(getattr(importlib.import_module(f"uavseg.{module}"), attribute))
+        print("compiled" if compiled else "kept", name, flush=True)
+
+
+def _load(kernel: Kernel) -> bool:
+    """Load a kernel; whether it had to be compiled."""
+    announced: list[str] = []
+    before, messages.on_compile = messages.on_compile, announced.append
+    try:
+        kernel.load()
+    finally:
+        messages.on_compile = before
+    return bool(announced)
+
+
+def _lines_of(shares: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Lines that processes print, each of which prepares its share, in the order in which they come."""
+    root = str(Path(__file__).parents[2])
+    here = {**os.environ, "PYTHONPATH": os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])}
+    reading, writing = os.pipe()
+    command = [sys.executable, "-c", _CHILD]
+    with contextlib.ExitStack() as running, os.fdopen(reading, encoding="utf-8", errors="replace") as lines:
+        with os.fdopen(writing, "w") as pipe:
+            for share in shares:
+                child = subprocess.Popen([*command, *share], stdout=pipe, stderr=subprocess.DEVNULL, env=here)
+                running.enter_context(child)  # waits for it
+                running.callback(child.terminate)
+        for line in lines:
+            yield line.rstrip("\n")
