@@ -1,4 +1,4 @@
-"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`, `hostile`; `nox -l` lists them.
+"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`, `kernels`, `hostile`; `nox -l` lists them.
 
 ``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed,
 with the lowest version of every dependency that pyproject.toml allows and with the newest; ``-- job`` or
@@ -78,6 +78,13 @@ def bench(session: nox.Session) -> None:
 
 
 @nox.session
+def kernels(session: nox.Session) -> None:
+    """Compile the kernels that come with the package, where they changed; `-- --all` compiles all again."""
+    session.install("-e", ".[compile]")
+    session.run("python", "-m", "uavseg._jit.build", *session.posargs)
+
+
+@nox.session
 def hostile(session: nox.Session) -> None:
     """Damaged files and wrong arguments: `nox -s hostile -- 100000`; ends with what was found."""
     session.install("-e", ".[test]")
@@ -105,10 +112,13 @@ def floors() -> list[str]:
     """Each dependency of the package and of its tests at the lowest version that pyproject.toml allows."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    wanted = [*project["dependencies"], *extras["test"], *extras["cluster"], *extras["serial"]]
-    split = [re.fullmatch(r"([\w-]+)>=([\w.]+)", text) for text in wanted if not text.startswith("uavseg")]
+    parts = ("test", "cluster", "compile", "parquet", "serial")
+    wanted = [*project["dependencies"], *(text for part in parts for text in extras[part])]
+    split = [
+        re.fullmatch(r"([\w-]+)>=([\w.]+)(?:;.*)?", text) for text in wanted if not text.startswith("uavseg")
+    ]
     assert all(split), f"expected NAME>=VERSION of every dependency, got {wanted}"
-    return [f"{found[1]}=={found[2]}" for found in split if found]
+    return sorted({f"{found[1]}=={found[2]}" for found in split if found})
 
 
 def check(session: nox.Session) -> None:

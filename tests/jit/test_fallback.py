@@ -84,7 +84,7 @@ def test_an_unknown_choice_is_ignored_with_a_note(
 ) -> None:
     monkeypatch.setenv("UAVSEG_JIT", "fast")
     assert twice() == 42
-    assert notes[0] == "UAVSEG_JIT=fast is ignored; expected numba or objects"
+    assert notes[0] == "UAVSEG_JIT=fast is ignored; expected objects, numba or baseline"
 
 
 def test_in_python_the_note_is_a_warning(

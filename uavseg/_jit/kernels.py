@@ -91,7 +91,7 @@ class Kernel(LoopNest):
             return self.is_shipped or (self._native is None and self._use_shipped())
 
     def _use_shipped(self) -> bool:
-        choice = os.environ.get("UAVSEG_JIT", "")
+        choice = _choice()
         found = None if choice in ("numba", "objects") else shipped.load(self, choice == "baseline")
         if found is None:
             return False
@@ -114,13 +114,20 @@ def _require_compiler(name: str) -> None:
         )
 
 
+def _choice() -> str:
+    """How the user asks for kernels to run; empty for what fits best."""
+    choice = os.environ.get("UAVSEG_JIT", "")
+    if choice not in ("", "objects", "numba", "baseline"):
+        messages.note(f"UAVSEG_JIT={choice} is ignored; expected objects, numba or baseline")
+        return ""
+    return choice
+
+
 def _object_files_wanted() -> bool:
     """Whether to use object files: unless the user or the platform is against it, or they failed before."""
-    choice = os.environ.get("UAVSEG_JIT", "")
+    choice = _choice()
     if choice == "numba" or _object_files_failed:
         return False
-    if choice not in ("", "objects", "baseline"):
-        messages.note(f"UAVSEG_JIT={choice} is ignored; expected objects, numba or baseline")
     here = f"{sys.platform}-{platform.machine()}"
     if choice != "objects" and here not in _TESTED:
         messages.note(

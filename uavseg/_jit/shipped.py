@@ -26,7 +26,21 @@ LEVELS = ("x86-64-v3", BASELINE)
 ENTRY = "kernel"
 _FORMAT = "uavseg shipped kernel, version 1"
 _CPUINFO = Path("/proc/cpuinfo")
-_V3 = {"avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe", "xsave", "popcnt", "sse4_2", "ssse3", "cx16"}
+_V3 = {
+    "avx",
+    "avx2",
+    "bmi1",
+    "bmi2",
+    "f16c",
+    "fma",
+    "abm",
+    "movbe",
+    "xsave",
+    "popcnt",
+    "sse4_2",
+    "ssse3",
+    "cx16",
+}
 
 
 def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:

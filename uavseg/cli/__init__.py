@@ -131,7 +131,9 @@ def _report_kernels() -> None:
     def tell(name: str) -> None:
         if not told:
             told.append(name)
-            click.echo("uavseg: compiling for this machine, once (uavseg warm-up does it for everything)", err=True)
+            click.echo(
+                "uavseg: compiling for this machine, once (uavseg warm-up does it for everything)", err=True
+            )
 
     messages.on_compile = tell
     messages.on_note = lambda note: say(f"uavseg: note: {note}")

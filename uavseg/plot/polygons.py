@@ -14,6 +14,7 @@ from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.raster.opening import file_exists
+from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.read import read_regions, vector_errors
 from uavseg.regions.formats.vector_files import (
     check_attributes,
@@ -125,10 +126,9 @@ def _table_of_file(name: str) -> PolygonTable:
 def _table_of_parquet(name: str) -> PolygonTable:
     import json
 
-    from pyarrow.parquet import read_table
-
+    parquet = import_pyarrow().parquet
     with vector_errors(name):
-        table = read_table(name)
+        table = parquet.read_table(name)
         if b"geo" not in (table.schema.metadata or {}):
             raise RegionError(f"{name} is not GeoParquet; give a file that uavseg extract wrote")
         metadata = json.loads(table.schema.metadata[b"geo"])

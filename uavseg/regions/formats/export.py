@@ -10,23 +10,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import parse_crs
-from uavseg.regions import shapes
 from uavseg.regions.formats import geojson, kml
+from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream
 from uavseg.regions.formats.check_written import is_complete
+from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.shapes import has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
 
 LAYER = "regions"
-_GEOMETRY = "geometry"
-_ARROW_TYPES = {"i": "int64", "f": "float64", "O": "string"}  # by the kind of a numpy dtype
 _DATE = "2000-01-01T00:00:00Z"  # reproducible files: the same regions give the same bytes on any day
 _SHORT_NAMES = {
     "perimeter_m": "perim_m",
@@ -77,7 +74,10 @@ def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> 
     ...
     uavseg.errors.OutputError: regions.tif: regions are written to .geojson, .json, .gpkg, .fgb, ...
     """
-    if Path(path).suffix.lower() not in _WRITERS:
+    suffix = Path(path).suffix.lower()
+    if suffix == ".parquet":
+        import_pyarrow()
+    if suffix not in _WRITERS:
         *known, last = _WRITERS
         raise OutputError(f"{path}: regions are written to {', '.join(known)} or {last}")
     return check_target(path, overwrite)
@@ -143,16 +143,16 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
     from pyogrio.errors import DataLayerError, DataSourceError
 
     promote = has_multipolygons(regions.polygons)
-    stopped: list[BaseException] = []
-    with _gdal_date(_DATE), warnings.catch_warnings(), _raising(stopped):
+    stream = RegionStream(regions, promote)
+    with _gdal_date(_DATE), warnings.catch_warnings(), _raising(stream):
         warnings.simplefilter("ignore")
         try:
             pyogrio.raw.write_arrow(
-                _record_batches(regions, promote, stopped),
+                stream,
                 path,
                 layer=LAYER,
                 driver=driver,
-                geometry_name=_GEOMETRY,
+                geometry_name=GEOMETRY,
                 geometry_type="MultiPolygon" if promote else "Polygon",
                 crs=regions.wkt,
                 layer_options=options,
@@ -165,59 +165,14 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
 
 @contextmanager
-def _raising(stopped: list[BaseException]) -> Iterator[None]:
-    """Context that raises what stopped a stream, such as Ctrl-C, in place of what C code makes of it."""
+def _raising(stream: RegionStream) -> Iterator[None]:
+    """Context that raises what stopped a stream, such as Ctrl-C, in place of what its reader makes of it."""
     try:
         yield
     except Exception:
-        if stopped:
-            raise stopped[0] from None
+        if stream.stopped:
+            raise stream.stopped[0] from None
         raise
-
-
-def _record_batches(
-    regions: Regions, promote: bool = False, stopped: list[BaseException] | None = None
-) -> Any:
-    """The regions as a stream of Arrow record batches.
-
-    Parameters
-    ----------
-    regions : Regions
-    promote : bool
-        Whether every geometry becomes a MultiPolygon.
-    stopped : list, optional
-        Gets the exception that stopped the stream.
-    """
-    import pyarrow
-
-    types = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
-    schema = pyarrow.schema([*((name, pyarrow.type_for_alias(kind)) for name, kind in types.items())])
-    schema = schema.append(pyarrow.field(_GEOMETRY, pyarrow.binary()))
-
-    def batches() -> Iterator[Any]:
-        for part in shapes.batch_slices(regions.polygons):
-            polygons = regions.polygons[part]
-            if promote:
-                polygons = _as_multipolygons(polygons)
-            columns = [_null_for_nan(column[part]) for column in regions.columns.values()]
-            geometry = _arrow_bytes(shapely.to_wkb(polygons).tolist(), pyarrow.binary())
-            yield pyarrow.record_batch([*columns, geometry], schema=schema)
-
-    def watched() -> Iterator[Any]:
-        try:
-            yield from batches()
-        except BaseException as error:
-            if stopped is not None:
-                stopped.append(error)
-            raise
-
-    return pyarrow.RecordBatchReader.from_batches(schema, watched())
-
-
-def _as_multipolygons(polygons: NDArray[Any]) -> NDArray[Any]:
-    parts, owners = shapely.get_parts(polygons, return_index=True)
-    multipolygons: NDArray[Any] = shapely.multipolygons(parts, indices=owners)
-    return multipolygons
 
 
 @contextmanager
@@ -235,39 +190,14 @@ def _gdal_date(date: str) -> Iterator[None]:
 
 def _write_parquet(regions: Regions, path: Path) -> None:
     """GeoParquet 1.0."""
-    from pyarrow import parquet
-
-    batches = _record_batches(regions)
-    schema = batches.schema.with_metadata({"geo": json.dumps(_geo_metadata(regions))})
-    with parquet.ParquetWriter(path, schema, compression="zstd") as file:
-        for batch in batches:
-            file.write_batch(batch.replace_schema_metadata(schema.metadata))
-
-
-def _null_for_nan(column: NDArray[Any]) -> Any:
-    import pyarrow
-
-    if column.dtype != object:
-        return pyarrow.array(column, from_pandas=True)
-    texts = [None if text is None or text != text else text.encode() for text in column.tolist()]
-    return _arrow_bytes(texts, pyarrow.string())
-
-
-def _arrow_bytes(values: list[bytes | None], kind: Any) -> Any:
-    """Texts or bytes as an Arrow array, from buffers: `pyarrow.array` imports pandas to look at objects."""
-    import pyarrow
-
-    mask = None
-    if None in values:
-        there = [value is not None for value in values]
-        mask = pyarrow.py_buffer(np.packbits(there, bitorder="little"))
-        values = [value or b"" for value in values]
-    ends = np.zeros(len(values) + 1, np.int64)
-    np.cumsum(np.fromiter(map(len, values), np.int64, len(values)), out=ends[1:])  # type: ignore[arg-type]
-    if ends[-1] > np.iinfo(np.int32).max:
-        raise OutputError("one batch of regions holds more than 2 GB of text or corners; simplify them")
-    content = [mask, pyarrow.py_buffer(ends.astype(np.int32)), pyarrow.py_buffer(b"".join(values))]  # type: ignore[arg-type]
-    return pyarrow.Array.from_buffers(kind, len(values), content)
+    pyarrow = import_pyarrow()
+    stream = RegionStream(regions)
+    with _raising(stream):
+        batches = pyarrow.RecordBatchReader.from_stream(stream)
+        schema = batches.schema.with_metadata({"geo": json.dumps(_geo_metadata(regions))})
+        with pyarrow.parquet.ParquetWriter(path, schema, compression="zstd") as file:
+            for batch in batches:
+                file.write_batch(batch.replace_schema_metadata(schema.metadata))
 
 
 def _geo_metadata(regions: Regions) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from uavseg.errors import RegionError, UavsegError
 from uavseg.plain_text import cause_of
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
 from uavseg.raster.opening import file_exists
+from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.vector_files import (
     check_attributes,
     check_feature_count,
@@ -95,6 +96,7 @@ def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | 
     check_vector(source, name)
     with vector_errors(name):
         if not isinstance(source, bytes) and Path(source).suffix.lower() in {".parquet", ".geoparquet"}:
+            import_pyarrow()
             frame = geopandas.read_parquet(source)
         else:
             with reading_vectors():
