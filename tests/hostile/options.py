@@ -49,6 +49,7 @@ LINES = tuple(
         "check a.plan --autopilot px4 --json",
         "check a.waypoints --avoid z.geojson --avoid-margin 3 --max-altitude 90 --max-distance 2000 --dem g.tif",
         "cameras mavic 3",
+        "warm-up -q --processes 1",
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
         "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",

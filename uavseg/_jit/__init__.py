@@ -8,16 +8,16 @@ processors of level x86-64-v3 and for all others; `build` makes them.
 
 Where there is none (another platform, a kernel that was changed), a kernel is compiled to an object file the
 first time that it is called on a machine, and later runs load it with llvmlite alone. `compiling` uses
-private parts of numba and llvmlite. Where they fail for any reason, and on platforms that are not tested, the
-same kernels run through ``numba.njit(cache=True)`` instead (`fallback`): the same results, after a slower start,
-and one note. Two environment variables are for the user:
+private parts of numba and llvmlite. Where they fail for any reason, and on platforms that are not tested,
+the same kernels run through ``numba.njit(cache=True)`` instead (`fallback`): the same results, after a slower
+start, and one note. Two environment variables are for the user:
 
 UAVSEG_CACHE
     The folder of the caches, instead of ``uavseg`` in the user's cache folder.
 UAVSEG_JIT
-    ``objects`` compiles kernels for this very processor, also on a platform that is not tested; ``numba`` runs
-    them through ``numba.njit`` everywhere, without a note; ``baseline`` loads shipped kernels that need no more
-    than any x86-64 processor has.
+    ``objects`` compiles kernels for this very processor, also on a platform that is not tested; ``numba``
+    runs them through ``numba.njit`` everywhere, without a note; ``baseline`` loads the shipped kernels that
+    need no more than every x86-64 processor has.
 """
 
 from uavseg._jit.kernels import Kernel, kernel

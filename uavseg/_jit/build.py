@@ -1,7 +1,8 @@
-"""Makes the libraries that come with the package: ``python -m uavseg._jit.build``, after a kernel was changed.
+"""Makes the libraries of kernels that come with the package: ``python -m uavseg._jit.build``.
 
-It needs numba and a linker (``ld``), and takes about a minute on two cores for all of them. What is current is
-kept; ``--all`` makes everything again. The same versions of numba, llvmlite and the linker give the same bytes.
+Run it after a kernel was changed. It needs numba and a linker (``ld``), and about two minutes of processor
+time for all kernels. What is current is kept; ``--all`` makes everything again. The same versions of numba,
+llvmlite and the linker give the same bytes.
 """
 
 import importlib

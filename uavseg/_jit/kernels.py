@@ -108,9 +108,11 @@ class Kernel(LoopNest):
 
 def _require_compiler(name: str) -> None:
     if importlib.util.find_spec("numba") is None:
+        choice = _choice()
+        reason = f"UAVSEG_JIT={choice} asks for it" if choice else "this machine cannot use what is shipped"
         raise MissingLibraryError(
-            f"the package has no machine code of {name} that this machine can use, and numba, which would"
-            " compile it, is not installed; install it: pip install 'uavseg[compile]'"
+            f"{name} has to be compiled ({reason}), and numba, which does it, is not installed; "
+            'install it with: pip install "uavseg[compile]"'
         )
 
 

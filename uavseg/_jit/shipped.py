@@ -1,4 +1,4 @@
-"""Kernels that come with the package: for each, a shared library for each level of x86-64 processors on Linux.
+"""Kernels that come with the package: a shared library for each level of x86-64 processors on Linux.
 
 A library has the name of its kernel with a hash of the kernel's source text, so one that was made of another
 text is not found. It ends with a checksum. Who may change it may change the Python files beside it, so its

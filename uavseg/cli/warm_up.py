@@ -21,8 +21,8 @@ def command(processes: int | None, quiet: bool, progress: str) -> None:
     """Load everything once, and compile what has to be compiled, so that later commands start at once.
 
     Run it after an installation or an upgrade, before going to the field. On Linux with an x86-64 processor
-    nothing is compiled: kernels come with the package. Elsewhere it takes some minutes, once; UAVSEG_CACHE names
-    the folder of what is compiled.
+    nothing is compiled: kernels come with the package. Elsewhere it takes some minutes, once; UAVSEG_CACHE
+    names the folder of what is compiled.
     """
     from uavseg.jobs.warm_up import warm_up
 

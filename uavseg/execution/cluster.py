@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
 from typing import Any
 
@@ -238,10 +238,18 @@ def versions() -> dict[str, str]:
     """Versions that must agree between client and workers; of Python and distributed major and minor only."""
     minor = {"distributed": version("distributed"), "Python": python_version()}
     found = {name: ".".join(text.split(".")[:2]) for name, text in minor.items()}
-    found |= {name: version(name) for name in RESULT_PACKAGES}
+    found |= {name: _version_if_installed(name) for name in RESULT_PACKAGES}
     for name, (module, attribute) in RESULT_LIBRARIES.items():
         found[name] = str(getattr(import_module(module), attribute))
     return {"uavseg": import_module("uavseg").__version__} | found
+
+
+def _version_if_installed(name: str) -> str:
+    """Numba and llvmlite are not installed everywhere."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
 
 
 _own_versions = cache(versions)  # a worker compares them for each item

@@ -6,13 +6,10 @@ import shutil
 import subprocess
 
 import numpy as np
-import pyarrow
 import pyogrio
 import pytest
 import shapely
 from affine import Affine
-from hypothesis import given
-from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.errors import OutputError, OutputExistsError
@@ -225,22 +222,3 @@ def test_a_full_disk_is_reported(tmp_path, monkeypatch):
     with pytest.raises(OutputError, match="cannot be written: No space left"):
         export.write_regions(regions_of(PICTURE), tmp_path / "out.geojson")
     assert list(tmp_path.iterdir()) == []
-
-
-@given(st.lists(st.none() | st.text(max_size=5), max_size=20))
-def test_texts_become_the_arrow_array_that_pyarrow_makes_of_them(texts):
-    column = np.array([*texts, None], object)[:-1]  # of objects, whatever is in it
-    found = export._null_for_nan(column)
-    found.validate(full=True)
-    assert found.equals(pyarrow.array(texts, pyarrow.string()))
-
-
-@given(st.lists(st.none() | st.binary(max_size=5), max_size=20))
-def test_bytes_become_the_arrow_array_that_pyarrow_makes_of_them(values):
-    found = export._arrow_bytes(values, pyarrow.binary())
-    found.validate(full=True)
-    assert found.equals(pyarrow.array(values, pyarrow.binary()))
-
-
-def test_a_text_that_is_no_number_is_null():
-    assert export._null_for_nan(np.array(["a", np.nan, None], object)).to_pylist() == ["a", None, None]

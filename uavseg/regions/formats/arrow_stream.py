@@ -3,12 +3,13 @@
 GDAL (through pyogrio) and pyarrow read it; making it needs neither. A batch is made when the reader asks for
 it, and is kept until the reader releases it.
 
-The structures are those of https://arrow.apache.org/docs/format/CDataInterface.html and CStreamInterface.html.
+The structures are those of https://arrow.apache.org/docs/format/CDataInterface.html, and of
+CStreamInterface.html beside it.
 """
 
 import ctypes
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,8 @@ _FORMATS = {"i": b"l", "f": b"g", "O": b"u"}  # by the kind of a numpy dtype: in
 _WKB = b"z"
 _STRUCT = b"+s"
 _NULLABLE = 2
-_FAILED = 5  # EIO
 _POINTER = ctypes.c_void_p
-_Buffers = list[NDArray[Any] | bytes | None]
+Buffers = list[NDArray[Any] | bytes | None]
 
 
 class _Schema(ctypes.Structure):
@@ -90,11 +90,18 @@ def _releasing(kind: type[Any]) -> Any:
     return ctypes.CFUNCTYPE(None, ctypes.POINTER(kind))(release)
 
 
+@ctypes.CFUNCTYPE(None, ctypes.POINTER(_Stream))
+def _release_stream(pointer: Any) -> None:
+    number = pointer.contents.private_data
+    pointer.contents.release = None
+    _kept.pop(number, None)
+
+
 _RELEASE = {_Schema: _releasing(_Schema), _Array: _releasing(_Array)}
 
 
 class RegionStream:
-    """Regions as a stream of Arrow record batches; it is read once, and has to outlive its reader.
+    """Regions as a stream of Arrow record batches; it is read once.
 
     Parameters
     ----------
@@ -105,19 +112,20 @@ class RegionStream:
     Attributes
     ----------
     stopped : list of BaseException
-        What stopped the stream, such as Ctrl-C; the reader only learns that it ended.
+        What ended the stream too early, such as Ctrl-C. The reader sees a shorter stream: it cannot raise
+        this, and it could not call back to release the stream while it raises something else.
     """
 
     def __init__(self, regions: Regions, promote: bool = False) -> None:
         self.stopped: list[BaseException] = []
         self._regions = regions
-        self._batches = _batches(regions, promote)
+        self._batches = batches(regions, promote)
         self._stream = _Stream()
         self._functions = [
             ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, ctypes.POINTER(_Schema))(self._get_schema),
             ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, ctypes.POINTER(_Array))(self._get_next),
             ctypes.CFUNCTYPE(_POINTER, _POINTER)(lambda stream: None),
-            ctypes.CFUNCTYPE(None, ctypes.POINTER(_Stream))(_release_stream),
+            _release_stream,
         ]
         names = ("get_schema", "get_next", "get_last_error", "release")
         for name, function in zip(names, self._functions, strict=True):
@@ -127,6 +135,8 @@ class RegionStream:
         """The stream as a PyCapsule; another schema than that of the regions is not given."""
         capsule = ctypes.pythonapi.PyCapsule_New
         capsule.restype, capsule.argtypes = ctypes.py_object, [_POINTER, ctypes.c_char_p, _POINTER]
+        self._stream.private_data = next(_numbers)
+        _kept[self._stream.private_data] = self
         made: object = capsule(ctypes.addressof(self._stream), _CAPSULE, None)
         return made
 
@@ -149,14 +159,11 @@ class RegionStream:
             return 0
         except BaseException as error:
             self.stopped.append(error)
-            return _FAILED
+            out.contents.release = None
+            return 0
 
 
 _CAPSULE = b"arrow_array_stream"
-
-
-def _release_stream(pointer: Any) -> None:
-    pointer.contents.release = None
 
 
 def _hand_over(out: Any, made: Any, children: list[Any], kept: list[Any]) -> None:
@@ -172,8 +179,8 @@ def _hand_over(out: Any, made: Any, children: list[Any], kept: list[Any]) -> Non
     ctypes.memmove(out, ctypes.byref(made), ctypes.sizeof(kind))
 
 
-def _array(length: int, buffers: _Buffers) -> tuple[_Array, Any]:
-    """An array of buffers, the first of which says what is there (None: everything); and what it points to."""
+def _array(length: int, buffers: Buffers) -> tuple[_Array, Any]:
+    """An array of buffers, the first of which says what is there (None: all); and what it points to."""
     addresses = (_POINTER * len(buffers))(*map(_address, buffers))
     missing = 0 if buffers[0] is None else -1  # -1: not counted
     return _Array(length, missing, 0, len(buffers), 0, addresses), addresses
@@ -188,8 +195,8 @@ def _address(buffer: NDArray[Any] | bytes | None) -> int | None:
     return address
 
 
-def _batches(regions: Regions, promote: bool) -> Iterator[tuple[int, list[_Buffers]]]:
-    """Length and columns of each batch, the last column the geometry."""
+def batches(regions: Regions, promote: bool = False) -> Iterator[tuple[int, list[Buffers]]]:
+    """Length and columns of each batch as the buffers of Arrow; the last column is the geometry as WKB."""
     for part in shapes.batch_slices(regions.polygons):
         polygons = regions.polygons[part]
         if promote:
@@ -204,7 +211,7 @@ def _as_multipolygons(polygons: NDArray[Any]) -> NDArray[Any]:
     return multipolygons
 
 
-def _buffers_of(column: NDArray[Any]) -> _Buffers:
+def _buffers_of(column: NDArray[Any]) -> Buffers:
     """Numbers or texts; what is not a number, and a text that is missing, is null."""
     if column.dtype != object:
         values = np.ascontiguousarray(column, np.int64 if column.dtype.kind == "i" else np.float64)
@@ -212,7 +219,7 @@ def _buffers_of(column: NDArray[Any]) -> _Buffers:
     return _buffers_of_bytes([None if text is None or text != text else text.encode() for text in column])
 
 
-def _buffers_of_bytes(values: Sequence[bytes | None]) -> _Buffers:
+def _buffers_of_bytes(values: Sequence[bytes | None]) -> Buffers:
     there = np.fromiter((value is not None for value in values), bool, len(values))
     ends = np.zeros(len(values) + 1, np.int64)
     np.cumsum([len(value or b"") for value in values], out=ends[1:])

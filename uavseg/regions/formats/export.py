@@ -16,7 +16,7 @@ from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions.formats import geojson, kml
-from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream
+from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream, batches
 from uavseg.regions.formats.check_written import is_complete
 from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.shapes import has_multipolygons
@@ -24,6 +24,7 @@ from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
 
 LAYER = "regions"
+_ARROW_TYPES = {"i": "int64", "f": "float64", "O": "string"}  # by the kind of a numpy dtype
 _DATE = "2000-01-01T00:00:00Z"  # reproducible files: the same regions give the same bytes on any day
 _SHORT_NAMES = {
     "perimeter_m": "perim_m",
@@ -166,13 +167,12 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
 @contextmanager
 def _raising(stream: RegionStream) -> Iterator[None]:
-    """Context that raises what stopped a stream, such as Ctrl-C, in place of what its reader makes of it."""
+    """Context that raises what ended a stream too early, such as Ctrl-C, whatever its reader makes of it."""
     try:
         yield
-    except Exception:
+    finally:
         if stream.stopped:
             raise stream.stopped[0] from None
-        raise
 
 
 @contextmanager
@@ -191,13 +191,19 @@ def _gdal_date(date: str) -> Iterator[None]:
 def _write_parquet(regions: Regions, path: Path) -> None:
     """GeoParquet 1.0."""
     pyarrow = import_pyarrow()
-    stream = RegionStream(regions)
-    with _raising(stream):
-        batches = pyarrow.RecordBatchReader.from_stream(stream)
-        schema = batches.schema.with_metadata({"geo": json.dumps(_geo_metadata(regions))})
-        with pyarrow.parquet.ParquetWriter(path, schema, compression="zstd") as file:
-            for batch in batches:
-                file.write_batch(batch.replace_schema_metadata(schema.metadata))
+    types = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
+    fields = [*((name, pyarrow.type_for_alias(kind)) for name, kind in types.items())]
+    schema = pyarrow.schema([*fields, (GEOMETRY, pyarrow.binary())])
+    schema = schema.with_metadata({"geo": json.dumps(_geo_metadata(regions))})
+    with pyarrow.parquet.ParquetWriter(path, schema, compression="zstd") as file:
+        for length, columns in batches(regions):
+            arrays = [
+                pyarrow.Array.from_buffers(
+                    kind, length, [None if part is None else pyarrow.py_buffer(part) for part in parts]
+                )
+                for kind, parts in zip(schema.types, columns, strict=True)
+            ]
+            file.write_batch(pyarrow.record_batch(arrays, schema=schema))
 
 
 def _geo_metadata(regions: Regions) -> dict[str, Any]:

@@ -1,0 +1,236 @@
+"""Kernels that come with the package: current, whole, and with the results of compiled ones."""
+
+import importlib.util
+import os
+import platform
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import uavseg
+from uavseg._jit import build, compiling, shipped, warming
+from uavseg._jit.kernels import Kernel
+
+Load = Callable[[str], ModuleType]
+ROOT = Path(uavseg.__file__).resolve().parents[1]
+here = pytest.mark.skipif(
+    f"{sys.platform}-{platform.machine()}" != "linux-x86_64" or shutil.which("ld") is None,
+    reason="kernels are shipped for x86-64 Linux, and made with its linker",
+)
+
+
+@pytest.fixture(autouse=True)
+def best(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What fits best, as without UAVSEG_JIT."""
+    monkeypatch.delenv("UAVSEG_JIT", raising=False)
+
+
+@pytest.fixture
+def libraries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of shipped kernels that is empty."""
+    folder = tmp_path / "libraries"
+    monkeypatch.setattr(shipped, "FOLDER", folder)
+    return folder
+
+
+@pytest.fixture
+def module_of(tmp_path: Path) -> Load:
+    """Makes a new module of a source text on each call, in the same file and with the same name."""
+
+    def load(source: str) -> ModuleType:
+        path = tmp_path / "changing.py"
+        path.write_text(source)
+        spec = importlib.util.spec_from_file_location(path.stem, path)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        exec(compile(source, str(path), "exec"), vars(module))  # not from a cache of byte code
+        return module
+
+    return load
+
+
+@pytest.fixture
+def twice_module(module_of: Load) -> ModuleType:
+    """A module with the kernel `twice`."""
+    return module_of(
+        'from uavseg._jit import kernel\n\n\n@kernel("i8(i8)")\ndef twice(value):\n    return 2 * value\n'
+    )
+
+
+def ship(kernel: Kernel, folder: Path, level: str = shipped.BASELINE) -> Path:
+    """Make the library of a kernel of a test."""
+    path = folder / level / shipped.library_name(kernel)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(shipped.sealed(path.name, build._link(compiling.compile_for(kernel, level, ""))))
+    return path
+
+
+@pytest.mark.parametrize("level", shipped.LEVELS)
+def test_every_kernel_is_shipped_as_it_is_now(level: str) -> None:
+    """Where this fails: `nox -s kernels`, or `python -m uavseg._jit.build`."""
+    names = {shipped.library_name(kernel) for kernel in warming.all_kernels().values()}
+    assert len(names) == len(warming.all_kernels()) > 80
+    assert names == {path.name for path in (shipped.FOLDER / level).iterdir()}
+    assert all(shipped._intact(shipped.FOLDER / level / name) for name in names)
+
+
+@here
+def test_no_kernel_is_compiled_and_neither_numba_nor_llvmlite_is_loaded(tmp_path: Path) -> None:
+    program = (
+        "import sys; from uavseg._jit import messages, warming; "
+        "messages.on_compile = messages.on_note = lambda text: sys.exit(text); "
+        "found = warming.all_kernels(); [kernel.load() for kernel in found.values()]; "
+        "assert all(kernel.is_shipped for kernel in found.values()); "
+        "print({'numba', 'llvmlite'} & set(sys.modules))"
+    )
+    env = {**os.environ, "UAVSEG_CACHE": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=env, capture_output=True, text=True, check=False
+    )
+    assert (done.stdout, done.stderr) == ("set()\n", "")
+    assert list(tmp_path.iterdir()) == []
+
+
+@here
+@pytest.mark.parametrize("choice", ["", "baseline", "objects", "numba"])
+def test_all_ways_give_the_same_results(
+    choice: str, cache: Path, monkeypatch: pytest.MonkeyPatch, module_of: Load, libraries: Path
+) -> None:
+    source = (
+        "from math import exp, log\n\nfrom uavseg._jit import kernel\n\n\n"
+        '@kernel("f8(f8[::1], f4[::1])")\n'
+        "def total(values, halves):\n"
+        "    found = 0.0\n"
+        "    for k in range(values.shape[0]):\n"
+        "        halves[k] = values[k] * 0.3 + halves[k] * 0.7\n"
+        "        found += log(values[k]) * exp(-values[k]) + halves[k]\n"
+        "    return found\n"
+    )
+    values = np.random.default_rng(7).uniform(0.01, 5, 1001)
+    expected = None
+    for way in ("numba", choice):
+        monkeypatch.setenv("UAVSEG_JIT", way)
+        total = module_of(source).total
+        for level in shipped.LEVELS:
+            ship(total, libraries, level)
+        halves = np.arange(1001, dtype=np.float32)
+        found = total(values, halves), halves.tobytes()
+        assert total.is_shipped == (way in ("", "baseline"))
+        expected = expected or found
+        assert found == expected
+
+
+@here
+def test_a_kernel_that_was_changed_is_compiled(
+    cache: Path, compiled: list[str], module_of: Load, libraries: Path
+) -> None:
+    source = (
+        "from uavseg._jit import inlined, kernel\n\nTIMES = 2\n\n\n"
+        "@inlined\ndef times(value):\n    return value * TIMES\n\n\n"
+        '@kernel("i8(i8)")\ndef scaled(value):\n    # a comment\n    return times(value)\n'
+    )
+    first = module_of(source).scaled
+    ship(first, libraries)
+    assert first(21) == 42 and first.is_shipped and compiled == []
+    again = module_of(source.replace("    # a comment\n", "\n")).scaled  # moves nothing but lines
+    assert shipped.library_name(again) == shipped.library_name(first)
+    for old, new, value in (
+        ("TIMES = 2", "TIMES = 3", 63),
+        ("value * TIMES", "value + TIMES", 23),
+        ("return times(value)", "return -times(value)", -42),
+        ('"i8(i8)"', '"f8(f8)"', 42.0),
+    ):
+        changed = module_of(source.replace(old, new)).scaled
+        assert changed(21) == value
+        assert not changed.is_shipped
+    assert compiled == ["scaled"] * 4
+
+
+@here
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "renamed", "folder", "no function"])
+def test_a_damaged_library_is_not_loaded(
+    cache: Path, compiled: list[str], twice_module: ModuleType, libraries: Path, damage: str
+) -> None:
+    path = ship(twice_module.twice, libraries)
+    content = path.read_bytes()
+    if damage == "folder":
+        path.unlink()
+        path.mkdir()
+    elif damage == "renamed":  # the whole library of another kernel
+        path.write_bytes(shipped.sealed("other.so", content[:-64]))
+    elif damage == "no function":
+        path.write_bytes(shipped.sealed(path.name, content[:-64].replace(b"kernel\0", b"kernal\0")))
+    else:
+        middle = len(content) // 2
+        flipped = content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+        path.write_bytes({"cut": content[:-1], "flipped": flipped, "empty": b""}[damage])
+    assert twice_module.twice(21) == 42
+    assert not twice_module.twice.is_shipped and compiled == ["twice"]
+
+
+@here
+def test_a_processor_without_avx2_gets_the_baseline(
+    libraries: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, twice_module: ModuleType
+) -> None:
+    for level in shipped.LEVELS:
+        ship(twice_module.twice, libraries, level)
+    flags = sorted(shipped._V3)
+    for listed, level in ((flags, "x86-64-v3"), (flags[1:], "x86-64"), ([], "x86-64"), (None, "x86-64")):
+        cpuinfo = tmp_path / "cpuinfo"
+        cpuinfo.unlink(missing_ok=True)
+        if listed is not None:
+            cpuinfo.write_text(f"processor\t: 0\nflags\t\t: fpu {' '.join(listed)} sse\nbugs\t\t:\n")
+        monkeypatch.setattr(shipped, "_CPUINFO", cpuinfo)
+        shipped._is_v3.cache_clear()
+        found = shipped.load(twice_module.twice)
+        assert found is not None and Path(found[0]._name).parent.name == level
+    shipped._is_v3.cache_clear()
+
+
+@here
+def test_libraries_need_nothing_but_functions_of_the_c_library() -> None:
+    known = {"exp", "log", "erf", "sqrt", "floor", "ceil", "memset", "memcpy", "memmove", "kernel"}
+    for path in shipped.FOLDER.rglob("*.so"):
+        listed = subprocess.run(
+            ["nm", "-D", "--with-symbol-versions", path], capture_output=True, text=True, check=True
+        )
+        symbols = {line.split()[-1] for line in listed.stdout.splitlines()}
+        assert "kernel" in symbols and symbols <= known, path.name  # without versions: with any glibc
+
+
+@here
+def test_building_is_repeatable(tmp_path: Path, twice_module: ModuleType) -> None:
+    made = [ship(twice_module.twice, tmp_path / str(k)).read_bytes() for k in range(2)]
+    assert made[0] == made[1]
+
+
+@pytest.mark.parametrize(
+    ("choice", "reason"),
+    [("", "this machine cannot use what is shipped"), ("numba", "UAVSEG_JIT=numba asks")],
+)
+def test_without_numba_one_line_says_what_to_install(
+    choice: str,
+    reason: str,
+    cache: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    libraries: Path,
+    twice_module: ModuleType,
+) -> None:
+    monkeypatch.setenv("UAVSEG_JIT", choice)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(uavseg.UavsegError, match=rf"twice has to be compiled \({reason}.*uavseg\[compile\]"):
+        twice_module.twice(21)
+
+
+def test_an_unknown_choice_loads_what_fits_best(
+    notes: list[str], monkeypatch: pytest.MonkeyPatch, libraries: Path, cache: Path, twice_module: ModuleType
+) -> None:
+    monkeypatch.setenv("UAVSEG_JIT", "fast")
+    assert twice_module.twice(21) == 42
+    assert notes == ["UAVSEG_JIT=fast is ignored; expected objects, numba or baseline"]
