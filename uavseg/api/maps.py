@@ -30,12 +30,14 @@ def classify(
     band: int | None = None,
     nodata: float | None = None,
     stretch: str | None = None,
-    method: str = "paper",
+    free_is_white: bool | None = None,
+    method: str = "adaptive",
     refine: str = "scan",
     threshold: float = 1.2,
     intensity_step: float = 0.05,
     min_area: float | str | None = None,
     simplify: float | None = None,
+    allow_lost_obstacles: bool = False,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -50,13 +52,23 @@ def classify(
     source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
         The path is of a raster or of the YAML file of a ROS map. Integers are divided by the largest of their
         type; floats lie in 0..1.
+    free_is_white : bool, optional
+        Of a picture (such as .pgm) without its YAML file, where it is required: whether white or black is
+        free. Where it is white, 205 is unknown.
     free_below, occupied_above : float
         The limits of the probability of being occupied.
     stretch : str, optional
         For a map that holds no probabilities, such as "0,100" for one in per cent. Integers are divided by
         the largest of their type, floats are taken as they are, if left out. A ROS map is never stretched.
+    method : {"adaptive", "paper"}
+        With "adaptive" and refine "scan", thin obstacles (walls of one or two cells) are restored after the
+        scans, where the noise of the map does not explain them. "paper" is the method of the paper alone.
+    refine : {"scan", "none"}
+        With "none", states end at block edges.
     min_area, simplify
         Of the objects: as of `extract`.
+    allow_lost_obstacles : bool
+        Whether obstacles of the map may have no occupied cell, with a warning, instead of an error.
     band, ..., allow_network
         As of `extract`.
 
@@ -65,10 +77,13 @@ def classify(
     found : Classification
         `states`, a (rows, cols) uint8 array: 1 free, 2 unknown, 3 occupied, 0 no data. `frame()`, the
         occupied objects as a GeoDataFrame with the columns of `extract` and x_min, y_min, x_max and y_max.
-        `occupied_in_free`: how many cells are called free though their own v is that of an occupied one.
+        `occupied_in_free`, `unknown_in_free`: how many cells are called free though their own v is that of an
+        occupied or an unknown one. `restored`: cells of thin obstacles; `lost_obstacles`: those without any.
 
     Raises
     ------
+    LostObstaclesError
+        If obstacles would be lost, and that is not allowed.
     UavsegError
         If the map cannot be read, has no valid cell or holds numbers that are no probabilities, or a
         parameter is wrong.
@@ -87,9 +102,10 @@ def classify(
         SegmentParams.from_words(method, threshold, intensity_step, refine),
         drawing=Drawing(simplify_m=simplify),
         min_area=as_area(min_area),
+        allow_lost_obstacles=allow_lost_obstacles,
     )
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
+        opened = open_probability_map(source, _read_options(band, nodata, stretch, free_is_white))
         found = run_classify(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found
@@ -107,6 +123,7 @@ def path(
     band: int | None = None,
     nodata: float | None = None,
     stretch: str | None = None,
+    free_is_white: bool | None = None,
     method: str = "adaptive",
     threshold: float = 1.2,
     intensity_step: float = 0.05,
@@ -139,6 +156,8 @@ def path(
     stretch : str, optional
         For a map that holds no probabilities. Integers are divided by the largest of their type, floats are
         taken as they are, if left out. A ROS map is never stretched.
+    free_is_white : bool, optional
+        As of `classify`.
     method, threshold, intensity_step
         As of `extract`.
     tile, threads : int, optional
@@ -178,7 +197,13 @@ def path(
         SegmentParams.from_words(method, threshold, intensity_step, "scan"),
     )
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
+        opened = open_probability_map(source, _read_options(band, nodata, stretch, free_is_white))
         found = run_path(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found.path
+
+
+def _read_options(
+    band: int | None, nodata: float | None, stretch: str | None, free_is_white: bool | None
+) -> ReadOptions:
+    return ReadOptions(band, None, nodata, stretch, free_is_white=free_is_white)

@@ -24,6 +24,7 @@ from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
 from uavseg.raster.geobox import GeoBox, check_metres
 
 _WRITTEN_THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # as Nav2 writes trinary maps
+UNKNOWN_GREY = 205
 GREY_OF_STATE = {  # no data, free, unknown, occupied: as Nav2's map saver writes them in each mode
     "trinary": np.array([205, 254, 205, 0], np.uint8),
     "scale": np.array([205, 255, 205, 0], np.uint8),  # unknown is also transparent
@@ -73,7 +74,7 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     """
     described = read_ros_yaml(path)
     current_policy().check_file(path, described.image)
-    grey, opaque = _read_image(described.image)
+    grey, opaque = read_picture(described.image)
     transform = _transform(described.origin, described.resolution, grey.shape[0])
     try:
         geobox = GeoBox(grey.shape, transform, None)
@@ -155,7 +156,16 @@ def image_path(path: str | os.PathLike[str], mode: str) -> Path:
     return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")
 
 
-def _read_image(image: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
+def read_picture(
+    image: str | os.PathLike[str],
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
+    """8-bit grey of the picture of a map, and where it is opaque; None where it is everywhere.
+
+    Raises
+    ------
+    RasterReadError
+        If it cannot be read.
+    """
     if is_pgm(image):
         samples, maximum = read_pgm(image)
         return to_8_bits(samples, maximum), None

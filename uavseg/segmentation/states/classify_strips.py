@@ -27,6 +27,7 @@ from uavseg.raster.tiling import TilePass, Window, tile_side, tiles, whole_block
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.params import StateLimits
 from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.states.classified_states import ClassifiedStates
 from uavseg.segmentation.states.obstacle_evidence import evidence_rule
 from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 from uavseg.segmentation.states.state_scans import (
@@ -51,49 +52,6 @@ from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
 StateRefinement = Literal["none", "scan"]
 
 _MAX_STRIP_PIXELS = 1 << 25  # pixels of a strip, unless 64 rows have more
-
-
-@dataclass(frozen=True)
-class ClassifiedStates:
-    """The states of a raster's pixels.
-
-    Parameters
-    ----------
-    image : StateImage
-    codes : (16,) int64 array
-        Number of pixels by code, see `state_scans`.
-    thin : ThinObstacles
-        Thin obstacles that were restored, or lost.
-    noise : float
-        Standard deviation of the noise of v.
-    """
-
-    image: StateImage
-    codes: NDArray[np.int64]
-    thin: ThinObstacles
-    noise: float
-
-    @property
-    def pixels(self) -> dict[int, int]:
-        """Number of pixels by state: 1 free, 2 unknown, 3 occupied, 0 for all others."""
-        counts = {state: int(self.codes[state::4].sum()) for state in (FREE, UNKNOWN, OCCUPIED)}
-        rows, cols = self.image.shape
-        return {0: rows * cols - sum(counts.values())} | counts
-
-    @property
-    def occupied_in_free(self) -> int:
-        """Number of pixels in state free whose own v is occupied: possibly thin walls."""
-        return int(self.codes[FREE | OCCUPIED << 2])
-
-    @property
-    def unknown_in_free(self) -> int:
-        """Number of pixels in state free whose own v is unknown."""
-        return int(self.codes[FREE | UNKNOWN << 2])
-
-    @property
-    def occupied_by_value(self) -> int:
-        """Number of pixels whose own v is occupied, in any state."""
-        return int(self.codes[OCCUPIED << 2 :].sum())
 
 
 def classify_states(
@@ -142,15 +100,15 @@ def classify_states(
     next(results, None)  # lets the executor finish and report it
     if refine == "scan":
         codes = passes.run(restore and statistics.trinary)
-    found = ClassifiedStates(image, codes, ThinObstacles(passes.restored, 0), statistics.noise)
-    return _with_thin_obstacles(source, found, limits, statistics.trinary, restore, finding)
+    thin = ThinObstacles(passes.restored, 0)
+    found = ClassifiedStates(image, codes, thin, statistics.noise, statistics.trinary)
+    return _with_thin_obstacles(source, found, limits, restore, finding)
 
 
 def _with_thin_obstacles(
     source: GreySource,
     found: ClassifiedStates,
     limits: StateLimits,
-    trinary: bool,
     restore: bool,
     tile_pass: TilePass,
 ) -> ClassifiedStates:
@@ -159,7 +117,7 @@ def _with_thin_obstacles(
         if tile_pass.progress is not None:
             tile_pass.progress(1, 1)
         return found
-    rule = evidence_rule(limits, int(found.codes.sum() - found.codes[0]), found.noise, trinary)
+    rule = evidence_rule(limits, int(found.codes.sum() - found.codes[0]), found.noise, found.trinary)
     thin = find_thin_obstacles(source, found.image, rule, tile_pass, restore)
     codes = found.codes.copy()
     for state, number in thin.restored.items():

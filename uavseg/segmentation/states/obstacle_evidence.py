@@ -1,14 +1,16 @@
-"""Significance of thin obstacles in an occupancy map: likelihood ratios, and an extent threshold against noise.
+"""Significance of thin obstacles in an occupancy map: likelihood ratios, and an extent threshold.
 
-With prior 0.5, v / (1 - v) of a cell is the likelihood ratio of its measurements, occupied against free. Where
-a cell is free, the ratio exceeds c with probability 1 / c at most (Markov's inequality; A. Wald, Sequential
-tests of statistical hypotheses, Ann. Math. Stat. 16 (1945) 117-186), and so does the product over several
-cells. With c = N / alpha, at most alpha such structures are expected in a map of N cells (Bonferroni).
+With prior 0.5, v / (1 - v) of a cell is the likelihood ratio of its measurements, occupied against free.
+Where a cell is free, the ratio exceeds c with probability 1 / c at most (Markov's inequality; A. Wald,
+Sequential tests of statistical hypotheses, Ann. Math. Stat. 16 (1945) 117-186), and so does the product over
+several independent cells. With c = N / alpha, at most alpha of N cells or structures exceed it by chance
+(Bonferroni).
 
-Noise that is added to v is no likelihood. With standard deviation sigma it lifts k given cells above the limit
-of occupied by z sigma with probability Q(z)^k, where Q is the tail of the normal distribution. There are 20
-shapes of three 8-connected cells, so with N 20 Q(z)^3 = alpha at most alpha such triples are expected
-(an extent threshold by the union bound).
+Noise that is added to v is not part of that model. With standard deviation sigma it lifts three given cells
+above the limit of occupied by z sigma with probability Q(z)^3, where Q is the upper tail of the normal
+distribution. There are 20 shapes of three 8-connected cells, so with 20 N Q(z)^3 = alpha at most alpha such
+triples are expected in a map of N cells (union bound): z is a threshold for structures of three cells. It
+never exceeds 0.65, above which a robot takes a cell for occupied.
 """
 
 import math
@@ -70,13 +72,14 @@ def evidence_rule(limits: StateLimits, cells: int, noise: float, trinary: bool) 
     >>> rule.codes[[0, 32800, 39321, 65535]], rule.min_cells, rule.min_evidence
     (array([  0,   0,   4, 255], dtype=uint8), 3, 117)
     """
-    weakest = limits.occupied_above + noise_deviations(cells) * noise
+    strong = max(_STRONG_ABOVE, limits.occupied_above)
+    weakest = min(limits.occupied_above + noise_deviations(cells) * noise, strong)
     v = np.arange(GREY_LEVELS) / GREY_MAX
     odds = np.divide(v, 1 - v, out=np.full(GREY_LEVELS, np.inf), where=v < 1)
     nats = np.log(np.maximum(odds, 1.0))
     codes = 1 + np.minimum(np.floor(PARTS * np.minimum(nats, GREY_MAX)), _CERTAIN).astype(np.uint8)
-    codes[(v > weakest) & (v > _STRONG_ABOVE)] |= np.uint8(STRONG)
-    codes[~((v > weakest) & (v > limits.occupied_above))] = 0
+    codes[v > strong] |= np.uint8(STRONG)
+    codes[v <= weakest] = 0
     return EvidenceRule(codes, 1 if trinary else MIN_CELLS, math.ceil(PARTS * math.log(cells / _ALPHA)))
 
 

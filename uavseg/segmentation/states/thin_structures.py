@@ -1,14 +1,14 @@
 """Recovery of thin obstacles after the scans: walls, poles and furniture of one or two cells.
 
 A wall of one or two cells lies in blocks whose mean is free, and no scan reaches it. So the cells that are
-occupied by their own value, but not by their segment, are grouped into 8-connected structures (candidates, see
-`obstacle_evidence`):
+occupied by their own value, but not by their segment (candidates), are grouped into 8-connected structures;
+see `obstacle_evidence` for the tests:
 
 - one of three cells or more with no occupied cell beside it is an obstacle, which would be lost;
 - one of strong cells whose likelihood ratio is large enough is an obstacle, or part of the one beside it.
 
-The rest is explained by the noise of the map, and stays as it is. In a trinary map every cell that is occupied
-by its own value is an obstacle.
+The rest is explained by the noise of the map, and stays as it is. In a trinary map every cell that is
+occupied by its own value is part of an obstacle.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,9 +35,9 @@ _KEPT = OCCUPIED | OCCUPIED << 2
 # A candidate has a code that no other pixel has: its state, shifted left twice where its evidence is strong.
 _WEAK, _STRONG = (1, 2), (4, 8)
 
-_IS_LEFT_OUT, _IS_STRONG, _IS_CANDIDATE = (
-    np.isin(np.arange(16), codes) for codes in (_LEFT_OUT, _STRONG, _WEAK + _STRONG)
-)
+_IS_LEFT_OUT: NDArray[np.bool_] = np.isin(np.arange(16), _LEFT_OUT)
+_IS_STRONG: NDArray[np.bool_] = np.isin(np.arange(16), _STRONG)
+_IS_CANDIDATE: NDArray[np.bool_] = np.isin(np.arange(16), _WEAK + _STRONG)
 _RESTORED, _PLAIN = np.arange(16, dtype=np.uint8), np.arange(16, dtype=np.uint8)
 _RESTORED[list(_LEFT_OUT)] = _KEPT
 _PLAIN[list(_WEAK)] = _PLAIN[list(_STRONG)] = _LEFT_OUT  # as they were
@@ -136,7 +136,7 @@ def _chosen(
 def _read_chunks(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
 ) -> Iterator[tuple[int, Codes, NDArray[np.uint8]]]:
-    """First row of each chunk of rows, its codes with a row above and below, and the evidence of its pixels."""
+    """First row of each chunk, its codes with a row above and below, and the evidence of its pixels."""
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
     needed = [tile for strip in strips for tile in _tiles_with_candidates(image, strip)]
     results = zip(needed, tile_pass.run(partial(_evidence_of_tile, source, rule), needed), strict=True)
@@ -156,7 +156,8 @@ def _read_chunks(
 
 def _tiles_with_candidates(image: StateImage, strip: Sequence[Window]) -> list[Window]:
     """The tiles of a strip that hold pixels occupied by their own value alone."""
-    left_out = _IS_LEFT_OUT[image.read_codes(strip[0].row, strip[0].rows)].any(axis=0)
+    codes = image.read_codes(strip[0].row, strip[0].rows)
+    left_out = np.any(_IS_LEFT_OUT[codes], axis=0)
     return [tile for tile in strip if left_out[tile.col : tile.col + tile.cols].any()]
 
 

@@ -2,14 +2,13 @@
 
 J. Immerkaer, Fast noise variance estimation, Comput. Vis. Image Underst. 64 (1996) 300-302: the response to
 the second difference along rows of the second difference along columns has the standard deviation 6 sigma.
-Its median absolute value, 0.6745 times that, is robust: structure in less than half of the map changes little,
-and a map that is flat in more than half of its area has no noise.
+Its median absolute value, 0.6745 times that, is robust: structure in less than half of the map changes
+little, and a map that is flat in more than half of its area has no noise.
 
 Only responses within blocks of 64 x 64 pixels are used, so statistics of tiles merge by adding.
 """
 
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,11 +90,6 @@ def value_statistics(
     _find_levels(grey, valid, own, found.levels)
     _count_responses(grey, valid, found.responses)
     return found
-
-
-def merge_statistics(*parts: ValueStatistics) -> ValueStatistics:
-    """Statistics of the pixels of all parts."""
-    return reduce(ValueStatistics.merged, parts, ValueStatistics.empty())
 
 
 def _merged_level(one: int, other: int) -> int:
