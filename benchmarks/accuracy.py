@@ -124,13 +124,13 @@ def by_lbpc(grid: Any) -> Any:
 
 
 def by_segments(method: str, refine: str) -> Callable[[Any], Any]:
-    """`uavseg classify` with a method and a refinement."""
+    """The states that `uavseg classify` finds."""
 
     def find(grid: Any) -> Any:
         from uavseg.occupancy.probability_map import stretch_of
 
         dataset = grid.dataset()
-        return _classified(dataset, stretch_of(dataset), method, refine).image.read()
+        return classified(dataset, stretch_of(dataset), method, refine).image.read()
 
     return find
 
@@ -152,12 +152,12 @@ def hazards(folder: Path = MAPS) -> Iterator[Hazard]:
             yield _hazard(folder / name)
 
 
-def _hazard(picture: Path) -> Hazard:
+def opened_map(picture: Path) -> tuple[Any, Any]:
+    """Dataset and stretch of a real map, from its picture and the numbers of its YAML file."""
     import tempfile
 
     from uavseg.access import allowing
     from uavseg.occupancy.probability_map import open_map
-    from uavseg.raster.tiling import Window
 
     metres, occupied, free = REAL[picture.name]
     with tempfile.TemporaryDirectory() as folder:
@@ -167,23 +167,33 @@ def _hazard(picture: Path) -> Hazard:
             f"occupied_thresh: {occupied}\nfree_thresh: {free}\n"
         )
         with allowing(picture.parent):
-            dataset, stretch = open_map(described)
+            return open_map(described)
+
+
+def _hazard(picture: Path) -> Hazard:
+    from uavseg.raster.tiling import Window
+
+    dataset, stretch = opened_map(picture)
     values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
     cells = int((values > 0.502).sum())
     shares = [
-        _classified(dataset, stretch, "paper", refine).occupied_in_free / max(cells, 1)
+        classified(dataset, stretch, "paper", refine).occupied_in_free / max(cells, 1)
         for refine in ("none", "scan")
     ]
     return Hazard(picture.stem, cells, *shares)
 
 
-def _classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
+def classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
+    """`uavseg classify` with a method and a refinement."""
     from uavseg.jobs.classify import ClassifyRequest, classify
     from uavseg.jobs.source import ProbabilityMap
     from uavseg.segmentation.params import SegmentParams
 
     segment = SegmentParams(method, refine=refine)  # type: ignore[arg-type]
-    return classify(ProbabilityMap(dataset, stretch), ClassifyRequest(segment=segment, objects=False))
+    return classify(
+        ProbabilityMap(dataset, stretch),
+        ClassifyRequest(segment=segment, objects=False, allow_lost_obstacles=True),
+    )
 
 
 if __name__ == "__main__":
