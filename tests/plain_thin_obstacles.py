@@ -1,4 +1,4 @@
-"""Recovery of thin obstacles, slow and plain: whole arrays, scipy's labels, formulas as they are documented."""
+"""Recovery of thin obstacles, slow and plain: whole arrays, scipy's labels, the documented formulas."""
 
 import math
 from typing import Any

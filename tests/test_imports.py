@@ -140,6 +140,10 @@ PHASES = {
     "refine.tv": {"dilation", "refine.noise", "refine.total_variation"},
     "refine.range_scans": set(),
     "states.state_scans": set(),
+    "states.value_statistics": set(),
+    "states.obstacle_evidence": {"params"},
+    "states.thin_components": {"components"},
+    "states.classified_states": {"states.state_image", "states.thin_structures"},
     "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
     "sample.pixel_decision": {"dilation", "sample.g_scores", "blocks.lbp"},
     "sample.coarse_lbp": {"blocks.lbp"},
@@ -155,6 +159,7 @@ ON_RASTERS = {  # these may import raster, and all phases
     "blocks.block_file",
     "states.state_image",
     "states.classify_strips",
+    "states.thin_structures",
     "range_candidates",
 }
 

@@ -176,7 +176,7 @@ def test_a_trinary_map_keeps_every_occupied_cell(seed: int) -> None:
     assert (found.states[values == 1] == OCCUPIED).all()
     unknown = int(((values == 0.5) & (found.states == FREE)).sum())
     assert found.unknown_in_free == unknown
-    assert any(f"{unknown:,} unknown cell" in warning for warning in found.warnings) == (unknown > 0)
+    assert any("unknown cell" in warning for warning in found.warnings) == (unknown > 0)
 
 
 @settings(deadline=None, max_examples=25)

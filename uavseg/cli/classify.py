@@ -207,6 +207,6 @@ def _rows(found: Classification, limits: StateLimits, target: str, objects: str 
     table["hazard"] = f"{hazard:,} of {by_value:,} cells with v above the occupied limit are called free"
     table["unseen"] = f"{found.unknown_in_free:,} cells whose own v is unknown are called free"
     if found.lost_obstacles:
-        table["lost"] = f"{found.lost_obstacles:,} obstacles have no occupied cell"
+        table["lost"] = f"{found.lost_obstacles:,} obstacles without an occupied cell"
     table["stretch"] = found.source.stretch.name
     return table

@@ -210,12 +210,9 @@ def _warnings(name: str, found: ClassifiedStates, request: ClassifyRequest) -> l
             )
         said.append(f"{text}: whatever plans with them does not avoid these")
     if found.trinary and found.unknown_in_free:
-        cells = (
-            "1 unknown cell is"
-            if found.unknown_in_free == 1
-            else f"{found.unknown_in_free:,} unknown cells are"
-        )
-        said.append(f"{cells} called free: the scans move a boundary between free and unknown")
+        one = found.unknown_in_free == 1
+        cells = "1 unknown cell" if one else f"{found.unknown_in_free:,} unknown cells"
+        said.append(f"{cells} of {name} {'is' if one else 'are'} called free")
     return said
 
 
