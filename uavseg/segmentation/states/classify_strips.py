@@ -45,9 +45,10 @@ from uavseg.segmentation.states.thin_structures import (
     count_left_out,
     find_thin_obstacles,
     restore_all,
+    with_restored,
 )
 from uavseg.segmentation.states.value_statistics import ValueStatistics, value_statistics
-from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
+from uavseg.units import BLOCK, FREE, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
 
@@ -119,10 +120,7 @@ def _with_thin_obstacles(
         return found
     rule = evidence_rule(limits, int(found.codes.sum() - found.codes[0]), found.noise, found.trinary)
     thin = find_thin_obstacles(source, found.image, rule, tile_pass, restore)
-    codes = found.codes.copy()
-    for state, number in thin.restored.items():
-        codes[state | OCCUPIED << 2] -= number
-        codes[OCCUPIED | OCCUPIED << 2] += number
+    codes = with_restored(found.codes, thin.restored)
     return replace(found, codes=codes, thin=thin)
 
 
@@ -193,7 +191,7 @@ class _Passes:
             left_out = count_left_out(of_part)
             if restore and any(left_out.values()):
                 restore_all(part)
-                of_part = count_codes(part)
+                of_part = with_restored(of_part, left_out)
                 self.restored = {state: count + left_out[state] for state, count in self.restored.items()}
             self._image.write_codes(row, part)
             counts += of_part

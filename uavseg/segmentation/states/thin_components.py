@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.components import root_of, union_roots
+from uavseg.segmentation.components import WORD, root_of, union_roots
 
 _CERTAIN = 1 << 20  # evidence of a cell with v = 1: more than any rule asks for
 
@@ -42,17 +42,16 @@ class ThinComponents:
         Parameters
         ----------
         mask, evidence, attached : (M, N) uint8 arrays
-            1 where a cell belongs to a component; its evidence; 1 where it touches an occupied cell.
+            1 where a cell belongs to a component; its evidence; 1 where it touches an occupied cell. N is a
+            multiple of 8.
         """
         labels, count = label_8_connected(mask)
         sums = np.zeros((3, count), np.int64)
         if count:
-            _sum_components(labels, evidence, attached, sums)
+            _sum_components(labels, mask.view(np.uint64), evidence, attached, sums)
         self._sums.append(sums)
-        ids = labels.astype(np.int64, copy=False)
-        first = np.where(ids[0] > 0, ids[0] + self._count, 0)
-        self._unite(first)
-        self._above = np.where(ids[-1] > 0, ids[-1] + self._count, 0)
+        self._unite(self._ids(labels[0]))
+        self._above = self._ids(labels[-1])
         self._count += count
 
     def totals(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -73,6 +72,10 @@ class ThinComponents:
             np.add.at(total, roots, part)
         return roots, sums
 
+    def _ids(self, labels: NDArray[np.uint32]) -> NDArray[np.int64]:
+        """Components of a row of the next chunk, from 1 through all chunks."""
+        return np.where(labels > 0, labels + np.int64(self._count), 0)
+
     def _unite(self, first: NDArray[np.int64]) -> None:
         """Unite the components of a chunk's first row with those that touch them from above."""
         for here, above in (
@@ -92,6 +95,7 @@ def label_8_connected(mask: Mask) -> tuple[NDArray[np.uint32], int]:
     Parameters
     ----------
     mask : (M, N) uint8 array, 0 or 1
+        N is a multiple of 8.
 
     Returns
     -------
@@ -101,43 +105,46 @@ def label_8_connected(mask: Mask) -> tuple[NDArray[np.uint32], int]:
 
     Examples
     --------
-    >>> label_8_connected(np.array([[1, 0, 1], [0, 1, 0], [0, 0, 0], [1, 0, 0]], np.uint8))[0]
-    array([[1, 0, 1],
-           [0, 1, 0],
-           [0, 0, 0],
-           [2, 0, 0]], dtype=uint32)
+    >>> mask = np.array([[1, 0, 0, 1, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0, 1, 1]], np.uint8)
+    >>> label_8_connected(mask)[0]
+    array([[1, 0, 0, 2, 0, 0, 0, 0],
+           [0, 1, 0, 0, 0, 0, 3, 3]], dtype=uint32)
     """
     labels = np.zeros(mask.shape, np.uint32)
+    if not mask.any():
+        return labels, 0
     most = (mask.shape[0] + 1) // 2 * ((mask.shape[1] + 1) // 2)
-    return labels, _label(mask, labels, np.empty(most + 1, np.uint32))
+    return labels, _label(mask, mask.view(np.uint64), labels, np.empty(most + 1, np.uint32))
 
 
-@kernel("i8(u1[:,::1], u4[:,::1], u4[::1])")
-def _label(mask, labels, parents):  # type: ignore[no-untyped-def]
-    # The smaller label is the root, so roots are in raster order; the second pass renumbers them.
+@kernel("i8(u1[:,::1], u8[:,::1], u4[:,::1], u4[::1])")
+def _label(mask, words, labels, parents):  # type: ignore[no-untyped-def]
+    # The smaller label is the root, so roots are in raster order; the second pass renumbers them. Words are
+    # eight pixels each.
     rows, cols = mask.shape
     used = np.uint32(0)
     parents[0] = 0
     for r in range(rows):
-        for c in range(cols):
-            if mask[r, c] == 0:
+        for word in range(words.shape[1]):
+            if words[r, word] == 0:
                 continue
-            label = np.uint32(0)
-            if c > 0 and mask[r, c - 1]:
-                label = labels[r, c - 1]
-            for k in range(max(c - 1, 0), min(c + 2, cols) if r > 0 else 0):
-                if mask[r - 1, k]:
-                    root = root_of(parents, labels[r - 1, k])
-                    if label != 0:
-                        label = root_of(parents, label)
-                        parents[max(label, root)] = min(label, root)
-                        root = min(label, root)
-                    label = root
-            if label == 0:
-                used += np.uint32(1)
-                parents[used] = used
-                label = used
-            labels[r, c] = label
+            for c in range(word * WORD, word * WORD + WORD):
+                if mask[r, c] == 0:
+                    continue
+                label = labels[r, c - 1] if c > 0 else np.uint32(0)
+                for k in range(max(c - 1, 0), min(c + 2, cols) if r > 0 else 0):
+                    if labels[r - 1, k]:
+                        root = root_of(parents, labels[r - 1, k])
+                        if label != 0:
+                            label = root_of(parents, label)
+                            parents[max(label, root)] = min(label, root)
+                            root = min(label, root)
+                        label = root
+                if label == 0:
+                    used += np.uint32(1)
+                    parents[used] = used
+                    label = used
+                labels[r, c] = label
     count = np.uint32(0)
     for k in range(1, used + 1):
         if parents[k] == k:
@@ -146,17 +153,22 @@ def _label(mask, labels, parents):  # type: ignore[no-untyped-def]
         else:
             parents[k] = parents[parents[k]]
     for r in range(rows):
-        for c in range(cols):
-            if mask[r, c]:
-                labels[r, c] = parents[labels[r, c]]
+        for word in range(words.shape[1]):
+            if words[r, word]:
+                for c in range(word * WORD, word * WORD + WORD):
+                    labels[r, c] = parents[labels[r, c]]
     return count
 
 
-@kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], i8[:,::1])")
-def _sum_components(labels, evidence, attached, sums):  # type: ignore[no-untyped-def]
+@kernel("void(u4[:,::1], u8[:,::1], u1[:,::1], u1[:,::1], i8[:,::1])")
+def _sum_components(labels, words, evidence, attached, sums):  # type: ignore[no-untyped-def]
     for r in range(labels.shape[0]):
-        for c in range(labels.shape[1]):
-            if labels[r, c]:
+        for word in range(words.shape[1]):
+            if words[r, word] == 0:
+                continue
+            for c in range(word * WORD, word * WORD + WORD):
+                if labels[r, c] == 0:
+                    continue
                 k = np.int64(labels[r, c]) - 1
                 sums[0, k] += 1
                 if evidence[r, c] & 128:
