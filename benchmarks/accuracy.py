@@ -37,6 +37,8 @@ class Score:
     scene, method : str
     free, unknown, occupied : float
         Intersection over union of each state with the ground truth, mean over the seeds.
+    noise : float
+        Number of objects that touch no occupied cell of the ground truth, mean over the seeds.
     """
 
     scene: str
@@ -44,6 +46,7 @@ class Score:
     free: float
     unknown: float
     occupied: float
+    noise: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +89,11 @@ def scores(seeds: int = SEEDS) -> Iterator[Score]:
         truth = simulation.truth().states
         maps = [simulation.run(seed) for seed in range(seeds)]
         for method, find in METHODS.items():
-            ious = np.mean([overlaps(find(grid), truth) for grid in maps], axis=0)
-            yield Score(scene, method, *ious.tolist())
+            found = [find(grid) for grid in maps]
+            ious = np.mean([overlaps(states, truth) for states in found], axis=0)
+            noise = np.mean([noise_objects(states, truth) for states in found])
+            free, unknown, occupied = ious.tolist()
+            yield Score(scene, method, free, unknown, occupied, float(noise))
 
 
 def overlaps(states: Any, truth: Any) -> list[float]:
@@ -101,6 +107,22 @@ def overlaps(states: Any, truth: Any) -> list[float]:
     """
     pairs = [(states == state, truth == state) for state in STATES]
     return [float((one & other).sum() / max((one | other).sum(), 1)) for one, other in pairs]
+
+
+def noise_objects(states: Any, truth: Any) -> int:
+    """4-connected occupied components without an occupied cell of the ground truth.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> noise_objects(np.array([[3, 3, 1, 3]]), np.array([[1, 3, 1, 1]]))
+    1
+    """
+    import numpy as np
+    from scipy import ndimage
+
+    labels, count = ndimage.label(states == 3)
+    return int(count - len(np.setdiff1d(np.unique(labels[truth == 3]), [0])))
 
 
 def by_threshold(grid: Any) -> Any:

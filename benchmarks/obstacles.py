@@ -2,8 +2,8 @@
 
     python -m benchmarks.obstacles
 
-An obstacle is an 8-connected component of occupied cells: of the drawing, or of a real map's own values. It is
-lost where none of its cells is classified as occupied.
+An obstacle is an 8-connected component of occupied cells: of the drawing, or of a real map's own values. It
+is lost where none of its cells is classified as occupied.
 """
 
 import json
@@ -60,7 +60,7 @@ def obstacles() -> list[Kept]:
     output = subprocess.run(
         command, env=with_project(os.environ), check=True, stdout=subprocess.PIPE, text=True
     ).stdout
-    return [Kept(*(tuple(v) if isinstance(v, list) else v for v in row)) for row in json.loads(output)]
+    return [Kept(title, count, *map(tuple, pairs)) for title, count, *pairs in json.loads(output)]
 
 
 def measured(folder: Path = MAPS, runs: int = _RUNS) -> Iterator[Kept]:
@@ -107,26 +107,30 @@ def _kept(title: str, source: Any, truth: Any, runs: int) -> Kept:
 
     eight = np.ones((3, 3))
     labels, count = ndimage.label(truth == 3, eight)
-    found: dict[str, list[Any]] = {"lost": [], "cells": [], "noise": [], "free": []}
+    lost, cells, noise, free = [], [], [], []
+    dataset, stretch = source
     for method in ("paper", "adaptive"):
-        states = classified(*source, method, "scan").image.read()
+        states = classified(dataset, stretch, method, "scan").image.read()
         kept = np.unique(labels[(states == 3) & (truth == 3)])
-        found["lost"].append(count - len(kept))
-        found["cells"].append(float((states[truth == 3] == 3).mean()))
+        lost.append(count - len(kept))
+        cells.append(float((states[truth == 3] == 3).mean()))
         parts, number = ndimage.label(states == 3, eight)
         near = ndimage.binary_dilation(truth == 3, eight)
-        found["noise"].append(number - len(np.setdiff1d(np.unique(parts[near]), [0])))
-        found["free"].append(overlaps(states, truth)[0])
-    return Kept(title, count, *map(tuple, found.values()), _cpu_ms(source, runs))  # type: ignore[arg-type]
+        noise.append(number - len(np.setdiff1d(np.unique(parts[near]), [0])))
+        free.append(overlaps(states, truth)[0])
+    pairs: dict[str, Any] = {"lost": lost, "cells": cells, "noise": noise, "free": free}
+    found = {name: tuple(pair) for name, pair in pairs.items()}
+    return Kept(map=title, obstacles=count, **found, cpu_ms=_cpu_ms(source, runs))
 
 
 def _cpu_ms(source: Any, runs: int) -> tuple[float, float]:
     """Processor time with both methods, in turn."""
+    dataset, stretch = source
     least = [float("inf")] * 2
     for _ in range(runs):
         for k, method in enumerate(("paper", "adaptive")):
             begun = time.process_time()
-            classified(*source, method, "scan")
+            classified(dataset, stretch, method, "scan")
             least[k] = min(least[k], 1e3 * (time.process_time() - begun))
     return least[0], least[1]
 
