@@ -32,7 +32,7 @@ NEAR_M = 0.8
 """A height is reached within this distance: NAV_MC_ALT_RAD of PX4."""
 AHEAD_M = 5.0
 TURNING_M_S, TURNING_COSINE = 0.2, 0.98
-"""The vehicle turns where it is faster, and its direction differs by a greater angle from that to the corner."""
+"""The vehicle turns where it is faster, and its direction and that to the corner differ by more."""
 AT_REST_M_S = 1e-3
 
 
@@ -110,7 +110,7 @@ def _corner_speed(xyz, k, x, y, cruise, limits):  # type: ignore[no-untyped-def]
 
 @inlined
 def _place_ahead(xyz, k, x, y):  # type: ignore[no-untyped-def]
-    """From (x, y) to the place of the leg to corner k that is 5 m away, or to the corner where it is behind."""
+    """From (x, y) to the place of the leg to corner k that is 5 m away, or to the corner if it is behind."""
     leg_x, leg_y = xyz[k, 0] - xyz[k - 1, 0], xyz[k, 1] - xyz[k - 1, 1]
     to_x, to_y = xyz[k, 0] - x, xyz[k, 1] - y
     length = _length(leg_x, leg_y)

@@ -50,8 +50,8 @@ def leg_seconds(
     advance_target_along_track).
 
     With ``turns="slow"`` the speed at a distance from a corner is limited by braking to the speed of the
-    corner, and the trajectory is integrated in steps (PX4, see `uavseg.flight.estimate.braked`). A hold begins
-    within the acceptance radius of its corner, and the vehicle is still moving then.
+    corner, and the trajectory is integrated in steps (PX4, see `uavseg.flight.estimate.braked`). A hold
+    begins within the acceptance radius of its corner, and the vehicle is still moving then.
 
     Examples
     --------
@@ -72,8 +72,7 @@ def leg_seconds(
     seconds = np.zeros(len(legs))
     if flown.any():
         index = np.flatnonzero(flown)  # a corner of several equal points stops if one of them does
-        groups = np.concatenate([[0], index + 1, [len(xyz)]])
-        groups = list(pairwise(groups.tolist()))
+        groups = list(pairwise([0, *(index + 1).tolist(), len(xyz)]))
         kept = np.array([stop[first:end].any() for first, end in groups])
         if vehicle.turns == "blend":
             seconds[flown] = _blended(legs[flown], speeds[flown], vehicle, kept)

@@ -3,12 +3,15 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavseg.flight.params import PlanParams
 from uavseg.flight.terrain.flown import Flown, rates_m_s
 from uavseg.flight.terrain.heights import Heights
 from uavseg.flight.terrain.params import FRAME, RELATIVE
 from uavseg.flight.terrain.way_back import Rise, highest_between
+
+Floats = NDArray[np.float64]
 
 OWN_TERRAIN = (
     "heights are above the terrain that the vehicle itself knows (ArduPilot: TERRAIN_ENABLE 1, data of the "
@@ -17,13 +20,17 @@ OWN_TERRAIN = (
 RAISED_M = 0.05  # a smaller difference is not reported
 
 
-def terrain_notes(flown: Flown, heights: Heights, params: PlanParams, leads_home: bool) -> Iterator[str]:
+def terrain_notes(
+    flown: Flown, heights: Heights, asked_m_s: Floats, params: PlanParams, leads_home: bool
+) -> Iterator[str]:
     """What the pilot of a flight over the ground should know.
 
     Parameters
     ----------
     flown : Flown
     heights : Heights
+    asked_m_s : (n,) float64 array
+        The speed on the leg to each waypoint where it is not too steep.
     params : PlanParams
         With a DEM.
     leads_home : bool
@@ -51,20 +58,20 @@ def terrain_notes(flown: Flown, heights: Heights, params: PlanParams, leads_home
             f"height above the sea with that of home ({ground_m:.1f} m), a difference moves the whole flight"
         )
     yield from dem.notes()
-    yield from _slope_notes(flown, heights, params)
+    yield from _slope_notes(flown, heights, asked_m_s, params)
     yield from _return_notes(highest_between(dem, profile), ground_m, params.altitude_m, leads_home)
 
 
-def _slope_notes(flown: Flown, heights: Heights, params: PlanParams) -> Iterator[str]:
+def _slope_notes(flown: Flown, heights: Heights, asked_m_s: Floats, params: PlanParams) -> Iterator[str]:
     terrain, profile = params.terrain, flown.profile
     assert terrain is not None
     climb, descent = rates_m_s(params, terrain)
-    slow = heights.speed_m_s < params.speed_m_s
+    slow = heights.speed_m_s < asked_m_s
     if slow.any():
         legs, speed = int(slow.sum()), float(heights.speed_m_s[slow].min())
         yield (
             f"the speed is lowered on {legs} leg{'s' * (legs != 1)}, down to {speed:g} m/s, where the ground "
-            f"is too steep for {params.speed_m_s:g} m/s with a climb of {climb:g} and a descent "
+            f"is too steep for {float(asked_m_s[slow].max()):g} m/s with a climb of {climb:g} and a descent "
             f"of {descent:g} m/s"
         )
     raised = flown.target_m - params.altitude_m - profile.upper_m
