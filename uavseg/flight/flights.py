@@ -44,7 +44,8 @@ def missions_over(
         limits.seconds, most_items, fixed_s, FIXED_ITEMS, costs.level_seconds, costs.of, costs.return_seconds
     )
     for _ in range(ATTEMPTS):
-        tracks = split_route(route, allowed)
+        parts = [track.without_repeats() for track in split_route(route, allowed)]
+        tracks = [with_speeds(track, route.home, params) for track in parts]
         missions = [_mission(track, home, plane, keep_out, params) for track in tracks]
         slower = max(estimate(mission).duration_s for mission in missions) / limits.seconds
         larger = max(len(mission.items) for mission in missions) / most_items
@@ -55,6 +56,7 @@ def missions_over(
         raise MissionError(
             "no way to divide the mission was found whose flights fit; give more --endurance or --max-items"
         )
+    notes += speed_notes(tracks, params)
     if len(missions) > 1:
         notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
         missions = rally_of_flights(missions) if params.safety.rally else missions
@@ -65,10 +67,9 @@ def _mission(
     track: Track, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams
 ) -> Mission:
     """One flight with its fence."""
-    place = np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat]))
-    track = with_speeds(track.without_repeats(), place[0], params)
     path = follow_ground(track.in_degrees(plane), home, params)
     items = items_along(path.track, home, params, path.heights)
+    place = np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat]))
     flown = np.concatenate([place, track.xy, place])
     margin_m = params.safety.fence_margin_m
     fence, notes = ((), []) if margin_m is None else fence_around(flown, keep_out, margin_m, plane)
@@ -78,7 +79,7 @@ def _mission(
         items,
         params.autopilot,
         params.name,
-        (*speed_notes(track, params), *path.notes, *notes),
+        (*path.notes, *notes),
         fence=fence,
         rally=params.safety.rally,
         vehicle=params.vehicle,

@@ -5,6 +5,7 @@ the legs, from each possible change to the next (segmentation by dynamic program
 approximation of curves by line segments using dynamic programming, 1961).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -74,23 +75,21 @@ def speeds_of(track: Track, params: PlanParams) -> Floats:
     return np.where(np.isnan(track.speed_m_s), params.speed_m_s, track.speed_m_s)
 
 
-def speed_notes(track: Track, params: PlanParams) -> list[str]:
-    """A note that photographs limit the speed, where they do."""
-    limit = _limits_m_s(track, params)
+def speed_notes(tracks: Sequence[Track], params: PlanParams) -> list[str]:
+    """A note that photographs limit the speed on tracks with speeds, where they do."""
+    limits = np.concatenate([_limits_m_s(track, params) for track in tracks])
     photos = params.photos
-    if photos is None or not (limit < params.speed_m_s).any():
+    if photos is None or not (limits < params.speed_m_s).any():
         return []
-    found = speeds_of(track, params)[1:][np.isfinite(limit)]
-    least, most = float(found.min()), float(found.max())
-    lowered = f"{least:.2f}" if most - least < 0.005 else f"{least:.2f} to {most:.2f}"
+    flown = np.concatenate([speeds_of(track, params)[1:] for track in tracks])
+    least, most = (f"{bound:.2f}" for bound in (flown[limits < np.inf].min(), flown[limits < np.inf].max()))
     interval = f"{photos.camera.name} needs {photos.camera.min_interval_s:g} s between photographs, and "
-    ways = f"; ways between them at {params.speed_m_s:g} m/s" * bool(
-        (found.max() < speeds_of(track, params)).any()
-    )
+    ways = f"; ways of some length are flown at {params.speed_m_s:g} m/s"
     return [
-        f"speed of photographed lines lowered from {params.speed_m_s:g} to {lowered} m/s: "
+        f"the speed of photographed lines is lowered from {params.speed_m_s:g} m/s to "
+        f"{least if least == most else f'{least} to {most}'} m/s: "
         f"{interval * bool(photos.camera.min_interval_s)}more speed would blur them at "
-        f"1/{1 / photos.shutter_s:.0f} s{ways}"
+        f"1/{1 / photos.shutter_s:.0f} s{ways * bool((flown == params.speed_m_s).any())}"
     ]
 
 

@@ -121,6 +121,17 @@ class Mission:
         return next((speed for speed in asked if speed > 0), CRUISE_M_S)
 
     @property
+    def speed_range_m_s(self) -> tuple[float, float]:
+        """Least and greatest speed over ground that is asked for on the way to an item."""
+        speed, found = CRUISE_M_S, []
+        for item in self.items:
+            if item.command == CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
+                speed = float(item.params[1] or speed)
+            elif item.has_position and item.command not in TAKEOFFS:
+                found.append(speed)
+        return min(found), max(found)
+
+    @property
     def path(self) -> tuple[Floats, Floats, Floats]:
         """Positions of the flight, home first: lat and lon in degrees, height above home in metres.
 

@@ -135,6 +135,8 @@ class MissionCheck:
             "lowest_m": round(float(heights.min()), 3),
             "highest_m": round(float(heights.max()), 3),
             "speed_m_s": mission.speed_m_s,
+            "slowest_m_s": mission.speed_range_m_s[0],
+            "fastest_m_s": mission.speed_range_m_s[1],
             "home": {
                 "lat": mission.home.lat,
                 "lon": mission.home.lon,
