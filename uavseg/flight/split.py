@@ -93,7 +93,7 @@ def _fits(route: Route, flight: Track, limits: FlightLimits) -> bool:
     spent_s = float(seconds.sum()) + limits.fixed_s
     if limits.return_seconds is not None:
         spent_s += max(limits.return_seconds(back.length_m) - float(seconds[-1]), 0.0)
-    return spent_s <= limits.seconds and _items(flight) + items.sum() <= most_items
+    return spent_s <= limits.seconds and _items(flight) + items[:-1].sum() <= most_items
 
 
 def _items(track: Track) -> int:

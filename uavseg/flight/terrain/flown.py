@@ -72,7 +72,7 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, speeds: Flo
     profile = profile_along(dem, lon, lat, GAP * tolerance_m)
     slowest = min(SLOWEST_M_S, float(speeds.min()))
     climb, descent = rates_m_s(params, terrain)
-    early = terrain.mode != FRAME and _climbs_early(params)
+    early = terrain.mode != FRAME and climbs_early(params.autopilot)
     limited = limit_slopes(profile.along_m, profile.upper_m, climb / slowest, descent / slowest)
     target = limited + params.altitude_m
     chosen, flown_m_s = [np.zeros(1, np.int64)], []
@@ -130,13 +130,13 @@ def points_of_leg(dem: Dem, leg: tuple[float, ...], params: PlanParams) -> LegPo
     return LegPoints(share, flown.target_m[chosen], speed)
 
 
-def _climbs_early(params: PlanParams) -> bool:
+def climbs_early(autopilot: str) -> bool:
     """Whether the vehicle approaches the height of the next waypoint at once, and not along the leg.
 
     PX4 computes the velocities over ground and in height independently of each other (PositionSmoothing.cpp,
     since 2025); ArduCopter follows the straight line.
     """
-    return params.autopilot != "ardupilot"
+    return autopilot != "ardupilot"
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,6 +188,29 @@ def points_climbed_early(along_m: Floats, height_m: Floats, tolerance_m: float, 
             end += 1
         found.append(max(end, first + 1))
     return found
+
+
+def heights_climbed_early(
+    profile: Profile, height_m: Floats, speeds: Floats, rates_m_s: tuple[float, float]
+) -> Floats:
+    """Heights at the samples of a profile of a vehicle that changes its height at the start of each leg.
+
+    Parameters
+    ----------
+    profile : Profile
+    height_m : (k,) float64 array
+        At its corners.
+    speeds : (k - 1,) float64 array
+        Over ground, of the legs between them.
+    rates_m_s : (climb, descent)
+    """
+    corners = profile.corners
+    leg = np.clip(np.searchsorted(corners, np.arange(len(profile.along_m))) - 1, 0, len(corners) - 2)
+    rise = np.diff(height_m)[leg]
+    slope = np.where(rise > 0, *rates_m_s) / speeds[leg]
+    way_m = profile.along_m - profile.along_m[corners[leg]]
+    heights: Floats = height_m[leg] + np.sign(rise) * np.minimum(way_m * slope, np.abs(rise))
+    return np.where(np.isin(np.arange(len(heights)), corners[1:]), height_m[leg + 1], heights)
 
 
 def _is_within(way_m: Floats, climbed_m: Floats, tolerance_m: float, rates: Rates) -> bool:
