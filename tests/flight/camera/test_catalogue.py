@@ -44,7 +44,7 @@ def test_pixels_are_square() -> None:
         ("DJI Mini 4 Pro", 82.1),
     ],
 )
-def test_listed_sensors_and_focal_lengths_give_the_usual_field_of_view(
+def test_listed_sensors_and_lenses_give_usual_fields_of_view(
     name: str, diagonal_deg: float
 ) -> None:
     """The angles are not taken from sheets: a size or focal length that is mistyped is seen by them."""
