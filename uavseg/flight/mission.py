@@ -130,8 +130,11 @@ class Mission:
 
     @property
     def leg_speeds_m_s(self) -> tuple[float, ...]:
-        """The speed over ground that is asked for on the way to each item with a position."""
-        speed, found = CRUISE_M_S, []
+        """The speed over ground that is asked for on the way to each item with a position.
+
+        Before the first item that sets a speed, it is that one.
+        """
+        speed, found = self.speed_m_s, []
         for item in self.items:
             if item.command == CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
                 speed = float(item.params[1] or speed)

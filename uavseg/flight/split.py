@@ -100,7 +100,8 @@ def _items(track: Track) -> int:
     """Waypoints of a track, and the items that begin and end photographs or turn the camera, at most."""
     triggers = np.count_nonzero(np.diff(np.r_[0.0, track.trigger_m, 0.0]))
     turned = np.count_nonzero(np.diff(np.r_[False, np.isfinite(track.look_at[:, 0]), False].astype(np.int8)))
-    return int(len(track.xy) + triggers + 2 * track.shots.sum() + turned)
+    hovering = np.count_nonzero(track.shots & (track.hold_s > 0))  # one item each, others have two
+    return int(len(track.xy) + triggers + 2 * np.count_nonzero(track.shots) - hovering + turned)
 
 
 @dataclass(frozen=True, slots=True)
