@@ -145,7 +145,7 @@ def prepare() -> None:
     from uavseg._jit.object_cache import cache_folder
 
     for command in cli._COMMANDS:
-        importlib.import_module(f"uavseg.cli.{command}")
+        importlib.import_module(f"uavseg.cli.{command.replace('-', '_')}")
     for path in sorted(Path(cli.__file__).parents[1].rglob("*.py")):
         if "kernel" in path.read_text(encoding="utf-8"):
             importlib.import_module(
