@@ -111,13 +111,13 @@ class Drive:
         kind = store(self.ros).types[LASERSCAN]
         return kind(
             header=self.header(time, frame),
-            angle_min=float(scan.angles[0]),
-            angle_max=float(scan.angles[-1]),
-            angle_increment=step,
+            angle_min=single(scan.angles[0]),
+            angle_max=single(scan.angles[-1]),
+            angle_increment=single(step),
             time_increment=0.0,
             scan_time=0.1,
             range_min=0.0,
-            range_max=scan.max_range_m,
+            range_max=single(scan.max_range_m),
             ranges=ranges,
             intensities=np.zeros(0, np.float32),
         )
@@ -184,6 +184,11 @@ class Drive:
         stamp = types["builtin_interfaces/msg/Time"](time // 10**9, time % 10**9)
         first = {"seq": 0} if self.ros == 1 else {}
         return types["std_msgs/msg/Header"](**first, stamp=stamp, frame_id=frame)
+
+
+def single(number: float) -> float:
+    """A number in the precision of messages."""
+    return float(np.float32(number))
 
 
 def write_ros1(path: Path, messages: Iterable[Recorded], compression: str | None = None) -> Path:

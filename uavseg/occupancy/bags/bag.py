@@ -201,8 +201,8 @@ def _errors_of(name: str) -> Iterator[None]:
         yield
     except BagError:
         raise
-    except MemoryError:
-        raise
+    except MemoryError as error:
+        raise BagError(f"{name} asks for more memory than there is; is it damaged?") from error
     except Exception as error:
         raise BagError(f"{name} cannot be read as a bag ({cause_of(error)}); is it damaged?") from error
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from uavseg.access import current_policy
 from uavseg.errors import BagError
-from uavseg.inputs import read_bytes, regular_file
+from uavseg.inputs import check_yaml_brackets, read_bytes, regular_file
 from uavseg.plain_text import cause_of, shown
 
 ROS1, ROS2 = (".bag",), (".mcap", ".db3")
@@ -59,7 +59,6 @@ def _files_of_folder(folder: Path) -> list[Path]:
     files = [folder / Path(name).name for name in names]  # earlier versions wrote the folder as well
     for file in files:
         current_policy().check_file(folder / _METADATA, file)
-        regular_file(file, BagError)
     return files
 
 
@@ -72,6 +71,7 @@ def _read_metadata(folder: Path) -> dict[str, Any]:
         raise BagError(f"{folder} is not a bag of ROS 2: it has no {_METADATA}; name a .mcap or .db3 in it")
     content = read_bytes(path, BagError, MAX_METADATA)
     try:
+        check_yaml_brackets(content)
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(content, Loader=yaml.SafeLoader)):
             raise BagError(f"{path} holds YAML aliases (*name), which the file of a bag does not need")
         found = yaml.safe_load(content)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import MapError, OutputError, RasterReadError
+from uavseg.errors import MapError, OutputError
 from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff
@@ -64,15 +64,14 @@ def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox]:
     """
     name = os.fspath(path)
     found = Dataset.open(name)
-    if found.dtype != np.float32 or len(found.bands) != 1:
-        raise MapError(f"{name} is not a grid that OccupancyGrid.save saved, but another raster")
+    other = f"{name} is not a grid that OccupancyGrid.save saved, but another raster"
+    if found.dtype != np.float32:
+        raise MapError(other)
     check_cells(found.geobox.shape, name)
-    values, geobox, _, tags = read_geotiff(name, shape=found.geobox.shape, bands=1)
-    if tags.get(_TAG) != _CONTENT:
-        raise MapError(f"{name} is not a grid that OccupancyGrid.save saved, but another raster")
+    values, geobox, _, tags = read_geotiff(name, shape=found.geobox.shape)
+    if tags.get(_TAG) != _CONTENT or len(values) != 1:
+        raise MapError(other)
     log_odds: Float32s = values[0]
-    if log_odds.dtype != np.float32:
-        raise RasterReadError(f"{name} changed while it was read")
     if not (np.abs(log_odds) <= MAX_LOG_ODDS).all():
         raise MapError(f"{name} is damaged: log-odds of a grid lie in -{MAX_LOG_ODDS:g}..{MAX_LOG_ODDS:g}")
     return log_odds, geobox

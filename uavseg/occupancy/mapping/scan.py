@@ -191,7 +191,8 @@ class Scan:
         # In single precision, as the message holds all of them: a return at range_max is a valid one.
         valid = (ranges >= np.float32(low)) & (ranges <= np.float32(high))
         metres = np.where(valid, ranges.astype(np.float64), np.where(ranges == np.inf, np.inf, np.nan))
-        metres[metres > limit] = np.inf
+        if limit < high:
+            metres[metres > limit] = np.inf
         return cls(pose, _angles(numbers, len(ranges)), metres, limit, sigma_m)
 
 
