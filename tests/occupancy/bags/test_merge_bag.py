@@ -49,11 +49,6 @@ def assert_same_map(found: OccupancyGrid, expected: OccupancyGrid) -> None:
     assert differ.mean() < 2e-3
 
 
-def everything(drive: Drive) -> list[Recorded]:
-    messages = drive.recorded_scans() + drive.recorded_odometry() + drive.recorded_tf()
-    return messages + drive.recorded_static()
-
-
 WRITERS: dict[str, tuple[int, Callable[[Path, list[Recorded]], Path]]] = {
     "ROS 1": (1, lambda folder, found: write_ros1(folder / "a.bag", found)),
     "ROS 1 bz2": (1, lambda folder, found: write_ros1(folder / "a.bag", found, "BZ2")),
@@ -75,7 +70,7 @@ WRITERS: dict[str, tuple[int, Callable[[Path, list[Recorded]], Path]]] = {
 def test_the_map_of_a_bag_is_the_map_of_its_scans(kind: str, tmp_path: Path) -> None:
     ros, write = WRITERS[kind]
     drive = Drive(ros, laser=LASER)
-    found = merge_bag(write(tmp_path, everything(drive)))
+    found = merge_bag(write(tmp_path, drive.everything()))
     assert (found.counts.merged, found.counts.total, found.warnings) == (12, 12, ())
     assert found.frame == "odom"
     assert_same_map(found.grid, direct(drive, found))
@@ -86,7 +81,7 @@ def test_all_kinds_of_bags_give_the_same_map_to_the_bit(tmp_path: Path) -> None:
     for number, (ros, write) in enumerate(WRITERS.values()):
         folder = tmp_path / str(number)
         folder.mkdir()
-        maps.append(merge_bag(write(folder, everything(Drive(ros, laser=LASER)))).grid)
+        maps.append(merge_bag(write(folder, Drive(ros, laser=LASER).everything())).grid)
     assert all(one.geobox == maps[0].geobox for one in maps)
     assert all(np.array_equal(one.log_odds, maps[0].log_odds) for one in maps)
 
@@ -108,7 +103,7 @@ def test_a_scan_at_the_time_of_a_pose_is_merged_there_exactly(tmp_path: Path) ->
 
 def test_poses_from_tf_place_the_map_in_its_root(tmp_path: Path) -> None:
     drive = Drive(laser=LASER)
-    found = merge_bag(write_ros2(tmp_path / "a", everything(drive)), TF)
+    found = merge_bag(write_ros2(tmp_path / "a", drive.everything()), TF)
     assert found.frame == "map" and found.warnings == ()
     assert_same_map(found.grid, direct(drive, found, shift=(1.0, -2.0)))
 
@@ -116,7 +111,7 @@ def test_poses_from_tf_place_the_map_in_its_root(tmp_path: Path) -> None:
 def test_the_map_covers_what_the_scans_observe_and_shows_the_room(tmp_path: Path) -> None:
     drive = Drive()
     found = merge_bag(
-        write_ros1(tmp_path / "a.bag", everything(Drive(1))), params=MergeParams(resolution_m=0.1)
+        write_ros1(tmp_path / "a.bag", Drive(1).everything()), params=MergeParams(resolution_m=0.1)
     )
     geobox = found.grid.geobox
     assert geobox.transform.a == 0.1 and min(geobox.shape) > 30
@@ -172,7 +167,7 @@ def test_scans_without_a_pose_are_counted(tmp_path: Path) -> None:
 
 def test_tilted_invalid_and_poseless_are_told_apart(tmp_path: Path) -> None:
     drive = Drive()
-    messages = everything(drive)
+    messages = drive.everything()
     for one in messages:
         if one.topic == "/scan" and one.time < START_NS + 3 * STEP_NS:
             one.message.angle_increment = 0.5
@@ -293,7 +288,7 @@ def test_lengths_are_checked(how: dict[str, Any], error: type[Exception], text: 
 
 def test_too_many_poses_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frames, "MAX_POSES", 5)
-    path = write_ros2(tmp_path / "a", everything(DRIVE))
+    path = write_ros2(tmp_path / "a", DRIVE.everything())
     for topics in (BagTopics(), TF):
         with pytest.raises(BagError, match="has more than 5 poses"):
             merge_bag(path, topics)

@@ -99,6 +99,11 @@ class Drive:
             taken.append(scan)
         return taken
 
+    def everything(self) -> list[Recorded]:
+        """Scans, odometry, and both trees of tf."""
+        found = self.recorded_scans() + self.recorded_odometry()
+        return found + self.recorded_tf() + self.recorded_static()
+
     def recorded_scans(self, topic: str = "/scan", frame: str = "laser") -> list[Recorded]:
         return [
             Recorded(topic, LASERSCAN, time, self.laserscan(scan, time, frame))
