@@ -91,8 +91,8 @@ class Pose:
         matrix = matrix_of_quaternion(as_quaternion(quaternion))
         if tilt_deg(matrix) > MAX_TILT_DEG:
             raise SceneError(
-                f"the quaternion tilts the sensor by {tilt_deg(matrix):.0f} degrees; the plane of the beams of "
-                f"a scan is tilted by at most {MAX_TILT_DEG:g} degrees"
+                f"the quaternion tilts the sensor by {tilt_deg(matrix):.0f} degrees; the plane of the beams "
+                f"of a scan is tilted by at most {MAX_TILT_DEG:g} degrees"
             )
         return cls(x, y, heading_rad=heading_of(matrix))
 
