@@ -134,10 +134,7 @@ class OccupancyGrid:
     def from_message(cls, message: Any) -> "OccupancyGrid":
         """A grid that begins with a `nav_msgs/OccupancyGrid` message; -1 becomes exactly 0.5.
 
-        Parameters
-        ----------
-        message : OccupancyGrid of rclpy, rospy or rosbags, or any object with the same fields
-            Its origin may be rotated in the plane.
+        It is of rclpy, rospy or rosbags, or any object with the same fields; its origin may be rotated.
 
         Raises
         ------
@@ -154,12 +151,8 @@ class OccupancyGrid:
         ----------
         message : OccupancyGrid message, optional
             Its `info` and `data` are filled; header and `info.map_load_time` stay as they are. By default a
-            plain object with the fields of the message, `data` as an array.array of int8.
-
-        Returns
-        -------
-        message
-            The given one, or the new one. Row 0 is the lowest, and the origin the lower left corner.
+            plain object with the fields of the message, `data` as an array.array of int8. Returned; row 0 is
+            the lowest, and the origin the lower left corner.
 
         Raises
         ------
@@ -170,12 +163,9 @@ class OccupancyGrid:
 
     @checked
     def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-        """Save the grid with its evidence: the log-odds of all cells, as a GeoTIFF (.tif).
+        """Save the grid with its evidence, the log-odds of all cells, as a GeoTIFF (.tif).
 
-        Raises
-        ------
-        OutputExistsError, OutputError
-            If the file exists, or cannot be written.
+        Raises OutputExistsError or OutputError if the file exists, or cannot be written.
         """
         write_grid_file(path, self.log_odds, self.geobox, overwrite)
 
