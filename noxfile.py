@@ -3,8 +3,8 @@
 ``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed,
 with the lowest version of every dependency that pyproject.toml allows and with the newest; ``-- job`` or
 ``-- tests`` after them runs one of the two. All main jobs of a call must write the same bytes. With the
-lowest versions the fast tests run their kernels through numba (`UAVSEG_JIT`), and those of kernels from
-object files besides. A Python that is not installed is named and skipped.
+lowest versions the tests of kernels run through numba (`UAVSEG_JIT`) besides. A Python that is not
+installed is named and skipped.
 """
 
 import hashlib
@@ -121,8 +121,9 @@ def check(session: nox.Session) -> None:
         deprecated = ["-W", "ignore::DeprecationWarning", "-W", "ignore::PendingDeprecationWarning"]
         suite = ["python", "-m", "pytest", "-m", "not slow", "-n", "auto"]
         if session.name.startswith("lowest"):
-            session.run(*suite, *deprecated, env={"UAVSEG_JIT": "numba"})
-            session.run(*suite, *deprecated, "tests/jit", "tests/segmentation")
+            session.run(*suite, *deprecated)
+            kernels = ["tests/jit", "tests/segmentation", "tests/occupancy", "tests/regions"]
+            session.run(*suite, *deprecated, *kernels, env={"UAVSEG_JIT": "numba"})
         else:
             session.run(*suite)
 

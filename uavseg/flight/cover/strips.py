@@ -15,7 +15,7 @@ from uavseg.errors import MissionError, ParameterError
 
 Floats = NDArray[np.float64]
 
-MAX_LINES = 32_000  # a mission has 65 534 items at most, and a line takes two of them
+MAX_LINES = 10_000  # of a region; 20 000 waypoints are planned at most, and a line takes two of them
 LEAST_LINE_M = 5.0  # where the cell is as long: a vehicle looks along its line only when it flies along it
 WIDTH_SLACK = 1e-3  # share of its height by which a cell may be higher before it needs another line
 

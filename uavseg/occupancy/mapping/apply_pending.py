@@ -205,7 +205,9 @@ def _apply(  # type: ignore[no-untyped-def]
                     if full:
                         is_changed = update_free_only(own, own_grey, total, free_odds, free_grey, BLOCK)
                     else:
-                        is_changed = update_free_only(own, own_grey, total, free_odds, free_grey, stop - start)
+                        is_changed = update_free_only(
+                            own, own_grey, total, free_odds, free_grey, stop - start
+                        )
                 else:
                     add_free_counts(counts, own, combined & np.uint8(UP_TO_DATE - 1))
                     is_changed = update_grey(own, own_grey)
