@@ -98,6 +98,14 @@ def test_ranges_may_be_of_any_kind_that_ros_has(make: Callable[[list[float]], An
     np.testing.assert_array_equal(found.ranges, RANGES)
 
 
+def test_signalling_nans_and_limits_beyond_single_precision_warn_of_nothing() -> None:
+    ranges = np.array([0x7F800001, 0x40000000, 0x7FC00000, 0x3F800000, 0xFF800000], np.uint32).view(
+        np.float32
+    )
+    found = Scan.from_laserscan(laserscan(ranges=ranges, range_max=1e39), Pose(0, 0), max_range_m=9.0)
+    np.testing.assert_array_equal(found.ranges, [math.nan, 2.0, math.nan, 1.0, math.nan])
+
+
 def test_beams_beyond_a_maximum_range_observe_free_cells_up_to_it() -> None:
     found = Scan.from_laserscan(laserscan(ranges=RANGES), Pose(0, 0), max_range_m=4.0, sigma_m=0.1)
     np.testing.assert_array_equal(found.ranges, [0.5, math.inf, math.nan, math.inf, 3.0])

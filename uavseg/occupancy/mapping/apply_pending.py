@@ -91,7 +91,7 @@ def value_of_count(total, values):  # type: ignore[no-untyped-def]
 
 @inlined
 def update_free_only(odds, grey, total, free_odds, free_grey, n):  # type: ignore[no-untyped-def]
-    """Set log-odds and grey of n pixels of a line from their free observations; True if a grey has changed."""
+    """Set log-odds and grey of n pixels of a line from their free observations; True if a grey changed."""
     change = np.uint16(0)
     for c in range(n):
         odds[c] = value_of_count(total[c], free_odds)

@@ -174,7 +174,7 @@ class OccupancyGrid:
     def load(cls, path: str | os.PathLike[str]) -> "OccupancyGrid":
         """A grid that `save` saved; later scans continue from its evidence.
 
-        Raises MapError if the file is another one, too large or damaged, RasterReadError if it cannot be read.
+        Raises MapError if the file is of another kind or damaged, RasterReadError if it cannot be read.
         """
         log_odds, geobox = read_grid_file(path)
         grid = cls(geobox)

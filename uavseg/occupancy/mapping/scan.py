@@ -189,8 +189,9 @@ class Scan:
                 "return observes free space; give max_range_m"
             )
         # In single precision, as the message holds all of them: a return at range_max is a valid one.
-        valid = (ranges >= np.float32(low)) & (ranges <= np.float32(high))
-        metres = np.where(valid, ranges.astype(np.float64), np.where(ranges == np.inf, np.inf, np.nan))
+        with np.errstate(invalid="ignore", over="ignore"):  # NaN of any kind, limits beyond single precision
+            valid = (ranges >= np.float32(low)) & (ranges <= np.float32(high))
+            metres = np.where(valid, ranges.astype(np.float64), np.where(ranges == np.inf, np.inf, np.nan))
         if limit < high:
             metres[metres > limit] = np.inf
         return cls(pose, _angles(numbers, len(ranges)), metres, limit, sigma_m)
@@ -221,7 +222,7 @@ def _ranges(message: Any) -> NDArray[np.float32]:
     """Ranges of a LaserScan in the precision of the message."""
     value = _field(message, "ranges")
     try:
-        with np.errstate(over="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
             ranges = np.asarray(value, np.float32)
     except (TypeError, ValueError, OverflowError) as error:
         raise SceneError(f"ranges of a LaserScan are numbers, not {shown(value)}") from error
