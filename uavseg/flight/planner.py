@@ -17,7 +17,6 @@ from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns import candidates as patterns
 from uavseg.flight.patterns.pattern_params import MAX_MARGIN_M, PARAMS_OF
 from uavseg.flight.patterns.survey_blocks import blocks_of_surveys
-from uavseg.flight.photo_speed import lower_speed
 from uavseg.flight.route import short_route
 from uavseg.flight.safety.keep_out import KeepOut
 from uavseg.flight.safety.near_zones import near_zones
@@ -91,9 +90,8 @@ def plan_missions(
     found = _PATTERN_FUNCTIONS[params.pattern](parts, params)
     _check_count(found)
     candidates = _reached(found, place, keep_out)
-    params, slower = lower_speed(params, [track for tracks in candidates for track in tracks])
     route = short_route(candidates, place, keep_out.space)
-    notes = [*home_notes(home), *at_home, *cut, *found.notes, *slower]
+    notes = [*home_notes(home), *at_home, *cut, *found.notes]
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(found.surveys, plane, params)
     return tuple(replace(mission, blocks=blocks) for mission in missions)
