@@ -21,6 +21,7 @@ import uavseg
 from tests.flight.link.link_missions import fenced, survey
 from tests.flight.link.served import udp_vehicle
 from tests.flight.link.vehicles import ArduPilot, FakeVehicle, Generic, Px4
+from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
 from uavseg.cli import main
 from uavseg.flight import files
 from uavseg.flight.link import link
@@ -726,6 +727,41 @@ def test_simulations(scene: str, words: Words) -> None:
         )
 
     assert_equal(in_python(simulated), expected)
+
+
+@pytest.mark.parametrize(
+    ("bag", "output", "words"),
+    [
+        ("drive.bag", "out.yaml", {}),
+        ("drive", "out.tif", {"scan": "/scan", "odom": "/odom", "resolution": 0.1, "sigma": 0.05}),
+        ("drive", "out.yaml", {"tf": True, "max_range": 1.5}),
+        ("late", "out.tif", {}),
+        ("drive", "out.yaml", {"scan": "/front"}),
+        ("drive", "out.yaml", {"odom": "/tf"}),
+        ("drive", "out.yaml", {"tf": True, "odom": "/odom"}),
+        ("drive", "out.yaml", {"resolution": -1.0}),
+        ("drive", "out.yaml", {"sigma": float("nan")}),
+        ("missing.bag", "out.yaml", {}),
+        ("tile.tif", "out.yaml", {}),
+    ],
+)
+def test_maps_of_bags(bag: str, output: str, words: Words) -> None:
+    if not Path("drive").exists():
+        write_ros1(Path("drive.bag"), Drive(1, 3).everything())
+        write_ros2(Path("drive"), Drive(2, 3).everything())
+        write_ros2(Path("late"), Drive(2, 3).recorded_scans() + Drive(2, 3).recorded_odometry()[1:])
+    for name in ("out.pgm", "python.pgm", "python.yaml"):
+        Path(name).unlink(missing_ok=True)
+    expected = on_the_command_line("build-map", [bag, *options(words), "-o", output], output)
+
+    def built() -> bytes:
+        found = uavseg.build_map(bag, **words)
+        content = written(found.write, f"python{Path(output).suffix}")
+        if output == "out.yaml":
+            assert Path("python.pgm").read_bytes() == Path("out.pgm").read_bytes()
+        return content.replace(b"python.pgm", b"out.pgm")
+
+    assert_equal(in_python(built), expected)
 
 
 # Vehicles

@@ -19,7 +19,17 @@ import uavseg
 PACKAGE = Path(uavseg.__file__).resolve().parent
 HEAVY = {
     *("numpy", "rasterio", "numba", "llvmlite", "geopandas", "pandas", "shapely", "pyproj", "pyogrio"),
-    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "distributed", "affine", "antimeridian"),
+    *(
+        "pyarrow",
+        "matplotlib",
+        "pymavlink",
+        "scipy",
+        "dask",
+        "distributed",
+        "affine",
+        "antimeridian",
+        "rosbags",
+    ),
 }
 
 
@@ -180,6 +190,9 @@ ONLY_IN = {
     "distributed": {"execution.cluster"},
     "click": {"cli"},
     "matplotlib": {"plot"},
+    "rosbags": {"occupancy.bags"},
+    "apsw": {"occupancy.bags"},
+    "lz4": {"occupancy.bags"},
 }
 
 

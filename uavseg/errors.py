@@ -59,6 +59,10 @@ class SceneError(UavsegError, ValueError):
     """A scene cannot be simulated: its shapes, its sensor or a pose of the sensor is invalid."""
 
 
+class BagError(UavsegError, ValueError):
+    """A recorded bag cannot be read, or lacks the scans or poses that a map needs."""
+
+
 class RegionError(UavsegError, ValueError):
     """Regions are missing, empty or invalid."""
 

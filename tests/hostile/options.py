@@ -53,6 +53,8 @@ LINES = tuple(
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
         "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
+        "build-map a.bag -o out.yaml --scan /scan --odom /odom --resolution 0.1 --sigma 0.05 --max-range 2",
+        "build-map a.db3 -o out.tif --scan /scan --tf --resolution 0.1",
         "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
         "preview a.plan a.waypoints -o out.png --width 300 --dem g.tif",
         "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",
@@ -93,4 +95,5 @@ def _files() -> dict[str, bytes]:
     others = pictures | {"b.tif": seeds.block_map()["b.tif"], "m.pgm": seeds.ros_maps()["m.pgm"]}
     regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
     vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
+    others |= seeds.bags()
     return drawn | others | regions | vehicle | {"z.geojson": ZONE}

@@ -1,4 +1,4 @@
-"""Maps of probabilities: their states, and paths over them."""
+"""Maps of probabilities: from recorded bags, their states, and paths over them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
+from uavseg.jobs.build_map import BuiltMap, topics_of
+from uavseg.jobs.build_map import build_map as run_build_map
 from uavseg.jobs.classify import Classification, ClassifyRequest
 from uavseg.jobs.classify import classify as run_classify
 from uavseg.jobs.open_source import open_probability_map
@@ -16,6 +18,7 @@ from uavseg.jobs.path import PathRequest
 from uavseg.jobs.path import path as run_path
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
+from uavseg.occupancy.bags.merge_bag import MergeParams
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params import IntensityRange, SegmentParams, StateLimits
@@ -201,6 +204,57 @@ def path(
         found = run_path(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found.path
+
+
+@checked
+def build_map(
+    bag: str | os.PathLike[str],
+    *,
+    scan: str = "/scan",
+    odom: str | None = None,
+    tf: bool = False,
+    resolution: float = 0.05,
+    sigma: float = 0.03,
+    max_range: float | None = None,
+) -> BuiltMap:
+    """Merge the scans of a recorded bag of ROS 1 or ROS 2 into a map; ROS itself is not needed.
+
+    Each scan is merged at the pose that the sensor had at its time, interpolated between two messages
+    (linear, rotations by slerp). No pose is extrapolated, or interpolated over more than a second.
+
+    Parameters
+    ----------
+    bag : path
+        A .bag of ROS 1; a folder, .mcap or .db3 of ROS 2. Needs rosbags: ``pip install "uavseg[ros]"``.
+    scan : str
+        Topic of sensor_msgs/LaserScan.
+    odom : str, optional
+        Topic of nav_msgs/Odometry, by default /odom. Where /tf_static places the sensor on the robot, that
+        counts.
+    tf : bool
+        Whether poses come from the tree of /tf and /tf_static instead; the map is in the frame at its root.
+    resolution : float
+        Side of a cell in metres. The map grows to what the scans observe.
+    sigma : float
+        Standard deviation of ranges in metres.
+    max_range : float, optional
+        Metres up to which beams are used; by default the `range_max` of each scan.
+
+    Returns
+    -------
+    built : BuiltMap
+        `built.grid` is the OccupancyGrid, `built.write("map.yaml")` writes it; `built.scans` says how many
+        scans were merged and left out, `built.warnings` are warnings too.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, lacks a topic or has another type there, or no scan has a pose; if the map
+        would have more than 100 million cells.
+    """
+    found = run_build_map(bag, topics_of(scan, odom, tf), MergeParams(resolution, sigma, max_range))
+    warn(found.warnings)
+    return found
 
 
 def _read_options(

@@ -75,7 +75,7 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     described = read_ros_yaml(path)
     current_policy().check_file(path, described.image)
     grey, opaque = read_picture(described.image)
-    transform = _transform(described.origin, described.resolution, grey.shape[0])
+    transform = transform_of(described.origin, described.resolution, grey.shape[0])
     try:
         geobox = GeoBox(grey.shape, transform, None)
     except RasterError as error:
@@ -95,7 +95,7 @@ def check_ros_map(
     """
     for target in (Path(path), image_path(path, mode)):
         check_target(target, overwrite)
-    _placement(geobox)
+    placement(geobox)
 
 
 def write_ros_map(
@@ -130,7 +130,7 @@ def write_ros_map(
     """
     image = image_path(path, mode)
     check_target(image, overwrite)
-    resolution, origin, mirrored = _placement(geobox)
+    resolution, origin, mirrored = placement(geobox)
     rows_down = np.asarray(states)[::-1] if mirrored else np.asarray(states)
     grey = GREY_OF_STATE[mode][rows_down]
     position = {"resolution": resolution, "origin": origin}
@@ -172,15 +172,21 @@ def read_picture(
     return read_grey(image)
 
 
-def _transform(origin: tuple[float, float, float], resolution: float, rows: int) -> Affine:
-    """The transform of a map whose lower left corner lies at `origin`, rotated around it by the yaw."""
+def transform_of(origin: tuple[float, float, float], resolution: float, rows: int) -> Affine:
+    """The transform of a map whose lower left corner lies at `origin` (x, y, yaw), rotated around it."""
     x, y, yaw = origin
     along, up = resolution * math.cos(yaw), resolution * math.sin(yaw)
     return Affine(along, up, x - rows * up, up, -along, y + rows * along)
 
 
-def _placement(geobox: GeoBox) -> tuple[float, list[float], bool]:
-    """Resolution, origin, and whether the rows run upwards, so that they are written in reverse order."""
+def placement(geobox: GeoBox) -> tuple[float, list[float], bool]:
+    """Resolution, origin (x, y, yaw), and whether the rows run upwards, so that they are written in reverse.
+
+    Raises
+    ------
+    MapError
+        If cells are not square, or not in metres.
+    """
     check_metres(geobox)
     a, b, c, d, e, f = tuple(geobox.transform)[:6]
     mirrored = a * e - b * d > 0
