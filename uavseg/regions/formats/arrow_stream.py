@@ -90,13 +90,13 @@ def _releasing(kind: type[Any]) -> Any:
     return ctypes.CFUNCTYPE(None, ctypes.POINTER(kind))(release)
 
 
-@ctypes.CFUNCTYPE(None, ctypes.POINTER(_Stream))
 def _release_stream(pointer: Any) -> None:
     number = pointer.contents.private_data
     pointer.contents.release = None
     _kept.pop(number, None)
 
 
+_RELEASE_STREAM = ctypes.CFUNCTYPE(None, ctypes.POINTER(_Stream))(_release_stream)
 _RELEASE = {_Schema: _releasing(_Schema), _Array: _releasing(_Array)}
 
 
@@ -125,7 +125,7 @@ class RegionStream:
             ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, ctypes.POINTER(_Schema))(self._get_schema),
             ctypes.CFUNCTYPE(ctypes.c_int, _POINTER, ctypes.POINTER(_Array))(self._get_next),
             ctypes.CFUNCTYPE(_POINTER, _POINTER)(lambda stream: None),
-            _release_stream,
+            _RELEASE_STREAM,
         ]
         names = ("get_schema", "get_next", "get_last_error", "release")
         for name, function in zip(names, self._functions, strict=True):
