@@ -212,7 +212,7 @@ def test_building_is_repeatable(tmp_path: Path, twice_module: ModuleType) -> Non
 
 @pytest.mark.parametrize(
     ("choice", "reason"),
-    [("", "this machine cannot use what is shipped"), ("numba", "UAVSEG_JIT=numba asks")],
+    [("", "nothing that is shipped fits"), ("numba", "UAVSEG_JIT=numba asks")],
 )
 def test_without_numba_one_line_says_what_to_install(
     choice: str,

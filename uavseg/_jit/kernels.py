@@ -109,7 +109,7 @@ class Kernel(LoopNest):
 def _require_compiler(name: str) -> None:
     if importlib.util.find_spec("numba") is None:
         choice = _choice()
-        reason = f"UAVSEG_JIT={choice} asks for it" if choice else "this machine cannot use what is shipped"
+        reason = f"UAVSEG_JIT={choice} asks for it" if choice else "nothing that is shipped fits"
         raise MissingLibraryError(
             f"{name} has to be compiled ({reason}), and numba, which does it, is not installed; "
             'install it with: pip install "uavseg[compile]"'
