@@ -95,6 +95,6 @@ def each(
     with allowing(allow_path, allow_network):
         tasks, _ = plan_tasks(given, names)
         found = run_each(tasks, asked.job, names, work(None, asked.work.tile, progress), threads)
-    failures = [f"{one.source} failed: {one.error}" for one in found if one.error is not None]
+    failures = [one.failure for one in found if one.error is not None]
     warn([*grouped_warnings(found), *failures])
     return found

@@ -237,13 +237,12 @@ def _check_outputs(tasks: Sequence[Task], overwrite: bool) -> None:
             check_region_path(task.output, overwrite)
             if task.labels is not None:
                 check_labels(task.labels, overwrite)
-        except OutputExistsError:
-            there.append(task.output)
+        except OutputExistsError as error:
+            there.append(str(error).partition(";")[0])
     if there:
         raise OutputExistsError(
-            f"{there[0]}{_others(len(there) - 1)} of {len(tasks):,} outputs, or a part of it, exists; give "
-            "--overwrite (overwrite=True) to replace what is there, or --skip-existing (skip_existing=True) "
-            "to leave out what is done"
+            f"{there[0]} ({len(there):,} of {len(tasks):,} outputs do); give --overwrite (overwrite=True) to "
+            "replace them, or --skip-existing (skip_existing=True) to leave out what is done"
         )
 
 

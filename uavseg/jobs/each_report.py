@@ -35,6 +35,12 @@ class Outcome:
     warnings: tuple[str, ...] = ()
     error: str | None = None
 
+    @property
+    def failure(self) -> str:
+        """The error as one clause that names the source."""
+        text = self.error or ""
+        return text if text.startswith(f"{self.source} ") else f"{self.source} failed: {text}"
+
 
 def check_report(path: str, outputs: Iterable[str], overwrite: bool = False) -> None:
     """Check that a report may be written, before the work.

@@ -18,6 +18,7 @@ from rasterio.crs import CRS
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.formats import export
+from uavseg.regions.formats.arrow_values import arrow_bytes, null_for_nan
 from uavseg.regions.outline.trace import trace
 from uavseg.regions.table import COLUMNS, make_regions
 from uavseg.regions.wgs84 import to_wgs84
@@ -230,17 +231,17 @@ def test_a_full_disk_is_reported(tmp_path, monkeypatch):
 @given(st.lists(st.none() | st.text(max_size=5), max_size=20))
 def test_texts_become_the_arrow_array_that_pyarrow_makes_of_them(texts):
     column = np.array([*texts, None], object)[:-1]  # of objects, whatever is in it
-    found = export._null_for_nan(column)
+    found = null_for_nan(column)
     found.validate(full=True)
     assert found.equals(pyarrow.array(texts, pyarrow.string()))
 
 
 @given(st.lists(st.none() | st.binary(max_size=5), max_size=20))
 def test_bytes_become_the_arrow_array_that_pyarrow_makes_of_them(values):
-    found = export._arrow_bytes(values, pyarrow.binary())
+    found = arrow_bytes(values, pyarrow.binary())
     found.validate(full=True)
     assert found.equals(pyarrow.array(values, pyarrow.binary()))
 
 
 def test_a_text_that_is_no_number_is_null():
-    assert export._null_for_nan(np.array(["a", np.nan, None], object)).to_pylist() == ["a", None, None]
+    assert null_for_nan(np.array(["a", np.nan, None], object)).to_pylist() == ["a", None, None]

@@ -26,7 +26,7 @@ def each_options(command: F) -> F:
                 is_flag=True,
                 help="Each raster by itself, to an output of its own: -o 'out/{stem}.gpkg'. {stem} is its "
                 "name without folder and extension, {name} with its extension, {suffix} the extension, "
-                "{parent} the name of its folder, {number} its place. Those that fail do not stop the others.",
+                "{parent} the name of its folder, {number} its place. What fails does not stop the others.",
             ),
             click.option(
                 "--report", metavar="PATH.csv", help="With --each: also a table of what came out of each."
@@ -90,7 +90,7 @@ def answer_each(options: dict[str, Any], job: RegionJob, ending: str, run: RunOp
     run.reporter.table(_rows(found, names, skipped) | {"seconds": f"{run.reporter.seconds:.2f}"})
     failed = [one for one in found if one.error is not None]
     for one in failed:
-        say(f"uavseg: error: {one.source} failed: {one.error}")
+        say(f"uavseg: error: {one.failure}")
     if failed:
         click.get_current_context().exit(1)
 

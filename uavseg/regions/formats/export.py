@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-import numpy as np
 import shapely
 from numpy.typing import NDArray
 
@@ -19,6 +18,7 @@ from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions import shapes
 from uavseg.regions.formats import geojson, kml
+from uavseg.regions.formats.arrow_values import arrow_bytes, null_for_nan
 from uavseg.regions.formats.check_written import is_complete
 from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
 from uavseg.regions.shapes import has_multipolygons
@@ -211,8 +211,8 @@ def _record_batches(
             polygons = regions.polygons[part]
             if promote:
                 polygons = _as_multipolygons(polygons)
-            columns = [_null_for_nan(column[part]) for column in regions.columns.values()]
-            geometry = _arrow_bytes(shapely.to_wkb(polygons).tolist(), pyarrow.binary())
+            columns = [null_for_nan(column[part]) for column in regions.columns.values()]
+            geometry = arrow_bytes(shapely.to_wkb(polygons).tolist(), pyarrow.binary())
             yield pyarrow.record_batch([*columns, geometry], schema=schema)
 
     def watched() -> Iterator[Any]:
@@ -254,32 +254,6 @@ def _write_parquet(regions: Regions, path: Path) -> None:
     with parquet.ParquetWriter(path, schema, compression="zstd") as file:
         for batch in batches:
             file.write_batch(batch.replace_schema_metadata(schema.metadata))
-
-
-def _null_for_nan(column: NDArray[Any]) -> Any:
-    import pyarrow
-
-    if column.dtype != object:
-        return pyarrow.array(column, from_pandas=True)
-    texts = [None if text is None or text != text else text.encode() for text in column.tolist()]
-    return _arrow_bytes(texts, pyarrow.string())
-
-
-def _arrow_bytes(values: list[bytes | None], kind: Any) -> Any:
-    """Texts or bytes as an Arrow array, from buffers: `pyarrow.array` imports pandas to look at objects."""
-    import pyarrow
-
-    mask = None
-    if None in values:
-        there = [value is not None for value in values]
-        mask = pyarrow.py_buffer(np.packbits(there, bitorder="little"))
-        values = [value or b"" for value in values]
-    ends = np.zeros(len(values) + 1, np.int64)
-    np.cumsum(np.fromiter(map(len, values), np.int64, len(values)), out=ends[1:])  # type: ignore[arg-type]
-    if ends[-1] > np.iinfo(np.int32).max:
-        raise OutputError("one batch of regions holds more than 2 GB of text or corners; simplify them")
-    content = [mask, pyarrow.py_buffer(ends.astype(np.int32)), pyarrow.py_buffer(b"".join(values))]  # type: ignore[arg-type]
-    return pyarrow.Array.from_buffers(kind, len(values), content)
 
 
 def _geo_metadata(regions: Regions) -> dict[str, Any]:
