@@ -32,7 +32,7 @@ from uavseg.cli.options.raster import (
     segmenting_options,
 )
 from uavseg.cli.options.running import RunOptions, running_options
-from uavseg.cli.options.stream import geojson_form, stream_options
+from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
@@ -106,7 +106,7 @@ def command(**options: Any) -> None:
     _check_place(target, mission, source.geobox.wkt, form)
     work = run.work()
     found = extract(source, request, work)
-    run.reporter.finish(found.warnings)
+    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     planned = None
     if flight is not None:
         from uavseg.cli.options.limits import zones_of

@@ -25,7 +25,7 @@ from uavseg.cli.options.raster import (
     segmenting_options,
 )
 from uavseg.cli.options.running import RunOptions, running_options
-from uavseg.cli.options.stream import geojson_form, stream_options
+from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
 
 if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
@@ -93,7 +93,7 @@ def command(**options: Any) -> None:
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
     found = levels(source, request, work)
-    run.reporter.finish(found.warnings)
+    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
         write_regions_and_labels(found, target, labels, work, run.overwrite, form)
     wanted = request.levels

@@ -17,7 +17,7 @@ from uavseg.cli._write import (
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.raster import area, drawing, read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
-from uavseg.cli.options.stream import geojson_form, stream_options
+from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
 
 if TYPE_CHECKING:
     from uavseg.jobs.match import Match, MatchRequest
@@ -117,7 +117,7 @@ def command(**options: Any) -> None:
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
     found = match(source, request, work)
-    run.reporter.finish(found.warnings)
+    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
         write_regions_and_labels(found.found, target, labels, work, run.overwrite, form)
     run.reporter.table(_rows(found, target) | {"seconds": f"{run.reporter.seconds:.2f}"})

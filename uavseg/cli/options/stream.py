@@ -55,3 +55,17 @@ def geojson_form(options: dict[str, Any], output: str) -> GeoJsonForm:
     if rs and sequence is False:
         raise click.UsageError("--rs is for sequences, and --collection is none; give one of the two")
     return GeoJsonForm(geographic is False, bool(sequence or rs), rs)
+
+
+def stream_warnings(form: GeoJsonForm, wkt: str | None) -> list[str]:
+    """What a reader of the stream cannot know: the CRS of a sequence."""
+    if not (form.sequence and form.projected) or wkt is None:
+        return []
+    from uavseg.regions.formats.geojson import crs_name
+
+    name = crs_name(wkt)
+    known = name.removeprefix("urn:ogc:def:crs:").replace("::", ":") if name else "the CRS of the raster"
+    return [
+        f"a sequence does not name its CRS; these coordinates are in {known}: say so to its reader (ogr2ogr "
+        "-a_srs, fio load --src-crs), or give --collection"
+    ]

@@ -75,10 +75,17 @@ def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLE
 
 def _crs_member(wkt: str) -> bytes:
     """The member that names a CRS, by its code where it has one."""
-    crs = parse_crs(wkt)
-    authority = crs.to_authority()
-    name = wkt if authority is None else f"urn:ogc:def:crs:{authority[0]}::{authority[1]}"
-    return b'"crs":%b,' % json.dumps({"type": "name", "properties": {"name": name}}).encode()
+    return b'"crs":%b,' % _compact({"type": "name", "properties": {"name": crs_name(wkt) or wkt}})
+
+
+def crs_name(wkt: str) -> str | None:
+    """The name of a CRS by its code (OGC URN), if it has one."""
+    authority = parse_crs(wkt).to_authority()
+    return None if authority is None else f"urn:ogc:def:crs:{authority[0]}::{authority[1]}"
+
+
+def _compact(value: Any) -> bytes:
+    return json.dumps(value, separators=(",", ":")).encode()
 
 
 def _features(regions: Regions, projected: bool) -> Iterator[bytes]:
@@ -116,7 +123,7 @@ def _wgs84_geometries(regions: Regions) -> Iterator[bytes]:
         polygons = _polygon_texts(batch.polygons)
         for place, (first, last) in enumerate(pairwise(batch.polygons.regions.tolist())):
             if place in batch.others:
-                yield json.dumps(mapping(batch.others[place]), separators=(",", ":")).encode()
+                yield _compact(mapping(batch.others[place]))
             elif last == first + 1:
                 yield b'{"type":"Polygon","coordinates":%b}' % polygons[first]
             else:
