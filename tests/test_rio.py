@@ -116,14 +116,12 @@ def piped(given: bytes, name: str, *words: str) -> bytes:
     ).stdout
 
 
-def streamed(raster: str, *words: str, code: int = 0) -> bytes:
+def streamed(raster: str, *words: str, start: tuple[str, ...] = (sys.executable, "-m", "uavseg")) -> bytes:
     """What `uavseg extract -o -` writes, as a program."""
     paths = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
-    line = [sys.executable, "-m", "uavseg", "extract", raster, "--range", "0.55,1", "-q", "-o", "-", *words]
+    line = [*start, "extract", raster, "--range", "0.55,1", "-q", "-o", "-", *words]
     own = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
-    ran = subprocess.run(line, stdout=subprocess.PIPE, check=False, env=own)
-    assert ran.returncode == code
-    return ran.stdout
+    return subprocess.run(line, stdout=subprocess.PIPE, check=True, env=own).stdout
 
 
 BOUNDS = (400032, 4999888, 400128, 4999968)  # of the bright field, in metres
@@ -143,6 +141,13 @@ def test_streams_hold_the_same_features(raster: str, form: str, place: str) -> N
         [feature] = [json.loads(line.removeprefix(b"\x1e")) for line in text.splitlines()]
     frame = geopandas.GeoDataFrame.from_features([feature], crs=CODES[place])
     assert frame.to_crs(32618).total_bounds == pytest.approx(BOUNDS, abs=0.02)
+
+
+def test_the_plugin_as_a_program_writes_the_same_stream(raster: str) -> None:
+    if not [point for point in entry_points(group=PLUGINS) if point.name == "uavseg"]:
+        pytest.skip("the package is not installed, so rio does not know it")
+    words = ("--projected", "--sequence")
+    assert streamed(raster, *words, start=(program("rio"), "uavseg")) == streamed(raster, *words)
 
 
 def test_rio_mask_reads_a_projected_stream(raster: str) -> None:

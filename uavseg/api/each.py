@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -82,11 +83,9 @@ def each(
     """
     if job not in _JOBS:
         raise ParameterError("job is uavseg.extract, uavseg.levels or uavseg.match")
-    try:
-        with asking() as asked:
-            job(None, **words)
-    except TypeError as error:  # of the call itself: a word is missing or unknown
-        raise ParameterError(f"uavseg.{job.__name__}: {error}") from error
+    _check_words(job, words)
+    with asking() as asked:
+        job(None, **words)
     assert asked.job is not None and asked.work is not None, "each of these functions asks for regions"
     if asked.work.checkpoint is not None:
         raise ParameterError("resume is for one source; skip_existing=True leaves out what is done")
@@ -98,3 +97,14 @@ def each(
     failures = [one.failure for one in found if one.error is not None]
     warn([*grouped_warnings(found), *failures])
     return found
+
+
+def _check_words(job: Callable[..., Any], words: dict[str, Any]) -> None:
+    """The words are arguments of the job, and none that it needs is missing."""
+    known = {name: one for name, one in inspect.signature(job).parameters.items() if name != "source"}
+    for name in words:
+        if name not in known:
+            raise ParameterError(f"uavseg.{job.__name__} has no argument {name} for each of many sources")
+    for name, one in known.items():
+        if one.default is inspect.Parameter.empty and name not in words:
+            raise ParameterError(f"uavseg.{job.__name__} needs {name}; give it by name")

@@ -22,7 +22,7 @@ from uavseg.jobs.source import Blocks, ReadOptions, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.output.name_template import check_own_names, outputs_of
 from uavseg.output.targets import existing_files
-from uavseg.output.transaction import transaction
+from uavseg.output.transaction import output_errors, transaction
 from uavseg.output.written import note_planned
 from uavseg.plain_text import cause_of, one_line
 from uavseg.raster.source_list import expand_sources
@@ -121,10 +121,11 @@ def plan_tasks(sources: Sequence[Path_], names: OutputNames) -> tuple[list[Task]
     outputs = outputs_of(names.regions, rasters)
     labels = [None] * len(rasters) if names.labels is None else outputs_of(names.labels, rasters)
     tasks = list(map(Task, rasters, outputs, labels))
-    check_own_names(rasters, (task.outputs for task in tasks))
+    own = [task.outputs for task in tasks]
     if names.skip_existing:
         tasks = [task for task in tasks if not all(existing_files(Path(name)) for name in task.outputs)]
     _check_outputs(tasks, names.overwrite)
+    check_own_names(rasters, own)
     outputs = [name for task in tasks for name in task.outputs]
     if names.report is not None:
         check_report(names.report, outputs, names.overwrite)
@@ -234,9 +235,10 @@ def _check_outputs(tasks: Sequence[Task], overwrite: bool) -> None:
     there: list[str] = []
     for task in tasks:
         try:
-            check_region_path(task.output, overwrite)
-            if task.labels is not None:
-                check_labels(task.labels, overwrite)
+            with output_errors(", ".join(task.outputs)):
+                check_region_path(task.output, overwrite)
+                if task.labels is not None:
+                    check_labels(task.labels, overwrite)
         except OutputExistsError as error:
             there.append(str(error).partition(";")[0])
     if there:
