@@ -80,7 +80,7 @@ def test_images_exist_and_are_small(page: Path) -> None:
     for link in PICTURE.findall(page.read_text(encoding="utf-8")):
         picture = page.parent / link
         assert picture.is_file(), f"{page.name} shows {link}"
-        assert picture.stat().st_size < 300_000 or picture.name == "quarry.png"
+        assert picture.stat().st_size < 300_000
 
 
 @pytest.mark.slow

@@ -5,14 +5,16 @@ import math
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.sparse.csgraph import minimum_spanning_tree
 
 from benchmarks.flight import arducopter, px4
-from benchmarks.flight.body import Body
+from benchmarks.flight.body import DT, Body
 from benchmarks.flight.cases import Case, fly_cases
 from benchmarks.flight.fields import HOME, Field, degrees, drawn, many
 from benchmarks.flight.lengths import length_of
-from benchmarks.flight.log import Log
+from benchmarks.flight.log import EVERY, Log
 from benchmarks.flight.measured import covered, heights_m, least_distance_m, simulate
 from benchmarks.flight.order import Tour, tours, ways_between
 from benchmarks.flight.orders_section import orders_table
@@ -22,6 +24,10 @@ from benchmarks.flight.route import Look, Shutter, Stop, route
 from benchmarks.flight.section import Row, flights_table
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.camera.photos import Photos
+from uavseg.flight.estimate.duration import leg_seconds
+from uavseg.flight.estimate.vehicle import PX4
+from uavseg.flight.params import PlanParams
+from uavseg.flight.planner import plan_missions
 
 SIMULATORS = pytest.mark.parametrize("fly", [arducopter.fly, px4.fly], ids=["ardupilot", "px4"])
 CAMERA = "DJI Mavic 3 Enterprise"
@@ -88,6 +94,57 @@ def test_estimates_are_within_ten_per_cent(autopilot: str, pattern: str, speed: 
         assert abs(found.error) < 0.1
         assert found.photographs == pytest.approx(found.estimated_photographs, abs=3)
         assert found.covered >= 0.999 or pattern != "survey"
+
+
+CIRCLES = st.tuples(st.integers(6, 60), st.floats(10, 120), st.floats(2, 12))
+
+
+@given(circle=CIRCLES)
+@settings(max_examples=15, deadline=None)
+def test_circles_of_short_legs_take_as_long_as_px4_flies_them(circle: tuple[int, float, float]) -> None:
+    sides, radius, speed = circle
+    angle = np.linspace(0, 2 * np.pi, sides + 1)
+    path = np.column_stack([radius * np.sin(angle), radius * (1 - np.cos(angle)), np.full(sides + 1, 40.0)])
+    log = px4.fly(40.0, [Stop(tuple(place), speed) for place in path[1:].tolist()], False)
+    flown_s = (len(log.track) - log.begin) * EVERY * DT
+    assert leg_seconds(path, speed, PX4).sum() == pytest.approx(flown_s, rel=0.05, abs=0.5)
+
+
+@given(length=st.floats(3, 60), hold=st.integers(1, 4), turn=st.floats(0, np.pi), speed=st.floats(2, 12))
+@settings(max_examples=15, deadline=None)
+def test_legs_between_holds_take_as_long_as_px4_flies_them(
+    length: float, hold: int, turn: float, speed: float
+) -> None:
+    heading = turn * (np.arange(8) % 2)
+    steps = length * np.column_stack([np.cos(heading), np.sin(heading), np.zeros(8)])
+    path = np.concatenate([[[0, 0, 40.0]], np.cumsum(steps, axis=0) + np.array([0, 0, 40.0])])
+    log = px4.fly(40.0, [Stop(tuple(place), speed, float(hold)) for place in path[1:].tolist()], False)
+    flown_s = (len(log.track) - log.begin) * EVERY * DT - 8 * hold
+    holds = np.r_[0.0, np.full(8, float(hold))]
+    legs_s = leg_seconds(path, speed, PX4, holds > 0, holds)
+    behind_s = 0.12 * len(legs_s)  # by so much the vehicle follows its trajectory
+    assert legs_s.sum() == pytest.approx(flown_s, rel=0.05, abs=behind_s)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_photographs_are_not_taken_faster_than_the_camera_allows(autopilot: str) -> None:
+    field = drawn()[-1]
+    camera = Camera("slow", (13.2, 8.8), (5472, 3648), 8.8, 2.5)
+    photos = Photos(camera)
+    params = PlanParams(
+        50.0, "survey", photos.spacing_m(50.0), photos=photos, speed_m_s=12.0, autopilot=autopilot
+    )
+    [mission] = plan_missions(field.polygons, field.points, params, field.home)
+    slowest, fastest = mission.speed_range_m_s
+    assert slowest < 6 and fastest == 12
+    height, stops, returns = route(mission)
+    log = {"ardupilot": arducopter.fly, "px4": px4.fly}[autopilot](height, stops, returns)
+    assert speeds(log).max() > 11  # between regions
+    track, at = np.array(log.track)[:, :2], np.array(log.photographs)[:, :2]
+    nearest = np.array([np.hypot(*(track - place).T).argmin() for place in at])
+    taken = speeds(log)[np.minimum(nearest, len(track) - 2)]
+    assert (taken <= camera.max_speed_m_s(50.0, photos.trigger_m(50.0), photos.shutter_s, 1.0) * 1.1).all()
+    assert mission.duration_s == pytest.approx(log.seconds, rel=0.03)
 
 
 def test_photographs_are_taken_by_distance() -> None:

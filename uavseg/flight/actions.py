@@ -17,6 +17,7 @@ from uavseg.flight.items import (
     ROI_NONE,
     MissionItem,
 )
+from uavseg.flight.leg_speeds import speeds_of
 from uavseg.flight.params import PlanParams
 from uavseg.flight.track import Track
 
@@ -27,18 +28,19 @@ _TARGETING = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
 def corner_actions(track: Track, params: PlanParams) -> list[list[MissionItem]]:
     """The items that follow the waypoint of each corner of a track, whose places are lon, lat."""
     triggers = [*np.round(track.trigger_m, 3).tolist(), 0.0]
+    speeds = [*speeds_of(track, params)[1:].tolist(), params.speed_m_s]
     nowhere = np.full((1, 2), np.nan)
     places = np.round(np.concatenate([track.look_at, nowhere]), _DECIMALS)
     found = []
     before, seen = 0.0, nowhere[0]
-    for trigger, shot, place in zip(triggers, track.shots.tolist(), places, strict=True):
+    for trigger, speed, shot, place in zip(triggers, speeds, track.shots.tolist(), places, strict=True):
         items = []
         if not np.array_equal(place, seen, equal_nan=True):
             items.append(_look_at(place[0], place[1]))
         if shot:
             items += _one_photo(params)
         if trigger != before:  # each line has its own distance, and begins with a photograph
-            items.append(_trigger(trigger, params))
+            items.append(_trigger(trigger, speed, params))
         before, seen = trigger, place
         found.append(items)
     return found
@@ -69,14 +71,14 @@ def _one_photo(params: PlanParams) -> list[MissionItem]:
     return [MissionItem(IMAGE_START, FRAME_MISSION, (0.0, 0.0, 1.0, 0.0))]
 
 
-def _trigger(trigger_m: float, params: PlanParams) -> MissionItem:
+def _trigger(trigger_m: float, speed_m_s: float, params: PlanParams) -> MissionItem:
     """Photographs at a distance begin, or end where it is 0."""
     assert params.photos is not None
     if params.photos.trigger == "distance":
         return _distance(trigger_m)
     if not trigger_m:
         return MissionItem(IMAGE_STOP, FRAME_MISSION)
-    interval = round(params.photos.interval_s(trigger_m, params.speed_m_s), 3)
+    interval = round(params.photos.interval_s(trigger_m, speed_m_s), 3)
     return MissionItem(IMAGE_START, FRAME_MISSION, (0.0, interval, 0.0, 0.0))
 
 

@@ -16,6 +16,7 @@ from uavseg.flight.items import (
     HomePosition,
     MissionItem,
 )
+from uavseg.flight.leg_speeds import speeds_of
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.terrain.heights import Heights, constant_height
@@ -63,11 +64,11 @@ def items_along(
     heights : Heights, optional
         Of the waypoints; by default that of `params`, above home.
     """
-    heights = constant_height(len(track.xy), params) if heights is None else heights
+    heights = constant_height(track, params) if heights is None else heights
     places = np.round(track.xy, _DECIMALS).tolist()
     flown = zip(heights.height_m.tolist(), heights.speed_m_s.tolist(), track.hold_s.tolist(), strict=True)
     flight = []
-    speed = float(params.speed_m_s)
+    speed = begin = float(speeds_of(track, params)[0])
     for (lon, lat), (height, leg_speed, hold), then in zip(
         places, flown, corner_actions(track, params), strict=True
     ):
@@ -76,12 +77,12 @@ def items_along(
         flight.append(MissionItem(WAYPOINT, heights.frame, (hold, 0.0, 0.0, None), lat, lon, height))
         flight += then
         speed = leg_speed
-    if speed != params.speed_m_s:
-        flight.append(_speed_item(float(params.speed_m_s)))
+    if speed != begin:
+        flight.append(_speed_item(begin))
     up = round(heights.takeoff_m, 3)
     return (
         MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, up),
-        _speed_item(float(params.speed_m_s)),
+        _speed_item(begin),
         *gimbal_items(track, params),
         *flight,
         MissionItem(RETURN, FRAME_MISSION),

@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.along import items_along
-from uavseg.flight.estimate.duration import leg_seconds
 from uavseg.flight.estimate.flown import landing_seconds
 from uavseg.flight.estimate.summary import estimate
 from uavseg.flight.estimate.vehicle import default_vehicle
 from uavseg.flight.items import HomePosition
+from uavseg.flight.leg_costs import LegCosts
+from uavseg.flight.leg_speeds import speed_notes, with_speeds
 from uavseg.flight.mission import BOARD_CAPACITY, Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
@@ -37,15 +38,14 @@ def missions_over(
     vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
     most_items = limits.max_items or BOARD_CAPACITY[params.autopilot]
     climb_s = params.altitude_m / vehicle.climb_m_s + landing_seconds(params.altitude_m, vehicle)
+    costs = LegCosts(plane, params)
+    fixed_s = climb_s + vehicle.return_hold_s
     allowed = FlightLimits(
-        limits.seconds,
-        most_items,
-        climb_s + vehicle.return_hold_s,
-        FIXED_ITEMS,
-        lambda xy: leg_seconds(_at_height(xy, params.altitude_m), params.speed_m_s, vehicle),
+        limits.seconds, most_items, fixed_s, FIXED_ITEMS, costs.level_seconds, costs.of, costs.return_seconds
     )
     for _ in range(ATTEMPTS):
-        tracks = split_route(route, allowed)
+        parts = [track.without_repeats() for track in split_route(route, allowed)]
+        tracks = [with_speeds(track, route.home, params) for track in parts]
         missions = [_mission(track, home, plane, keep_out, params) for track in tracks]
         slower = max(estimate(mission).duration_s for mission in missions) / limits.seconds
         larger = max(len(mission.items) for mission in missions) / most_items
@@ -56,21 +56,18 @@ def missions_over(
         raise MissionError(
             "no way to divide the mission was found whose flights fit; give more --endurance or --max-items"
         )
+    notes += speed_notes(tracks, params)
     if len(missions) > 1:
         notes.append(f"the mission is divided into {len(missions)} flights, each from home and back")
         missions = rally_of_flights(missions) if params.safety.rally else missions
     return tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
 
 
-def _at_height(xy: Floats, height_m: float) -> Floats:
-    return np.column_stack([xy, np.full(len(xy), height_m)])
-
-
 def _mission(
     track: Track, home: HomePosition, plane: Plane, keep_out: KeepOut, params: PlanParams
 ) -> Mission:
     """One flight with its fence."""
-    path = follow_ground(track.without_repeats().in_degrees(plane), home, params)
+    path = follow_ground(track.in_degrees(plane), home, params)
     items = items_along(path.track, home, params, path.heights)
     place = np.column_stack(plane.xy_from_lonlat([home.lon], [home.lat]))
     flown = np.concatenate([place, track.xy, place])

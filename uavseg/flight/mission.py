@@ -121,6 +121,28 @@ class Mission:
         return next((speed for speed in asked if speed > 0), CRUISE_M_S)
 
     @property
+    def speed_range_m_s(self) -> tuple[float, float]:
+        """Least and greatest speed over ground that is asked for on the way to an item, takeoff aside."""
+        items = (item for item in self.items if item.has_position)
+        flown = zip(items, self.leg_speeds_m_s, strict=True)
+        found = [speed for item, speed in flown if item.command not in TAKEOFFS]
+        return min(found), max(found)
+
+    @property
+    def leg_speeds_m_s(self) -> tuple[float, ...]:
+        """The speed over ground that is asked for on the way to each item with a position.
+
+        Before the first item that sets a speed, it is that one.
+        """
+        speed, found = self.speed_m_s, []
+        for item in self.items:
+            if item.command == CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
+                speed = float(item.params[1] or speed)
+            elif item.has_position:
+                found.append(speed)
+        return tuple(found)
+
+    @property
     def path(self) -> tuple[Floats, Floats, Floats]:
         """Positions of the flight, home first: lat and lon in degrees, height above home in metres.
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
@@ -14,10 +15,11 @@ from uavseg.flight.items import HomePosition
 from uavseg.flight.mission import Mission
 from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns import candidates as patterns
+from uavseg.flight.patterns.pattern_params import MAX_MARGIN_M, PARAMS_OF
 from uavseg.flight.patterns.survey_blocks import blocks_of_surveys
-from uavseg.flight.photo_speed import lower_speed
 from uavseg.flight.route import short_route
 from uavseg.flight.safety.keep_out import KeepOut
+from uavseg.flight.safety.near_zones import near_zones
 from uavseg.flight.targets import clear_parts, plane_of, region_parts
 from uavseg.flight.terrain.home import home_on_ground
 from uavseg.flight.track import Track
@@ -26,6 +28,7 @@ Floats = NDArray[np.float64]
 
 MAX_WAYPOINTS = 20_000
 """Of all flights together: 30 full boards."""
+LEAST_REACH_M = 100.0
 _PATTERN_FUNCTIONS = {
     "visit": patterns.visits,
     "perimeter": patterns.perimeters,
@@ -74,21 +77,33 @@ def plan_missions(
     start = HomePosition(*home)
     plane = plane_of(polygons, points, start)
     place = np.column_stack(plane.xy_from_lonlat([start.lon], [start.lat]))[0]
-    keep_out = KeepOut(list(plane.project_polygons(zones)), params.safety.avoid_margin_m)
+    regions = plane.project_polygons(polygons)
+    near = near_zones(
+        list(plane.project_polygons(zones)), [*regions, shapely.Point(place)], _reach_m(regions, params)
+    )
+    keep_out = KeepOut(near, params.safety.avoid_margin_m)
     if not keep_out.space.is_free(place[None])[0]:
         raise MissionError(
             "home lies in a keep-out zone or its margin; choose another home or a smaller --avoid-margin"
         )
-    parts, cut = clear_parts(region_parts(plane.project_polygons(polygons), plane, points), keep_out)
+    parts, cut = clear_parts(region_parts(regions, plane, points), keep_out)
     found = _PATTERN_FUNCTIONS[params.pattern](parts, params)
     _check_count(found)
     candidates = _reached(found, place, keep_out)
-    params, slower = lower_speed(params, [track for tracks in candidates for track in tracks])
     route = short_route(candidates, place, keep_out.space)
-    notes = [*home_notes(home), *at_home, *cut, *found.notes, *slower]
+    notes = [*home_notes(home), *at_home, *cut, *found.notes]
     missions = missions_over(route, start, plane, keep_out, params, notes)
     blocks = blocks_of_surveys(found.surveys, plane, params)
     return tuple(replace(mission, blocks=blocks) for mission in missions)
+
+
+def _reach_m(regions: NDArray[np.object_], params: PlanParams) -> float:
+    """More metres than a flight leads beyond its regions, with the margin of zones."""
+    west, south, east, north = shapely.bounds(regions).T
+    around = float(np.hypot(east - west, north - south).max()) + params.speed_m_s**2  # circles, and turns
+    lines = 2 * (params.spacing_m or 0) + 2 * params.safety.avoid_margin_m
+    margins = 0 if params.how in (None, PARAMS_OF[params.pattern]()) else 2 * MAX_MARGIN_M
+    return LEAST_REACH_M + around + lines + margins
 
 
 def _check_count(found: patterns.Candidates) -> None:

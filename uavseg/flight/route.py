@@ -10,6 +10,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.order.stops import Stops
 from uavseg.flight.order.tour import short_tour
+from uavseg.flight.short_legs import without_short_legs
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
@@ -44,7 +45,7 @@ class Route:
         tracks = [self._way(self.home, self.pieces[first].xy[0]), *inner, self.pieces[last]]
         if len(back.xy) > 2:
             tracks.append(back)
-        return Track.joined(tracks).part_from(1)
+        return without_short_legs(Track.joined(tracks).part_from(1), self.space)
 
     def home_lengths(self) -> tuple[Floats, Floats]:
         """Lengths of the ways from home to the start of each piece, and from its end home, in metres."""

@@ -40,6 +40,9 @@ class Track:
     look_at : (n - 1, 2) float64 array, optional
         The place that the camera looks at on a leg; NaN where it looks in no certain direction, by default on
         all legs.
+    speed_m_s : (n,) float64 array, optional
+        On the leg to each corner; the first one leads from home. NaN where the mission's own speed is flown,
+        by default everywhere.
     """
 
     xy: Floats
@@ -48,6 +51,7 @@ class Track:
     hold_s: Floats = field(default_factory=_NONE.copy)
     shots: Bools = field(default_factory=lambda: _NONE.astype(bool))
     look_at: Floats = field(default_factory=_NONE.copy)
+    speed_m_s: Floats = field(default_factory=_NONE.copy)
 
     def __post_init__(self) -> None:
         corners, legs = len(self.xy), len(self.is_line)
@@ -55,6 +59,7 @@ class Track:
             ("hold_s", np.zeros(corners)),
             ("shots", np.zeros(corners, bool)),
             ("look_at", np.full((legs, 2), np.nan)),
+            ("speed_m_s", np.full(corners, np.nan)),
         ):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, default)
@@ -93,11 +98,12 @@ class Track:
         """Tracks of which each begins where the one before it ends."""
         legs = [np.concatenate([getattr(track, name) for track in tracks]) for name in _OF_LEGS]
         hold_s, shots = tracks[0].hold_s, tracks[0].shots
+        speeds = [tracks[0].speed_m_s, *(track.speed_m_s[1:] for track in tracks[1:])]
         for track in tracks[1:]:
             hold_s = np.r_[hold_s[:-1], max(hold_s[-1], track.hold_s[0]), track.hold_s[1:]]
             shots = np.r_[shots[:-1], shots[-1] | track.shots[0], track.shots[1:]]
         xy = np.concatenate([tracks[0].xy[:1], *(track.xy[1:] for track in tracks)])
-        return cls(xy, legs[0], legs[1], hold_s, shots, legs[2])
+        return cls(xy, legs[0], legs[1], hold_s, shots, legs[2], np.concatenate(speeds))
 
     @property
     def length_m(self) -> float:
@@ -155,7 +161,7 @@ class Track:
         return replace(self, xy=xy, look_at=np.where(np.isfinite(self.look_at), look_at, np.nan))
 
 
-_FIELDS = ("xy", "trigger_m", "is_line", "hold_s", "shots", "look_at")
+_FIELDS = ("xy", "trigger_m", "is_line", "hold_s", "shots", "look_at", "speed_m_s")
 _OF_LEGS = ("trigger_m", "is_line", "look_at")
 
 

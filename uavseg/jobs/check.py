@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from uavseg.errors import MissionError, ParameterError
+from uavseg.flight.estimate.vehicle import default_vehicle
 from uavseg.flight.files import MAX_BYTES, check_mission_format, read_mission
 from uavseg.flight.formats import kmz, litchi, wpml
 from uavseg.flight.formats.route import route_of
@@ -26,6 +27,7 @@ from uavseg.flight.mission import Mission
 from uavseg.flight.safety.limits import SafetyParams
 from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.clearance import Clearance
+from uavseg.flight.terrain.flown import climbs_early
 from uavseg.inputs import read_bytes
 from uavseg.jobs.plan_regions import zone_polygons
 from uavseg.plain_text import shown
@@ -135,6 +137,8 @@ class MissionCheck:
             "lowest_m": round(float(heights.min()), 3),
             "highest_m": round(float(heights.max()), 3),
             "speed_m_s": mission.speed_m_s,
+            "slowest_m_s": mission.speed_range_m_s[0],
+            "fastest_m_s": mission.speed_range_m_s[1],
             "home": {
                 "lat": mission.home.lat,
                 "lon": mission.home.lon,
@@ -181,7 +185,7 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     ]
     needed = list(NAMES) if asked == "generic" else [asked] if asked else []
     problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
-    problems += _paper_check(mission, request).problems(mission)
+    problems += _paper_check(mission, request, asked).problems(mission)
     return MissionCheck(mission, asked or mission.autopilot, tuple(verdicts), tuple(problems))
 
 
@@ -206,7 +210,7 @@ def check_request(
     return CheckRequest(autopilot, safety, zones, None if dem is None else Dem.open(dem))
 
 
-def _paper_check(mission: Mission, request: CheckRequest) -> PaperCheck:
+def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> PaperCheck:
     if request.dem is None:
         return PaperCheck(request.safety, request.zones)
     above_sea = any(item.has_position and item.frame == FRAME_AMSL for item in mission.items)
@@ -215,7 +219,11 @@ def _paper_check(mission: Mission, request: CheckRequest) -> PaperCheck:
             f"{request.dem.name} has heights above the ellipsoid and the mission has heights above the sea, "
             "up to 100 m from them: check it with a model whose heights are above the sea"
         )
-    return PaperCheck(request.safety, request.zones, Clearance(request.dem, CLEARANCE_M))
+    early = None  # DJI's aircraft and ArduPilot follow the straight line
+    if autopilot is not None and climbs_early(autopilot):
+        flyer = default_vehicle(autopilot)
+        early = (flyer.climb_m_s, flyer.descent_m_s)
+    return PaperCheck(request.safety, request.zones, Clearance(request.dem, CLEARANCE_M, early))
 
 
 def _check_items(mission: Mission, autopilot: str) -> None:

@@ -44,7 +44,8 @@ def test_pixels_are_square() -> None:
         ("DJI Mini 4 Pro", 82.1),
     ],
 )
-def test_diagonal_fields_of_view_are_those_of_data_sheets(name: str, diagonal_deg: float) -> None:
+def test_listed_sensors_and_lenses_give_usual_fields_of_view(name: str, diagonal_deg: float) -> None:
+    """The angles are not taken from sheets: a size or focal length that is mistyped is seen by them."""
     camera = camera_named(name)
     half = math.hypot(*camera.sensor_mm) / 2 / camera.focal_mm
     assert half == pytest.approx(math.tan(math.radians(diagonal_deg / 2)), rel=0.03)

@@ -55,7 +55,9 @@ def test_a_point_on_a_straight_line_costs_nothing(vehicle: Vehicle, speed: float
 @VEHICLES
 def test_sharper_turns_and_stops_take_longer(vehicle: Vehicle) -> None:
     times = [leg_seconds(turning(angle), 8.0, vehicle).sum() for angle in range(0, 181, 20)]
-    assert (np.diff(times) >= -1e-9).all() and times[-1] > times[0] + 2
+    # PX4 turns within its radius: where the next leg leads back, a part of it need not be flown
+    assert (np.diff(times) >= (-1e-9 if vehicle.turns == "blend" else -0.2)).all()
+    assert times[-1] > times[0] + 2
     stopped = leg_seconds(turning(0), 8.0, vehicle, np.array([False, True, False])).sum()
     assert stopped > times[0] + 2
 
@@ -94,7 +96,7 @@ def test_equal_points_are_not_flown_to_and_keep_their_stop(vehicle: Vehicle) -> 
 def test_each_leg_has_its_own_speed(vehicle: Vehicle) -> None:
     path = level((0, 0), (300, 0), (600, 0))
     slow = leg_seconds(path, np.array([10.0, 2.0]), vehicle)
-    assert slow[0] < 300 / 10 + 12 and slow[1] > 300 / 2 - 5
+    assert slow[0] < 300 / 10 + 12 and slow[1] > 300 / 2 - 8  # PX4 enters the slow leg fast, and brakes then
 
 
 @pytest.mark.parametrize("change", [0.3, 2.0, 6.0, 9.0, 25.0])

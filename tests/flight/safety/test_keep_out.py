@@ -13,6 +13,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.items import CAMERA_DISTANCE
 from uavseg.flight.mission import Mission
 from uavseg.flight.plane import Plane
+from uavseg.flight.safety.fence_around import fence_around
 from uavseg.flight.safety.keep_out import KeepOut
 from uavseg.flight.safety.limits import LimitParams, SafetyParams
 from uavseg.flight.track import Track
@@ -153,3 +154,44 @@ def test_grown_zones_hold_their_margin_and_few_corners(seed: int, margin: int) -
     for fenced in keep_out.fence_zones:
         assert shapely.covers(keep_out.grown, fenced)
     assert shapely.difference(stairs, shapely.union_all(keep_out.fence_zones)).area < 1e-6
+
+
+def shore(pixel_m: float = 5.0) -> Any:
+    """Lakes with hundreds of steps of a pixel along their shores."""
+    y, x = np.mgrid[:150, :150] / 150
+    wet = np.sin(9 * x + 3 * y) * np.cos(7 * y - 2 * x) + 0.2 * np.sin(31 * x) * np.sin(37 * y) > 0.35
+    rows, cols = np.nonzero(wet)
+    left, low = cols * pixel_m, rows * pixel_m
+    return shapely.union_all(shapely.box(left, low, left + pixel_m, low + pixel_m))
+
+
+@pytest.mark.parametrize("margin", [0, 5, 20, 40])
+def test_shores_of_many_steps_keep_few_corners_and_their_margin(margin: int) -> None:
+    lakes = shore()
+    assert shapely.get_num_coordinates(lakes) > 800
+    keep_out = KeepOut([lakes], margin)
+    inner = shapely.buffer(lakes, margin, quad_segs=64)
+    assert shapely.get_num_coordinates(keep_out.grown) <= 800
+    assert shapely.difference(inner, keep_out.grown).area < 1e-6
+    assert shapely.covers(shapely.buffer(inner, 12), keep_out.grown)
+    half, most = shapely.union_all(keep_out.fence_zones), shapely.union_all(keep_out.simpler_fence_zones)
+    if margin >= 5:
+        assert shapely.get_num_coordinates(most) < shapely.get_num_coordinates(half)
+        assert shapely.get_num_coordinates(half) < shapely.get_num_coordinates(lakes) / 2
+    for fenced, share in ((half, 1 / 2), (most, 3 / 4)):
+        assert shapely.difference(lakes, fenced).area < 1e-6
+        assert shapely.covers(shapely.buffer(lakes, share * margin + 1e-6), fenced)
+
+
+def test_a_fence_of_many_vertices_ends_at_its_hull() -> None:
+    path = np.array([[0, 0], [600, 0], [300, 20]], float)
+    x = np.arange(-5000, 5001, 50)
+    for height, cut in ((0, False), (40, True)):  # a straight wall, and one that zigzags
+        wall = shapely.buffer(
+            shapely.LineString(np.column_stack([x, 50 + height * (np.arange(len(x)) % 2)])), 1
+        )
+        fence, notes = fence_around(path, KeepOut([wall], 8), 50, PLANE)
+        lat, lon = np.array(fence[1].vertices).T
+        east, _ = PLANE.xy_from_lonlat(lon, lat)
+        assert (east.min() > -300 and east.max() < 900) == cut and (east.min() < -5000) != cut
+        assert len(fence) == 2 and notes == []

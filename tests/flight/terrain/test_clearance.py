@@ -107,3 +107,24 @@ def test_without_a_model_nothing_is_checked_here(tmp_path: Path) -> None:
     dem = Dem.open(draw(tmp_path / "a.tif", plane(0, 0)))
     found = clearance_of(PlanParams(60, terrain=TerrainParams(dem, tolerance_m=7)))
     assert found is not None and found.least_m == 53
+
+
+@pytest.mark.parametrize(("rise_m", "words"), [(-40.0, "at least 55"), (40.0, "--max-altitude")])
+def test_a_vehicle_that_changes_its_height_early_is_checked_where_it_flies(
+    tmp_path: Path, rise_m: float, words: str
+) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", plane(rise_m / 400, 0)))
+    start = 400 + rise_m / 2 + 60  # the ground and the straight line rise alike over 400 m
+    flight = mission([(200, 0), (600, 0)], FRAME_AMSL, [start, start + rise_m], takeoff_m=start - 400)
+    straight = replace(flight, items=flight.items[:-1])
+    Clearance(dem, 35).check(straight, 85)
+    with pytest.raises(MissionError, match=words):
+        Clearance(dem, 55, (3.0, 1.5)).check(straight, 70 if rise_m > 0 else 120)
+
+
+@pytest.mark.parametrize("autopilot", ["px4", "generic", "ardupilot"])
+def test_the_rates_that_are_planned_with_are_those_that_are_checked(tmp_path: Path, autopilot: str) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", plane(0, 0)))
+    found = clearance_of(PlanParams(60, autopilot=autopilot, terrain=TerrainParams(dem, climb_m_s=2.0)))
+    assert found is not None
+    assert found.early == (None if autopilot == "ardupilot" else (2.0, 1.5))

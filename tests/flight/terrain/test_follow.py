@@ -179,12 +179,32 @@ def test_the_terrain_of_the_vehicle_needs_no_points_but_slower_legs(tmp_path: Pa
     assert set(np.flatnonzero(steep.heights.added)) <= set(changes)
 
 
+@pytest.mark.parametrize(
+    ("height_m", "words"), [(40.0, "comes within 21 m of the ground"), (90.0, "leads into the ground")]
+)
+def test_an_early_return_towards_a_hill_is_noted(tmp_path: Path, height_m: float, words: str) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", cone(height_m, 100, 400, 0), pixel_m=5.0, half_m=1000))
+    found = follow(dem, [(0, 600), (800, 600), (800, 0), (800, 600), (0, 600)])
+    [note] = [note for note in found.notes if "early is level" in note]
+    assert words in note and "set it higher" in note
+    flat = Dem.open(draw(tmp_path / "b.tif", plane(0, 0)))
+    assert not [note for note in follow(flat, [(0, 600), (800, 0)]).notes if "early is level" in note]
+
+
+def test_an_early_return_over_a_valley_is_noted(tmp_path: Path) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", cone(-90, 200, 400, 0), pixel_m=5.0, half_m=1000))
+    found = follow(dem, [(0, 600), (800, 600), (800, 0), (800, 600), (0, 600)])
+    [note] = [note for note in found.notes if "early is level" in note]
+    assert "m above lower ground, and 120 m are allowed" in note
+    assert 140 < float(note.split("leads ")[1].split(" m")[0]) < 151
+
+
 @pytest.mark.parametrize("height_m", [20.0, 200.0])
 def test_a_hill_on_the_way_back_is_flown_over(tmp_path: Path, height_m: float) -> None:
     dem = Dem.open(draw(tmp_path / "a.tif", cone(height_m, 150, 400, 0), pixel_m=5.0, half_m=1000))
     found = follow(dem, [(0, 600), (800, 600), (800, 0)], tolerance_m=25)
     leads_home = [note for note in found.notes if "lead home" in note]
-    [rise] = [note for note in found.notes if "return altitude" in note]
+    [rise] = [note for note in found.notes if "set the autopilot's return altitude" in note]
     match = re.search(
         r"rises to (\d+) m above home, at lat 47\.002\d+, lon 9\.005\d+.* to (\d+) m at least", rise
     )

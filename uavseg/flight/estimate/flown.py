@@ -180,8 +180,8 @@ def _return(walk: _Walk, vehicle: Vehicle) -> None:
 
 def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
     xyz = np.array(walk.xyz, np.float64).reshape(-1, 3)
-    seconds = leg_seconds(xyz, np.array(walk.speed, np.float64), vehicle, np.array(walk.stop))
     hold = np.array(walk.hold)
+    seconds = leg_seconds(xyz, np.array(walk.speed, np.float64), vehicle, np.array(walk.stop), hold)
     climbs = np.flatnonzero(np.array(walk.part) == "climb")
     seconds[climbs] += _first_metres_s(np.diff(xyz[:, 2])[climbs], vehicle)
     return FlownPath(

@@ -167,6 +167,13 @@ def default_vehicle(autopilot: str) -> Vehicle:
     return PX4 if autopilot == "px4" else ARDUCOPTER
 
 
+def returning_vehicles(vehicle: Vehicle | None, autopilot: str) -> tuple[Vehicle, ...]:
+    """Whose returns are looked at: those of both autopilots where a mission is for any."""
+    if vehicle is not None:
+        return (vehicle,)
+    return (ARDUCOPTER, PX4) if autopilot == "generic" else (default_vehicle(autopilot),)
+
+
 def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> Vehicle:
     """A vehicle from a JSON file: an object with parameters of `Vehicle`; others are those of the autopilot.
 

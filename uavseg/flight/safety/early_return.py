@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.estimate.vehicle import default_vehicle
+from uavseg.flight.estimate.vehicle import returning_vehicles
 from uavseg.flight.params import PlanParams
 from uavseg.flight.plane import Plane
 from uavseg.flight.safety.keep_out import KeepOut
@@ -60,9 +60,7 @@ def return_notes(path: Floats, keep_out: KeepOut, plane: Plane, params: PlanPara
 
 def _return_height_m(path: Floats, params: PlanParams) -> float:
     """The greatest height to which a return climbs; within a cone around home it climbs less."""
-    known = [params.vehicle] if params.vehicle else [default_vehicle(params.autopilot)]
-    if params.vehicle is None and params.autopilot == "generic":
-        known = [default_vehicle("ardupilot"), default_vehicle("px4")]
+    known = returning_vehicles(params.vehicle, params.autopilot)
     away_m = float(np.hypot(*(path - path[0]).T).max())
     return max(min(vehicle.return_height_m, vehicle.return_slope * away_m) for vehicle in known)
 

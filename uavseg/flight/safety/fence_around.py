@@ -34,12 +34,14 @@ def fence_around(
     Returns
     -------
     fence : tuple of FencePolygon
-        The hull (inclusion), and each zone with half of its margin, or less (exclusion).
+        The hull (inclusion), and each zone that it meets with half of its margin, or less (exclusion).
+        Where these have more vertices than boards store, zones end at the hull, and may have up to three
+        quarters of their margin.
     notes : list of str
     """
     hull = shapely.convex_hull(shapely.multipoints(path))
-    outer = shapely.simplify(shapely.buffer(hull, 1.1 * margin_m, quad_segs=4), margin_m / 20)
-    zones = [zone for zone in keep_out.fence_zones if shapely.intersects(outer, zone)]
+    outer = shapely.simplify(shapely.buffer(hull, 1.2 * margin_m, quad_segs=2), margin_m / 20)
+    zones = _few_corners(keep_out, outer, margin_m)
     fence = [_polygon(outer, plane, True), *(_polygon(zone, plane, False) for zone in zones)]
     notes = []
     count = sum(len(shape.vertices) for shape in fence)
@@ -51,6 +53,23 @@ def fence_around(
     if any(shapely.get_num_interior_rings(zone) for zone in zones):
         notes.append("holes of keep-out zones are closed in the fence")
     return tuple(fence), notes
+
+
+def _few_corners(keep_out: KeepOut, outer: Any, margin_m: float) -> list[Any]:
+    """The zones that meet a hull, in the first way that makes few enough vertices, or the fewest."""
+    reach = shapely.buffer(outer, margin_m)
+    ways = [
+        keep_out.fence_zones,
+        *(
+            shapely.get_parts(shapely.intersection(zones, reach))
+            for zones in (keep_out.fence_zones, keep_out.simpler_fence_zones)
+        ),
+    ]
+    near = [[zone for zone in zones if zone.area > 0 and shapely.intersects(outer, zone)] for zones in ways]
+    most = MAX_VERTICES - shapely.get_num_coordinates(outer)
+    counts = [int(shapely.get_num_coordinates(zones).sum()) for zones in near]
+    enough = [k for k, count in enumerate(counts) if count <= most]
+    return near[enough[0] if enough else int(np.argmin(counts))]
 
 
 def _polygon(ring: Any, plane: Plane, inclusion: bool) -> FencePolygon:

@@ -19,6 +19,13 @@ Floats = NDArray[np.float64]
 
 LEAST_TOLERANCE_M = 0.5
 LEAST_FENCE_MARGIN_M = 4.0  # below it, the fence is drawn at the edge of zones
+FENCE_TOLERANCES = (
+    1 / 2,
+    2 / 5,
+    1 / 4,
+    1 / 8,
+    0,
+)  # of their distance from zones, by which fences are simplified
 MOST_CORNERS = 800  # of zones with their margins: they are simplified until they have no more
 ROUND_SEGMENTS = 3  # of a quarter of a circle around a corner
 SHORTEST_LINE_M = 1.0  # what zones leave of a line is not flown where it is shorter
@@ -55,24 +62,34 @@ class KeepOut:
         if not self.zones:
             return shapely.MultiPolygon()
         tolerance_m = max(self.margin_m / 8, LEAST_TOLERANCE_M)
-        grown = _grown(self._whole, self.margin_m, tolerance_m)
+        held = _held(self._whole, self.margin_m)
+        grown = _grown(self._whole, held, self.margin_m, tolerance_m)
         while shapely.get_num_coordinates(grown) > MOST_CORNERS and tolerance_m < 100:
+            grown = _smoothed(self._whole, held, self.margin_m, tolerance_m)
             tolerance_m *= 2
-            grown = _grown(self._whole, self.margin_m, tolerance_m)
         shapely.prepare(grown)
         return grown
 
     @cached_property
     def fence_zones(self) -> list[Any]:
-        """The zones with less than their margin, so that a flight may pass along it without a breach."""
+        """The zones with at most half of their margin: a flight may pass along it without a breach."""
+        return self._fenced(1 / 2)
+
+    @cached_property
+    def simpler_fence_zones(self) -> list[Any]:
+        """The same with fewer corners, and at most three quarters of their margin."""
+        return self._fenced(3 / 4)
+
+    def _fenced(self, share: float) -> list[Any]:
+        """Polygons around the zones with few corners and at most a share of their margin."""
         if not self.zones:
             return []
-        fenced = self._whole
+        fenced = [self._whole]
         if self.margin_m >= LEAST_FENCE_MARGIN_M:
-            tolerance_m = self.margin_m / 8
-            simple = shapely.simplify(_grown(fenced, self.margin_m / 4, tolerance_m), self.margin_m / 4)
-            fenced = simple if _lies_between(simple, fenced, self.grown) else fenced
-        return [part for part in shapely.get_parts(fenced) if part.geom_type == "Polygon" and part.area > 0]
+            around = shapely.get_parts(shapely.buffer(self._whole, self.margin_m * share / 2))
+            fenced = [_simple(part, self._whole, self.margin_m * share) for part in around]
+        parts = shapely.get_parts(fenced)
+        return [part for part in parts if part.geom_type == "Polygon" and part.area > 0]
 
     @cached_property
     def space(self) -> FreeSpace:
@@ -128,9 +145,13 @@ class KeepOut:
         return Track.of_way(self.space.path(start.tolist(), end.tolist()))
 
 
-def _grown(zones: Any, margin_m: float, tolerance_m: float) -> Any:
+def _held(zones: Any, margin_m: float) -> Any:
+    """Zones with their whole margin."""
+    return shapely.buffer(zones, margin_m / math.cos(math.pi / 32), quad_segs=8) if margin_m else zones
+
+
+def _grown(zones: Any, held: Any, margin_m: float, tolerance_m: float) -> Any:
     """Zones that are simplified, and grown so that they hold the margin all the same."""
-    held = shapely.buffer(zones, margin_m / math.cos(math.pi / 32), quad_segs=8) if margin_m else zones
     simple = shapely.simplify(zones, tolerance_m)
     for more in (1, 2, 4):
         reach = (margin_m + more * tolerance_m) / math.cos(math.pi / 4 / ROUND_SEGMENTS)
@@ -138,6 +159,27 @@ def _grown(zones: Any, margin_m: float, tolerance_m: float) -> Any:
         if shapely.covers(grown, held):
             return grown
     return held
+
+
+def _smoothed(zones: Any, held: Any, margin_m: float, tolerance_m: float) -> Any:
+    """Zones that are grown and then simplified: fewer corners where outlines have many small steps."""
+    for more in (1, 1.5, 2, 4):
+        grown = shapely.buffer(zones, (margin_m + more * tolerance_m) / math.cos(math.pi / 16), quad_segs=4)
+        simple = shapely.simplify(grown, tolerance_m)
+        if shapely.covers(simple, held):
+            return simple
+    return held
+
+
+def _simple(around: Any, zones: Any, reach_m: float) -> Any:
+    """A polygon around some zones with fewer corners, which holds them and lies within a reach of them."""
+    inner = shapely.intersection(zones, around)
+    outer = shapely.buffer(inner, reach_m)
+    for share in FENCE_TOLERANCES:
+        simple = shapely.simplify(around, share * reach_m)
+        if _lies_between(simple, inner, outer):
+            return simple
+    return inner
 
 
 def _lies_between(area: Any, inner: Any, outer: Any) -> bool:

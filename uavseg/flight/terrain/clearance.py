@@ -7,8 +7,9 @@ import numpy as np
 
 from uavseg.errors import MissionError
 from uavseg.flight.items import FRAME_AMSL, FRAME_TERRAIN, RETURN, TAKEOFFS
-from uavseg.flight.mission import Mission
+from uavseg.flight.mission import CRUISE_M_S, Mission
 from uavseg.flight.params import PlanParams
+from uavseg.flight.terrain.flown import climbs_early, heights_climbed_early, rates_m_s
 from uavseg.flight.terrain.profile import check_known, profile_along
 from uavseg.raster.elevation.dem import Dem
 
@@ -26,10 +27,14 @@ class Clearance:
     dem : Dem
     least_m : float
         Least height above the ground on any leg, from above home on.
+    early : tuple of float, optional
+        Climb and descent rates of a vehicle that approaches the height of the next waypoint at once, as PX4
+        does: the heights between its way and the straight line are checked. By default the straight line.
     """
 
     dem: Dem
     least_m: float
+    early: tuple[float, float] | None = None
 
     def check(self, mission: Mission, most_m: float) -> None:
         """Raise MissionError with the first of the `problems`, if there is one."""
@@ -60,17 +65,21 @@ class Clearance:
             yield from self._wrong(max(item.altitude_m for item in items), self.least_m, most_m, "an item")
             return
         home_m = self._ground_m(mission.home.lat, mission.home.lon)
-        places = [] if items[0].command in TAKEOFFS else [(*_position(mission), home_m)]
-        for item in items:
+        places = [] if items[0].command in TAKEOFFS else [(*_position(mission), home_m, CRUISE_M_S)]
+        for item, speed in zip(items, mission.leg_speeds_m_s, strict=True):
             lon, lat = _position(mission) if item.command in TAKEOFFS else (item.lon, item.lat)
             zero_m = 0.0 if item.frame == FRAME_AMSL else home_m
-            places.append((lon, lat, zero_m + item.altitude_m))
+            places.append((lon, lat, zero_m + item.altitude_m, speed))
         if any(item.command == RETURN for item in mission.items):
-            places.append((*_position(mission), places[-1][2]))
-        lon, lat, height = np.array(places).T
+            places.append((*_position(mission), *places[-1][2:]))
+        lon, lat, height, speeds = np.array(places).T
         profile = profile_along(self.dem, lon, lat, GAP_M)
         flight = np.interp(profile.along_m, profile.along_m[profile.corners], height)
-        for above in (flight - profile.upper_m, flight - profile.lower_m):
+        lower = upper = flight
+        if self.early is not None:
+            early = heights_climbed_early(profile, height, speeds[1:], self.early)
+            lower, upper = np.minimum(flight, early), np.maximum(flight, early)
+        for above in (lower - profile.upper_m, upper - profile.lower_m):
             for k in (int(above.argmin()), int(above.argmax())):
                 place = f"the position {profile.lat[k]:.6f},{profile.lon[k]:.6f}"
                 yield from self._wrong(float(above[k]), self.least_m, most_m, place)
@@ -107,7 +116,10 @@ def clearance_of(params: PlanParams) -> Clearance | None:
     terrain = params.terrain
     if terrain is None or terrain.dem is None:
         return None
-    return Clearance(terrain.dem, params.altitude_m - terrain.tolerance_for(params.altitude_m))
+    least_m = params.altitude_m - terrain.tolerance_for(params.altitude_m)
+    return Clearance(
+        terrain.dem, least_m, rates_m_s(params, terrain) if climbs_early(params.autopilot) else None
+    )
 
 
 def _position(mission: Mission) -> tuple[float, float]:

@@ -48,7 +48,7 @@ class Flown:
         return np.interp(at, at[self.chosen], self.target_m[self.chosen])
 
 
-def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, terrain: TerrainParams) -> Flown:
+def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, speeds: Floats) -> Flown:
     """The flight over the ground from the first of these corners to the last.
 
     Parameters
@@ -57,25 +57,28 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, terrain: Te
     lon, lat : (k,) float64 arrays
         Corners of the path in degrees, home first.
     params : PlanParams
-        Height above the ground and speed.
-    terrain : TerrainParams
-        Tolerance, and how fast the vehicle climbs and descends.
+        Height above the ground, tolerance, and how fast the vehicle climbs and descends.
+    speeds : (k - 1,) float64 array
+        Of each leg, where it is not too steep.
 
     Raises
     ------
     MissionError
         If the DEM does not cover the path.
     """
+    terrain = params.terrain
+    assert terrain is not None
     tolerance_m = terrain.tolerance_for(params.altitude_m)
     profile = profile_along(dem, lon, lat, GAP * tolerance_m)
-    slowest = min(SLOWEST_M_S, params.speed_m_s)
+    slowest = min(SLOWEST_M_S, float(speeds.min()))
     climb, descent = rates_m_s(params, terrain)
-    early = terrain.mode != FRAME and _climbs_early(params)
-    rates = Rates(climb, descent, params.speed_m_s)
+    early = terrain.mode != FRAME and climbs_early(params.autopilot)
     limited = limit_slopes(profile.along_m, profile.upper_m, climb / slowest, descent / slowest)
     target = limited + params.altitude_m
-    chosen = [np.zeros(1, np.int64)]
-    for start, end in zip(profile.corners[:-1].tolist(), profile.corners[1:].tolist(), strict=True):
+    chosen, flown_m_s = [np.zeros(1, np.int64)], []
+    corners = profile.corners.tolist()
+    for start, end, speed in zip(corners[:-1], corners[1:], speeds.tolist(), strict=True):
+        rates = Rates(climb, descent, speed)
         part = slice(start, end + 1)
         at, height = profile.along_m[part], target[part]
         points = (
@@ -84,18 +87,56 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, terrain: Te
             else points_within(at, height, (1 - GAP) * tolerance_m)
         )
         chosen.append(start + np.array(points[1:], np.int64))
-    found = np.concatenate(chosen)
-    length, rise = np.diff(profile.along_m[found]), np.diff(target[found])
-    return Flown(profile, target, found, rates.speeds(length, rise))
+        flown_m_s.append(rates.speeds(np.diff(at[points]), np.diff(height[points])))
+    return Flown(profile, target, np.concatenate(chosen), np.concatenate(flown_m_s))
 
 
-def _climbs_early(params: PlanParams) -> bool:
+@dataclass(frozen=True, slots=True, eq=False)
+class LegPoints:
+    """The points of one leg, the last of which is its end.
+
+    Parameters
+    ----------
+    share : (n,) float64 array
+        Of the leg, from its start to each point.
+    height_m : (n + 1,) float64 array
+        At its start and at each point.
+    speed_m_s : (n,) float64 array
+        On the way to each point.
+    """
+
+    share: Floats
+    height_m: Floats
+    speed_m_s: Floats
+
+
+def points_of_leg(dem: Dem, leg: tuple[float, ...], params: PlanParams) -> LegPoints:
+    """The points of one leg over the ground: from lon, lat to lon, lat, at a speed.
+
+    Raises
+    ------
+    MissionError
+        If the DEM does not cover the leg.
+    """
+    ends = np.array(leg[:4]).reshape(2, 2)
+    flown = fly_over(dem, ends[:, 0], ends[:, 1], params, np.array(leg[4:]))
+    chosen, speed = flown.chosen, flown.speed_m_s
+    assert params.terrain is not None
+    if params.terrain.mode == FRAME:  # the vehicle follows the ground itself
+        kept = np.append(np.diff(speed) != 0, True)
+        chosen, speed = np.append(chosen[0], chosen[1:][kept]), speed[kept]
+    along = flown.profile.along_m[chosen]
+    share = along[1:] / along[-1] if along[-1] > 0 else np.linspace(0, 1, len(along))[1:]
+    return LegPoints(share, flown.target_m[chosen], speed)
+
+
+def climbs_early(autopilot: str) -> bool:
     """Whether the vehicle approaches the height of the next waypoint at once, and not along the leg.
 
     PX4 computes the velocities over ground and in height independently of each other (PositionSmoothing.cpp,
     since 2025); ArduCopter follows the straight line.
     """
-    return params.autopilot != "ardupilot"
+    return autopilot != "ardupilot"
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +188,29 @@ def points_climbed_early(along_m: Floats, height_m: Floats, tolerance_m: float, 
             end += 1
         found.append(max(end, first + 1))
     return found
+
+
+def heights_climbed_early(
+    profile: Profile, height_m: Floats, speeds: Floats, rates_m_s: tuple[float, float]
+) -> Floats:
+    """Heights at the samples of a profile of a vehicle that changes its height at the start of each leg.
+
+    Parameters
+    ----------
+    profile : Profile
+    height_m : (k,) float64 array
+        At its corners.
+    speeds : (k - 1,) float64 array
+        Over ground, of the legs between them.
+    rates_m_s : (climb, descent)
+    """
+    corners = profile.corners
+    leg = np.clip(np.searchsorted(corners, np.arange(len(profile.along_m))) - 1, 0, len(corners) - 2)
+    rise = np.diff(height_m)[leg]
+    slope = np.where(rise > 0, *rates_m_s) / speeds[leg]
+    way_m = profile.along_m - profile.along_m[corners[leg]]
+    heights: Floats = height_m[leg] + np.sign(rise) * np.minimum(way_m * slope, np.abs(rise))
+    return np.where(np.isin(np.arange(len(heights)), corners[1:]), height_m[leg + 1], heights)
 
 
 def _is_within(way_m: Floats, climbed_m: Floats, tolerance_m: float, rates: Rates) -> bool:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
 from uavseg.flight.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, HomePosition
+from uavseg.flight.leg_speeds import speeds_of
 from uavseg.flight.params import PlanParams
 from uavseg.flight.terrain.flown import GAP, Flown, fly_over
 from uavseg.flight.terrain.ground import Ground
@@ -66,30 +67,32 @@ def follow_ground(track: Track, home: HomePosition, params: PlanParams) -> Groun
     """
     terrain = params.terrain
     if terrain is None:
-        return GroundPath(track, constant_height(len(track.xy), params))
+        return GroundPath(track, constant_height(track, params))
     if terrain.dem is None:
-        heights = constant_height(len(track.xy), params, FRAME_TERRAIN)
+        heights = constant_height(track, params, FRAME_TERRAIN)
         return GroundPath(track, heights, notes=(OWN_TERRAIN,))
     lon, lat = track.xy.T
     way_lon, way_lat = (np.round(np.append(*both), DECIMALS) for both in ((home.lon, lon), (home.lat, lat)))
-    flown = fly_over(terrain.dem, way_lon, way_lat, params, terrain)
+    speeds = speeds_of(track, params)
+    flown = fly_over(terrain.dem, way_lon, way_lat, params, speeds)
     tolerance_m = terrain.tolerance_for(params.altitude_m)
     back = profile_along(terrain.dem, way_lon[[-1, 0]], way_lat[[-1, 0]], GAP * tolerance_m)
     over_back = flown.target_m[-1] - np.concatenate([back.lower_m, back.upper_m])
     leads_home = bool(np.abs(over_back - params.altitude_m).max() > tolerance_m)
     if leads_home:
         way_lon, way_lat = np.append(way_lon, way_lon[0]), np.append(way_lat, way_lat[0])
-        flown = fly_over(terrain.dem, way_lon, way_lat, params, terrain)
+        flown = fly_over(terrain.dem, way_lon, way_lat, params, np.append(speeds, params.speed_m_s))
         track = Track.joined([track, Track.of_way(np.array([track.xy[-1], (home.lon, home.lat)]))])
         over_back = over_back[:0]
     heights, kept = _heights(flown, params, terrain)
-    leg = np.searchsorted(flown.profile.corners[1:], kept[1:])  # the first one leads from home to the path
+    leg = np.searchsorted(flown.profile.corners[1:], kept)  # the first one leads from home to the path
     places = np.round(flown.profile.lon[kept], DECIMALS), np.round(flown.profile.lat[kept], DECIMALS)
+    added = _with_added(track, np.column_stack(places), heights.added, leg)
     return GroundPath(
-        _with_added(track, np.column_stack(places), heights.added, leg),
+        added,
         heights,
         _ground(terrain.dem, home, places, flown, over_back, params),
-        tuple(terrain_notes(flown, heights, params, leads_home)),
+        tuple(terrain_notes(flown, heights, speeds_of(added, params), params, leads_home)),
     )
 
 
@@ -103,13 +106,14 @@ def _with_added(track: Track, places: Floats, added: NDArray[np.bool_], leg: Int
         Of all corners, in degrees.
     added : (n,) bool array
         Which of them are none of the track's.
-    leg : (n - 1,) int64 array
-        The leg to each corner but the first: 0 leads from home, and 1 is the track's first.
+    leg : (n,) int64 array
+        The leg to each corner: 0 leads from home, and 1 is the track's first.
     """
+    speed, leg = track.speed_m_s[leg], leg[1:]
     way = Track.joined([Track.of_way(track.xy[[0, 0]]), track])
     hold_s, shots = np.zeros(len(places)), np.zeros(len(places), bool)
     hold_s[~added], shots[~added] = track.hold_s, track.shots
-    return Track(places, way.trigger_m[leg], way.is_line[leg], hold_s, shots, way.look_at[leg])
+    return Track(places, way.trigger_m[leg], way.is_line[leg], hold_s, shots, way.look_at[leg], speed)
 
 
 def _heights(flown: Flown, params: PlanParams, terrain: TerrainParams) -> tuple[Heights, Ints]:

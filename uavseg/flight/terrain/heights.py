@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.flight.items import FRAME_RELATIVE
+from uavseg.flight.leg_speeds import speeds_of
 from uavseg.flight.params import PlanParams
+from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
 
@@ -36,8 +38,8 @@ class Heights:
     speed_m_s: Floats
 
 
-def constant_height(count: int, params: PlanParams, frame: int = FRAME_RELATIVE) -> Heights:
-    """One height and speed for so many waypoints."""
-    height, speed = float(params.altitude_m), float(params.speed_m_s)
+def constant_height(track: Track, params: PlanParams, frame: int = FRAME_RELATIVE) -> Heights:
+    """One height for the waypoints of a track."""
+    count, height = len(track.xy), float(params.altitude_m)
     none = np.zeros(count, np.bool_)
-    return Heights(frame, np.full(count, height), height, none, np.full(count, speed))
+    return Heights(frame, np.full(count, height), height, none, speeds_of(track, params))

@@ -3,27 +3,36 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
+from uavseg.flight.estimate.vehicle import returning_vehicles
 from uavseg.flight.params import PlanParams
 from uavseg.flight.terrain.flown import Flown, rates_m_s
 from uavseg.flight.terrain.heights import Heights
 from uavseg.flight.terrain.params import FRAME, RELATIVE
-from uavseg.flight.terrain.way_back import Rise, highest_between
+from uavseg.flight.terrain.way_back import Rise, WaysBack, ways_back
+
+Floats = NDArray[np.float64]
 
 OWN_TERRAIN = (
     "heights are above the terrain that the vehicle itself knows (ArduPilot: TERRAIN_ENABLE 1, data of the "
     "place on board); give --dem to have slopes and the way home checked"
 )
+RETURN_SLACK_M = 1.0
 RAISED_M = 0.05  # a smaller difference is not reported
 
 
-def terrain_notes(flown: Flown, heights: Heights, params: PlanParams, leads_home: bool) -> Iterator[str]:
+def terrain_notes(
+    flown: Flown, heights: Heights, asked_m_s: Floats, params: PlanParams, leads_home: bool
+) -> Iterator[str]:
     """What the pilot of a flight over the ground should know.
 
     Parameters
     ----------
     flown : Flown
     heights : Heights
+    asked_m_s : (n,) float64 array
+        The speed on the leg to each waypoint where it is not too steep.
     params : PlanParams
         With a DEM.
     leads_home : bool
@@ -51,20 +60,22 @@ def terrain_notes(flown: Flown, heights: Heights, params: PlanParams, leads_home
             f"height above the sea with that of home ({ground_m:.1f} m), a difference moves the whole flight"
         )
     yield from dem.notes()
-    yield from _slope_notes(flown, heights, params)
-    yield from _return_notes(highest_between(dem, profile), ground_m, params.altitude_m, leads_home)
+    yield from _slope_notes(flown, heights, asked_m_s, params)
+    back = ways_back(dem, profile)
+    yield from _return_notes(back.highest, ground_m, params.altitude_m, leads_home)
+    yield from _early_return_notes(back, flown, params)
 
 
-def _slope_notes(flown: Flown, heights: Heights, params: PlanParams) -> Iterator[str]:
+def _slope_notes(flown: Flown, heights: Heights, asked_m_s: Floats, params: PlanParams) -> Iterator[str]:
     terrain, profile = params.terrain, flown.profile
     assert terrain is not None
     climb, descent = rates_m_s(params, terrain)
-    slow = heights.speed_m_s < params.speed_m_s
+    slow = heights.speed_m_s < asked_m_s
     if slow.any():
         legs, speed = int(slow.sum()), float(heights.speed_m_s[slow].min())
         yield (
             f"the speed is lowered on {legs} leg{'s' * (legs != 1)}, down to {speed:g} m/s, where the ground "
-            f"is too steep for {params.speed_m_s:g} m/s with a climb of {climb:g} and a descent "
+            f"is too steep for {float(asked_m_s[slow].max()):g} m/s with a climb of {climb:g} and a descent "
             f"of {descent:g} m/s"
         )
     raised = flown.target_m - params.altitude_m - profile.upper_m
@@ -94,4 +105,31 @@ def _return_notes(rise: Rise, ground_m: float, altitude_m: float, leads_home: bo
         yield (
             "the elevation model has holes between the flight and home: returns that start early are not "
             "checked there"
+        )
+
+
+def _early_return_notes(back: WaysBack, flown: Flown, params: PlanParams) -> Iterator[str]:
+    """Where a level return that starts early would be too low or too high above the ground."""
+    terrain = params.terrain
+    assert terrain is not None
+    least_m = params.altitude_m - terrain.tolerance_for(params.altitude_m)
+    most_m = params.safety.max_altitude_m
+    found = [
+        back.returns(flown.height_m, vehicle)
+        for vehicle in returning_vehicles(params.vehicle, params.autopilot)
+    ]
+    low = min(found, key=lambda one: one.lowest_m)
+    high = max(found, key=lambda one: one.highest_m)
+    if low.lowest_m < least_m - RETURN_SLACK_M:
+        lat, lon = low.lowest_from
+        near = f"comes within {low.lowest_m:.0f} m of" if low.lowest_m > 0 else "leads into"
+        yield (
+            f"a return that starts early is level: from lat {lat:.6f}, lon {lon:.6f} it "
+            f"{near} the ground at the usual return altitude; set it higher"
+        )
+    if high.highest_m > most_m + RETURN_SLACK_M:
+        lat, lon = high.highest_from
+        yield (
+            f"a return that starts early is level: from lat {lat:.6f}, lon {lon:.6f} it leads "
+            f"{high.highest_m:.0f} m above lower ground, and {most_m:g} m are allowed (--max-altitude)"
         )

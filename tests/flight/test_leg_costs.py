@@ -1,0 +1,72 @@
+"""What legs take before a route is divided: as much as the flights that are made of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from tests.flight.terrain.dems import HOME, draw, hills
+from uavseg.flight import flights
+from uavseg.flight.camera.camera import Camera
+from uavseg.flight.camera.photos import Photos
+from uavseg.flight.estimate.duration import leg_seconds
+from uavseg.flight.estimate.vehicle import PX4
+from uavseg.flight.leg_costs import LegCosts
+from uavseg.flight.params import PlanParams
+from uavseg.flight.plane import Plane
+from uavseg.flight.planner import plan_missions
+from uavseg.flight.safety.limits import LimitParams, SafetyParams
+from uavseg.flight.terrain.params import TerrainParams
+from uavseg.flight.track import Track
+from uavseg.raster.elevation.dem import Dem
+
+PLANE = Plane(*HOME)
+FIELDS = [
+    shapely.transform(shapely.box(*bounds), lambda xy: np.column_stack(PLANE.lonlat_from_xy(*xy.T)))
+    for bounds in ((-350, -250, -150, -100), (50, 50, 350, 280), (100, -280, 300, -120))
+]
+CAMERA = Camera("slow", (13.2, 8.8), (5472, 3648), 8.8, 2.5)
+
+
+def test_level_legs_of_one_speed_take_their_time_and_no_items() -> None:
+    track = Track.of_path(np.array([[0.0, 0.0], [200.0, 0.0], [200.0, 90.0], [200.0, 100.0]]))
+    seconds, items = LegCosts(PLANE, PlanParams(40, autopilot="px4")).of(track)
+    xyz = np.column_stack([track.xy, np.full(4, 40.0)])
+    assert seconds == pytest.approx(leg_seconds(xyz, 5.0, PX4)) and not items.any()
+    assert [len(part) for part in LegCosts(PLANE, PlanParams(40)).of(Track.of_path(track.xy[:1]))] == [0, 0]
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("kind", ["hover", "slow", "hills"])
+def test_a_division_is_right_the_first_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, autopilot: str, kind: str
+) -> None:
+    how = {
+        "hover": {"photos": Photos(CAMERA, trigger="hover"), "limits": LimitParams(endurance_min=16.0)},
+        "slow": {"photos": Photos(CAMERA), "limits": LimitParams(max_items=60), "speed_m_s": 12.0},
+        "hills": {
+            "terrain": TerrainParams(Dem.open(draw(tmp_path / "a.tif", hills(120)))),
+            "limits": LimitParams(max_items=70),
+            "safety": SafetyParams(max_altitude_m=200),
+        },
+    }[kind]
+    params = PlanParams(60, "survey", 30.0, autopilot=autopilot, **how)
+    divisions = []
+    split = flights.split_route
+
+    def counted(*given: object) -> list[Track]:
+        divisions.append(split(*given))  # type: ignore[arg-type]
+        return divisions[-1]
+
+    monkeypatch.setattr(flights, "split_route", counted)
+    points = [tuple(field.centroid.coords[0]) for field in FIELDS]
+    missions = plan_missions(FIELDS, points, params, (*HOME, 600.0) if kind != "hills" else HOME)
+    assert len(missions) > 1 and len(divisions) == 1
+    # and it wastes little: all but one flight are more than half full
+    most = params.limits
+    if most.max_items:
+        full = [len(mission.items) / most.max_items for mission in missions]
+    else:
+        full = [mission.duration_s / most.seconds for mission in missions]
+    assert sorted(full)[1] > 0.5
