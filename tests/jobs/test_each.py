@@ -14,7 +14,7 @@ import rasterio
 from affine import Affine
 from rasterio.errors import NotGeoreferencedWarning
 
-from uavseg.errors import OutputError, OutputExistsError, RasterReadError
+from uavseg.errors import OutputError, OutputExistsError, ParameterError, RasterReadError
 from uavseg.jobs import each
 from uavseg.jobs.each import OutputNames, RegionJob, Task, grouped_warnings, plan_tasks, run_each
 from uavseg.jobs.each_report import Outcome
@@ -152,7 +152,8 @@ def test_a_fault_of_the_program_is_not_swallowed() -> None:
         (OutputNames("out/{stem}.xyz"), OutputError, "regions are written to"),
         (OutputNames("none/{stem}.gpkg"), OutputError, "the folder none does not exist"),
         (OutputNames("out/all.gpkg"), OutputError, "would both be written to out/all.gpkg"),
-        (OutputNames("out/{stem}.gpkg", "out/{stem}.gpkg"), OutputError, "would both be written to"),
+        (OutputNames("out/{stem}.gpkg", "out/{stem}.gpkg"), ParameterError, "labels are written as GeoTIFF"),
+        (OutputNames("out/{stem}.gpkg", "out/all.tif"), OutputError, "would both be written to out/all.tif"),
         (
             OutputNames("out/{stem}.gpkg", "tiles/{stem}.tif"),
             OutputExistsError,
