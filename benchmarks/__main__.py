@@ -12,6 +12,7 @@ from benchmarks.decode import decoding_s
 from benchmarks.kernels import speeds
 from benchmarks.match import measure_matches, table_by_family
 from benchmarks.measure import run_competitors
+from benchmarks.obstacles import obstacles
 from benchmarks.paths import searches
 from benchmarks.phases import phases
 from benchmarks.polygon_stats import polygon_stats
@@ -100,6 +101,10 @@ def _accuracy(options: argparse.Namespace) -> str:
     return table.accuracy(*accuracy())
 
 
+def _obstacles(options: argparse.Namespace) -> str:
+    return table.obstacles(obstacles())
+
+
 def _quality(options: argparse.Namespace) -> str:
     from benchmarks.quality.section import quality  # imports scipy and scikit-image
 
@@ -154,6 +159,7 @@ _SECTIONS = {
     "paths": _paths,
     "smallmap": _smallmap,
     "accuracy": _accuracy,
+    "obstacles": _obstacles,
     "robot": _robot,
     "quality": _quality,
     "match": _match,

@@ -37,6 +37,8 @@ class Score:
     scene, method : str
     free, unknown, occupied : float
         Intersection over union of each state with the ground truth, mean over the seeds.
+    noise : float
+        Number of objects that touch no occupied cell of the ground truth, mean over the seeds.
     """
 
     scene: str
@@ -44,6 +46,7 @@ class Score:
     free: float
     unknown: float
     occupied: float
+    noise: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,8 +89,11 @@ def scores(seeds: int = SEEDS) -> Iterator[Score]:
         truth = simulation.truth().states
         maps = [simulation.run(seed) for seed in range(seeds)]
         for method, find in METHODS.items():
-            ious = np.mean([overlaps(find(grid), truth) for grid in maps], axis=0)
-            yield Score(scene, method, *ious.tolist())
+            found = [find(grid) for grid in maps]
+            ious = np.mean([overlaps(states, truth) for states in found], axis=0)
+            noise = np.mean([noise_objects(states, truth) for states in found])
+            free, unknown, occupied = ious.tolist()
+            yield Score(scene, method, free, unknown, occupied, float(noise))
 
 
 def overlaps(states: Any, truth: Any) -> list[float]:
@@ -101,6 +107,22 @@ def overlaps(states: Any, truth: Any) -> list[float]:
     """
     pairs = [(states == state, truth == state) for state in STATES]
     return [float((one & other).sum() / max((one | other).sum(), 1)) for one, other in pairs]
+
+
+def noise_objects(states: Any, truth: Any) -> int:
+    """4-connected occupied components without an occupied cell of the ground truth.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> noise_objects(np.array([[3, 3, 1, 3]]), np.array([[1, 3, 1, 1]]))
+    1
+    """
+    import numpy as np
+    from scipy import ndimage
+
+    labels, count = ndimage.label(states == 3)
+    return int(count - len(np.setdiff1d(np.unique(labels[truth == 3]), [0])))
 
 
 def by_threshold(grid: Any) -> Any:
@@ -124,13 +146,13 @@ def by_lbpc(grid: Any) -> Any:
 
 
 def by_segments(method: str, refine: str) -> Callable[[Any], Any]:
-    """`uavseg classify` with a method and a refinement."""
+    """The states that `uavseg classify` finds."""
 
     def find(grid: Any) -> Any:
         from uavseg.occupancy.probability_map import stretch_of
 
         dataset = grid.dataset()
-        return _classified(dataset, stretch_of(dataset), method, refine).image.read()
+        return classified(dataset, stretch_of(dataset), method, refine).image.read()
 
     return find
 
@@ -152,12 +174,12 @@ def hazards(folder: Path = MAPS) -> Iterator[Hazard]:
             yield _hazard(folder / name)
 
 
-def _hazard(picture: Path) -> Hazard:
+def opened_map(picture: Path) -> tuple[Any, Any]:
+    """Dataset and stretch of a real map, from its picture and the numbers of its YAML file."""
     import tempfile
 
     from uavseg.access import allowing
     from uavseg.occupancy.probability_map import open_map
-    from uavseg.raster.tiling import Window
 
     metres, occupied, free = REAL[picture.name]
     with tempfile.TemporaryDirectory() as folder:
@@ -167,23 +189,33 @@ def _hazard(picture: Path) -> Hazard:
             f"occupied_thresh: {occupied}\nfree_thresh: {free}\n"
         )
         with allowing(picture.parent):
-            dataset, stretch = open_map(described)
+            return open_map(described)
+
+
+def _hazard(picture: Path) -> Hazard:
+    from uavseg.raster.tiling import Window
+
+    dataset, stretch = opened_map(picture)
     values, _ = dataset.read(Window(0, 0, *dataset.geobox.shape))
     cells = int((values > 0.502).sum())
     shares = [
-        _classified(dataset, stretch, "paper", refine).occupied_in_free / max(cells, 1)
+        classified(dataset, stretch, "paper", refine).occupied_in_free / max(cells, 1)
         for refine in ("none", "scan")
     ]
     return Hazard(picture.stem, cells, *shares)
 
 
-def _classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
+def classified(dataset: Any, stretch: Any, method: str, refine: str) -> Any:
+    """`uavseg classify` with a method and a refinement."""
     from uavseg.jobs.classify import ClassifyRequest, classify
     from uavseg.jobs.source import ProbabilityMap
     from uavseg.segmentation.params import SegmentParams
 
     segment = SegmentParams(method, refine=refine)  # type: ignore[arg-type]
-    return classify(ProbabilityMap(dataset, stretch), ClassifyRequest(segment=segment, objects=False))
+    return classify(
+        ProbabilityMap(dataset, stretch),
+        ClassifyRequest(segment=segment, objects=False, allow_lost_obstacles=True),
+    )
 
 
 if __name__ == "__main__":

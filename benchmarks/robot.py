@@ -75,7 +75,10 @@ def scans(scene: Any, count: int) -> list[Any]:
     from uavseg.occupancy.simulation.range_finder import RangeFinder
 
     sensor = RangeFinder(sigma_m=0.03, max_range_m=30.0, fov_deg=360.0, step_deg=0.5)
-    poses = [Pose(46.013 + 0.04 * k, 50.987 + math.sin(0.05 * k), 0.7 * k) for k in range(count)]
+    poses = [
+        Pose(46.013 + 0.04 * k, 50.987 + math.sin(0.05 * k), heading_rad=math.radians(0.7 * k))
+        for k in range(count)
+    ]
     return [sensor.scan(scene, pose, np.random.default_rng([7, k])) for k, pose in enumerate(poses)]
 
 

@@ -8,6 +8,7 @@ from benchmarks.accuracy import Hazard, Score
 from benchmarks.kernels import Speed
 from benchmarks.machine import machine, software
 from benchmarks.measure import Cost, Outcome
+from benchmarks.obstacles import Kept
 from benchmarks.paths import Search
 from benchmarks.phases import Phase
 from benchmarks.robot import Step
@@ -207,11 +208,12 @@ def accuracy(scores: Sequence[Score], hazards: Sequence[Hazard]) -> str:
     parts = []
     for scene in dict.fromkeys(score.scene for score in scores):
         cells = [
-            [s.method, *(f"{value:.3f}" for value in (s.free, s.unknown, s.occupied))]
+            [s.method, *(f"{value:.3f}" for value in (s.free, s.unknown, s.occupied)), f"{s.noise:.1f}"]
             for s in scores
             if s.scene == scene
         ]
-        parts += [f"### {scene}", rows(["intersection over union", "free", "unknown", "occupied"], cells)]
+        heads = ["intersection over union", "free", "unknown", "occupied", "noise objects"]
+        parts += [f"### {scene}", rows(heads, cells)]
     found = [
         [hazard.map, f"{hazard.cells:,}", f"{hazard.before:.0%}", f"{hazard.after:.0%}"] for hazard in hazards
     ]
@@ -219,6 +221,28 @@ def accuracy(scores: Sequence[Score], hazards: Sequence[Hazard]) -> str:
         heads = ["real map", "cells with v > 0.502", "classified as free", "after refinement"]
         parts += ["### thin walls", rows(heads, found)]
     return "\n\n".join(parts)
+
+
+def obstacles(kept: Sequence[Kept]) -> str:
+    """Obstacles that states lose with the method of the paper and with the default method."""
+    heads = ["map", "obstacles", "lost", "cells kept", "noise objects", "IoU of free", "CPU, ms"]
+    cells = [
+        [
+            k.map,
+            f"{k.obstacles:,}",
+            _pair("{:,}", k.lost),
+            _pair("{:.1%}", k.cells),
+            _pair("{}", k.noise),
+            _pair("{:.3f}", k.free),
+            _pair("{:.1f}", k.cpu_ms),
+        ]
+        for k in kept
+    ]
+    return with_provenance(rows(heads, cells))
+
+
+def _pair(form: str, values: Sequence[float]) -> str:
+    return " / ".join(form.format(value) for value in values)
 
 
 def small_maps(tasks: Sequence[Task]) -> str:

@@ -22,13 +22,14 @@ import uavseg
 from tests.flight.link.link_missions import fenced, survey
 from tests.flight.link.served import udp_vehicle
 from tests.flight.link.vehicles import ArduPilot, FakeVehicle, Generic, Px4
+from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
 from uavseg.cli import main
 from uavseg.flight import files
 from uavseg.flight.link import link
 from uavseg.flight.mission import Mission
 from uavseg.jobs.divide import divide as divide_job
 from uavseg.jobs.info import info as info_job
-from uavseg.jobs.open_source import open_raster, open_source
+from uavseg.jobs.open_source import open_pixels, open_source
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.simulate import SimulateRequest
 from uavseg.jobs.simulate import simulate as simulate_job
@@ -106,6 +107,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         write("percent.tif", np.rint(beliefs * 100).astype(np.uint8), **UTM)
         states = np.searchsorted([0.498, 0.502], beliefs) + 1
         write_ros_map("ros.yaml", states, local_geobox(SHAPE, 0.1, (0, 0)))
+        states[10, 20:90] = states[20:90, 130] = 3
+        write_ros_map("thin.yaml", states, local_geobox(SHAPE, 0.1, (0, 0)))
         done = CliRunner().invoke
         assert done(main, ["divide", "tile.tif", "-o", "blocks.tif"]).exit_code == 0
         write("gone.tif", patches(5), nodata=0, **UTM)
@@ -129,8 +132,8 @@ def options(words: Words) -> list[str]:
     found = []
     for word, value in words.items():
         option = f"--{word.replace('_', '-')}"
-        if value is True:
-            found.append(option)
+        if value is True or (word == "free_is_white" and value is False):
+            found.append(option if value else "--free-is-black")
         elif isinstance(value, list) and value and isinstance(value[0], tuple):
             found += [part for one in value for part in (option, ",".join(map(repr, one)))]
         elif isinstance(value, tuple | list):
@@ -459,6 +462,15 @@ def test_block_maps(source: Any, words: Words) -> None:
         ("percent.tif", {"stretch": "0,100"}),
         ("percent.tif", {"nodata": 90, "band": 1}),
         ("ros.yaml", {}),
+        ("thin.yaml", {}),
+        ("thin.yaml", {"method": "paper"}),
+        ("thin.yaml", {"method": "paper", "allow_lost_obstacles": True}),
+        ("thin.yaml", {"refine": "none", "min_area": 2.0}),
+        ("thin.pgm", {}),
+        ("thin.pgm", {"free_is_white": True}),
+        ("thin.pgm", {"free_is_white": False, "allow_lost_obstacles": True}),
+        ("thin.pgm", {"free_is_white": True, "band": 1}),
+        ("map.tif", {"free_is_white": False}),
         ("ros.yaml", {"stretch": "auto"}),
         ("ros.yaml", {"stretch": "minmax"}),
         ("ros.yaml", {"nodata": 0}),
@@ -498,6 +510,8 @@ ON_UTM = {"range": (0, 0.45), "start": (4e5 + 21, 5e6 - 21), "goal": (4e5 + 301,
         ("percent.tif", ON_UTM | {"stretch": "0,100"}),
         ("ros.yaml", ENDS),
         ("ros.yaml", ENDS | {"clearance": 0.2}),
+        ("ros.pgm", ENDS),
+        ("ros.pgm", ENDS | {"free_is_white": True}),
         ("ros.yaml", ENDS | {"stretch": "minmax"}),
         ("ros.yaml", ENDS | {"resume": "kept"}),
         ("map.tif", ENDS | {"goal": (99.0, 1.0)}),
@@ -734,7 +748,7 @@ def test_summaries(source: Any, words: Words) -> None:
     expected = on_the_command_line("info", [*rasters, *options(words), "--json"], "")
 
     def summary() -> bytes:
-        found = info_job(open_raster(source, ReadOptions(**words)))
+        found = info_job(open_pixels(source, ReadOptions(**words)))
         return (json.dumps(found.as_dict(), indent=2) + "\n").encode()
 
     assert_equal(in_python(summary), expected)
@@ -795,6 +809,41 @@ def test_simulations(scene: str, words: Words) -> None:
         )
 
     assert_equal(in_python(simulated), expected)
+
+
+@pytest.mark.parametrize(
+    ("bag", "output", "words"),
+    [
+        ("drive.bag", "out.yaml", {}),
+        ("drive", "out.tif", {"scan": "/scan", "odom": "/odom", "resolution": 0.1, "sigma": 0.05}),
+        ("drive", "out.yaml", {"tf": True, "max_range": 1.5}),
+        ("late", "out.tif", {}),
+        ("drive", "out.yaml", {"scan": "/front"}),
+        ("drive", "out.yaml", {"odom": "/tf"}),
+        ("drive", "out.yaml", {"tf": True, "odom": "/odom"}),
+        ("drive", "out.yaml", {"resolution": -1.0}),
+        ("drive", "out.yaml", {"sigma": float("nan")}),
+        ("missing.bag", "out.yaml", {}),
+        ("tile.tif", "out.yaml", {}),
+    ],
+)
+def test_maps_of_bags(bag: str, output: str, words: Words) -> None:
+    if not Path("drive").exists():
+        write_ros1(Path("drive.bag"), Drive(1, 3).everything())
+        write_ros2(Path("drive"), Drive(2, 3).everything())
+        write_ros2(Path("late"), Drive(2, 3).recorded_scans() + Drive(2, 3).recorded_odometry()[1:])
+    for name in ("out.pgm", "python.pgm", "python.yaml"):
+        Path(name).unlink(missing_ok=True)
+    expected = on_the_command_line("build-map", [bag, *options(words), "-o", output], output)
+
+    def built() -> bytes:
+        found = uavseg.build_map(bag, **words)
+        content = written(found.write, f"python{Path(output).suffix}")
+        if output == "out.yaml":
+            assert Path("python.pgm").read_bytes() == Path("out.pgm").read_bytes()
+        return content.replace(b"python.pgm", b"out.pgm")
+
+    assert_equal(in_python(built), expected)
 
 
 # Vehicles

@@ -19,7 +19,17 @@ import uavseg
 PACKAGE = Path(uavseg.__file__).resolve().parent
 HEAVY = {
     *("numpy", "rasterio", "numba", "llvmlite", "geopandas", "pandas", "shapely", "pyproj", "pyogrio"),
-    *("pyarrow", "matplotlib", "pymavlink", "scipy", "dask", "distributed", "affine", "antimeridian"),
+    *(
+        "pyarrow",
+        "matplotlib",
+        "pymavlink",
+        "scipy",
+        "dask",
+        "distributed",
+        "affine",
+        "antimeridian",
+        "rosbags",
+    ),
 }
 
 
@@ -140,6 +150,10 @@ PHASES = {
     "refine.tv": {"dilation", "refine.noise", "refine.total_variation"},
     "refine.range_scans": set(),
     "states.state_scans": set(),
+    "states.value_statistics": set(),
+    "states.obstacle_evidence": {"params"},
+    "states.thin_components": {"components"},
+    "states.classified_states": {"states.state_image", "states.thin_structures"},
     "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
     "sample.pixel_decision": {"dilation", "sample.g_scores", "blocks.lbp"},
     "sample.coarse_lbp": {"blocks.lbp"},
@@ -155,6 +169,7 @@ ON_RASTERS = {  # these may import raster, and all phases
     "blocks.block_file",
     "states.state_image",
     "states.classify_strips",
+    "states.thin_structures",
     "range_candidates",
 }
 
@@ -175,6 +190,9 @@ ONLY_IN = {
     "distributed": {"execution.cluster"},
     "click": {"cli"},
     "matplotlib": {"plot"},
+    "rosbags": {"occupancy.bags"},
+    "apsw": {"occupancy.bags"},
+    "lz4": {"occupancy.bags"},
 }
 
 

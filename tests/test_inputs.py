@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavseg.errors import MissionError, RasterReadError
-from uavseg.inputs import MAX_DEPTH, parse_json, read_bytes, regular_file
+from uavseg.inputs import MAX_DEPTH, check_yaml_brackets, parse_json, read_bytes, regular_file
 
 
 def test_a_regular_file_is_an_input_and_so_is_a_link_to_one(tmp_path: Path) -> None:
@@ -61,3 +61,10 @@ def test_json_is_parsed_within_bounds() -> None:
     for text, reason in ((f"[{deep}]", "nested"), ("9" * 5000, "5000 digits"), ("0." + "9" * 5000, "digits")):
         with pytest.raises(ValueError, match=reason):
             parse_json(text)
+
+
+def test_yaml_that_is_nested_too_deeply_is_refused_before_it_is_scanned() -> None:
+    check_yaml_brackets(b"[{a: [1, {}]}]" * 1000)
+    check_yaml_brackets(b"[" * MAX_DEPTH)
+    with pytest.raises(ValueError, match="nested more than 64 deep"):
+        check_yaml_brackets(b"x: " + b"[{" * MAX_DEPTH)

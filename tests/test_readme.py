@@ -16,6 +16,7 @@ import rasterio
 from affine import Affine
 from rasterio.windows import Window
 
+from tests.occupancy.bags.write_bags import Drive, write_ros1
 from uavseg.cli import main
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.raster.geobox import GeoBox
@@ -85,6 +86,7 @@ def write_inputs(folder: Path) -> None:
     rows = np.tile(np.arange(512, dtype=np.uint8) // 3 % 2 * 90 + 80, (512, 1))
     rows[:, 256:] = np.random.default_rng(1).integers(80, 171, (512, 256), np.uint8)
     write(folder / "field.tif", rows, crs="EPSG:32633", transform=Affine(1, 0, 500_000, 0, -1, 5_000_100))
+    write_ros1(folder / "drive.bag", Drive(1, 4).everything())
     room = GeoBox((100, 100), Affine(0.05, 0, 0, 0, -0.05, 5), None)
     write_ros_map(folder / "map.yaml", np.ones(room.shape, np.uint8), room)
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from uavseg.api.each import each as each
     from uavseg.api.link import download as download
     from uavseg.api.link import upload as upload
+    from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import path as path
     from uavseg.api.missions import plan as plan
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "extract": "uavseg.api.rasters",
     "divide": "uavseg.api.rasters",
+    "build_map": "uavseg.api.maps",
     "classify": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",
     "each": "uavseg.api.each",

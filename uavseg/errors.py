@@ -51,8 +51,16 @@ class MapError(RasterError):
     """An occupancy map, or the metadata for reading it, is invalid."""
 
 
+class LostObstaclesError(MapError):
+    """A classification would leave out obstacles of the map: structures without an occupied cell."""
+
+
 class SceneError(UavsegError, ValueError):
     """A scene cannot be simulated: its shapes, its sensor or a pose of the sensor is invalid."""
+
+
+class BagError(UavsegError, ValueError):
+    """A recorded bag cannot be read, or lacks the scans or poses that a map needs."""
 
 
 class RegionError(UavsegError, ValueError):

@@ -104,6 +104,24 @@ def parse_json(text: str, **how: Any) -> Any:
     return json.loads(text, parse_int=_integer, parse_float=_number, **how)
 
 
+def check_yaml_brackets(content: bytes) -> None:
+    """Refuse YAML with brackets in brackets beyond a depth: scanning takes time that grows with its square.
+
+    Raises
+    ------
+    ValueError
+        If it is nested more than 64 deep.
+    """
+    depth = 0
+    for letter in content.translate(None, _NO_BRACKETS):
+        depth += 1 if letter in b"[{" else -1
+        if depth > MAX_DEPTH:
+            raise ValueError(f"it is nested more than {MAX_DEPTH} deep")
+
+
+_NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
+
+
 def _check_depth(text: str) -> None:
     """Refuse deep nesting before a recursive parser meets it."""
     if max(text.count("["), text.count("{")) <= MAX_DEPTH // 2:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import accuracy, smallmap, table
+from benchmarks import accuracy, obstacles, smallmap, table
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.simulation.paper_scenes import lens
@@ -80,8 +80,48 @@ def test_every_task_is_timed_on_both_maps() -> None:
 
 
 def test_the_accuracy_table_has_a_part_for_each_map() -> None:
-    scores = [accuracy.Score("lens", "a", 0.5, 0.25, 1), accuracy.Score("circles", "b", 0, 0.1, 0.9994)]
+    scores = [
+        accuracy.Score("lens", "a", 0.5, 0.25, 1, 8.9),
+        accuracy.Score("circles", "b", 0, 0.1, 0.9994, 2),
+    ]
     text = table.accuracy(scores, [accuracy.Hazard("depot", 5000, 1.0, 0.449)])
     assert "### lens" in text and "### circles" in text and "### thin walls" in text
-    assert "| a" in text and "0.250" in text and "0.999" in text and "45%" in text
+    assert "| a" in text and "0.250" in text and "0.999" in text and "45%" in text and "8.9" in text
     assert "thin walls" not in table.accuracy(scores, [])
+
+
+def test_no_obstacle_of_a_drawn_map_is_lost() -> None:
+    """Walls at all angles, poles, grids, furniture and doors, trinary and with noise."""
+    found = list(obstacles.measured(Path("nowhere"), runs=1))
+    assert len(found) == 24
+    for kept in found:
+        assert kept.lost[0] > 0.8 * kept.obstacles > 0 and kept.lost[1] == 0, kept
+        assert kept.cells[1] > 0.98 and kept.free[1] > kept.free[0], kept
+        if "trinary" in kept.map:
+            assert kept.cells[1] == 1 and kept.noise[1] == 0
+
+
+def test_no_obstacle_of_a_real_map_is_lost(shared_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(obstacles, "DRAWINGS", {})
+    found = {kept.map: kept for kept in obstacles.measured(shared_data / "maps", runs=1)}
+    assert {name: (kept.obstacles, *kept.lost) for name, kept in found.items()} == {
+        "depot": (131, 131, 0),
+        "tb3_sandbox": (10, 9, 0),
+        "turtlebot3_map": (10, 9, 0),
+        "willow-full": (1590, 1371, 0),
+    }
+    assert all(kept.cells[1] == 1 for kept in found.values())
+
+
+def test_the_table_of_obstacles_has_both_methods() -> None:
+    kept = obstacles.Kept("depot", 131, (131, 0), (0.0, 1.0), (0, 0), (0.9, 1.0), (7.6, 4.7))
+    text = table.obstacles([kept])
+    assert "131 / 0" in text and "0.0% / 100.0%" in text and "7.6 / 4.7" in text
+
+
+def test_drawn_maps_have_the_values_of_their_states() -> None:
+    truth = obstacles.walls(2)
+    assert set(np.unique(obstacles.values_of(truth, 0.0))) == {0, 0.5, 1}
+    noisy = obstacles.values_of(truth, 0.03)
+    for state, v in ((1, 0.1), (2, 0.5), (3, 0.9)):
+        assert noisy[truth == state].mean() == pytest.approx(v, abs=0.01)

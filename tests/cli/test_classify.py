@@ -1,6 +1,7 @@
 """`uavseg classify`, from the command line to the files."""
 
 import json
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,13 @@ import pytest
 import rasterio
 from affine import Affine
 from click.testing import CliRunner, Result
+from rasterio.errors import NotGeoreferencedWarning
 
 from uavseg.cli import main
 from uavseg.occupancy.probability_map import open_map
+from uavseg.occupancy.ros.pgm import pgm_bytes
 from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.raster.formats.png import write_png
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.formats import export
@@ -21,6 +25,7 @@ from uavseg.segmentation.params import StateLimits
 
 BOX = GeoBox((100, 150), Affine(0.05, 0, -2, 0, -0.05, 6), None)
 MODES = ["trinary", "scale", "raw"]
+ALLOWED = ["--allow-lost-obstacles"]
 
 
 def room() -> np.ndarray:
@@ -72,8 +77,20 @@ def contents(folder: Path = Path()) -> dict[str, bytes]:
 
 
 def read(name: str) -> np.ndarray:
-    with rasterio.open(name) as file:
-        return np.asarray(file.read(1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)  # of states of a picture
+        with rasterio.open(name) as file:
+            return np.asarray(file.read(1))
+
+
+def grey_picture(name: str, v: np.ndarray, free_is_white: bool = False) -> str:
+    """A picture of probabilities; where free is white, as map savers write it."""
+    grey = np.rint(255 * v) if not free_is_white else np.select([v < 0.5, v > 0.5], [254, 0], 205)
+    if name.endswith(".pgm"):
+        Path(name).write_bytes(pgm_bytes(grey.astype(np.uint8)))
+    else:
+        write_png(Path(name), grey.astype(np.uint8))
+    return name
 
 
 def ros_map(mode: str) -> str:
@@ -105,8 +122,11 @@ def test_states_objects_and_labels_and_what_is_told() -> None:
     assert bounds == pytest.approx(biggest.geometry.bounds)
     assert bounds == pytest.approx([-2 + 30 * 0.05, 6 - 45 * 0.05, -2 + 62 * 0.05, 6 - 20 * 0.05])
     assert biggest["area_m2"] == pytest.approx(25 * 32 * 0.0025)
-    hidden, above = ((states == 1) & (room() > 0.502)).sum(), (room() > 0.502).sum()
-    assert table["hazard"].startswith(f"{hidden} of {above:,} cells") and hidden > 40
+    assert (states[room() > 0.502] == 3).all() and table["restored"].startswith("82 cells")
+    assert table["hazard"].startswith(f"0 of {(room() > 0.502).sum():,} cells")
+    unseen = ((states == 1) & (room() == 0.5)).sum()
+    assert table["unseen"].startswith(f"{unseen} cells") and "lost" not in table
+    assert table["largest"].endswith("square units (800 pixels)")
     assert table["objects"] == f"{len(objects)} -> o.geojson"
     for state, name in ((1, "free"), (2, "unknown"), (3, "occupied")):
         assert table[name].startswith(f"{(states == state).sum():,} (")
@@ -154,7 +174,7 @@ def test_small_objects_are_dropped_and_states_stay() -> None:
 
 
 def test_without_refinement_states_end_at_blocks() -> None:
-    done("map.tif", "-o", "s.tif", "--refine", "none", "-q")
+    done("map.tif", "-o", "s.tif", "--refine", "none", "-q", *ALLOWED)
     states = read("s.tif")
     cells = states[:96, :144].reshape(12, 8, 18, 8)
     assert (cells == cells[:, :1, :, :1]).all()
@@ -171,7 +191,7 @@ def test_tiles_and_threads_change_no_byte(tile: int, refine: str) -> None:
     values = np.tile(room(), (3, 2))
     values[100:130, 20:50] = np.nan
     write("big.tif", values)
-    how = ("--objects", "o.fgb", "--labels", "l.tif", "-q", "--refine", refine, "--overwrite")
+    how = ("--objects", "o.fgb", "--labels", "l.tif", "-q", "--refine", refine, "--overwrite", *ALLOWED)
     done("big.tif", "-o", "s.tif", *how, "--tile", 192, "--threads", 1)
     wanted = contents()
     done("big.tif", "-o", "s.tif", *how, "--tile", tile, "--threads", 2)
@@ -258,6 +278,18 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
         (["nan.yaml"], "resolution is metres per cell, a number above 0, not nan"),
         (["good.yaml", "--nodata", "0"], "leave band, rgb and nodata out"),
         (["good.yaml", "--resume", "kept"], "leave resume out"),
+        (["map.tif", "--method", "paper"], "1 obstacle of map.tif has no occupied cell"),
+        (["map.tif", "--refine", "none"], "(--allow-lost-obstacles)"),
+        (
+            ["raw.pgm"],
+            "raw.pgm is a picture without its YAML file, which says whether free is white or black",
+        ),
+        (["raw.pgm"], "give raw.yaml, which is beside it, or else --free-is-white or --free-is-black"),
+        (["there.png"], "give the YAML file of the map, or else --free-is-white or --free-is-black"),
+        (["good.yaml", "--free-is-white"], "are for a picture without its YAML file"),
+        (["map.tif", "--free-is-black"], "are for a picture without its YAML file"),
+        (["raw.pgm", "--free-is-white", "--stretch", "0,100"], "no bands, nodata or stretch to choose"),
+        (["there.pgm", "--free-is-white"], "there.pgm"),
         (["blocks.tif"], "is a block map; states are refined with the map, so give the map itself"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
@@ -265,6 +297,7 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
 def test_bad_input_is_one_line_and_nothing_written(words: list[str], said: str) -> None:
     write("there.tif", room())
     Path("there.pgm").write_text("mine")
+    grey_picture("there.png", room())
     write("nothing.tif", np.full((70, 80), np.nan, np.float32))
     write("high.tif", np.full((70, 80), 7, np.float32))
     write("stretched.tif", room(), transform=Affine(2, 0, 0, 0, -1, 0))
@@ -281,7 +314,7 @@ def test_bad_input_is_one_line_and_nothing_written(words: list[str], said: str) 
 
 def test_overwriting_is_allowed_when_asked() -> None:
     done("map.tif", "-o", "s.tif", "-q")
-    done("map.tif", "-o", "s.tif", "-q", "--overwrite", "--refine", "none")
+    done("map.tif", "-o", "s.tif", "-q", "--overwrite", "--method", "paper", *ALLOWED)
 
 
 def test_a_disk_that_fills_up_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -314,3 +347,92 @@ def test_a_ros_map_is_not_stretched_by_auto_either() -> None:
     table = told(done("map.yaml", "-o", "auto.tif", "--stretch", "auto"))
     assert np.array_equal(read("own.tif"), read("auto.tif")) and set(np.unique(read("auto.tif"))) == {1, 2}
     assert table["stretch"] == "none -> 0..1"
+
+
+# Thin obstacles
+
+
+def test_lost_obstacles_may_be_accepted() -> None:
+    result = done("map.tif", "-o", "s.tif", "--method", "paper", "--allow-lost-obstacles")
+    assert "warning: 1 obstacle of map.tif has no occupied cell in these states" in result.stderr
+    assert told(result)["lost"] == "1 obstacles without an occupied cell"
+    assert told(result)["hazard"].startswith("82 of")
+    assert (read("s.tif")[8:90, 70] == 1).all()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_ros_map_keeps_its_thin_wall(mode: str) -> None:
+    result = done(ros_map(mode), "-o", "out.yaml", "--objects", "o.geojson")
+    values = open_map("out.yaml")[0].read(Window(0, 0, *BOX.shape))[0][0]
+    assert (values[room() > 0.502] == 1).all()
+    assert told(result)["largest"] == "2.0 m2 (800 pixels)"
+    walls = geopandas.read_file("o.geojson")
+    assert sorted(walls["pixels"]) == [82, 147, 800]
+
+
+# Pictures without their YAML file
+
+
+@pytest.mark.parametrize("ending", ["pgm", "png"])
+def test_a_picture_is_read_once_its_polarity_is_known(ending: str) -> None:
+    done(ros_map("trinary"), "-o", "wanted.tif", "-q")
+    grey_picture(f"white.{ending}", room(), free_is_white=True)
+    grey_picture(f"black.{ending}", room())
+    result = done(f"white.{ending}", "--free-is-white", "-o", "white.tif", "--objects", "o.fgb")
+    assert np.array_equal(read("white.tif"), read("wanted.tif"))
+    assert told(result)["largest"] == "800.0 square pixels (800 pixels)"
+    done(f"black.{ending}", "--free-is-black", "-o", "black.tif", "-q")
+    done("map.tif", "-o", "floats.tif", "-q")
+    assert (read("black.tif") == read("floats.tif")).mean() > 0.98
+
+
+def test_path_knows_no_polarity_either() -> None:
+    grey_picture("white.pgm", room(), free_is_white=True)
+    words = [
+        "path",
+        "white.pgm",
+        "--range",
+        "0,0.45",
+        "--start",
+        "20,15",
+        "--goal",
+        "60,80",
+        "-o",
+        "p.geojson",
+    ]
+    refused = CliRunner().invoke(main, words)
+    assert refused.exit_code == 1 and "--free-is-white or --free-is-black" in refused.stderr
+    assert CliRunner().invoke(main, [*words, "--free-is-white"]).exit_code == 0
+
+
+# The YAML file, wherever a raster is given
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["info", "trinary.yaml"],
+        ["suggest", "trinary.yaml", "--classes", "3", "-o", "s.png"],
+        ["extract", "trinary.yaml", "--range", "0.6,1", "-o", "r.geojson"],
+        ["preview", "trinary.yaml", "-o", "p.png", "--width", "300"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_commands_on_rasters_take_a_ros_map(words: list[str]) -> None:
+    ros_map("trinary")
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.output
+    if words[0] == "info":
+        assert "coordinates are local and in metres" in result.stdout and "0.05 m per pixel" in result.stdout
+        assert "try        uavseg extract trinary.yaml" in result.stdout
+    if words[0] == "suggest":
+        assert "uavseg extract trinary.yaml --range" in result.stdout and Path("s.png").stat().st_size > 1000
+    if words[0] == "extract":
+        assert geopandas.read_file("r.geojson")["area_m2"].max() == pytest.approx(800 * 0.0025)
+        assert " m2 (" in result.stderr
+
+
+@pytest.mark.parametrize("command", [["divide", "-o", "b.tif"], ["match", "--like", "x.geojson"]])
+def test_other_commands_say_that_a_ros_map_is_no_raster(command: list[str]) -> None:
+    result = CliRunner().invoke(main, [command[0], ros_map("trinary"), *command[1:]])
+    assert result.exit_code == 1 and len(result.stderr.splitlines()) == 1

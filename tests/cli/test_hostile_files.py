@@ -31,6 +31,7 @@ READING = {
     "match": ["match", "{}", "--like", "9,9,5", "-o", "o.geojson"],
     "plan": ["plan", "{}", "-o", "m.plan", "--altitude", "50", "--home", "auto"],
     "simulate": ["simulate", "{}", "-o", "o.tif"],
+    "build-map": ["build-map", "{}", "-o", "o.tif"],
 }
 LAYERS = ["--regions", "--mission", "--states", "--leaves", "--levels", "--path"]
 
@@ -112,7 +113,9 @@ def test_no_layer_of_a_preview_waits_for_a_named_pipe(tmp_path: Path, layer: str
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [name for name in READING if name not in ("plan", "simulate")])
+@pytest.mark.parametrize(
+    "command", [name for name in READING if name not in ("plan", "simulate", "build-map")]
+)
 def test_no_command_makes_a_request_for_what_a_file_names(
     tmp_path: Path, requests: Any, command: str
 ) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from random import Random
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,17 @@ def _scan(pose: Any = None) -> Any:
     return uavseg.Scan(pose or uavseg.Pose(0.5, 0.5), angles, np.full(11, 1.0), 2.0, 0.05)
 
 
+def _laserscan() -> Any:
+    numbers = {
+        "angle_min": -0.5,
+        "angle_max": 0.5,
+        "angle_increment": 0.1,
+        "range_min": 0.0,
+        "range_max": 2.0,
+    }
+    return SimpleNamespace(ranges=[1.0] * 11, **numbers)
+
+
 def _grid() -> Any:
     import uavseg
 
@@ -161,6 +173,11 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "GeoBox": lambda: {"shape": (3, 4), "transform": _geobox().transform, "crs": None},
     "IntensityRange": lambda: {"low": 0.1, "high": 0.9},
     "StateLimits": dict,
+    "build_map": lambda: {"bag": "none.bag"},
+    "Pose.from_quaternion": lambda: {"x": 0.0, "y": 0.0, "quaternion": (0, 0, 0, 1)},
+    "Scan.from_laserscan": lambda: {"message": _laserscan(), "pose": _scan().pose},
+    "OccupancyGrid.from_message": lambda: {"message": _grid().to_message()},
+    "OccupancyGrid.load": lambda: {"path": "x.tif"},
     "Pose": lambda: {"x": 0.0, "y": 0.0},
     "Scan": lambda: {
         "pose": _scan().pose,
@@ -258,6 +275,7 @@ def _bound(name: str) -> tuple[Any, dict[str, Any]]:
 METHOD_ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
     "OccupancyGrid.update": lambda: {"scan": _scan()},
     "OccupancyGrid.merge": lambda: {"scan": _scan()},
+    "OccupancyGrid.save": lambda: {"path": "out.tif"},
     "Dataset.read": lambda: {"window": _window()},
     "Dataset.is_empty": lambda: {"window": _window()},
     "Dataset.read_coarse": lambda: {"max_side": 20},

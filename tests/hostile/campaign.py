@@ -26,6 +26,7 @@ KINDS = {  # share of the cases
     "ros_maps": 2,
     "missions": 2,
     "scenes": 1,
+    "bags": 1,
     "options": 4,
     "arguments": 4,
     "references": 1,
@@ -40,6 +41,10 @@ LIBRARIES = (
     "pyarrow.parquet",
     "yaml",
     "matplotlib.pyplot",
+    "rosbags.rosbag1",
+    "rosbags.rosbag2",
+    "rosbags.typesys.stores.ros1_noetic",
+    "rosbags.typesys.stores.ros2_humble",
 )
 MODULES = ("uavseg.jobs.extract", "uavseg.jobs.plan", "uavseg.plot.preview", "uavseg.regions.formats.export")
 BATCH = 200
@@ -145,7 +150,7 @@ def prepare() -> None:
     from uavseg._jit.object_cache import cache_folder
 
     for command in cli._COMMANDS:
-        importlib.import_module(f"uavseg.cli.{command}")
+        importlib.import_module(f"uavseg.cli.{command.replace('-', '_')}")
     for path in sorted(Path(cli.__file__).parents[1].rglob("*.py")):
         if "kernel" in path.read_text(encoding="utf-8"):
             importlib.import_module(

@@ -26,6 +26,7 @@ LINES = tuple(
         f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
         f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
         f"classify m.tif -o out.yaml --mode scale {DIVISION} --threads 1",
+        "classify m.pgm -o out.tif --free-is-white --method paper --allow-lost-obstacles --threads 1",
         f"path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 --clearance 1 -o out.geojson {RUN}",
         f"path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 -o out.plan {FLIGHT[:-14]} {RUN}",
         f"original x.tif -o out.tif --threshold 1.2 --merge-stop 2 --untested 0.1 --radius 2 --sweeps 1 {RUN}",
@@ -55,6 +56,8 @@ LINES = tuple(
         "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
         "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
         "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
+        "build-map a.bag -o out.yaml --scan /scan --odom /odom --resolution 0.1 --sigma 0.05 --max-range 2",
+        "build-map a.db3 -o out.tif --scan /scan --tf --resolution 0.1",
         "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
         "preview a.plan a.waypoints -o out.png --width 300 --dem g.tif",
         "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",
@@ -92,7 +95,8 @@ def case(rng: Random) -> Case:
 def _files() -> dict[str, bytes]:
     drawn = seeds.missions()
     pictures = {"rgb.tif": seeds.rasters()["jpeg.tif"], "g.tif": seeds.rasters()["lerc.tif"]}
-    others = pictures | {"b.tif": seeds.block_map()["b.tif"]}
+    others = pictures | {"b.tif": seeds.block_map()["b.tif"], "m.pgm": seeds.ros_maps()["m.pgm"]}
     regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
     vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
+    others |= seeds.bags()
     return drawn | others | regions | vehicle | {"z.geojson": ZONE}

@@ -27,6 +27,9 @@ COMMANDS: tuple[Arguments, ...] = (
     ("levels", "m.yaml", "--width", "0.3", "-o", "out.geojson", *ONE),
     ("preview", "m.yaml", "-o", "out.png", "--width", "300"),
     ("info", "m.yaml", *ONE),
+    ("suggest", "m.yaml", "--classes", "3", *ONE),
+    ("extract", "m.yaml", "--range", "0.6,1", "-o", "out.geojson", *ONE),
+    ("classify", "m.pgm", "--free-is-white", "-o", "out.tif", *ONE),
 )
 ODD = (
     b"\nimage: [m.pgm]\n", b"\norigin: {a: 1}\n", b"\nmode: scale\n", b"\nmode: raw\n", b"\nnegate: true\n",

@@ -35,7 +35,7 @@ def _once(draw: Callable[[], Files]) -> Callable[[], Files]:
 
 def everything() -> dict[str, Files]:
     """All seeds, for `use` in other processes."""
-    for draw in (rasters, vectors, block_map, missions, ros_maps, kept_results):
+    for draw in (rasters, vectors, block_map, missions, ros_maps, bags, kept_results):
         draw()
     return _drawn
 
@@ -209,6 +209,22 @@ def ros_maps() -> Files:
             "m.pgm": b"P5\n# drawn\n50 40\n255\n" + grey.tobytes(),
             "p.pgm": b"P2 50 40 255\n" + plain,
             "m.png": (folder / "m.png").read_bytes(),
+        }
+
+
+@_once
+def bags() -> Files:
+    """Recorded bags: `a.bag` of ROS 1, `a.db3` and `a.mcap` of ROS 2."""
+    from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
+
+    with TemporaryDirectory() as made:
+        folder = Path(made)
+        return {
+            "a.bag": write_ros1(folder / "a.bag", Drive(1, 3).everything(), "BZ2").read_bytes(),
+            "a.db3": (write_ros2(folder / "db3", Drive(2, 3).everything()) / "db3.db3").read_bytes(),
+            "a.mcap": (
+                write_ros2(folder / "mcap", Drive(2, 3).everything(), "MCAP") / "mcap.mcap"
+            ).read_bytes(),
         }
 
 

@@ -1,5 +1,6 @@
 """Maps classified: what holds of states and objects on simulated and on real maps."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,9 @@ from affine import Affine
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from uavseg.errors import LostObstaclesError
 from uavseg.execution.executors import serial, threads
 from uavseg.jobs.classify import Classification, ClassifyRequest, classify
 from uavseg.jobs.open_source import open_probability_map
@@ -20,7 +23,11 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.params import SegmentParams, StateLimits
 
-SCAN, NONE = (ClassifyRequest(segment=SegmentParams("paper", refine=refine)) for refine in ("scan", "none"))
+SCAN, NONE = (
+    ClassifyRequest(segment=SegmentParams("paper", refine=refine), allow_lost_obstacles=True)
+    for refine in ("scan", "none")
+)
+DEFAULT = ClassifyRequest()
 FREE, UNKNOWN, OCCUPIED = 1, 2, 3
 
 
@@ -50,7 +57,10 @@ def random_map(seed: int) -> NDArray[np.float32]:
 
 @settings(deadline=None, max_examples=25)
 @given(
-    st.integers(0, 10**6), st.sampled_from([64, 128, 192, 4096]), st.booleans(), st.sampled_from([SCAN, NONE])
+    st.integers(0, 10**6),
+    st.sampled_from([64, 128, 192, 4096]),
+    st.booleans(),
+    st.sampled_from([SCAN, NONE, DEFAULT]),
 )
 def test_tiles_and_threads_change_nothing(seed: int, tile: int, many: bool, request: ClassifyRequest) -> None:
     source = source_of(random_map(seed))
@@ -58,6 +68,8 @@ def test_tiles_and_threads_change_nothing(seed: int, tile: int, many: bool, requ
     other = classify(source, request, Work(tile, threads(2) if many else serial))
     assert np.array_equal(one.states, other.states)
     assert (one.cells, one.occupied_in_free) == (other.cells, other.occupied_in_free)
+    assert (one.restored, one.lost_obstacles) == (other.restored, other.lost_obstacles)
+    assert one.warnings == other.warnings
     assert one.frame().to_wkb().equals(other.frame().to_wkb())
 
 
@@ -92,16 +104,19 @@ def test_a_turned_map_need_not_have_turned_states() -> None:
     different = 0
     for seed in range(20):
         values = random_map(seed)
-        one, other = classify(source_of(values)).states, classify(source_of(values.T.copy())).states.T
+        one = classify(source_of(values), SCAN).states
+        other = classify(source_of(values.T.copy()), SCAN).states.T
         different += not np.array_equal(one, other)
     assert different > 0
 
 
 def test_progress_ends_at_the_end() -> None:
     told: list[tuple[int, int]] = []
-    classify(source_of(random_map(3)), SCAN, Work(64, progress=lambda *a: told.append(a)))
-    shares = [done / total for done, total in told]
-    assert shares == sorted(shares) and shares[-1] == 1 and shares[0] < 0.2
+    for request in (SCAN, DEFAULT, replace(DEFAULT, objects=False)):
+        told.clear()
+        classify(source_of(random_map(3)), request, Work(64, progress=lambda *a: told.append(a)))
+        shares = [done / total for done, total in told]
+        assert shares == sorted(shares) and shares[-1] == 1 and shares[0] < 0.2
 
 
 def iou(found: Classification, truth: NDArray[np.uint8], state: int) -> float:
@@ -122,10 +137,89 @@ def test_refinement_brings_free_and_unknown_closer_to_the_truth(name: str) -> No
 
 
 @pytest.mark.parametrize("name", ["depot", "tb3_sandbox"])
-def test_walls_that_are_called_free_are_counted(shared_data: Path, name: str) -> None:
+def test_walls_that_the_paper_calls_free_are_counted(shared_data: Path, name: str) -> None:
     source = opened(shared_data / "maps" / f"{name}.yaml")
-    found = classify(source)
+    found = classify(source, SCAN)
     values, _ = source.dataset.read(Window(0, 0, *source.geobox.shape))
     above = values[0] > StateLimits().occupied_above
     assert found.occupied_by_value == above.sum() > 500
     assert found.occupied_in_free == (above & (found.states == FREE)).sum() > 0.4 * above.sum()
+
+
+# Thin obstacles
+
+
+def obstacles(values: NDArray[np.floating]) -> tuple[NDArray[np.int32], int]:
+    labels, count = ndimage.label(values > 0.502, np.ones((3, 3)))
+    return labels, count
+
+
+@pytest.mark.parametrize("name, lost", [("depot", 131), ("tb3_sandbox", 9)])
+def test_real_maps_keep_every_obstacle(shared_data: Path, name: str, lost: int) -> None:
+    source = opened(shared_data / "maps" / f"{name}.yaml")
+    values = source.dataset.read(Window(0, 0, *source.geobox.shape))[0][0]
+    labels, count = obstacles(values)
+    paper, found = classify(source, SCAN), classify(source)
+    missing = set(range(1, count + 1)) - set(labels[paper.states == OCCUPIED])
+    assert len(missing) == paper.lost_obstacles == lost
+    assert (found.states[values > 0.502] == OCCUPIED).all() and found.lost_obstacles == 0
+    assert found.restored > 500 and found.occupied_in_free == 0
+    assert found.unknown_in_free == ((values == 0.5) & (found.states == FREE)).sum()
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 10**6))
+def test_a_trinary_map_keeps_every_occupied_cell(seed: int) -> None:
+    values = random_map(seed)
+    values = np.select([values < 0.3, values > 0.7, np.isnan(values)], [0, 1, np.nan], 0.5)
+    found = classify(source_of(values))
+    assert (found.states[values == 1] == OCCUPIED).all()
+    unknown = int(((values == 0.5) & (found.states == FREE)).sum())
+    assert found.unknown_in_free == unknown
+    assert any("unknown cell" in warning for warning in found.warnings) == (unknown > 0)
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 10**6), st.sampled_from([0.0, 0.02, 0.05]))
+def test_a_map_of_probabilities_loses_no_obstacle_of_three_cells(seed: int, sigma: float) -> None:
+    rng = np.random.default_rng(seed)
+    values = random_map(seed).astype(float)
+    shape = values.shape
+    for _ in range(5):
+        row, col = rng.integers(shape[0]), rng.integers(shape[1])
+        values[row : row + rng.integers(1, 30), col : col + rng.integers(1, 3)] = 0.8
+    values = np.clip(values + rng.normal(0, sigma, shape), 0, 1)
+    found = classify(source_of(values))
+    labels, count = ndimage.label(values > 0.65, np.ones((3, 3)))
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    whole = obstacles(values)[0]
+    kept = set(whole[(found.states == OCCUPIED) & (values > 0.502)])
+    assert all(whole[labels == k][0] in kept for k in range(1, count + 1) if sizes[k] >= 3)
+
+
+def test_obstacles_that_are_lost_are_refused_unless_that_is_allowed() -> None:
+    values = np.zeros((128, 128))
+    values[10:120, 30] = 1
+    values[5, 70:90] = 1
+    paper = replace(SCAN, allow_lost_obstacles=False)
+    with pytest.raises(LostObstaclesError, match="2 obstacles of map have no occupied cell"):
+        classify(source_of(values), paper)
+    found = classify(source_of(values), SCAN)
+    assert found.lost_obstacles == 2 and (found.states == FREE).all()
+    assert any("2 obstacles of map have no occupied cell" in warning for warning in found.warnings)
+    values[5] = 0
+    with pytest.raises(LostObstaclesError, match="1 obstacle of map has no"):
+        classify(source_of(values), paper)
+    assert classify(source_of(values)).lost_obstacles == 0
+
+
+@pytest.mark.parametrize("name", ["lens", "circles"])
+def test_restored_obstacles_leave_the_accuracy_of_states_as_it_is(name: str) -> None:
+    simulation = BUILT_IN_SCENES[name]()
+    truth = simulation.truth().states
+    for seed in range(3):
+        source = opened(simulation.run(seed))
+        paper, found = classify(source, SCAN), classify(source)
+        for state in (FREE, UNKNOWN, OCCUPIED):
+            assert iou(found, truth, state) > iou(paper, truth, state) - 0.006
+        assert len(found.frame()) <= len(paper.frame()) + 12

@@ -1,6 +1,6 @@
 """Reference for beams: merged cell by cell in plain Python, without pending updates."""
 
-from math import erf, exp, floor, inf, log, radians, sqrt
+from math import erf, exp, floor, inf, log, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ def merge(grid: OccupancyGrid, log_odds: NDArray[np.float32], scan: Scan) -> set
     x, y = scan.pose.x, scan.pose.y
     touched = set()
     known = ~np.isnan(scan.ranges)
-    angles = radians(scan.pose.heading_deg) + scan.angles[known]
+    angles = scan.pose.heading_rad + scan.angles[known]
     for cos, sin, measured in zip(np.cos(angles), np.sin(angles), scan.ranges[known], strict=True):
         step = [
             0.0 if abs(number) < 1e-100 else float(number)

@@ -19,6 +19,6 @@ def random_scan(rng: np.random.Generator, shape: tuple[int, int], cell_m: float)
         angles = np.arctan2(*rng.integers(-6, 7, (2, count)))
     ranges = np.where(rng.random(count) < 0.4, math.inf, rng.uniform(0, side, count))
     ranges[rng.random(count) < 0.05] = math.nan
-    heading = float(rng.choice([0, 45, 90, 30, rng.uniform(0, 360)]))
+    heading = math.radians(float(rng.choice([0, 45, 90, 30, rng.uniform(0, 360)])))
     sigma = cell_m * float(rng.choice([0.1, 0.6, 2]))
-    return Scan(Pose(x, y, heading), angles, ranges, side * rng.uniform(0.1, 1), sigma)
+    return Scan(Pose(x, y, heading_rad=heading), angles, ranges, side * rng.uniform(0.1, 1), sigma)

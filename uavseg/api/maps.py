@@ -1,4 +1,4 @@
-"""Maps of probabilities: their states, and paths over them."""
+"""Maps of probabilities: from recorded bags, their states, and paths over them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
+from uavseg.jobs.build_map import BuiltMap, topics_of
+from uavseg.jobs.build_map import build_map as run_build_map
 from uavseg.jobs.classify import Classification, ClassifyRequest
 from uavseg.jobs.classify import classify as run_classify
 from uavseg.jobs.open_source import open_probability_map
@@ -16,6 +18,7 @@ from uavseg.jobs.path import PathRequest
 from uavseg.jobs.path import path as run_path
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
+from uavseg.occupancy.bags.merge_bag import MergeParams
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params import IntensityRange, SegmentParams, StateLimits
@@ -30,12 +33,14 @@ def classify(
     band: int | None = None,
     nodata: float | None = None,
     stretch: str | None = None,
-    method: str = "paper",
+    free_is_white: bool | None = None,
+    method: str = "adaptive",
     refine: str = "scan",
     threshold: float = 1.2,
     intensity_step: float = 0.05,
     min_area: float | str | None = None,
     simplify: float | None = None,
+    allow_lost_obstacles: bool = False,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -50,13 +55,23 @@ def classify(
     source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
         The path is of a raster or of the YAML file of a ROS map. Integers are divided by the largest of their
         type; floats lie in 0..1.
+    free_is_white : bool, optional
+        Of a picture (such as .pgm) without its YAML file, where it is required: whether white or black is
+        free. Where it is white, 205 is unknown.
     free_below, occupied_above : float
         The limits of the probability of being occupied.
     stretch : str, optional
         For a map that holds no probabilities, such as "0,100" for one in per cent. Integers are divided by
         the largest of their type, floats are taken as they are, if left out. A ROS map is never stretched.
+    method : {"adaptive", "paper"}
+        With "adaptive" and refine "scan", thin obstacles (walls of one or two cells) are restored after the
+        scans, where the noise of the map does not explain them. "paper" is the method of the paper alone.
+    refine : {"scan", "none"}
+        With "none", states end at block edges.
     min_area, simplify
         Of the objects: as of `extract`.
+    allow_lost_obstacles : bool
+        Whether obstacles of the map may have no occupied cell, with a warning, instead of an error.
     band, ..., allow_network
         As of `extract`.
 
@@ -65,10 +80,13 @@ def classify(
     found : Classification
         `states`, a (rows, cols) uint8 array: 1 free, 2 unknown, 3 occupied, 0 no data. `frame()`, the
         occupied objects as a GeoDataFrame with the columns of `extract` and x_min, y_min, x_max and y_max.
-        `occupied_in_free`: how many cells are called free though their own v is that of an occupied one.
+        `occupied_in_free`, `unknown_in_free`: how many cells are called free though their own v is that of an
+        occupied or an unknown one. `restored`: cells of thin obstacles; `lost_obstacles`: those without any.
 
     Raises
     ------
+    LostObstaclesError
+        If obstacles would be lost, and that is not allowed.
     UavsegError
         If the map cannot be read, has no valid cell or holds numbers that are no probabilities, or a
         parameter is wrong.
@@ -87,9 +105,10 @@ def classify(
         SegmentParams.from_words(method, threshold, intensity_step, refine),
         drawing=Drawing(simplify_m=simplify),
         min_area=as_area(min_area),
+        allow_lost_obstacles=allow_lost_obstacles,
     )
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
+        opened = open_probability_map(source, _read_options(band, nodata, stretch, free_is_white))
         found = run_classify(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found
@@ -107,6 +126,7 @@ def path(
     band: int | None = None,
     nodata: float | None = None,
     stretch: str | None = None,
+    free_is_white: bool | None = None,
     method: str = "adaptive",
     threshold: float = 1.2,
     intensity_step: float = 0.05,
@@ -139,6 +159,8 @@ def path(
     stretch : str, optional
         For a map that holds no probabilities. Integers are divided by the largest of their type, floats are
         taken as they are, if left out. A ROS map is never stretched.
+    free_is_white : bool, optional
+        As of `classify`.
     method, threshold, intensity_step
         As of `extract`.
     tile, threads : int, optional
@@ -178,7 +200,64 @@ def path(
         SegmentParams.from_words(method, threshold, intensity_step, "scan"),
     )
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, ReadOptions(band, None, nodata, stretch))
+        opened = open_probability_map(source, _read_options(band, nodata, stretch, free_is_white))
         found = run_path(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found.path
+
+
+@checked
+def build_map(
+    bag: str | os.PathLike[str],
+    *,
+    scan: str = "/scan",
+    odom: str | None = None,
+    tf: bool = False,
+    resolution: float = 0.05,
+    sigma: float = 0.03,
+    max_range: float | None = None,
+) -> BuiltMap:
+    """Merge the scans of a recorded bag of ROS 1 or ROS 2 into a map; ROS itself is not needed.
+
+    Each scan is merged at the pose that the sensor had at its time, interpolated between two messages
+    (linear, rotations by slerp). No pose is extrapolated, or interpolated over more than a second.
+
+    Parameters
+    ----------
+    bag : path
+        A .bag of ROS 1; a folder, .mcap or .db3 of ROS 2. Needs rosbags: ``pip install "uavseg[ros]"``.
+    scan : str
+        Topic of sensor_msgs/LaserScan.
+    odom : str, optional
+        Topic of nav_msgs/Odometry, by default /odom. Where /tf_static places the sensor on the robot, that
+        counts.
+    tf : bool
+        Whether poses come from the tree of /tf and /tf_static instead; the map is in the frame at its root.
+    resolution : float
+        Side of a cell in metres. The map grows to what the scans observe.
+    sigma : float
+        Standard deviation of ranges in metres.
+    max_range : float, optional
+        Metres up to which beams are used; by default the `range_max` of each scan.
+
+    Returns
+    -------
+    built : BuiltMap
+        `built.grid` is the OccupancyGrid, `built.write("map.yaml")` writes it; `built.scans` says how many
+        scans were merged and left out, `built.warnings` are warnings too.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, lacks a topic or has another type there, or no scan has a pose; if the map
+        would have more than 100 million cells.
+    """
+    found = run_build_map(bag, topics_of(scan, odom, tf), MergeParams(resolution, sigma, max_range))
+    warn(found.warnings)
+    return found
+
+
+def _read_options(
+    band: int | None, nodata: float | None, stretch: str | None, free_is_white: bool | None
+) -> ReadOptions:
+    return ReadOptions(band, None, nodata, stretch, free_is_white=free_is_white)

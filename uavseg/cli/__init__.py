@@ -29,6 +29,7 @@ _COMMANDS = {
     "path": "Find the shortest path between two places of one region.",
     "original": "Segment by texture as LBP/C did, for comparison.",
     "info": "Tell what a raster is and what its intensity looks like.",
+    "build-map": "Merge the scans of a recorded bag into a map.",
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",
 }
@@ -43,7 +44,7 @@ class _Group(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        command: click.Command = importlib.import_module(f"uavseg.cli.{name}").command
+        command: click.Command = importlib.import_module(f"uavseg.cli.{name.replace('-', '_')}").command
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

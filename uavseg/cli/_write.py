@@ -139,18 +139,17 @@ def shown(target: str) -> str:
 
 def summary_rows(found: Extraction) -> dict[str, str]:
     """Total area, largest region, stretch and band, for the table at the end."""
-    unit = "m2" if found.regions.wkt is not None else "square units"
     return {
-        "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {unit}",
-        "largest": largest(found, unit),
+        "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {found.area_unit}",
+        "largest": largest(found),
         "stretch": found.stretch.name,
         "band": found.band_names,
     }
 
 
-def largest(found: Extraction, unit: str) -> str:
+def largest(found: Extraction) -> str:
     """The region with most pixels, for people."""
     columns = found.regions.columns
     if not len(found.regions):
         return "-"
-    return f"{columns['area_m2'][0]:,.1f} {unit} ({columns['pixels'][0]:,} pixels)"
+    return f"{columns['area_m2'][0]:,.1f} {found.area_unit} ({columns['pixels'][0]:,} pixels)"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from uavseg.cli.options.raster import (
     area,
     drawing,
     map_stretch_option,
+    polarity_option,
     read_options,
     segment_params,
     segmenting_options,
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 @click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1.")
 @click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
 @map_stretch_option
+@polarity_option
 @click.option(
     "-o",
     "--output",
@@ -81,7 +82,7 @@ if TYPE_CHECKING:
     metavar="V",
     help="Occupied is what has a larger v.",
 )
-@partial(segmenting_options, method="paper")
+@segmenting_options
 @click.option(
     "--refine",
     type=click.Choice(["scan", "none"]),
@@ -90,6 +91,11 @@ if TYPE_CHECKING:
     help="Whether the borders of states are found to the cell, or stay those of blocks.",
 )
 @click.option("--min-area", metavar="M2|Npx", help="Drop objects of less; states stay as they are.")
+@click.option(
+    "--allow-lost-obstacles",
+    is_flag=True,
+    help="Write states in which obstacles of the map have no occupied cell, instead of refusing.",
+)
 @click.option("--simplify", type=float, metavar="METRES", help="Simplify the outlines of objects.")
 @running_options
 @access_options
@@ -99,6 +105,10 @@ def command(**options: Any) -> None:
     MAP is a raster of probabilities, integers from 0 to the largest of their type or floats from 0 to 1, or
     the YAML file of a ROS map, read as Nav2 reads it. Objects have their area, bounding box and mean. A ROS
     map knows no nodata: such cells are written as unknown.
+
+    Walls and poles of one or two cells, which the method of the paper loses, are restored where noise does
+    not explain them. Where obstacles are lost all the same (--method paper, --refine none), nothing is
+    written unless --allow-lost-obstacles is given.
     """
     from uavseg.jobs.classify import classify
     from uavseg.jobs.open_source import open_probability_map
@@ -133,6 +143,7 @@ def _request(options: dict[str, Any]) -> ClassifyRequest:
         options["objects"] is not None or options["labels"] is not None,
         drawing(options),
         area(options["min_area"]),
+        options["allow_lost_obstacles"],
     )
 
 
@@ -189,9 +200,13 @@ def _rows(found: Classification, limits: StateLimits, target: str, objects: str 
     if found.objects is not None:
         where = "" if objects is None else f" -> {shown(objects)}"
         table["objects"] = f"{len(found.objects.regions):,}{where}"
-        table["largest"] = largest(found.objects, "m2")
+        table["largest"] = largest(found.objects)
     table["limits"] = f"free up to {limits.free_below:g}, occupied above {limits.occupied_above:g}"
+    table["restored"] = f"{found.restored:,} cells of thin obstacles"
     hazard, by_value = found.occupied_in_free, found.occupied_by_value
     table["hazard"] = f"{hazard:,} of {by_value:,} cells with v above the occupied limit are called free"
+    table["unseen"] = f"{found.unknown_in_free:,} cells whose own v is unknown are called free"
+    if found.lost_obstacles:
+        table["lost"] = f"{found.lost_obstacles:,} obstacles without an occupied cell"
     table["stretch"] = found.source.stretch.name
     return table

@@ -75,6 +75,9 @@ if TYPE_CHECKING:
 def command(**options: Any) -> None:
     """Extract the regions of RASTER... (many are one mosaic) whose mean intensity lies in a range.
 
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
+    rasters are one mosaic, unless --each is given.
+
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.
     """

@@ -22,10 +22,10 @@ def command(**options: Any) -> None:
     """
     from uavseg.execution.executors import threads
     from uavseg.jobs.info import info
-    from uavseg.jobs.open_source import open_raster
+    from uavseg.jobs.open_source import open_pixels
     from uavseg.jobs.work import Work
 
-    source = open_raster(options["rasters"], read_options(options))
+    source = open_pixels(options["rasters"], read_options(options))
     summary = info(source, Work(executor=threads(options["threads"])))
     if options["as_json"]:
         import json

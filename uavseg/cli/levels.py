@@ -69,6 +69,9 @@ def command(**options: Any) -> None:
     below it. Each segment has its level, counted from 0, and the interval of that level; its borders are
     those of blocks. RASTER may also be a block map from `uavseg divide`, which answers by itself, or the YAML
     file of a ROS map, which is never stretched. For another map of probabilities, say --stretch none.
+
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
+    rasters are one mosaic, unless --each is given.
     """
     from uavseg.jobs.each import RegionJob
     from uavseg.jobs.levels import levels

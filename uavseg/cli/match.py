@@ -90,6 +90,9 @@ def command(**options: Any) -> None:
     that a ploughed field is told from a meadow of the same grey; and what looks more like the raster as a
     whole than like the sample is left out. Each region has its similarity, 1 where it is as like the sample
     as the sample is to itself.
+
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
+    rasters are one mosaic, unless --each is given.
     """
     from uavseg.jobs.each import RegionJob
     from uavseg.jobs.match import match

@@ -15,6 +15,7 @@ from uavseg.cli.options.mission import parse_home
 from uavseg.cli.options.raster import (
     map_stretch_option,
     parsed_range,
+    polarity_option,
     read_options,
     segment_params,
     segmenting_options,
@@ -57,6 +58,7 @@ _LINES = (".geojson", ".json")
 @segmenting_options
 @click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
 @map_stretch_option
+@polarity_option
 @click.option("--altitude", type=float, metavar="M", help="For a mission: metres above home.")
 @click.option(
     "--home", metavar="LAT,LON[,M]|auto", help="For a mission: where the vehicle takes off; auto: the start."

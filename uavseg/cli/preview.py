@@ -130,14 +130,14 @@ def _opened(options: dict[str, Any]) -> tuple[Raster | ProbabilityMap, Stretch |
     """The raster and its stretch; a ROS map has its own unless one is named."""
     from dataclasses import replace
 
-    from uavseg.jobs.open_source import open_raster, open_source
+    from uavseg.jobs.open_source import open_pixels
     from uavseg.jobs.source import ProbabilityMap
     from uavseg.raster.intensity.stretch import Stretch
 
     rasters, stretch = options["rasters"], options["stretch"]
     read = replace(read_options(options), stretch=None)
-    if not rasters[0].lower().endswith((".yaml", ".yml")):
-        return open_raster(rasters, read), stretch
-    source = open_source(rasters, read)
-    assert isinstance(source, ProbabilityMap) and isinstance(source.stretch, Stretch)
+    source = open_pixels(rasters, read)
+    if not isinstance(source, ProbabilityMap):
+        return source, stretch
+    assert isinstance(source.stretch, Stretch)
     return source, source.stretch if stretch == "auto" else stretch

@@ -54,7 +54,7 @@ def command(**options: Any) -> None:
     thresholds). RASTER may also be a block map from `uavseg divide`, which answers by itself.
     """
     from uavseg.jobs.open_source import open_source
-    from uavseg.jobs.source import Raster
+    from uavseg.jobs.source import Pixels
     from uavseg.jobs.suggest import SuggestRequest, suggest
 
     run = RunOptions.of(options)
@@ -73,7 +73,7 @@ def command(**options: Any) -> None:
         if output is not None:
             from uavseg.plot.suggestions import draw_suggestions
 
-            dataset = source.dataset if isinstance(source, Raster) else None
+            dataset = source.dataset if isinstance(source, Pixels) else None
             draw_suggestions(found, output, dataset, run.overwrite)
         run.reporter.finish(found.warnings)
         show(_as_json(found, commands) if options["as_json"] else _table(found, commands))

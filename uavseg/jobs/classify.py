@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import MapError, ParameterError
+from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, ProbabilityMap
@@ -20,8 +20,8 @@ from uavseg.segmentation.blocks.leaves import cell_states
 from uavseg.segmentation.params import SegmentParams, StateLimits
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.states.classified_states import ClassifiedStates
 from uavseg.segmentation.states.classify_strips import (
-    ClassifiedStates,
     StateRefinement,
     classify_states,
     state_strips,
@@ -41,13 +41,15 @@ class ClassifyRequest:
     ----------
     limits : StateLimits
     segment : SegmentParams
-        The paper's method by default; its `refine` is "scan" or "none".
+        Its `refine` is "scan" or "none". With the adaptive method and scans, thin obstacles are restored.
     objects : bool
         Whether occupied segments are outlined as objects.
     drawing : Drawing
         How their outlines are drawn.
     min_area : Area, optional
         Objects of less are dropped; states stay as they are.
+    allow_lost_obstacles : bool
+        Whether obstacles may be left without an occupied cell.
 
     Raises
     ------
@@ -56,10 +58,11 @@ class ClassifyRequest:
     """
 
     limits: StateLimits = StateLimits()
-    segment: SegmentParams = SegmentParams("paper")
+    segment: SegmentParams = SegmentParams(refine="scan")
     objects: bool = True
     drawing: Drawing = Drawing()
     min_area: Area | None = None
+    allow_lost_obstacles: bool = False
 
     def __post_init__(self) -> None:
         _ = self.refine
@@ -74,6 +77,11 @@ class ClassifyRequest:
             )
         return refine
 
+    @property
+    def restores(self) -> bool:
+        """Whether thin obstacles are restored: not with the paper's method, nor at block edges."""
+        return self.segment.method == "adaptive" and self.refine == "scan"
+
 
 @dataclass(frozen=True)
 class Classification:
@@ -86,10 +94,16 @@ class Classification:
     cells : dict of int to int
         How many cells have each state.
     occupied_in_free : int
-        Cells that are called free and whose own v lies above the occupied limit: thin walls, perhaps. Paths
-        over free cells have to check v as well.
+        Cells that are called free and whose own v lies above the occupied limit. Paths over free cells have
+        to check v as well.
     occupied_by_value : int
         All cells whose own v lies above the occupied limit.
+    unknown_in_free : int
+        Cells that are called free and whose own v is unknown.
+    restored : int
+        Cells of thin obstacles that the scans left out and that became occupied.
+    lost_obstacles : int
+        8-connected structures of occupied cells, not explained by noise, of which no cell is called occupied.
     objects : Extraction or None
         What is occupied, if it was asked for: connected cells, 1..n with the largest first.
     source : SourceInfo
@@ -101,6 +115,9 @@ class Classification:
     cells: dict[int, int]
     occupied_in_free: int
     occupied_by_value: int
+    unknown_in_free: int
+    restored: int
+    lost_obstacles: int
     objects: Extraction | None
     source: SourceInfo
     warnings: tuple[str, ...]
@@ -146,6 +163,8 @@ def classify(
     ------
     MapError
         If no cell of the map is valid, or it holds something else than probabilities.
+    LostObstaclesError
+        If obstacles would be lost, which was not allowed.
     ParameterError
         If the source is a block map.
     """
@@ -166,12 +185,35 @@ def classify(
     trim_heap()
     if not cells.any():
         raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
-    found = classify_states(grey, cells, request.limits, request.refine, deciding)
+    found = classify_states(grey, cells, request.limits, request.refine, deciding, request.restores)
+    hints = _warnings(source.name, found, request)
     leaves = cells if request.refine == "none" else None
     objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None
-    hazard = found.occupied_in_free, found.occupied_by_value
+    hazard = found.occupied_in_free, found.occupied_by_value, found.unknown_in_free
+    thin = sum(found.thin.restored.values()), found.thin.lost
     info = SourceInfo.of(grey)
-    return work.finished(Classification(found.image, found.pixels, *hazard, objects, info, info.warnings))
+    states = Classification(found.image, found.pixels, *hazard, *thin, objects, info, info.warnings)
+    return work.finished(states, *hints)
+
+
+def _warnings(name: str, found: ClassifiedStates, request: ClassifyRequest) -> list[str]:
+    """What a planner should know of the states; lost obstacles are refused unless that is allowed."""
+    said = []
+    lost = found.thin.lost
+    if lost:
+        text = "1 obstacle of {} has" if lost == 1 else f"{lost:,} obstacles of {{}} have"
+        text = f"{text.format(name)} no occupied cell in these states"
+        if not request.allow_lost_obstacles:
+            raise LostObstaclesError(
+                f"{text}; the default method with refine scan restores thin obstacles, or accept the loss "
+                "(--allow-lost-obstacles)"
+            )
+        said.append(f"{text}: whatever plans with them does not avoid these")
+    if found.trinary and found.unknown_in_free:
+        one = found.unknown_in_free == 1
+        cells = "1 unknown cell" if one else f"{found.unknown_in_free:,} unknown cells"
+        said.append(f"{cells} of {name} {'is' if one else 'are'} called free")
+    return said
 
 
 def _objects(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Raster, Source
+from uavseg.jobs.source import Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.params import SegmentParams
@@ -60,11 +60,11 @@ def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work 
     return work.finished(Division(saved, request.segment, info.warnings))
 
 
-def block_map_of(raster: Raster, work: Work) -> tuple[SavedBlocks, SourceInfo]:
-    """The block map of a raster, and what there is to say of the raster."""
-    stretching, dividing = work.over(raster).stages(2)
-    grey = raster.grey(stretching)
+def block_map_of(source: Pixels, work: Work) -> tuple[SavedBlocks, SourceInfo]:
+    """The block map of a raster or a map of probabilities, and what there is to say of the source."""
+    stretching, dividing = work.over(source).stages(2)
+    grey = source.grey(stretching)
     blocks = measure_block_map(grey, dividing)
-    dataset = raster.dataset
-    saved = SavedBlocks(blocks, dataset.geobox, grey.stretch, dataset.band_names, raster.origin)
+    dataset = source.dataset
+    saved = SavedBlocks(blocks, dataset.geobox, grey.stretch, dataset.band_names, source.origin)
     return saved, SourceInfo.of(grey)

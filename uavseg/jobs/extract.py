@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
-from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
@@ -55,7 +54,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
 
     Parameters
     ----------
-    source : Raster or Blocks
+    source : Raster, ProbabilityMap or Blocks
     request : ExtractRequest
     work : Work
 
@@ -69,7 +68,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     work = work.begun()
     hints = []
     if not isinstance(source, Blocks):
-        found = regions_of_pixels(raster_of(source), request, work)
+        found = regions_of_pixels(source, request, work)
     elif request.segment.refine == "none":
         found = _at_block_edges(source, request)
     elif source.raster is not None:

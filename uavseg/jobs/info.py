@@ -1,16 +1,16 @@
 """Summary of a raster: what it is, what intensity it holds, and a command to try next."""
 
-from uavseg.jobs.source import Raster
+from uavseg.jobs.source import Pixels
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.summary import Summary, summarize
 
 
-def info(source: Raster, work: Work = SERIAL) -> Summary:
+def info(source: Pixels, work: Work = SERIAL) -> Summary:
     """What a raster is, with the blocks of it that could not be read.
 
     Parameters
     ----------
-    source : Raster
+    source : Raster or ProbabilityMap
     work : Work
 
     Raises

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from affine import Affine
 
-from uavseg.errors import ParameterError, RasterReadError
+from uavseg.errors import MapError, ParameterError, RasterReadError
 from uavseg.jobs.source import AUTO, Blocks, ProbabilityMap, Raster, ReadOptions, Source
 from uavseg.plain_text import shown
 from uavseg.raster.array_source import is_array
@@ -21,6 +21,8 @@ from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map
 
 if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
+
+_PICTURES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")  # formats of the pictures of ROS maps
 
 
 def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
@@ -68,20 +70,43 @@ def open_raster(source: Any, options: ReadOptions = ReadOptions()) -> Raster:
     return _raster(_expanded(source), options)
 
 
-def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> ProbabilityMap | Blocks:
-    """A source that holds probabilities; a raster is taken for a map of them.
-
-    Integers are divided by the largest of their type, floats are taken as they are, unless a stretch is
-    chosen.
+def open_pixels(source: Any, options: ReadOptions = ReadOptions()) -> Raster | ProbabilityMap:
+    """A raster, or the YAML file of a ROS map; the pixels of a block map's file are a raster too.
 
     Raises
     ------
     UavsegError
         As of `open_source`.
     """
+    parts = [source] if _is_path(source) else source if isinstance(source, list | tuple) else []
+    if any(_is_path(part) and _is_ros_map(part) for part in parts):
+        return _ros_map(parts, options)
+    return open_raster(source, options)
+
+
+def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> ProbabilityMap | Blocks:
+    """A source that holds probabilities; a raster is taken for a map of them.
+
+    Integers are divided by the largest of their type, floats are taken as they are, unless a stretch is
+    chosen. A picture (PGM, PNG, ...) does not say whether free is white or black, so that has to be chosen.
+
+    Raises
+    ------
+    MapError
+        If a picture without its YAML file is given, and it is not said whether free is white or black.
+    UavsegError
+        As of `open_source`.
+    """
+    picture = _is_path(source) and Path(source).suffix.lower() in _PICTURES
+    if options.free_is_white is not None and not picture:
+        raise ParameterError("--free-is-white and --free-is-black are for a picture without its YAML file")
+    if picture and options.free_is_white:
+        return _white_picture(source, options)
     opened = open_source(source, options)
     if not isinstance(opened, Raster):
         return opened
+    if picture and options.free_is_white is None and opened.geobox.crs is None:
+        raise MapError(_unknown_polarity(Path(source)))
     return ProbabilityMap(opened.dataset, _probability_stretch(opened.dataset, options))
 
 
@@ -189,6 +214,26 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
     if options.stretches("auto", "none"):
         raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
     return ProbabilityMap(*open_map(parts[0]), is_ros=True)
+
+
+def _white_picture(source: Any, options: ReadOptions) -> ProbabilityMap:
+    from uavseg.occupancy.probability_map import open_white_picture
+
+    if options.chooses_pixels or options.stretches("auto", "none"):
+        raise ParameterError("a picture in which free is white has no bands, nodata or stretch to choose")
+    return ProbabilityMap(*open_white_picture(source))
+
+
+def _unknown_polarity(picture: Path) -> str:
+    """Why a picture alone is refused, with its YAML file if there is one of the same name."""
+    described = next(
+        (path for ending in (".yaml", ".yml") if (path := picture.with_suffix(ending)).exists()), None
+    )
+    hint = "the YAML file of the map" if described is None else f"{described.name}, which is beside it"
+    return (
+        f"{picture.name} is a picture without its YAML file, which says whether free is white or black and "
+        f"how large a cell is; give {hint}, or else --free-is-white or --free-is-black"
+    )
 
 
 def _grid(grid: "OccupancyGrid", options: ReadOptions) -> ProbabilityMap:

@@ -32,6 +32,8 @@ class Extraction:
         The one that was used.
     band_names : str
     warnings : tuple of str
+    in_metres : bool
+        Whether lengths are metres rather than units of the map.
     """
 
     regions: Regions
@@ -40,6 +42,14 @@ class Extraction:
     stretch: Stretch
     band_names: str
     warnings: tuple[str, ...]
+    in_metres: bool = True
+
+    @property
+    def area_unit(self) -> str:
+        """Unit of areas in the table at the end: square metres, pixels or square units of the map."""
+        if self.in_metres:
+            return "m2"
+        return "square pixels" if self.geobox.transform.is_identity else "square units"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +64,8 @@ class SourceInfo:
     stretch : Stretch
     band_names : str
     warnings : tuple of str
+    in_metres : bool
+        Whether lengths are metres rather than units of the map.
     """
 
     name: str
@@ -61,16 +73,20 @@ class SourceInfo:
     stretch: Stretch
     band_names: str
     warnings: tuple[str, ...]
+    in_metres: bool
 
     @classmethod
     def of(cls, source: GreySource | Blocks) -> "SourceInfo":
         """About pixels that were read, or about a block map."""
         if isinstance(source, Blocks):
             saved = source.saved
-            return cls(source.name, saved.geobox, saved.stretch, saved.band_names, saved.stretch.warnings)
+            metres = saved.geobox.crs is not None
+            return cls(
+                source.name, saved.geobox, saved.stretch, saved.band_names, saved.stretch.warnings, metres
+            )
         dataset, stretch = source.dataset, source.stretch
         warnings = dataset.warnings + stretch.warnings
-        return cls(dataset.source, dataset.geobox, stretch, dataset.band_names, warnings)
+        return cls(dataset.source, dataset.geobox, stretch, dataset.band_names, warnings, dataset.in_metres)
 
 
 _MAX_METRES = 1e8  # more than twice around the Earth
@@ -151,4 +167,5 @@ def measured(
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    return Extraction(regions, rings, info.geobox, info.stretch, info.band_names, info.warnings)
+    facts = info.stretch, info.band_names, info.warnings, info.in_metres
+    return Extraction(regions, rings, info.geobox, *facts)

@@ -32,6 +32,9 @@ class ReadOptions:
         "auto" for rasters, and for maps of probabilities what follows from their type.
     skip_bad_tiles : bool
         Whether blocks of a file that cannot be read count as nodata.
+    free_is_white : bool, optional
+        Of a picture that is a map of probabilities without the YAML file of a ROS map: whether free is white
+        or black.
 
     Raises
     ------
@@ -44,6 +47,7 @@ class ReadOptions:
     nodata: float | None = None
     stretch: Stretch | StretchSpec | str | None = None
     skip_bad_tiles: bool = False
+    free_is_white: bool | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.stretch, str):
@@ -96,6 +100,16 @@ class Pixels:
         """What is known of the files that the user should know."""
         return self.dataset.warnings
 
+    @property
+    def in_metres(self) -> bool:
+        """Whether lengths on it are metres rather than units of the map."""
+        return self.dataset.in_metres
+
+    @property
+    def origin(self) -> Origin:
+        """What a block map of these pixels says it was made from."""
+        return Origin((self.name,), str(Path.cwd()), None, None, None)
+
     def check_resumable(self) -> None:
         """Whether its tiles may be kept in a checkpoint: those of files may."""
 
@@ -139,11 +153,6 @@ class ProbabilityMap(Pixels):
     """
 
     is_ros: bool = False
-
-    @property
-    def in_metres(self) -> bool:
-        """Whether lengths on it are metres rather than units of the map."""
-        return self.is_ros or self.geobox.crs is not None
 
     def check_resumable(self) -> None:
         """Whether its tiles may be kept in a checkpoint.

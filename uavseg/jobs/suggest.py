@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
 from uavseg.jobs.divide import block_map_of
-from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Source
 from uavseg.jobs.work import SERIAL, Work
@@ -112,8 +111,8 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
 
     Parameters
     ----------
-    source : Raster or Blocks
-        A raster is divided first.
+    source : Raster, ProbabilityMap or Blocks
+        Unless it is a block map, it is divided first.
     request : SuggestRequest
     work : Work
 
@@ -126,7 +125,7 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
     if isinstance(source, Blocks):
         saved, info = source.saved, SourceInfo.of(source)
     else:
-        saved, info = block_map_of(raster_of(source), work)
+        saved, info = block_map_of(source, work)
     return work.finished(_suggestions(saved.blocks, info, request))
 
 

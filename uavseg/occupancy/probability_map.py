@@ -5,11 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from affine import Affine
 
 from uavseg.errors import MapError
-from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
+from uavseg.occupancy.ros.ros_map import UNKNOWN_GREY, is_ros_map, read_picture, read_ros_map
 from uavseg.raster.bands import Valid, Values
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.grey import Grey
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch
 from uavseg.raster.tiling import TilePass
@@ -69,9 +71,29 @@ def open_map(
     """
     if is_ros_map(path):
         found = read_ros_map(path)
-        dataset = Dataset.of_values(found.probabilities, found.geobox, Path(path).name)
+        dataset = Dataset.of_values(found.probabilities, found.geobox, Path(path).name, local_metres=True)
     else:
         dataset = Dataset.open(path, band=band, nodata=nodata)
+    return dataset, stretch_of(dataset)
+
+
+def open_white_picture(path: str | os.PathLike[str]) -> tuple[Dataset, Stretch]:
+    """A picture of a map in which free is white, without its YAML file: p = (255 - x) / 255.
+
+    205, which the map savers of ROS write for unknown, becomes exactly 0.5, and so do transparent pixels.
+    Coordinates are pixels.
+
+    Raises
+    ------
+    RasterReadError
+        If it cannot be read.
+    """
+    grey, opaque = read_picture(path)
+    values = (np.float32(255) - grey.astype(np.float32)) / np.float32(255)
+    unknown = grey == UNKNOWN_GREY
+    values[unknown if opaque is None else unknown | ~opaque] = 0.5
+    place = GeoBox(grey.shape, Affine.identity(), None)
+    dataset = Dataset.of_values(values, place, Path(path).name)
     return dataset, stretch_of(dataset)
 
 

@@ -26,9 +26,12 @@ class Frame:
     ----------
     geobox : GeoBox
         Of the raster in the picture.
+    local_metres : bool
+        Whether coordinates without a CRS are metres.
     """
 
     geobox: GeoBox
+    local_metres: bool = False
 
     @cached_property
     def plot_from_map(self) -> Affine:
@@ -83,10 +86,10 @@ class Frame:
 
     @cached_property
     def metres_per_unit(self) -> float | None:
-        """Ground metres of one unit in x at the middle of the plot; None without a CRS."""
+        """Ground metres of one unit in x at the middle of the plot; None where it is not known."""
         wkt = self.geobox.wkt
         if wkt is None:
-            return None
+            return 1.0 if self.local_metres else None
         lon, lat = self._neighbourhood
         _, _, metres = geod_of(wkt).inv(lon[0], lat[0], lon[1], lat[1])
         return float(metres) / self._offset if math.isfinite(metres) and metres > 0 else None

@@ -52,7 +52,7 @@ def area_text(area_m2: float) -> str:
 
 
 def draw_scale_bar(ax: Any, frame: Frame, point: float) -> None:
-    """Draw a scale bar in the lower left corner: in ground metres, or in map units without a CRS.
+    """Draw a scale bar in the lower left corner: in ground metres, or in map units where these are not known.
 
     Parameters
     ----------

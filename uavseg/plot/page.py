@@ -79,17 +79,16 @@ def draw_legend(ax: Any) -> None:
         ax.legend(named.values(), named.keys(), **look).set_zorder(10)
 
 
-def raster_caption(box: GeoBox, band_names: str, grey_name: str) -> str:
+def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: bool = False) -> str:
     """Size, CRS, resolution, bands and grey of a raster in one line."""
     rows, cols = box.shape
     found = [f"{cols} x {rows} pixels"]
     if box.crs is None:
-        found.append("no coordinate reference system")
+        found.append("local metres" if local_metres else "no coordinate reference system")
     else:
         epsg = box.crs.to_epsg()
+        found.append(f"EPSG:{epsg}" if epsg else "custom CRS")
+    if box.crs is not None or local_metres:
         across, _ = ground_resolution(box)
-        found += [
-            f"EPSG:{epsg}" if epsg else "custom CRS",
-            f"{length_text(float(f'{across:.3g}'), 'm')}/pixel",
-        ]
+        found.append(f"{length_text(float(f'{across:.3g}'), 'm')}/pixel")
     return " · ".join([*found, band_names, f"grey: {grey_name}"])

@@ -96,7 +96,7 @@ def preview(
     target = check_png_target(out, overwrite)
     keep_inputs([target], [_given(raster), regions, mission, levels, states and _given(states), leaves, path])
     dataset, grey = _open_raster(raster, stretch, states is not None or path is not None)
-    frame = Frame(dataset.geobox)
+    frame = Frame(dataset.geobox, dataset.local_metres)
     sources = LayerSources(levels, states, leaves, regions, path, mission)
     layers = make_layers(sources, frame, max_side=2 * width_px)
     figure = _figure(dataset, frame, grey, layers, width_px / _WIDTH_IN)
@@ -171,7 +171,7 @@ def _write_title_and_caption(figure: Any, dataset: Dataset, grey_name: str, laye
     figure.text(
         x,
         1 - 0.37 / page,
-        " · ".join(_title_parts(layers, dataset.geobox.crs is not None)),
+        " · ".join(_title_parts(layers, dataset.in_metres)),
         size=9,
         color=TEXT_COLOR,
         va="top",
@@ -179,7 +179,7 @@ def _write_title_and_caption(figure: Any, dataset: Dataset, grey_name: str, laye
     figure.text(
         x,
         0.12 / page,
-        raster_caption(dataset.geobox, dataset.band_names, grey_name),
+        raster_caption(dataset.geobox, dataset.band_names, grey_name, dataset.local_metres),
         size=7.5,
         color=CAPTION_COLOR,
         va="bottom",

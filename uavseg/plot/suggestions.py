@@ -60,7 +60,8 @@ def draw_suggestions(
 
 
 def _figure(found: Suggestions, dataset: Dataset | None) -> Any:
-    frame = Frame(found.source.geobox)
+    source = found.source
+    frame = Frame(source.geobox, source.in_metres and source.geobox.crs is None)
     view, height = _view(frame, _MIN_PLOT_IN + _legend_height(found))
     page = height + _HEAD_IN + _FOOT_IN
     figure = new_figure(_WIDTH_IN, page, _WIDTH_PX / _WIDTH_IN)

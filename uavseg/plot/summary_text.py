@@ -63,13 +63,14 @@ def _megapixels(summary: Summary) -> str:
 
 def _crs(summary: Summary) -> str:
     if summary.crs is None:
-        return "none: coordinates are local" if summary.located else "none: coordinates are pixels"
+        local = "none: coordinates are local" + (" and in metres" if summary.in_metres else "")
+        return local if summary.located else "none: coordinates are pixels"
     return summary.crs + (f" (EPSG:{summary.epsg})" if summary.epsg else "")
 
 
 def _ground(summary: Summary) -> str:
     across, along = summary.resolution
-    unit = "m" if summary.crs else "units"
+    unit = "m" if summary.in_metres else "units"
     size = f"{across:.4g}" if abs(across / along - 1) < 1e-3 else f"{across:.4g} x {along:.4g}"
     return f"{size} {unit} per pixel; {across * summary.cols:.4g} x {along * summary.rows:.4g} {unit} in all"
 

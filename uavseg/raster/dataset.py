@@ -45,6 +45,7 @@ class Dataset:
     choice: BandChoice
     warnings: tuple[str, ...]
     skip_bad_tiles: bool = False
+    local_metres: bool = False  # without a CRS, coordinates are known to be metres
     _handles: OpenFiles = field(default_factory=OpenFiles, repr=False)
 
     @classmethod
@@ -101,10 +102,19 @@ class Dataset:
 
     @classmethod
     @checked
-    def of_values(cls, values: Values, geobox: GeoBox, name: str) -> "Dataset":
-        """A dataset of a (rows, cols) array in memory, which is not copied."""
+    def of_values(cls, values: Values, geobox: GeoBox, name: str, local_metres: bool = False) -> "Dataset":
+        """A dataset of a (rows, cols) array in memory, which is not copied.
+
+        With `local_metres`, its coordinates are metres without a CRS.
+        """
         source = from_values(values, geobox, name)
-        return cls(align_rasters([source]), choose_bands(source.layout), ())
+        mosaic = align_rasters([source])
+        return cls(mosaic, choose_bands(source.layout), (), local_metres=local_metres)
+
+    @property
+    def in_metres(self) -> bool:
+        """Whether lengths are metres (on the ground, where there is a CRS) rather than units of the map."""
+        return self.local_metres or self.geobox.crs is not None
 
     @property
     def geobox(self) -> GeoBox:

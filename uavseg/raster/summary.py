@@ -62,6 +62,8 @@ class Summary:
     cut : float
         Otsu's threshold: the v that splits the histogram best into dark and bright.
     overviews : tuple of int
+    in_metres : bool
+        Whether `resolution` is in metres rather than in units of the map.
     warnings : tuple of str
     """
 
@@ -86,6 +88,7 @@ class Summary:
     std: float
     cut: float
     overviews: tuple[int, ...]
+    in_metres: bool
     warnings: tuple[str, ...]
 
     @property
@@ -161,6 +164,7 @@ def summarize(
         std=std,
         cut=_otsu_threshold(greys),
         overviews=first.overviews,
+        in_metres=dataset.in_metres,
         warnings=(*dataset.warnings, *fitted.warnings),
     )
 

@@ -30,7 +30,7 @@ def one_beam(
     ranges: float, heading: float = 0.0, pose: tuple[float, float] = (0.0, 0.5), **how: float
 ) -> Scan:
     how = {"max_range_m": 50.0, "sigma_m": 1.0} | how
-    return Scan(Pose(*pose, heading), np.zeros(1), np.array([ranges]), **how)
+    return Scan(Pose(*pose, heading_rad=math.radians(heading)), np.zeros(1), np.array([ranges]), **how)
 
 
 def crossings(
@@ -60,7 +60,7 @@ def rotated(quarters: int, scan: Scan, side: float) -> Scan:
     for _ in range(quarters):
         x, y = side - y, x
     return Scan(
-        Pose(x, y, scan.pose.heading_deg + 90 * quarters),
+        Pose(x, y, heading_rad=scan.pose.heading_rad + math.pi / 2 * quarters),
         scan.angles,
         scan.ranges,
         scan.max_range_m,
@@ -82,7 +82,7 @@ def scans(draw: st.DrawFn, side: float = 12.0) -> Scan:
     angles = draw(st.lists(st.floats(-3.14, 3.14).map(six_digits), min_size=count, max_size=count))
     turns = st.floats(-360, 360).map(six_digits)
     heading = draw(st.one_of(st.sampled_from([0.0, 45.0, 90.0, 180.0, 270.0]), turns))
-    pose = Pose(draw(places), draw(places), heading)
+    pose = Pose(draw(places), draw(places), heading_rad=math.radians(heading))
     return Scan(pose, np.array(angles), np.array(ranges), draw(st.floats(0.5, 15)), draw(st.floats(0.05, 2)))
 
 
@@ -98,7 +98,7 @@ def unaligned_scans(draw: st.DrawFn) -> Scan:
     ranges = draw(st.lists(far, min_size=count, max_size=count))
     angles = draw(st.lists(numbers(-3.0371, 0.1531), min_size=count, max_size=count))
     place = numbers(-2.7193, 0.4337)
-    pose = Pose(draw(place), draw(place), draw(numbers(1.1379, 8.7713)))
+    pose = Pose(draw(place), draw(place), heading_rad=math.radians(draw(numbers(1.1379, 8.7713))))
     reach, sigma = draw(numbers(0.2339, 0.4127)), draw(numbers(0.0517, 0.0731))
     return Scan(pose, np.array(angles), np.array(ranges), reach, sigma)
 
@@ -170,7 +170,7 @@ def test_merging_is_adding_log_odds_beam_by_beam(scan: Scan) -> None:
     odds = np.zeros((12, 12), np.float32)
     doubtful = np.zeros((12, 12), bool)
     for angle, measured in zip(scan.angles, scan.ranges, strict=True):
-        turned = math.radians(scan.pose.heading_deg) + angle
+        turned = scan.pose.heading_rad + angle
         exact = crossings(
             scan.pose.x, 12.0 - scan.pose.y, float(np.cos(turned)), -float(np.sin(turned)), (12, 12)
         )
@@ -225,7 +225,8 @@ def test_a_map_turned_with_its_sensor_is_the_same_map(scan: Scan, turn: float, s
     grid.merge(scan)
     to_turned = Affine.translation(shift, -shift) @ Affine.rotation(turn)
     turned = OccupancyGrid(GeoBox((12, 12), to_turned @ grid.geobox.transform, None))
-    pose = Pose(*(to_turned @ (scan.pose.x, scan.pose.y)), scan.pose.heading_deg + turn)
+    heading = scan.pose.heading_rad + math.radians(turn)
+    pose = Pose(*(to_turned @ (scan.pose.x, scan.pose.y)), heading_rad=heading)
     turned.merge(Scan(pose, scan.angles, scan.ranges, scan.max_range_m, scan.sigma_m))
     np.testing.assert_allclose(turned.log_odds, grid.log_odds, atol=1e-4)
 

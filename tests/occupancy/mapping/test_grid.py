@@ -17,7 +17,8 @@ def test_cells_outside_of_the_window_of_a_scan_do_not_change() -> None:
     rng = np.random.default_rng(5)
     grid = OccupancyGrid.from_probabilities(rng.uniform(0, 1, (40, 50)), local_geobox((40, 50), 1.0, (0, 0)))
     before = grid.probabilities.copy()
-    scan = Scan(Pose(25, 20, 30), np.radians(np.arange(-20, 20, 5.0)), np.full(8, 9.0), 20.0, 0.5)
+    pose = Pose(25, 20, heading_rad=np.radians(30))
+    scan = Scan(pose, np.radians(np.arange(-20, 20, 5.0)), np.full(8, 9.0), 20.0, 0.5)
     window = grid.merge(scan)
     changed = np.zeros((40, 50), bool)
     changed[window.slices] = True

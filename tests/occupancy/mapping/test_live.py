@@ -133,7 +133,8 @@ def test_after_any_updates_it_is_the_whole_map_segmented_from_scratch(
         if step in ("scan", "merge"):
             scan = random_scan(rng, (rows, cols), 0.5)
         if step == "away":
-            scan = Scan(Pose(-50.0, -50.0, 225.0), np.zeros(3), np.full(3, math.inf), 30.0, 0.1)
+            away = Pose(-50.0, -50.0, heading_rad=math.radians(225.0))
+            scan = Scan(away, np.zeros(3), np.full(3, math.inf), 30.0, 0.1)
         if step == "merge":
             grid.merge(scan)
         elif step in ("reset", "refit"):
@@ -166,7 +167,7 @@ def drive() -> tuple[OccupancyGrid, list[Scan]]:
     scene = Scene(walls, [(10.0, 6.0, 0.8)])
     sensor = RangeFinder(0.03, 4.0, 360.0, 1.0)
     rng = np.random.default_rng(8)
-    poses = [Pose(3.0 + 0.9 * k, 7.5 - 0.1 * k, 11.0 * k) for k in range(8)]
+    poses = [Pose(3.0 + 0.9 * k, 7.5 - 0.1 * k, heading_rad=math.radians(11.0 * k)) for k in range(8)]
     return OccupancyGrid.empty((240, 300), 0.05), [sensor.scan(scene, pose, rng) for pose in poses]
 
 

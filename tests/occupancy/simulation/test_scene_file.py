@@ -1,6 +1,7 @@
 """JSON files of scenes: defaults, and one line for each fault."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ def test_a_scene_comes_from_a_file(tmp_path: Path) -> None:
     assert simulation.geobox.shape == (40, 60)
     assert simulation.geobox.transform[:6] == (0.1, 0, -1, 0, -0.1, 2)
     assert simulation.sensor == RangeFinder(0.02, 3, 90, 1)
-    assert simulation.poses == [Pose(1.2, -0.5, 20), Pose(1, 1, 0)]
+    assert simulation.poses == [Pose(1.2, -0.5, heading_rad=math.radians(20)), Pose(1, 1)]
     assert simulation.scene.contains([0, 2.5, 1], [0, 0.5, 1]).tolist() == [True, True, False]
 
 

@@ -43,7 +43,7 @@ def test_the_truth_is_what_lines_of_sight_say(seed: int) -> None:
         seen = False
         for pose in simulation.poses:
             sight = shapely.LineString([(pose.x, pose.y), (x, y)])
-            aside = math.degrees(math.atan2(y - pose.y, x - pose.x)) - pose.heading_deg
+            aside = math.degrees(math.atan2(y - pose.y, x - pose.x)) - math.degrees(pose.heading_rad)
             if abs((aside + 180) % 360 - 180) > 45:
                 continue
             blocked = sight.intersection(solid).length

@@ -28,6 +28,14 @@ map_stretch_option = click.option(
 )
 
 
+polarity_option = click.option(
+    "--free-is-white/--free-is-black",
+    "free_is_white",
+    default=None,
+    help="Of a picture without its YAML file: whether white or black is free; with white, 205 is unknown.",
+)
+
+
 def reading_options(command: Command, required: bool = True) -> Command:
     """Give a command RASTER..., the options of `read_options` and those of `access_options`."""
     return _with_options(
@@ -111,7 +119,7 @@ def read_options(options: dict[str, Any]) -> ReadOptions:
     """How the source is read."""
     from uavseg.jobs.source import ReadOptions
 
-    names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles")
+    names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles", "free_is_white")
     return ReadOptions(**{name: options[name] for name in names if name in options})
 
 

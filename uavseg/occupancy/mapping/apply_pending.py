@@ -40,6 +40,7 @@ def apply_pending(
         first = (window.row, window.col // BLOCK)
         end = (window.row + window.rows, -(-(window.col + window.cols) // BLOCK))
         line, column = np.empty(BLOCK, np.uint8), np.empty(BLOCK, np.uint32)
+        total = np.empty(BLOCK, np.uint8)
         is_kept = probabilities is not None
         p = probabilities if probabilities is not None else np.empty((0, 0), np.float32)
         state = (
@@ -51,7 +52,7 @@ def apply_pending(
             grey_map.sums,
             grey_map.changed,
         )
-        _apply(*state, *first, *end, *free_only_values(), line, line.view(np.uint64), column)
+        _apply(*state, *first, *end, *free_only_values(), line, line.view(np.uint64), column, total)
 
 
 @inlined
@@ -64,52 +65,60 @@ def add_free_counts(counts, odds, largest):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def are_free_only(odds, free_odds):  # type: ignore[no-untyped-def]
-    """Whether every pixel of a line has only had free observations, see `log_odds.free_only_values`."""
+def count_free_only(odds, counts, free_odds, total, n):  # type: ignore[no-untyped-def]
+    """Number of observations of each of n pixels of a line, at most 3, if all of them are free ones.
+
+    The log-odds of such a pixel are one of four numbers, see `log_odds.free_only_values`; the pending counts
+    are added. Writes the numbers to `total`, and returns whether every pixel is one of these.
+    """
     others = np.int32(0)
-    for c in range(odds.size):
-        one = (
-            (odds[c] == free_odds[0])
-            | (odds[c] == free_odds[1])
-            | (odds[c] == free_odds[2])
-            | (odds[c] == free_odds[3])
-        )
-        others |= np.int32(not one)
+    for c in range(n):
+        one, two, three = odds[c] == free_odds[1], odds[c] == free_odds[2], odds[c] == free_odds[3]
+        others |= np.int32(not ((odds[c] == free_odds[0]) | one | two | three))
+        known = np.uint8(one) + np.uint8(two) * np.uint8(2) + np.uint8(three) * np.uint8(3)
+        total[c] = min(np.uint8(known + (counts[c] & np.uint8(UP_TO_DATE - 1))), np.uint8(3))
     return others == 0
 
 
 @inlined
-def value_of_free_only(odds, free_odds, values):  # type: ignore[no-untyped-def]
-    """The value that belongs to one of the four log-odds of free observations."""
+def value_of_count(total, values):  # type: ignore[no-untyped-def]
+    """The value that belongs to 0, 1, 2 or 3 free observations."""
     value = values[3]
-    value = values[2] if odds == free_odds[2] else value
-    value = values[1] if odds == free_odds[1] else value
-    return values[0] if odds == free_odds[0] else value
+    value = values[2] if total == np.uint8(2) else value
+    value = values[1] if total == np.uint8(1) else value
+    return values[0] if total == np.uint8(0) else value
 
 
 @inlined
-def update_grey(odds, grey, free_odds, values, free_only):  # type: ignore[no-untyped-def]
-    """Set the grey of a line of pixels from their log-odds; True if it has changed."""
+def update_free_only(odds, grey, total, free_odds, free_grey, n):  # type: ignore[no-untyped-def]
+    """Set log-odds and grey of n pixels of a line from their free observations; True if a grey changed."""
     change = np.uint16(0)
-    if free_only:
-        for c in range(odds.size):
-            after = value_of_free_only(odds[c], free_odds, values)
-            change |= grey[c] ^ after
-            grey[c] = after
-    else:
-        for c in range(odds.size):
-            after = grey_of_probability(logistic(np.float64(odds[c])))
-            change |= grey[c] ^ after
-            grey[c] = after
+    for c in range(n):
+        odds[c] = value_of_count(total[c], free_odds)
+    for c in range(n):
+        after = value_of_count(total[c], free_grey)
+        change |= grey[c] ^ after
+        grey[c] = after
     return change != 0
 
 
 @inlined
-def update_probabilities(odds, probabilities, free_odds, values, free_only):  # type: ignore[no-untyped-def]
-    """Set the probabilities of a line of pixels from their log-odds."""
+def update_grey(odds, grey):  # type: ignore[no-untyped-def]
+    """Set the grey of a line of pixels from their log-odds; True if it has changed."""
+    change = np.uint16(0)
+    for c in range(odds.size):
+        after = grey_of_probability(logistic(np.float64(odds[c])))
+        change |= grey[c] ^ after
+        grey[c] = after
+    return change != 0
+
+
+@inlined
+def update_probabilities(odds, probabilities, total, free_p, free_only):  # type: ignore[no-untyped-def]
+    """Set the probabilities of a line of pixels from their free observations, or from their log-odds."""
     if free_only:
         for c in range(odds.size):
-            probabilities[c] = value_of_free_only(odds[c], free_odds, values)
+            probabilities[c] = value_of_count(total[c], free_p)
     else:
         for c in range(odds.size):
             probabilities[c] = logistic(np.float64(odds[c]))
@@ -149,7 +158,7 @@ def sum_cells(grey, row, col, column, sums):  # type: ignore[no-untyped-def]
 
 _APPLY = (
     "void(u8[::1], f4[:,::1], f4[:,::1], b1, u2[:,::1], u4[:,::1], u2[:,::1], i8, i8, i8, i8, "
-    "f4[::1], f4[::1], u2[::1], u1[::1], u8[::1], u4[::1])"
+    "f4[::1], f4[::1], u2[::1], u1[::1], u8[::1], u4[::1], u1[::1])"
 )
 
 
@@ -172,6 +181,7 @@ def _apply(  # type: ignore[no-untyped-def]
     counts,
     line,
     column,
+    total,
 ):
     free_odds = (odds[0], odds[1], odds[2], odds[3])
     free_p = (p[0], p[1], p[2], p[3])
@@ -185,15 +195,28 @@ def _apply(  # type: ignore[no-untyped-def]
                 start = BLOCK * block
                 stop = min(start + BLOCK, log_odds.shape[1])
                 own, own_grey = log_odds[row, start:stop], grey[row + 1, start + 1 : stop + 1]
-                add_free_counts(counts, own, combined & np.uint8(UP_TO_DATE - 1))
-                free_only = are_free_only(own, free_odds)
+                full = stop - start == BLOCK  # loops of a length that is known take half the time
+                if full:
+                    free_only = count_free_only(own, counts, free_odds, total, BLOCK)
+                else:
+                    free_only = count_free_only(own, counts, free_odds, total, stop - start)
                 first, last = own_grey[0], own_grey[-1]
-                if update_grey(own, own_grey, free_odds, free_grey, free_only):
+                if free_only:
+                    if full:
+                        is_changed = update_free_only(own, own_grey, total, free_odds, free_grey, BLOCK)
+                    else:
+                        is_changed = update_free_only(
+                            own, own_grey, total, free_odds, free_grey, stop - start
+                        )
+                else:
+                    add_free_counts(counts, own, combined & np.uint8(UP_TO_DATE - 1))
+                    is_changed = update_grey(own, own_grey)
+                if is_changed:
                     changed[band, block] |= affected_blocks(
                         row % BLOCK, own_grey[0] != first, own_grey[-1] != last
                     )
                 if is_kept:
-                    update_probabilities(own, probabilities[row, start:stop], free_odds, free_p, free_only)
+                    update_probabilities(own, probabilities[row, start:stop], total, free_p, free_only)
         for block in range(left, right):
             if changed[band, block] >> SELF & 1:
                 sum_cells(grey, max(band, 0), max(block, 0), column, sums)

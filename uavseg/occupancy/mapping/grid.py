@@ -1,7 +1,8 @@
 """Occupancy grid: the probability that each cell is occupied, updated by range scans in log-odds."""
 
-import math
+import os
 from dataclasses import dataclass
+from typing import Any
 from weakref import WeakSet
 
 import numpy as np
@@ -12,6 +13,8 @@ from uavseg.errors import MapError
 from uavseg.occupancy.mapping.apply_pending import apply_pending
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS, merge_beams
 from uavseg.occupancy.mapping.grey_map import GreyMap
+from uavseg.occupancy.mapping.grid_file import read_grid_file, write_grid_file
+from uavseg.occupancy.mapping.grid_message import fill_grid_message, read_grid_message
 from uavseg.occupancy.mapping.live import LiveSegmentation
 from uavseg.occupancy.mapping.log_odds import Float32s, probabilities_and_grey
 from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS, empty_pending
@@ -126,6 +129,59 @@ class OccupancyGrid:
         grid._recompute()
         return grid
 
+    @classmethod
+    @checked
+    def from_message(cls, message: Any) -> "OccupancyGrid":
+        """A grid that begins with a `nav_msgs/OccupancyGrid` message; -1 becomes exactly 0.5.
+
+        It is of rclpy, rospy or rosbags, or any object with the same fields; its origin may be rotated.
+
+        Raises
+        ------
+        MapError
+            If a field is missing, cells are not -1 or 0..100, or the origin is tilted.
+        """
+        return cls.from_probabilities(*read_grid_message(message))
+
+    @checked
+    def to_message(self, message: Any = None) -> Any:
+        """The map as a `nav_msgs/OccupancyGrid` message: 0..100 per cent, -1 where v is exactly 0.5.
+
+        Parameters
+        ----------
+        message : OccupancyGrid message, optional
+            Its `info` and `data` are filled; header and `info.map_load_time` stay as they are. By default a
+            plain object with the fields of the message, `data` as an array.array of int8. Returned; row 0 is
+            the lowest, and the origin the lower left corner.
+
+        Raises
+        ------
+        MapError
+            If the cells of this grid are not square.
+        """
+        return fill_grid_message(self.probabilities, self.geobox, message)
+
+    @checked
+    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+        """Save the grid with its evidence, the log-odds of all cells, as a GeoTIFF (.tif).
+
+        Raises OutputExistsError or OutputError if the file exists, or cannot be written.
+        """
+        write_grid_file(path, self.log_odds, self.geobox, overwrite)
+
+    @classmethod
+    @checked
+    def load(cls, path: str | os.PathLike[str]) -> "OccupancyGrid":
+        """A grid that `save` saved; later scans continue from its evidence.
+
+        Raises MapError if the file is of another kind or damaged, RasterReadError if it cannot be read.
+        """
+        log_odds, geobox = read_grid_file(path)
+        grid = cls(geobox)
+        grid.log_odds[...] = log_odds
+        grid._recompute()
+        return grid
+
     @property
     def probabilities(self) -> Float32s:
         """1 / (1 + exp(-log_odds)) of each cell: a (rows, cols) float32 array; do not write to it.
@@ -148,7 +204,7 @@ class OccupancyGrid:
         known = ~np.isnan(scan.ranges)
         ranges = scan.ranges[known]
         reach = np.where(np.isinf(ranges), scan.max_range_m, ranges + REACH_SIGMAS * scan.sigma_m)
-        angles = math.radians(scan.pose.heading_deg) + scan.angles[known]
+        angles = scan.pose.heading_rad + scan.angles[known]
         along_x, along_y = np.cos(angles), np.sin(angles)
         a, b, c, d, e, f = tuple(~self.geobox.transform)[:6]  # from metres to cells
         beams = np.column_stack([a * along_x + b * along_y, d * along_x + e * along_y, ranges, reach])

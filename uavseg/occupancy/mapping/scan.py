@@ -1,18 +1,30 @@
-"""Range scans: the pose of a sensor, and the angles and ranges of its beams."""
+"""Range scans: the pose of a sensor, and the angles and ranges of its beams; from ROS messages too."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.arguments import checked
 from uavseg.errors import SceneError
+from uavseg.occupancy.mapping.rotation import (
+    MAX_TILT_DEG,
+    as_quaternion,
+    heading_of,
+    matrix_of_quaternion,
+    tilt_deg,
+)
+from uavseg.plain_text import shown
 
 Floats = NDArray[np.float64]
 
 MAX_BEAMS = 1_000_000
 MAX_METRES = 1e9
+DEFAULT_SIGMA_M = 0.03  # of range finders on robots, where a message does not say it
+
+_LASERSCAN_NUMBERS = ("angle_min", "angle_max", "angle_increment", "range_min", "range_max")
 
 
 @checked
@@ -24,24 +36,65 @@ class Pose:
     ----------
     x, y : float
         In metres.
-    heading_deg : float
-        Direction of the middle of its field of view, counterclockwise from the x axis.
+    heading_rad : float
+        Direction in which the beam of angle 0 leaves, counterclockwise from the x axis. Given by name,
+        so that degrees are not taken for radians.
 
     Raises
     ------
     SceneError
         If one of them is not finite.
+
+    Examples
+    --------
+    >>> Pose(1.0, 2.0, heading_rad=math.pi / 2)
+    Pose(x=1.0, y=2.0, heading_rad=1.5707963267948966)
     """
 
     x: float
     y: float
-    heading_deg: float = 0.0
+    heading_rad: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(number) for number in (self.x, self.y, self.heading_deg)):
+        if not all(math.isfinite(number) for number in (self.x, self.y, self.heading_rad)):
             raise SceneError(
-                f"a pose has finite x, y and heading, not {self.x}, {self.y}, {self.heading_deg}"
+                f"a pose has finite x, y and heading, not {self.x}, {self.y}, {self.heading_rad}"
             )
+
+    @classmethod
+    @checked
+    def from_quaternion(cls, x: float, y: float, quaternion: Any) -> "Pose":
+        """A pose from a position and a rotation in space, as in `geometry_msgs/Pose`.
+
+        Parameters
+        ----------
+        x, y : float
+            In metres.
+        quaternion : four numbers x, y, z, w, or a message with these fields
+            Need not be of length 1.
+
+        Returns
+        -------
+        pose : Pose
+            Headed to where the rotation turns the x axis, seen from above.
+
+        Raises
+        ------
+        SceneError
+            If it is no rotation, or tilts the plane of the beams by more than 30 degrees.
+
+        Examples
+        --------
+        >>> round(Pose.from_quaternion(1.0, 2.0, (0, 0, 1, 1)).heading_rad, 6)
+        1.570796
+        """
+        matrix = matrix_of_quaternion(as_quaternion(quaternion))
+        if tilt_deg(matrix) > MAX_TILT_DEG:
+            raise SceneError(
+                f"the quaternion tilts the sensor by {tilt_deg(matrix):.0f} degrees; the plane of the beams "
+                f"of a scan is tilted by at most {MAX_TILT_DEG:g} degrees"
+            )
+        return cls(x, y, heading_rad=heading_of(matrix))
 
 
 @checked
@@ -83,6 +136,118 @@ class Scan:
             )
         if not np.isfinite(self.angles).all() or (self.ranges < 0).any():
             raise SceneError("a scan has finite angles, and ranges that are not negative")
+
+    @classmethod
+    @checked
+    def from_laserscan(
+        cls,
+        message: Any,
+        pose: Pose,
+        *,
+        sigma_m: float = DEFAULT_SIGMA_M,
+        max_range_m: float | None = None,
+    ) -> "Scan":
+        """A scan from a message with the fields of `sensor_msgs/LaserScan`, as it is.
+
+        Ranges are understood by REP 117 and REP 145: +inf is a beam without a return, which observes free
+        cells up to `range_max`. Beams with -inf (too near to measure), NaN (invalid), or a range that is not
+        in `range_min`..`range_max` say nothing.
+
+        Parameters
+        ----------
+        message : LaserScan
+            Of rclpy, rospy, rosbags, or any object with `angle_min`, `angle_max`, `angle_increment`, `ranges`
+            (any sequence of numbers), `range_min` and `range_max`.
+        pose : Pose
+            Of the sensor when it scanned.
+        sigma_m : float
+            Standard deviation of ranges, which the message does not hold.
+        max_range_m : float, optional
+            Beams are used up to here only: what returns from farther observes free cells up to here. By
+            default `range_max`.
+
+        Returns
+        -------
+        scan : Scan
+            With NaN for beams that say nothing.
+
+        Raises
+        ------
+        SceneError
+            If a field is missing or not as REP 117 has it: angles that do not fit the number of ranges, or a
+            `range_max` that is not finite while `max_range_m` is not given.
+        """
+        numbers = {name: _number(message, name) for name in _LASERSCAN_NUMBERS}
+        ranges = _ranges(message)
+        low, high = numbers["range_min"], numbers["range_max"]
+        if not (math.isfinite(low) and 0 <= low < high):
+            raise SceneError(f"a LaserScan has 0 <= range_min < range_max, not {low:g} and {high:g}")
+        limit = high if max_range_m is None else min(high, max_range_m)
+        if not math.isfinite(limit):
+            raise SceneError(
+                f"the range_max of this LaserScan is {high:g}, so it is unknown how far a beam without a "
+                "return observes free space; give max_range_m"
+            )
+        # In single precision, as the message holds all of them: a return at range_max is a valid one.
+        with np.errstate(invalid="ignore", over="ignore"):  # NaN of any kind, limits beyond single precision
+            valid = (ranges >= np.float32(low)) & (ranges <= np.float32(high))
+            metres = np.where(valid, ranges.astype(np.float64), np.where(ranges == np.inf, np.inf, np.nan))
+        if limit < high:
+            metres[metres > limit] = np.inf
+        return cls(pose, _angles(numbers, len(ranges)), metres, limit, sigma_m)
+
+
+def _number(message: Any, name: str) -> float:
+    """A number of a LaserScan."""
+    value = _field(message, name)
+    try:
+        if isinstance(value, str | bytes | bool):
+            raise TypeError
+        return float(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise SceneError(f"{name} of a LaserScan is a number, not {shown(value)}") from error
+
+
+def _field(message: Any, name: str) -> Any:
+    try:
+        return getattr(message, name)
+    except AttributeError as error:
+        wanted = ", ".join((*_LASERSCAN_NUMBERS, "ranges"))
+        raise SceneError(
+            f"message is a LaserScan with {wanted}; this one, {shown(type(message).__name__)}, has no {name}"
+        ) from error
+
+
+def _ranges(message: Any) -> NDArray[np.float32]:
+    """Ranges of a LaserScan in the precision of the message."""
+    value = _field(message, "ranges")
+    try:
+        with np.errstate(invalid="ignore", over="ignore"):
+            ranges = np.asarray(value, np.float32)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise SceneError(f"ranges of a LaserScan are numbers, not {shown(value)}") from error
+    if ranges.ndim != 1 or len(ranges) > MAX_BEAMS:
+        raise SceneError(
+            f"ranges of a LaserScan are one row of at most {MAX_BEAMS:,} numbers, not of shape {ranges.shape}"
+        )
+    return ranges
+
+
+def _angles(numbers: dict[str, float], count: int) -> Floats:
+    """Angles of so many beams: the first, and steps of the increment."""
+    first, last, step = (numbers[name] for name in ("angle_min", "angle_max", "angle_increment"))
+    if not all(map(math.isfinite, (first, last, step))) or max(map(abs, (first, last, step))) > 1e3:
+        raise SceneError(f"angles of a LaserScan are finite radians, not {first:g}, {last:g}, {step:g}")
+    if count > 1 and step == 0:
+        raise SceneError(f"angle_increment of a LaserScan with {count} ranges is not 0")
+    spanned = (last - first) / step + 1 if step else 1.0
+    if abs(spanned - count) > 1.5:  # the last may be left out, or end a whole turn; angles are rounded
+        raise SceneError(
+            f"a LaserScan from {first:g} to {last:g} radians in steps of {step:g} has {spanned:.0f} ranges; "
+            f"this one holds {count}"
+        )
+    angles: Floats = first + step * np.arange(count, dtype=np.float64)
+    return angles
 
 
 def check_positive(name: str, value: float) -> None:

@@ -24,6 +24,7 @@ from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
 from uavseg.raster.geobox import GeoBox, check_metres
 
 _WRITTEN_THRESHOLDS = {"occupied_thresh": 0.65, "free_thresh": 0.196}  # as Nav2 writes trinary maps
+UNKNOWN_GREY = 205
 GREY_OF_STATE = {  # no data, free, unknown, occupied: as Nav2's map saver writes them in each mode
     "trinary": np.array([205, 254, 205, 0], np.uint8),
     "scale": np.array([205, 255, 205, 0], np.uint8),  # unknown is also transparent
@@ -73,8 +74,8 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
     """
     described = read_ros_yaml(path)
     current_policy().check_file(path, described.image)
-    grey, opaque = _read_image(described.image)
-    transform = _transform(described.origin, described.resolution, grey.shape[0])
+    grey, opaque = read_picture(described.image)
+    transform = transform_of(described.origin, described.resolution, grey.shape[0])
     try:
         geobox = GeoBox(grey.shape, transform, None)
     except RasterError as error:
@@ -94,7 +95,7 @@ def check_ros_map(
     """
     for target in (Path(path), image_path(path, mode)):
         check_target(target, overwrite)
-    _placement(geobox)
+    placement(geobox)
 
 
 def write_ros_map(
@@ -129,7 +130,7 @@ def write_ros_map(
     """
     image = image_path(path, mode)
     check_target(image, overwrite)
-    resolution, origin, mirrored = _placement(geobox)
+    resolution, origin, mirrored = placement(geobox)
     rows_down = np.asarray(states)[::-1] if mirrored else np.asarray(states)
     grey = GREY_OF_STATE[mode][rows_down]
     position = {"resolution": resolution, "origin": origin}
@@ -155,22 +156,37 @@ def image_path(path: str | os.PathLike[str], mode: str) -> Path:
     return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")
 
 
-def _read_image(image: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
+def read_picture(
+    image: str | os.PathLike[str],
+) -> tuple[NDArray[np.uint8], NDArray[np.bool_] | None]:
+    """8-bit grey of the picture of a map, and where it is opaque; None where it is everywhere.
+
+    Raises
+    ------
+    RasterReadError
+        If it cannot be read.
+    """
     if is_pgm(image):
         samples, maximum = read_pgm(image)
         return to_8_bits(samples, maximum), None
     return read_grey(image)
 
 
-def _transform(origin: tuple[float, float, float], resolution: float, rows: int) -> Affine:
-    """The transform of a map whose lower left corner lies at `origin`, rotated around it by the yaw."""
+def transform_of(origin: tuple[float, float, float], resolution: float, rows: int) -> Affine:
+    """The transform of a map whose lower left corner lies at `origin` (x, y, yaw), rotated around it."""
     x, y, yaw = origin
     along, up = resolution * math.cos(yaw), resolution * math.sin(yaw)
     return Affine(along, up, x - rows * up, up, -along, y + rows * along)
 
 
-def _placement(geobox: GeoBox) -> tuple[float, list[float], bool]:
-    """Resolution, origin, and whether the rows run upwards, so that they are written in reverse order."""
+def placement(geobox: GeoBox) -> tuple[float, list[float], bool]:
+    """Resolution, origin (x, y, yaw), and whether the rows run upwards, so that they are written in reverse.
+
+    Raises
+    ------
+    MapError
+        If cells are not square, or not in metres.
+    """
     check_metres(geobox)
     a, b, c, d, e, f = tuple(geobox.transform)[:6]
     mirrored = a * e - b * d > 0

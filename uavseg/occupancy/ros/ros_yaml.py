@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import MapError
-from uavseg.inputs import read_bytes
+from uavseg.inputs import check_yaml_brackets, read_bytes
 from uavseg.plain_text import cause_of, shown
 
 RosCells = NDArray[np.int8]
@@ -140,6 +140,7 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
     name = os.fspath(path)
     content = read_bytes(path, limit=MAX_BYTES)
     try:
+        check_yaml_brackets(content)
         tokens = yaml.scan(content, Loader=yaml.SafeLoader)
         if any(isinstance(token, yaml.AliasToken) for token in tokens):
             raise MapError(f"{name} holds YAML aliases (*name), which the file of a ROS map does not need")

@@ -77,7 +77,7 @@ def _views_around(
         Pose(
             _MIDDLE_M + distance_m * math.cos(math.radians(angle)),
             _MIDDLE_M + distance_m * math.sin(math.radians(angle)),
-            (angle + 180.0) % 360.0,
+            heading_rad=math.radians((angle + 180.0) % 360.0),
         )
         for angle in angles
     ]

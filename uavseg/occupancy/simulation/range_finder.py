@@ -67,7 +67,7 @@ class RangeFinder:
         it may exceed the maximum range a little, but is never negative.
         """
         angles = self.angles
-        distances = scene.cast(pose.x, pose.y, math.radians(pose.heading_deg) + angles)
+        distances = scene.cast(pose.x, pose.y, pose.heading_rad + angles)
         noise = random.normal(0.0, self.sigma_m, len(angles))
         measured = np.where(distances <= self.max_range_m, np.maximum(distances + noise, 0.0), np.inf)
         return Scan(pose, angles, measured, self.max_range_m, self.sigma_m)

@@ -123,7 +123,8 @@ def _cells(content: Any) -> GeoBox:
 
 def _pose(name: str, content: Any) -> Pose:
     found = _object(name, content, ("at",), ("heading",))
-    return Pose(*_pair(f"{name} at", found["at"]), _number(f"{name} heading", found.get("heading", 0)))
+    heading_deg = _number(f"{name} heading", found.get("heading", 0))
+    return Pose(*_pair(f"{name} at", found["at"]), heading_rad=math.radians(heading_deg))
 
 
 def _circle(name: str, content: Any) -> tuple[float, float, float]:

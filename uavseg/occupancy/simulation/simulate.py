@@ -95,7 +95,7 @@ class Simulation:
         depth_limit = REACH_SIGMAS * sensor.sigma_m
         distance = np.hypot(x - pose.x, y - pose.y)
         angle = np.arctan2(y - pose.y, x - pose.x)
-        bearing = (angle - math.radians(pose.heading_deg) + math.pi) % math.tau - math.pi
+        bearing = (angle - pose.heading_rad + math.pi) % math.tau - math.pi
         near = (distance <= sensor.max_range_m + depth_limit) & (
             np.abs(bearing) <= np.abs(sensor.angles).max()
         )

@@ -8,11 +8,13 @@ down  compaction from top to bottom; free against occupied along rows
 up    free against occupied from bottom to top
 down  free against occupied from top to bottom
 
+Then thin obstacles are restored, see `thin_structures`: at once in a trinary map, else in two more passes.
+
 Between passes a pixel takes 4 bits, see `StateImage`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import groupby
 from typing import Literal
@@ -25,6 +27,8 @@ from uavseg.raster.tiling import TilePass, Window, tile_side, tiles, whole_block
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.params import StateLimits
 from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.states.classified_states import ClassifiedStates
+from uavseg.segmentation.states.obstacle_evidence import evidence_rule
 from uavseg.segmentation.states.state_image import StateImage, pack_codes, unpack_codes
 from uavseg.segmentation.states.state_scans import (
     LOOKAHEAD,
@@ -36,43 +40,19 @@ from uavseg.segmentation.states.state_scans import (
     resolve_columns,
     resolve_rows,
 )
-from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
+from uavseg.segmentation.states.thin_structures import (
+    ThinObstacles,
+    count_left_out,
+    find_thin_obstacles,
+    restore_all,
+    with_restored,
+)
+from uavseg.segmentation.states.value_statistics import ValueStatistics, value_statistics
+from uavseg.units import BLOCK, FREE, UNKNOWN
 
 StateRefinement = Literal["none", "scan"]
 
 _MAX_STRIP_PIXELS = 1 << 25  # pixels of a strip, unless 64 rows have more
-
-
-@dataclass(frozen=True)
-class ClassifiedStates:
-    """The states of a raster's pixels.
-
-    Parameters
-    ----------
-    image : StateImage
-    codes : (16,) int64 array
-        Number of pixels by code, see `state_scans`.
-    """
-
-    image: StateImage
-    codes: NDArray[np.int64]
-
-    @property
-    def pixels(self) -> dict[int, int]:
-        """Number of pixels by state: 1 free, 2 unknown, 3 occupied, 0 for all others."""
-        counts = {state: int(self.codes[state::4].sum()) for state in (FREE, UNKNOWN, OCCUPIED)}
-        rows, cols = self.image.shape
-        return {0: rows * cols - sum(counts.values())} | counts
-
-    @property
-    def occupied_in_free(self) -> int:
-        """Number of pixels in state free whose own v is occupied: possibly thin walls."""
-        return int(self.codes[FREE | OCCUPIED << 2])
-
-    @property
-    def occupied_by_value(self) -> int:
-        """Number of pixels whose own v is occupied, in any state."""
-        return int(self.codes[OCCUPIED << 2 :].sum())
 
 
 def classify_states(
@@ -81,6 +61,7 @@ def classify_states(
     limits: StateLimits,
     refine: StateRefinement,
     tile_pass: TilePass,
+    restore: bool = False,
 ) -> ClassifiedStates:
     """Classify every pixel.
 
@@ -94,17 +75,23 @@ def classify_states(
         With "none", states end at block edges.
     tile_pass : TilePass
         Over the tiles of `state_strips`, strip by strip from the top; the result does not depend on them.
+    restore : bool
+        Whether thin obstacles become occupied; with refine "scan" alone.
     """
     image = StateImage(source.shape)
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
     passes = _Passes(image, [_strip_rows(strip) for strip in strips])
     upwards = [tile for strip in reversed(strips) for tile in strip]
+    encoding, finding = tile_pass.stages(2)
     encode_tile = partial(_encode_tile, source, limits)
-    results = zip(upwards, tile_pass.run(encode_tile, _jobs(cells, upwards)), strict=True)
-    codes = np.zeros(16, np.int64)
+    results = zip(upwards, encoding.run(encode_tile, _jobs(cells, upwards)), strict=True)
+    codes, statistics = np.zeros(16, np.int64), ValueStatistics.empty()
     previous = np.zeros(image.cols, np.uint8)
     for strip in reversed(strips):
-        part = _assemble_strip(strip, [next(results) for _ in strip], image.cols)
+        tiles_of_strip = [next(results) for _ in strip]
+        part = _assemble_strip(strip, tiles_of_strip, image.cols)
+        for _, tile in tiles_of_strip:
+            statistics = statistics if tile is None else statistics.merged(tile.statistics)
         if refine == "scan":
             compact_rows(part)
             compact_columns(part, previous, True)
@@ -112,7 +99,29 @@ def classify_states(
             codes += count_codes(part)
         image.write_codes(strip[0].row, part)
     next(results, None)  # lets the executor finish and report it
-    return ClassifiedStates(image, passes.run() if refine == "scan" else codes)
+    if refine == "scan":
+        codes = passes.run(restore and statistics.trinary)
+    thin = ThinObstacles(passes.restored, 0)
+    found = ClassifiedStates(image, codes, thin, statistics.noise, statistics.trinary)
+    return _with_thin_obstacles(source, found, limits, restore, finding)
+
+
+def _with_thin_obstacles(
+    source: GreySource,
+    found: ClassifiedStates,
+    limits: StateLimits,
+    restore: bool,
+    tile_pass: TilePass,
+) -> ClassifiedStates:
+    """The states with thin obstacles, if any pixel is occupied by its own value alone."""
+    if not any(count_left_out(found.codes).values()):
+        if tile_pass.progress is not None:
+            tile_pass.progress(1, 1)
+        return found
+    rule = evidence_rule(limits, int(found.codes.sum() - found.codes[0]), found.noise, found.trinary)
+    thin = find_thin_obstacles(source, found.image, rule, tile_pass, restore)
+    codes = with_restored(found.codes, thin.restored)
+    return replace(found, codes=codes, thin=thin)
 
 
 def state_strips(
@@ -145,12 +154,16 @@ class _Passes:
     def __init__(self, image: StateImage, rows: Sequence[tuple[int, int]]) -> None:
         self._image = image
         self._rows = rows  # first row and number of rows of each strip
+        self.restored = {FREE: 0, UNKNOWN: 0}  # pixels that became occupied, by the state that they had
 
-    def run(self) -> NDArray[np.int64]:
-        """Run all passes; return the number of pixels by code."""
+    def run(self, restore: bool) -> NDArray[np.int64]:
+        """Run all passes; return the number of pixels by code.
+
+        With `restore`, each pixel that is occupied by its own value becomes occupied.
+        """
         self._compact_down()
         self._resolve_up()
-        return self._resolve_down()
+        return self._resolve_down(restore)
 
     def _compact_down(self) -> None:
         previous = np.zeros(self._image.cols, np.uint8)
@@ -167,14 +180,21 @@ class _Passes:
             resolve_columns(codes, previous, True)
             self._image.write_codes(row, codes[LOOKAHEAD:])
 
-    def _resolve_down(self) -> NDArray[np.int64]:
+    def _resolve_down(self, restore: bool) -> NDArray[np.int64]:
         previous = np.zeros(self._image.cols, np.uint8)
         counts = np.zeros(16, np.int64)
         for row, rows in self._rows:
             codes = self._image.read_codes(row, rows + LOOKAHEAD)
             resolve_columns(codes, previous, False)
-            self._image.write_codes(row, codes[:-LOOKAHEAD])
-            counts += count_codes(codes[:-LOOKAHEAD])
+            part = codes[:-LOOKAHEAD]
+            of_part = count_codes(part)
+            left_out = count_left_out(of_part)
+            if restore and any(left_out.values()):
+                restore_all(part)
+                of_part = with_restored(of_part, left_out)
+                self.restored = {state: count + left_out[state] for state, count in self.restored.items()}
+            self._image.write_codes(row, part)
+            counts += of_part
         return counts
 
 
@@ -201,12 +221,22 @@ def _job(cells: NDArray[np.uint8], windows: Sequence[Window], k: int) -> _Job:
     return _Job(window, np.ascontiguousarray(cells[window_cells(window)]))
 
 
-def _encode_tile(source: GreySource, limits: StateLimits, job: _Job) -> NDArray[np.uint8] | None:
-    """The codes of a tile's whole blocks, packed; None where no pixel is valid."""
+@dataclass(frozen=True, slots=True)
+class _EncodedTile:
+    """The codes of a tile's whole blocks, packed, and the statistics of its values."""
+
+    pairs: NDArray[np.uint8]
+    statistics: ValueStatistics
+
+
+def _encode_tile(source: GreySource, limits: StateLimits, job: _Job) -> _EncodedTile | None:
+    """Encode a tile; None where no pixel is valid."""
     if not job.cells.any():
         return None
     tile = source.read(job.window, 0)
-    return pack_codes(encode_states(cells_to_pixels(job.cells, tile.valid), _own_states(limits)[tile.grey]))
+    own = _own_states(limits)[tile.grey]
+    pairs = pack_codes(encode_states(cells_to_pixels(job.cells, tile.valid), own))
+    return _EncodedTile(pairs, value_statistics(tile.grey, tile.valid, own))
 
 
 @lru_cache(maxsize=8)
@@ -216,11 +246,11 @@ def _own_states(limits: StateLimits) -> NDArray[np.uint8]:
 
 
 def _assemble_strip(
-    strip: Sequence[Window], parts: Sequence[tuple[Window, NDArray[np.uint8] | None]], cols: int
+    strip: Sequence[Window], parts: Sequence[tuple[Window, _EncodedTile | None]], cols: int
 ) -> Codes:
     """Assemble the codes of a strip from those of its tiles."""
     codes = np.zeros((whole_blocks(strip[0].rows), cols), np.uint8)
-    for window, pairs in parts:
-        if pairs is not None:
-            unpack_codes(pairs, codes[:, window.col : window.col + 2 * pairs.shape[1]])
+    for window, tile in parts:
+        if tile is not None:
+            unpack_codes(tile.pairs, codes[:, window.col : window.col + 2 * tile.pairs.shape[1]])
     return codes

@@ -1,0 +1,294 @@
+"""The map of a bag is the map that the same scans make at the same poses, whatever recorded them."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import CompressionFormat, CompressionMode
+
+from tests.occupancy.bags.write_bags import (
+    LASERSCAN,
+    ROOM,
+    START_NS,
+    STEP_NS,
+    TRANSFORMS,
+    Drive,
+    Recorded,
+    write_ros1,
+    write_ros2,
+)
+from uavseg.errors import BagError, ParameterError, SceneError
+from uavseg.occupancy.bags import frames
+from uavseg.occupancy.bags.merge_bag import BagTopics, MergedBag, MergeParams, merge_bag
+from uavseg.occupancy.map_file import trinary_states
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.occupancy.mapping.scan import Pose, Scan
+
+LASER = (0.2, -0.1, 0.4)
+TF = BagTopics(odom=None)
+
+
+def direct(drive: Drive, found: MergedBag, shift: tuple[float, float] = (0.0, 0.0)) -> OccupancyGrid:
+    """The map of the same scans, merged at the true poses."""
+    grid = OccupancyGrid(found.grid.geobox)
+    for time, scan in zip(drive.scan_times(), drive.scans(), strict=True):
+        true = drive.sensor_pose(time)
+        pose = Pose(true.x + shift[0], true.y + shift[1], heading_rad=true.heading_rad)
+        grid.merge(Scan.from_laserscan(drive.laserscan(scan, time), pose))
+    return grid
+
+
+def assert_same_map(found: OccupancyGrid, expected: OccupancyGrid) -> None:
+    """All cells but those where rounding of a pose moves a beam across a corner."""
+    assert (expected.log_odds != 0).mean() > 0.3
+    differ = np.abs(found.log_odds - expected.log_odds) > 1e-3
+    assert differ.mean() < 2e-3
+
+
+WRITERS: dict[str, tuple[int, Callable[[Path, list[Recorded]], Path]]] = {
+    "ROS 1": (1, lambda folder, found: write_ros1(folder / "a.bag", found)),
+    "ROS 1 bz2": (1, lambda folder, found: write_ros1(folder / "a.bag", found, "BZ2")),
+    "ROS 1 lz4": (1, lambda folder, found: write_ros1(folder / "a.bag", found, "LZ4")),
+    "ROS 2 folder": (2, lambda folder, found: write_ros2(folder / "a", found)),
+    "ROS 2 db3": (2, lambda folder, found: write_ros2(folder / "a", found) / "a.db3"),
+    "ROS 2 mcap folder": (2, lambda folder, found: write_ros2(folder / "a", found, "MCAP")),
+    "ROS 2 mcap": (2, lambda folder, found: write_ros2(folder / "a", found, "MCAP") / "a.mcap"),
+    "ROS 2 mcap zstd": (
+        2,
+        lambda folder, found: write_ros2(
+            folder / "a", found, "MCAP", (CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_the_map_of_a_bag_is_the_map_of_its_scans(kind: str, tmp_path: Path) -> None:
+    ros, write = WRITERS[kind]
+    drive = Drive(ros, laser=LASER)
+    found = merge_bag(write(tmp_path, drive.everything()))
+    assert (found.counts.merged, found.counts.total, found.warnings) == (12, 12, ())
+    assert found.frame == "odom"
+    assert_same_map(found.grid, direct(drive, found))
+
+
+def test_all_kinds_of_bags_give_the_same_map_to_the_bit(tmp_path: Path) -> None:
+    maps = []
+    for number, (ros, write) in enumerate(WRITERS.values()):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        maps.append(merge_bag(write(folder, Drive(ros, laser=LASER).everything())).grid)
+    assert all(one.geobox == maps[0].geobox for one in maps)
+    assert all(np.array_equal(one.log_odds, maps[0].log_odds) for one in maps)
+
+
+def test_a_scan_at_the_time_of_a_pose_is_merged_there_exactly(tmp_path: Path) -> None:
+    drive = Drive()
+    scan = drive.scans()[0]
+    time, at = START_NS + STEP_NS, drive.base(START_NS + STEP_NS)
+    message = drive.laserscan(scan, time, "base_link")
+    path = write_ros2(
+        tmp_path / "a", [Recorded("/scan", LASERSCAN, time, message), *drive.recorded_odometry()]
+    )
+    found = merge_bag(path)
+    pose = Pose.from_quaternion(at[0], at[1], drive.rotation(at[2]))
+    grid = OccupancyGrid(found.grid.geobox)
+    grid.merge(Scan.from_laserscan(message, pose))
+    assert grid.log_odds.any() and np.array_equal(grid.log_odds, found.grid.log_odds)
+
+
+def test_poses_from_tf_place_the_map_in_its_root(tmp_path: Path) -> None:
+    drive = Drive(laser=LASER)
+    found = merge_bag(write_ros2(tmp_path / "a", drive.everything()), TF)
+    assert found.frame == "map" and found.warnings == ()
+    assert_same_map(found.grid, direct(drive, found, shift=(1.0, -2.0)))
+
+
+def test_the_map_covers_what_the_scans_observe_and_shows_the_room(tmp_path: Path) -> None:
+    drive = Drive()
+    found = merge_bag(
+        write_ros1(tmp_path / "a.bag", Drive(1).everything()), params=MergeParams(resolution_m=0.1)
+    )
+    geobox = found.grid.geobox
+    assert geobox.transform.a == 0.1 and min(geobox.shape) > 30
+    wider = OccupancyGrid.empty((400, 400), 0.1, (-20.0, -20.0))
+    for scan in drive.scans():
+        wider.merge(scan)
+    (rows, cols), origin = geobox.shape, geobox.transform.c
+    observed = np.argwhere(wider.log_odds != 0)
+    width = observed[:, 1].max() - observed[:, 1].min() + 1
+    assert width <= cols <= width + 3 and origin == pytest.approx(round(origin, 1), abs=1e-9)
+    states = trinary_states(found.grid.probabilities)
+    x, y = geobox.xy_from_pixel(*(np.indices((rows, cols)) + 0.5))
+    solid = ROOM.contains(x, y)
+    assert solid[states == 1].mean() < 0.02
+    near = np.min(
+        [ROOM.contains(x + dx, y + dy) for dx in (-0.15, 0, 0.15) for dy in (-0.15, 0, 0.15)], axis=0
+    )
+    touching = np.max(
+        [ROOM.contains(x + dx, y + dy) for dx in (-0.15, 0, 0.15) for dy in (-0.15, 0, 0.15)], axis=0
+    )
+    assert touching[states == 3].mean() > 0.95 and not near[states == 1].any()
+
+
+def test_a_sensor_upside_down_makes_the_same_map(tmp_path: Path) -> None:
+    drive = Drive()
+    hanging = drive.recorded_static(quaternion=(1, 0, 0, 0))  # rolled by half a turn
+    mirrored = []
+    for one in drive.recorded_scans():
+        message = dataclasses.replace(
+            one.message, ranges=one.message.ranges[::-1].copy()
+        )  # its fan is symmetric: the beams in reverse order
+        mirrored.append(dataclasses.replace(one, message=message))
+    found = merge_bag(write_ros2(tmp_path / "a", mirrored + drive.recorded_odometry() + hanging))
+    assert found.counts.merged == 12
+    expected = OccupancyGrid(found.grid.geobox)
+    for time, scan in zip(drive.scan_times(), drive.scans(), strict=True):
+        upright = Scan.from_laserscan(drive.laserscan(scan, time), drive.sensor_pose(time))
+        backwards = {"angles": upright.angles[::-1], "ranges": upright.ranges[::-1]}
+        expected.merge(dataclasses.replace(upright, **backwards))
+    assert_same_map(found.grid, expected)
+
+
+# Scans that are left out
+
+
+def test_scans_without_a_pose_are_counted(tmp_path: Path) -> None:
+    drive = Drive()
+    messages = drive.recorded_scans() + drive.recorded_odometry()[4:] + drive.recorded_static()
+    found = merge_bag(write_ros2(tmp_path / "a", messages))
+    assert (found.counts.merged, found.counts.without_pose) == (8, 4)
+    assert found.warnings == ("4 of 12 scans have no pose from /odom at their time, and are left out",)
+
+
+def test_tilted_invalid_and_poseless_are_told_apart(tmp_path: Path) -> None:
+    drive = Drive()
+    messages = drive.everything()
+    for one in messages:
+        if one.topic == "/scan" and one.time < START_NS + 3 * STEP_NS:
+            one.message.angle_increment = 0.5
+        if one.topic == "/odom" and one.time > START_NS + 10 * STEP_NS:
+            turn = one.message.pose.pose.orientation
+            turn.x, turn.y, turn.z, turn.w = 1.0, 0.0, 0.0, 1.0
+        if one.topic == "/odom" and one.time == START_NS + 6 * STEP_NS:
+            one.message.pose.pose.position.x = math.nan
+    found = merge_bag(write_ros2(tmp_path / "a", messages))
+    counts = found.counts
+    assert (counts.merged, counts.tilted, counts.invalid, counts.total) == (7, 2, 3, 12)
+    texts = "\n".join(found.warnings)
+    assert "2 of 12 scans were tilted by more than 30 degrees" in texts
+    assert "3 of 12 scans are invalid, and left out: a LaserScan from" in texts
+    assert "1 poses of /odom are not finite rotations" in texts
+
+
+def test_a_sensor_that_tf_does_not_place_is_taken_to_be_at_the_base(tmp_path: Path) -> None:
+    drive = Drive()
+    found = merge_bag(write_ros2(tmp_path / "a", drive.recorded_scans() + drive.recorded_odometry()))
+    assert found.warnings == (
+        "no transform leads from 'base_link' to 'laser' in /tf_static: the sensor is taken to be at "
+        "'base_link'",
+    )
+    assert_same_map(found.grid, direct(drive, found))
+
+
+def test_frames_with_a_slash_of_ros_1_are_those_without(tmp_path: Path) -> None:
+    drive = Drive(1, laser=LASER)
+    messages = drive.recorded_scans(frame="/laser") + drive.recorded_odometry() + drive.recorded_static()
+    found = merge_bag(write_ros1(tmp_path / "a.bag", messages))
+    assert not found.warnings
+    assert_same_map(found.grid, direct(drive, found))
+
+
+def test_the_old_type_of_tf_is_read(tmp_path: Path) -> None:
+    drive = Drive(1)
+    old = [dataclasses.replace(one, kind="tf/msg/tfMessage") for one in drive.recorded_tf()]
+    messages = drive.recorded_scans() + old + drive.recorded_static()
+    assert merge_bag(write_ros1(tmp_path / "a.bag", messages), TF).counts.merged == 12
+
+
+# Bags of which no map is made
+
+
+def link(drive: Drive, parent: str, child: str) -> Recorded:
+    moved = drive.transform(START_NS, parent, child, (0, 0, 0))
+    return Recorded("/tf", TRANSFORMS, START_NS, drive.transforms([moved]))
+
+
+DRIVE = Drive()
+SCANS, ODOM = DRIVE.recorded_scans(), DRIVE.recorded_odometry()
+
+
+def other_base() -> Recorded:
+    time = ODOM[3].time
+    return Recorded("/odom", ODOM[3].kind, time, DRIVE.odometry(time, (0, 0, 0), "trailer"))
+
+
+@pytest.mark.parametrize(
+    ("messages", "topics", "text"),
+    [
+        (ODOM, BagTopics(), r"has no topic /scan; it has /odom \(nav_msgs/msg/Odometry\)"),
+        (SCANS, BagTopics(), r"has no topic /odom; it has /scan \(sensor_msgs/msg/LaserScan\)"),
+        (SCANS, TF, "has no topic /tf; it has /scan"),
+        (SCANS + ODOM, BagTopics(odom="/scan"), r"/scan of .* holds sensor_msgs/msg/LaserScan; expected nav"),
+        (SCANS + ODOM, BagTopics(scan="/odom"), "/odom of .* expected sensor_msgs/msg/LaserScan"),
+        ([*SCANS, *ODOM, other_base()], BagTopics(), "moves several frames"),
+        (
+            SCANS[:1] + ODOM[3:],
+            BagTopics(),
+            "no scan of /scan .* has a pose from /odom: the frame of the scans",
+        ),
+        (
+            SCANS + DRIVE.recorded_tf(),
+            TF,
+            "the frame of the scans is 'laser', frames that move are 'base_link'",
+        ),
+        ([*SCANS, link(DRIVE, "a", "laser"), link(DRIVE, "b", "laser")], TF, "has two parents, 'a' and 'b'"),
+        ([*SCANS, link(DRIVE, "a", "laser"), link(DRIVE, "laser", "a")], TF, "form a circle at"),
+    ],
+)
+def test_what_is_missing_is_named(
+    messages: list[Recorded], topics: BagTopics, text: str, tmp_path: Path
+) -> None:
+    with pytest.raises(BagError, match=text):
+        merge_bag(write_ros2(tmp_path / "a", messages), topics)
+
+
+def test_a_map_without_bound_is_refused_before_it_is_made(tmp_path: Path) -> None:
+    odometry = DRIVE.recorded_odometry()
+    odometry[-1].message.pose.pose.position.x = 1e6
+    path = write_ros2(tmp_path / "a", SCANS + odometry)
+    with pytest.raises(BagError, match=r"cells of 0\.05 m; at most 100,000,000 are possible: give a larger"):
+        merge_bag(path)
+
+
+def test_a_smaller_range_makes_a_smaller_map(tmp_path: Path) -> None:
+    path = write_ros2(tmp_path / "a", SCANS + ODOM)
+    near, all_of_it = (merge_bag(path, params=MergeParams(0.05, max_range_m=m)) for m in (1.0, None))
+    assert near.grid.geobox.shape[0] < all_of_it.grid.geobox.shape[0] - 10
+    assert near.counts.merged == 12
+
+
+@pytest.mark.parametrize(
+    ("how", "error", "text"),
+    [
+        ({"resolution_m": 0.0}, ParameterError, r"resolution is 0\.001 to 100 metres per cell, not 0"),
+        ({"resolution_m": math.nan}, ParameterError, "not nan"),
+        ({"sigma_m": -1.0}, SceneError, "sigma is a number above 0, not -1"),
+        ({"max_range_m": 0.0}, SceneError, "max range is a number above 0, not 0"),
+    ],
+)
+def test_lengths_are_checked(how: dict[str, Any], error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        MergeParams(**how)
+
+
+def test_too_many_poses_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(frames, "MAX_POSES", 5)
+    path = write_ros2(tmp_path / "a", DRIVE.everything())
+    for topics in (BagTopics(), TF):
+        with pytest.raises(BagError, match="has more than 5 poses"):
+            merge_bag(path, topics)

@@ -1,0 +1,88 @@
+"""`uavseg build-map`: a recorded bag of ROS 1 or ROS 2 becomes a map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from uavseg.cli._say import say
+from uavseg.cli._write import keep_inputs, transaction
+
+if TYPE_CHECKING:
+    from uavseg.jobs.build_map import BuiltMap
+
+
+@click.command("build-map", short_help="Merge the scans of a recorded bag into a map.")
+@click.argument("bag", metavar="BAG")
+@click.option("-o", "--output", required=True, metavar="PATH.yaml|PATH.tif", help="The map.")
+@click.option("--scan", default="/scan", show_default=True, metavar="TOPIC", help="Of sensor_msgs/LaserScan.")
+@click.option(
+    "--odom", metavar="TOPIC", help="Poses from nav_msgs/Odometry.  [default: /odom, unless --tf is given]"
+)
+@click.option("--tf", is_flag=True, help="Poses from the tree of /tf and /tf_static.")
+@click.option(
+    "--resolution", type=float, default=0.05, show_default=True, metavar="M", help="Side of a cell."
+)
+@click.option(
+    "--sigma", type=float, default=0.03, show_default=True, metavar="M", help="Standard deviation of ranges."
+)
+@click.option(
+    "--max-range",
+    type=float,
+    metavar="M",
+    help="Use beams up to here.  [default: the range_max of each scan]",
+)
+@click.option("--overwrite", is_flag=True, help="Replace files that are there.")
+@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+def command(**options: Any) -> None:
+    """Merge the scans of a recorded BAG into a map, each at the pose of the sensor at its time.
+
+    BAG is a .bag of ROS 1, or a folder, a .mcap or a .db3 of ROS 2; ROS itself is not needed
+    (pip install "uavseg[ros]"). Poses are interpolated between messages of odometry, or over the tree of /tf;
+    where /tf_static places the sensor on the robot, that counts. Scans without a pose are left out, and
+    counted.
+
+    PATH.yaml is a ROS map with its PATH.pgm, which Nav2's map server and uavseg classify read: free up to a
+    probability of 0.25, occupied from 0.65 on. PATH.tif holds the probabilities.
+    """
+    from uavseg.jobs.build_map import build_map, topics_of
+    from uavseg.occupancy.bags.merge_bag import MergeParams
+    from uavseg.occupancy.map_file import check_map_path
+
+    target, overwrite = options["output"], options["overwrite"]
+    files = check_map_path(target, overwrite)
+    keep_inputs(files, options["bag"], *_files_in(options["bag"]))
+    topics = topics_of(options["scan"], options["odom"], options["tf"])
+    params = MergeParams(options["resolution"], options["sigma"], options["max_range"])
+    found = build_map(options["bag"], topics, params)
+    if not options["quiet"]:
+        for warning in found.warnings:
+            say(f"uavseg: warning: {warning}")
+    with transaction():
+        found.write(target, overwrite)
+    if not options["quiet"]:
+        _report(found, files)
+
+
+def _files_in(bag: str) -> list[Path]:
+    """The files of a bag of ROS 2 that is a folder, which no output may replace."""
+    folder = Path(bag)
+    return sorted(folder.iterdir()) if folder.is_dir() else []
+
+
+def _report(found: BuiltMap, files: list[str]) -> None:
+    from uavseg.occupancy.map_file import trinary_states
+
+    geobox = found.grid.geobox
+    rows, cols = geobox.shape
+    states = trinary_states(found.grid.probabilities)
+    text = ", ".join(
+        f"{name} {100 * (states == state).mean():.1f} %"
+        for state, name in ((1, "free"), (2, "unknown"), (3, "occupied"))
+    )
+    say(f"  map         {rows:,} x {cols:,} cells of {geobox.transform.a:g} m in the frame {found.frame}")
+    say(f"  scans       {found.scans.merged:,} of {found.scans.total:,} merged")
+    say(f"  cells       {text}")
+    say(f"  written     {', '.join(files)}")

@@ -1,0 +1,67 @@
+"""Maps of recorded bags: the scans of a robot, merged at the poses that it had."""
+
+import os
+from dataclasses import dataclass
+
+from uavseg.errors import ParameterError
+from uavseg.occupancy.bags.merge_bag import BagTopics, MergeParams, ScanCounts, merge_bag
+from uavseg.occupancy.map_file import write_map
+from uavseg.occupancy.mapping.grid import OccupancyGrid
+
+DEFAULT_ODOM = "/odom"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BuiltMap:
+    """The map of a bag.
+
+    Parameters
+    ----------
+    grid : OccupancyGrid
+        With its evidence; `grid.save` keeps it.
+    frame : str
+        In whose coordinates the map is, such as "odom" or "map".
+    scans : ScanCounts
+        How many were merged, and how many left out.
+    warnings : tuple of str
+    """
+
+    grid: OccupancyGrid
+    frame: str
+    scans: ScanCounts
+    warnings: tuple[str, ...]
+
+    def write(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+        """Write the map: .yaml with its .pgm, as Nav2's map server reads them, or .tif of probabilities.
+
+        Raises
+        ------
+        OutputExistsError, OutputError
+            If a file exists, or cannot be written.
+        """
+        write_map(path, self.grid, overwrite)
+
+
+def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
+    """The topics that words name: odometry, by default of /odom, or the tree of /tf.
+
+    Raises
+    ------
+    ParameterError
+        If both are asked for.
+    """
+    if tf and odom is not None:
+        raise ParameterError("poses come from --odom or from --tf (odom and tf in Python), not from both")
+    return BagTopics(scan, None if tf else odom or DEFAULT_ODOM)
+
+
+def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParams) -> BuiltMap:
+    """Merge the scans of a recorded bag into a map; see `merge_bag`.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, lacks a topic, or no scan has a pose; if the map would be too large.
+    """
+    found = merge_bag(bag, topics, params)
+    return BuiltMap(found.grid, found.frame, found.counts, found.warnings)

@@ -1,0 +1,153 @@
+"""`nav_msgs/OccupancyGrid` messages: int8 cells in per cent, -1 unknown, row 0 at the bottom.
+
+A message is any object with these fields: of rclpy, rospy, rosbags or none of them. None of them is imported.
+"""
+
+import math
+from array import array
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import MapError, RasterError, SceneError
+from uavseg.occupancy.mapping.grid_file import check_cells
+from uavseg.occupancy.mapping.rotation import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
+from uavseg.occupancy.ros.ros_map import RosMap, placement, transform_of
+from uavseg.plain_text import shown
+from uavseg.raster.geobox import GeoBox
+
+Float32s = NDArray[np.float32]
+
+_LEVEL_DEG = 0.1  # an origin that is tilted by less lies in the plane
+
+
+def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
+    """Probabilities of a message, and the position of its cells.
+
+    Returns
+    -------
+    probabilities : (rows, cols) float32 array
+        In 0..1, exactly 0.5 where unknown; the first row is the highest.
+    geobox : GeoBox
+
+    Raises
+    ------
+    MapError
+        If a field is missing, cells are not -1 or 0..100, or the origin is tilted.
+    """
+    resolution = _number(message, "info.resolution")
+    shape = (_count(message, "info.height"), _count(message, "info.width"))
+    check_cells(shape, "this OccupancyGrid message")
+    if not (math.isfinite(resolution) and resolution > 0):
+        raise MapError(f"info.resolution is metres per cell, a number above 0, not {resolution:g}")
+    cells = _cells(message, shape)
+    try:
+        geobox = GeoBox(shape, transform_of(_origin(message), resolution, shape[0]), None)
+    except RasterError as error:
+        raise MapError(f"the place of this OccupancyGrid message: {error}") from error
+    return RosMap(cells, geobox).probabilities, geobox
+
+
+def fill_grid_message(probabilities: Float32s, geobox: GeoBox, message: Any = None) -> Any:
+    """Fill `info` and `data` of a message, or of a new plain object; returns it.
+
+    Parameters
+    ----------
+    probabilities : (rows, cols) float32 array
+    geobox : GeoBox
+        Square cells in metres.
+    message : OccupancyGrid message, optional
+        Where its `data` is a numpy array, it becomes one, as rosbags has it; else an array.array.
+    """
+    resolution, (x, y, yaw), mirrored = placement(geobox)
+    cells = np.floor(100 * probabilities.astype(np.float64) + 0.5).astype(np.int8)
+    cells[probabilities == 0.5] = -1
+    upwards = np.ascontiguousarray(cells if mirrored else cells[::-1])  # row 0 of a message is the lowest
+    filled = _plain_message() if message is None else message
+    _field(filled, "info.origin.orientation.w")
+    info = filled.info
+    info.resolution, info.height, info.width = resolution, *geobox.shape
+    place, turn = info.origin.position, info.origin.orientation
+    place.x, place.y, place.z = x, y, 0.0
+    turn.x, turn.y, turn.z, turn.w = 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
+    is_numpy = isinstance(getattr(filled, "data", None), np.ndarray)
+    filled.data = upwards.reshape(-1) if is_numpy else array("b", upwards.tobytes())
+    return filled
+
+
+def _plain_message() -> SimpleNamespace:
+    """An object with the fields of the message."""
+    numbers = {"x": 0.0, "y": 0.0, "z": 0.0}
+    origin = SimpleNamespace(
+        position=SimpleNamespace(**numbers), orientation=SimpleNamespace(**numbers, w=1.0)
+    )
+    stamp = SimpleNamespace(sec=0, nanosec=0)
+    info = SimpleNamespace(map_load_time=stamp, resolution=0.0, width=0, height=0, origin=origin)
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id="map")
+    return SimpleNamespace(header=header, info=info, data=array("b"))
+
+
+def _field(message: Any, path: str) -> Any:
+    """A field by its path, such as info.origin."""
+    value = message
+    for name in path.split("."):
+        if not hasattr(value, name):
+            kind = shown(type(message).__name__)
+            raise MapError(f"message is a nav_msgs/OccupancyGrid; this one, {kind}, has no {path}")
+        value = getattr(value, name)
+    return value
+
+
+def _number(message: Any, path: str, kind: Callable[[Any], Any] = float) -> Any:
+    value = _field(message, path)
+    try:
+        if isinstance(value, str | bytes | bool):
+            raise TypeError
+        return kind(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise MapError(f"{path} of an OccupancyGrid message is a number, not {shown(value)}") from error
+
+
+def _count(message: Any, path: str) -> int:
+    count: int = _number(message, path, int)
+    if count < 1:
+        raise MapError(f"{path} of an OccupancyGrid message is a number of cells above 0, not {count}")
+    return count
+
+
+def _origin(message: Any) -> tuple[float, float, float]:
+    """x and y of the lower left corner, and the yaw."""
+    x, y = (_number(message, f"info.origin.position.{name}") for name in "xy")
+    try:
+        matrix = matrix_of_quaternion(as_quaternion(_field(message, "info.origin.orientation")))
+    except SceneError as error:
+        raise MapError(f"info.origin.orientation of an OccupancyGrid message: {error}") from error
+    if tilt_deg(matrix) > _LEVEL_DEG:
+        raise MapError(
+            f"info.origin.orientation tilts the map by {tilt_deg(matrix):.1f} degrees out of the plane; "
+            "expected a rotation around z"
+        )
+    return x, y, heading_of(matrix)
+
+
+def _cells(message: Any, shape: tuple[int, int]) -> NDArray[np.int8]:
+    """Cells in rows from the top."""
+    value = _field(message, "data")
+    try:
+        cells = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        raise MapError(f"data of an OccupancyGrid message are whole numbers, not {shown(value)}") from error
+    if cells.ndim != 1 or (cells.dtype.kind not in "iu" and cells.size):
+        raise MapError(f"data of an OccupancyGrid message are one row of whole numbers, not {shown(value)}")
+    if cells.size != shape[0] * shape[1]:
+        raise MapError(
+            f"an OccupancyGrid message of {shape[1]:,} x {shape[0]:,} cells holds as many values; this one "
+            f"holds {cells.size:,}"
+        )
+    if cells.min() < -1 or cells.max() > 100:
+        wrong = cells[(cells < -1) | (cells > 100)][0]
+        raise MapError(f"cells of an OccupancyGrid message are -1 or 0 to 100, not {wrong}")
+    return np.ascontiguousarray(cells.reshape(shape)[::-1].astype(np.int8))

@@ -1,0 +1,226 @@
+"""Recovery of thin obstacles after the scans: walls, poles and furniture of one or two cells.
+
+A wall of one or two cells lies in blocks whose mean is free, and no scan reaches it. So the cells that are
+occupied by their own value, but not by their segment (candidates), are grouped into 8-connected structures;
+see `obstacle_evidence` for the tests:
+
+- one of three cells or more with no occupied cell beside it is an obstacle, which would be lost;
+- one of strong cells whose likelihood ratio is large enough is an obstacle, or part of the one beside it.
+
+The rest is explained by the noise of the map, and stays as it is. In a trinary map every cell that is
+occupied by its own value is part of an obstacle.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+from uavseg.raster.tiling import TilePass, Window, whole_blocks
+from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.states.obstacle_evidence import EvidenceRule
+from uavseg.segmentation.states.state_image import StateImage
+from uavseg.segmentation.states.state_scans import Codes
+from uavseg.segmentation.states.thin_components import ThinComponents, label_8_connected
+from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
+
+_CHUNK_PIXELS = 1 << 22  # pixels of the rows that are labelled at once, unless 64 rows have more
+
+_LEFT_OUT = FREE | OCCUPIED << 2, UNKNOWN | OCCUPIED << 2  # occupied by the own value, not by the segment
+_KEPT = OCCUPIED | OCCUPIED << 2
+# A candidate has a code that no other pixel has: its state, shifted left twice where its evidence is strong.
+_STRONG_SHIFT = 2
+
+_RESTORED = np.arange(16, dtype=np.uint8)
+_RESTORED[list(_LEFT_OUT)] = _KEPT
+
+
+@dataclass(frozen=True, slots=True)
+class ThinObstacles:
+    """What was found of thin obstacles.
+
+    Parameters
+    ----------
+    restored : dict of int to int
+        Number of pixels that became occupied, by the state that they had: 1 free, 2 unknown.
+    lost : int
+        Number of obstacles without an occupied pixel.
+    """
+
+    restored: dict[int, int]
+    lost: int
+
+
+def count_left_out(codes: NDArray[np.int64]) -> dict[int, int]:
+    """Pixels that are occupied by their own value alone, by their state, from the histogram of codes."""
+    return {FREE: int(codes[_LEFT_OUT[0]]), UNKNOWN: int(codes[_LEFT_OUT[1]])}
+
+
+def with_restored(codes: NDArray[np.int64], restored: dict[int, int]) -> NDArray[np.int64]:
+    """The histogram of codes after so many pixels of each state became occupied."""
+    counts = codes.copy()
+    for state, number in restored.items():
+        counts[state | OCCUPIED << 2] -= number
+        counts[_KEPT] += number
+    return counts
+
+
+def restore_all(codes: Codes) -> None:
+    """Every pixel that is occupied by its own value becomes occupied, in place."""
+    codes[:] = _RESTORED[codes]
+
+
+def find_thin_obstacles(
+    source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass, restore: bool
+) -> ThinObstacles:
+    """Find thin obstacles, and make them occupied if they are to be restored.
+
+    Parameters
+    ----------
+    source : GreySource
+    image : StateImage
+        Changed in place if `restore` is set.
+    rule : EvidenceRule
+    tile_pass : TilePass
+        Over the tiles of `state_strips`; the result does not depend on them.
+    restore : bool
+        Whether they become occupied; otherwise those without an occupied pixel are counted.
+    """
+    weak, strong = ThinComponents(image.cols), ThinComponents(image.cols)
+    chunks = []
+    for row, codes, evidence in _read_chunks(source, image, rule, tile_pass):
+        masks = np.zeros((3, *evidence.shape), np.uint8)
+        _mark_candidates(codes, evidence, *masks)
+        weak.add(masks[0], evidence, masks[2])
+        if restore:
+            strong.add(masks[1], evidence, masks[2])
+            chunks.append((row, len(evidence)))
+            image.write_codes(row, codes[1:-1])
+    roots, (cells, odds, attached) = weak.totals()
+    obstacles = (attached == 0) & ((cells >= rule.min_cells) | (odds >= rule.min_evidence)) & (cells > 0)
+    if not restore:
+        return ThinObstacles({FREE: 0, UNKNOWN: 0}, int(obstacles.sum()))
+    strong_roots, (_, strong_odds, _) = strong.totals()
+    parts = (strong_odds >= rule.min_evidence)[strong_roots]
+    return ThinObstacles(_restore(image, chunks, obstacles[roots], parts), 0)
+
+
+def _restore(
+    image: StateImage,
+    chunks: Sequence[tuple[int, int]],
+    obstacles: NDArray[np.bool_],
+    parts: NDArray[np.bool_],
+) -> dict[int, int]:
+    """Candidates of the chosen components become occupied, the others what they were; counts by state."""
+    restored = np.zeros(4, np.int64)
+    for row, rows in chunks:
+        codes = image.read_codes(row, rows)
+        masks = np.zeros((2, *codes.shape), np.uint8)
+        _find_candidates(codes, *masks)
+        weak, obstacles = _chosen(masks[0], obstacles)
+        strong, parts = _chosen(masks[1], parts)
+        _restore_candidates(codes, *weak, *strong, restored)
+        image.write_codes(row, codes)
+    return {FREE: int(restored[FREE]), UNKNOWN: int(restored[UNKNOWN])}
+
+
+def _chosen(
+    mask: NDArray[np.uint8], chosen: NDArray[np.bool_]
+) -> tuple[tuple[NDArray[np.uint32], NDArray[np.bool_]], NDArray[np.bool_]]:
+    """Labels of a chunk and whether each label is chosen, and the choices of later chunks."""
+    labels, count = label_8_connected(mask)
+    return (labels, np.concatenate([[False], chosen[:count]])), chosen[count:]
+
+
+def _read_chunks(
+    source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
+) -> Iterator[tuple[int, Codes, NDArray[np.uint8]]]:
+    """First row of each chunk, its codes with a row above and below, and the evidence of its pixels."""
+    strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
+    trinary = rule.min_cells == 1  # evidence is the same everywhere
+    needed = [] if trinary else [tile for strip in strips for tile in _tiles_with_candidates(image, strip)]
+    results = zip(needed, tile_pass.run(partial(_evidence_of_tile, source, rule), needed), strict=True)
+    at_once = max(_CHUNK_PIXELS // image.cols // BLOCK, 1) * BLOCK
+    waiting = next(results, None)
+    for strip in strips:
+        top, rows = strip[0].row, whole_blocks(strip[0].rows)
+        evidence = np.full((rows, image.cols), trinary, np.uint8)
+        while waiting is not None and waiting[0].row == top:
+            tile, part = waiting
+            evidence[: part.shape[0], tile.col : tile.col + part.shape[1]] = part
+            waiting = next(results, None)
+        for row in range(top, top + rows, at_once):
+            part = evidence[row - top : row - top + at_once]
+            yield row, image.read_codes(row - 1, len(part) + 2), part
+
+
+def _tiles_with_candidates(image: StateImage, strip: Sequence[Window]) -> list[Window]:
+    """The tiles of a strip that hold pixels occupied by their own value alone."""
+    found = np.zeros(image.cols, np.uint8)
+    _find_columns(image.read_codes(strip[0].row, strip[0].rows), found)
+    return [tile for tile in strip if found[tile.col : tile.col + tile.cols].any()]
+
+
+def _evidence_of_tile(source: GreySource, rule: EvidenceRule, window: Window) -> NDArray[np.uint8]:
+    """The evidence of a tile's pixels; 0 where they are invalid, as their grey is."""
+    evidence: NDArray[np.uint8] = rule.codes[source.read(window, 0).grey]
+    return evidence
+
+
+@inlined
+def left_out(code):  # type: ignore[no-untyped-def]
+    """Whether a pixel is occupied by its own value alone."""
+    return code == np.uint8(13) or code == np.uint8(14)
+
+
+@kernel("void(u1[:,::1], u1[::1])")
+def _find_columns(codes, found):  # type: ignore[no-untyped-def]
+    for r in range(codes.shape[0]):
+        for c in range(codes.shape[1]):
+            found[c] |= left_out(codes[r, c])
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
+def _mark_candidates(codes, evidence, weak, strong, attached):  # type: ignore[no-untyped-def]
+    # `codes` has one more row above and below.
+    rows, cols = evidence.shape
+    for r in range(rows):
+        for c in range(cols):
+            if evidence[r, c] == 0 or not left_out(codes[r + 1, c]):
+                continue
+            weak[r, c] = 1
+            strong[r, c] = evidence[r, c] >> np.uint8(7)
+            for i in range(r, r + 3):
+                for k in range(max(c - 1, 0), min(c + 2, cols)):
+                    if codes[i, k] == np.uint8(_KEPT):
+                        attached[r, c] = 1
+            state = codes[r + 1, c] & np.uint8(3)
+            codes[r + 1, c] = state << np.uint8(_STRONG_SHIFT) if strong[r, c] else state
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
+def _find_candidates(codes, weak, strong):  # type: ignore[no-untyped-def]
+    for r in range(codes.shape[0]):
+        for c in range(codes.shape[1]):
+            code = codes[r, c]
+            strong[r, c] = code == np.uint8(4) or code == np.uint8(8)
+            weak[r, c] = strong[r, c] | (code == np.uint8(1)) | (code == np.uint8(2))
+
+
+@kernel("void(u1[:,::1], u4[:,::1], b1[::1], u4[:,::1], b1[::1], i8[::1])")
+def _restore_candidates(codes, weak, chosen_weak, strong, chosen_strong, restored):  # type: ignore[no-untyped-def]
+    for r in range(codes.shape[0]):
+        for c in range(codes.shape[1]):
+            if weak[r, c] == 0:
+                continue
+            code = codes[r, c]
+            state = code >> np.uint8(_STRONG_SHIFT) if strong[r, c] else code
+            if chosen_weak[weak[r, c]] or chosen_strong[strong[r, c]]:
+                codes[r, c] = np.uint8(_KEPT)
+                restored[state] += 1
+            else:
+                codes[r, c] = state | np.uint8(12)
