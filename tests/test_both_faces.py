@@ -1,6 +1,7 @@
 """Python and the command line give the same files, the same warnings and the same errors."""
 
 import json
+import shutil
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import chdir
@@ -88,6 +89,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         write("west.tif", patches(3)[:, :90], nodata=0, **UTM)
         east = {"crs": UTM["crs"], "transform": UTM["transform"] @ Affine.translation(90, 0)}
         write("east.tif", patches(3)[:, 90:], nodata=0, **east)
+        Path("halves").mkdir()
+        for name in ("west.tif", "east.tif"):
+            shutil.copy(name, "halves")
+        Path("halves.txt").write_text("west.tif\neast.tif\n")
         write("two.tif", patches(9)[:100], **(UTM | {"transform": Affine(3, 0, 4e5, 0, -3, 5e6)}))
         write("black.tif", np.zeros(SHAPE, np.uint8), nodata=0, **UTM)
         blocks = {"tiled": True, "blockxsize": 64, "blockysize": 64, "compress": "deflate"}
@@ -202,6 +207,10 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("deep.tif", {"range": (0.4, 0.8), "min_area": 50.0}),
     (["west.tif", "east.tif"], {"range": (0.3, 0.7)}),
     (["west.tif", "two.tif"], {"range": (0.3, 0.7)}),
+    ("halves", {"range": (0.3, 0.7)}),
+    ("[ew]*st.tif", {"range": (0.3, 0.7)}),
+    ("@halves.txt", {"range": (0.3, 0.7)}),
+    ("none*.tif", {"range": (0.3, 0.7)}),
     ("black.tif", {"range": (0, 1), "stretch": "minmax"}),
     ("cut.tif", {"range": (0.3, 0.7), "skip_bad_tiles": True}),
     ("cut.tif", {"range": (0.3, 0.7)}),
@@ -278,6 +287,79 @@ def test_regions(job: str, source: Any, words: Words) -> None:
     call = getattr(uavseg, job)
     expected = on_the_command_line(job, arguments, "out.geojson")
     assert_equal(in_python(lambda: geojson_of(call(source, **words))), expected)
+
+
+@pytest.mark.parametrize(
+    ("job", "sources", "words"),
+    [
+        ("extract", "lot", {"range": (0.55, 1)}),
+        ("extract", "lot", {"range": (0.9999, 1), "report": "out/report.csv", "threads": 2}),
+        ("extract", "lot/*.tif", {"range": (0.3, 0.7), "labels": "out/{stem}.tif", "tile": 64}),
+        (
+            "extract",
+            ["tile.tif", "missing.tif", "cut.tif", "deep.tif"],
+            {"range": (0.3, 0.7), "min_area": "9px"},
+        ),
+        ("extract", ["blocks.tif", "lost.tif", "ros.yaml"], {"range": (0.4, 1), "report": "out/report.csv"}),
+        ("levels", "@list.txt", {"width": 0.3, "threads": 1, "min_area": 60.0, "small": "drop"}),
+        ("levels", "lot", {"width": 0.3, "band": 2, "overwrite": True}),
+        ("match", ["tile.tif", "west.tif"], {"like": DISC, "similarity": 0.5}),
+        ("extract", "empty", {"range": (0.55, 1)}),
+        ("extract", "none*.tif", {"range": (0.55, 1)}),
+        ("extract", "@none.txt", {"range": (0.55, 1)}),
+        ("extract", "lot", {"range": (1, 0)}),
+        ("extract", "lot", {"range": (0, 1), "threads": 0}),
+        ("extract", "lot", {"range": (0, 1), "report": "out/report.txt"}),
+        ("extract", ["tile.tif", "lot/tile.tif"], {"range": (0, 1)}),
+    ],
+)
+def test_each_of_many(job: str, sources: Any, words: Words) -> None:
+    for name in ("lot", "empty", "out"):
+        shutil.rmtree(name, ignore_errors=True)
+        Path(name).mkdir()
+    for name in ("tile.tif", "deep.tif", "black.tif"):
+        shutil.copy(name, "lot")
+    Path("list.txt").write_text("west.tif\neast.tif\n")
+    rasters = sources if isinstance(sources, list) else [sources]
+    line = [job, *rasters, "--each", *options(words), "-o", "out/{stem}.gpkg"]
+    result = CliRunner().invoke(main, line)
+    errors = [
+        text.removeprefix("uavseg: error: ") for text in result.stderr.splitlines() if ": error: " in text
+    ]
+    expected = {path.name: path.read_bytes() for path in Path("out").iterdir()}
+    shutil.rmtree("out")
+    Path("out").mkdir()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            found = uavseg.each(getattr(uavseg, job), sources, "out/{stem}.gpkg", **words)
+            failures = [one.failure for one in found if one.error is not None]
+            assert errors == failures
+        except uavseg.UavsegError as error:
+            failures = []
+            assert errors == [str(error)]
+    assert result.exit_code == bool(errors)
+    assert {path.name: path.read_bytes() for path in Path("out").iterdir()} == expected
+    said = {str(one.message) for one in caught if one.category is UserWarning}
+    assert said == told(result.stderr) | set(failures)
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ({"rang": (0, 1)}, "uavseg.extract has no argument rang"),
+        ({}, "uavseg.extract needs range"),
+        ({"range": (0, 1), "source": "tile.tif"}, "has no argument source"),
+        ({"range": (0, 1), "resume": "kept"}, "resume is for one source"),
+        ({"range": "wide"}, "range is"),
+    ],
+)
+def test_words_of_each_are_those_of_the_job(words: Words, text: str) -> None:
+    with pytest.raises(uavseg.errors.ParameterError, match=text):
+        uavseg.each(uavseg.extract, "tile.tif", "{stem}.gpkg", **words)
+    with pytest.raises(uavseg.errors.ParameterError, match=r"job is uavseg\.extract"):
+        uavseg.each(uavseg.divide, "tile.tif", "{stem}.gpkg")
+    assert not Path("tile.gpkg").exists()
 
 
 @pytest.mark.parametrize(

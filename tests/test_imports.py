@@ -93,7 +93,7 @@ def package_of(module: str) -> str:
 
 # The direction of imports: a package imports from the levels above it, never from its own level or below.
 
-FOUNDATION = {"plain_text", "units", "_version", "_lazy_pandas"}
+FOUNDATION = {"plain_text", "units", "_version", "_lazy_pandas", "warning_filters"}
 LEVELS = (
     FOUNDATION,
     {"errors"},

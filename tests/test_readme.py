@@ -62,6 +62,10 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
         "dark.tif",
         "survey.plan",
         "levels.gpkg",
+        "p.gpkg",
+        "q.gpkg",
+        "report.csv",
+        "all.gpkg",
         "ploughed.gpkg",
         "states.yaml",
     ):
@@ -71,9 +75,11 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
 def write_inputs(folder: Path) -> None:
     """Write the input files of the commands: parts of the quarry, a field with crop rows, an empty room."""
     shutil.copy(ROOT / "samples" / "quarry.tif", folder / "tile.tif")
-    (folder / "mosaic").mkdir()
+    for name in ("mosaic", "tiles"):
+        (folder / name).mkdir()
     with rasterio.open(folder / "tile.tif") as quarry:
-        for name, col in {"a": 0, "b": 128, "c": 256, "mosaic/x": 320, "mosaic/y": 448}.items():
+        mosaic, tiles = {"mosaic/x": 320, "mosaic/y": 448}, {"tiles/p": 0, "tiles/q": 192}
+        for name, col in ({"a": 0, "b": 128, "c": 256} | mosaic | tiles).items():
             window = Window(col, 0, 128, 256)
             place = {"crs": quarry.crs, "transform": quarry.window_transform(window)}
             write(folder / f"{name}.tif", quarry.read(1, window=window), **place)

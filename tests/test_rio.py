@@ -1,12 +1,17 @@
 """The command group as a plugin of rio."""
 
 import json
+import os
+import shutil
+import subprocess
+import sys
 import tomllib
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 
 import click
+import geopandas
 import numpy as np
 import pytest
 import rasterio
@@ -90,3 +95,118 @@ def test_global_options_of_rio_do_not_interfere(rio: click.Group, raster: str) -
     result = run(rio, "-v", "uavseg", "divide", raster, "-o", "blocks.tif", "-q")
     assert result.exit_code == 0, result.output
     assert Path("blocks.tif").exists()
+
+
+# Pipes, with the real programs
+
+
+def program(name: str) -> str:
+    """The path of a program, beside this Python or elsewhere."""
+    found = shutil.which(name, path=str(Path(sys.executable).parent)) or shutil.which(name)
+    if found is None:
+        pytest.skip(f"{name} is not installed")
+    return found
+
+
+def piped(given: bytes, name: str, *words: str) -> bytes:
+    """What a program writes that reads `given`."""
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return subprocess.run(
+        [program(name), *words], input=given, stdout=subprocess.PIPE, check=True, env=own
+    ).stdout
+
+
+def streamed(raster: str, *words: str, start: tuple[str, ...] = (sys.executable, "-m", "uavseg")) -> bytes:
+    """What `uavseg extract -o -` writes, as a program."""
+    paths = [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH", "")]
+    line = [*start, "extract", raster, "--range", "0.55,1", "-q", "-o", "-", *words]
+    own = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
+    return subprocess.run(line, stdout=subprocess.PIPE, check=True, env=own).stdout
+
+
+BOUNDS = (400032, 4999888, 400128, 4999968)  # of the bright field, in metres
+CODES = {"--geographic": 4326, "--projected": 32618}
+
+
+@pytest.mark.parametrize("form", ["--collection", "--sequence", "--rs"])
+@pytest.mark.parametrize("place", ["--geographic", "--projected"])
+def test_streams_hold_the_same_features(raster: str, form: str, place: str) -> None:
+    text = streamed(raster, form, place)
+    if form == "--collection":
+        whole = json.loads(text)
+        assert ("crs" in whole) == (place == "--projected")
+        [feature] = whole["features"]
+    else:
+        assert text.endswith(b"\n") and text.startswith(b"\x1e" if form == "--rs" else b"{")
+        [feature] = [json.loads(line.removeprefix(b"\x1e")) for line in text.splitlines()]
+    frame = geopandas.GeoDataFrame.from_features([feature], crs=CODES[place])
+    assert frame.to_crs(32618).total_bounds == pytest.approx(BOUNDS, abs=0.02)
+
+
+def test_the_plugin_as_a_program_writes_the_same_stream(raster: str) -> None:
+    if not [point for point in entry_points(group=PLUGINS) if point.name == "uavseg"]:
+        pytest.skip("the package is not installed, so rio does not know it")
+    words = ("--projected", "--sequence")
+    assert streamed(raster, *words, start=(program("rio"), "uavseg")) == streamed(raster, *words)
+
+
+def test_rio_mask_reads_a_projected_stream(raster: str) -> None:
+    piped(streamed(raster, "--projected"), "rio", "mask", raster, "masked.tif", "-j", "-")
+    with rasterio.open(raster) as whole, rasterio.open("masked.tif") as masked:
+        image, kept = whole.read(1), masked.read(1)
+    assert np.array_equal(kept, np.where(image == 200, 200, 0)) and kept.any()
+
+
+@pytest.mark.parametrize("words", [["--sequence"], ["--rs"], ["--sequence", "--projected"]])
+def test_fio_collects_and_loads_a_stream(raster: str, words: list[str]) -> None:
+    collected = piped(streamed(raster, *words), "fio", "collect")
+    crs = "EPSG:32618" if "--projected" in words else "EPSG:4326"
+    piped(collected, "fio", "load", "--driver", "GPKG", "--src-crs", crs, "--dst-crs", "EPSG:32618", "f.gpkg")
+    frame = geopandas.read_file("f.gpkg")
+    assert frame["pixels"].tolist() == [40 * 48]
+    assert frame.total_bounds == pytest.approx(BOUNDS, abs=0.02)
+
+
+@pytest.mark.parametrize("form", ["--collection", "--sequence", "--rs"])
+@pytest.mark.parametrize("place", ["--geographic", "--projected"])
+def test_ogr2ogr_reads_a_stream(raster: str, form: str, place: str) -> None:
+    text = streamed(raster, form, place)
+    named = form == "--collection" or place == "--geographic"
+    words = [] if named else ["-a_srs", "EPSG:32618"]  # a sequence cannot name its CRS
+    piped(text, "ogr2ogr", "-f", "GPKG", *words, "o.gpkg", "/vsistdin/")
+    frame = geopandas.read_file("o.gpkg")
+    assert frame.crs.to_epsg() == CODES[place] and frame["pixels"].tolist() == [40 * 48]
+    assert frame.to_crs(32618).total_bounds == pytest.approx(BOUNDS, abs=0.02)
+
+
+def test_a_projected_sequence_says_its_crs(rio: click.Group, raster: str) -> None:
+    words = ["uavseg", "extract", raster, "--range", "0.55,1", "-o", "-", "--projected"]
+    assert "these coordinates are in EPSG:32618" in run(rio, *words, "--sequence").stderr
+    assert "warning" not in run(rio, *words).stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["-o", "x.geojson", "--projected"], "give them with -o -"),
+        (["-o", "x.geojson", "--collection"], "give them with -o -"),
+        (["--rs"], "give them with -o -"),
+        (["-o", "-", "--rs", "--collection"], "give one of the two"),
+    ],
+)
+def test_forms_of_streams_are_for_streams(raster: str, words: list[str], text: str) -> None:
+    result = CliRunner().invoke(main, ["extract", raster, "--range", "0.55,1", *words])
+    assert result.exit_code == 2 and text in result.stderr
+
+
+def test_coordinates_of_another_world_need_to_be_projected(rio: click.Group, raster: str) -> None:
+    moon = "+proj=longlat +R=1737400 +no_defs"
+    with rasterio.open(raster) as file:
+        image = file.read()
+    place = {"crs": moon, "transform": Affine(0.001, 0, 10, 0, -0.001, 20)}
+    with rasterio.open("moon.tif", "w", "GTiff", 90, 80, 1, dtype="uint8", **place) as file:
+        file.write(image)
+    words = ["uavseg", "extract", "moon.tif", "--range", "0.55,1", "-q", "-o", "-"]
+    assert run(rio, *words).exit_code == 1
+    result = run(rio, *words, "--projected")
+    assert result.exit_code == 0 and "1737400" in json.loads(result.stdout)["crs"]["properties"]["name"]

@@ -11,6 +11,7 @@ from uavseg._version import __version__
 
 if TYPE_CHECKING:
     from uavseg.api.check import check as check
+    from uavseg.api.each import each as each
     from uavseg.api.link import download as download
     from uavseg.api.link import upload as upload
     from uavseg.api.maps import build_map as build_map
@@ -40,6 +41,7 @@ _HOMES = {
     "build_map": "uavseg.api.maps",
     "classify": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",
+    "each": "uavseg.api.each",
     "match": "uavseg.api.questions",
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",

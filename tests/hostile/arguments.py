@@ -131,6 +131,12 @@ def _dataset() -> Any:
     return uavseg.Dataset.of_values(_field(), uavseg.GeoBox((64, 96), _geobox().transform, None), "field")
 
 
+def _extract() -> Any:
+    import uavseg
+
+    return uavseg.extract
+
+
 def _window() -> Any:
     from uavseg.raster.tiling import Window
 
@@ -151,6 +157,13 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     },
     "match": lambda: {"source": seeds.image(128, 140), "like": (64.0, 64.0, 40.0), "threads": 1},
     "suggest": lambda: {"source": _field(), "threads": 1},
+    "each": lambda: {
+        "job": _extract(),
+        "sources": "x.tif",
+        "output": "out-{stem}.geojson",
+        "range": (0.4, 1),
+        "threads": 1,
+    },
     "plan": lambda: {"regions": "hand.geojson", "altitude": 50, "home": "auto"},
     "check": lambda: {"mission": "fly.plan"},
     "upload": lambda: {"mission": "fly.plan", "connect": "tcp:127.0.0.1:9"},

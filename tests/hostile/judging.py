@@ -75,13 +75,15 @@ def _judge_one(case: Case, n: int, outcome: Outcome) -> list[Finding]:
         return found + [Finding(kind, _digest(text), text) for kind, text in _OWN.findall(err)]
     if outcome.seconds > SLOW_S:
         found.append(Finding("SLOW", name, f"{outcome.seconds:.0f} s, code {outcome.code}"))
-    found += _judge_text(err, outcome.code)
+    several = bool(case.commands) and "--each" in case.commands[n]
+    found += _judge_text(err, outcome.code, several)
     if _CONTROL.search(outcome.out.decode("utf-8", "surrogateescape").replace("\r\n", "")):
         found.append(Finding("CTRLOUT", name, repr(outcome.out[:200])))
-    return found + _judge_files(case, name, outcome)
+    return found + _judge_files(case, name, outcome, several)
 
 
-def _judge_text(err: str, code: int) -> list[Finding]:
+def _judge_text(err: str, code: int, several: bool) -> list[Finding]:
+    """Each line is one of ours; one of `several` sources that fails has an error of its own."""
     found = []
     lines = err.split("\n")
     lines = lines[:-1] if lines[-1] == "" else lines
@@ -98,7 +100,7 @@ def _judge_text(err: str, code: int) -> list[Finding]:
         ]
     if code not in (0, 1, 2):
         found.append(Finding("CODE", str(code), err[-300:]))
-    if len(errors) != (code != 0):
+    if len(errors) != (code != 0) and not (several and code == 1 and errors):
         found.append(
             Finding(
                 "MSG", f"{len(errors)} errors, code {code} {_digest(lines[-1] if lines else '')}", err[-500:]
@@ -119,16 +121,18 @@ def _judge_text(err: str, code: int) -> list[Finding]:
     return found
 
 
-def _judge_files(case: Case, name: str, outcome: Outcome) -> list[Finding]:
+def _judge_files(case: Case, name: str, outcome: Outcome, several: bool) -> list[Finding]:
     found = []
-    if outcome.code != 0 and (outcome.made or outcome.changed or outcome.gone):
+    if outcome.code != 0 and not several and (outcome.made or outcome.changed or outcome.gone):
         kept = tuple(made for made in outcome.made if made.partition("/")[0] != "done")
         if kept or outcome.changed or outcome.gone:
             text = f"new {kept} changed {outcome.changed} gone {outcome.gone}"
             found.append(Finding("LEFTOVER", f"{name} {text}"[:120], text[:400]))
     else:
         others = [
-            made for made in outcome.made if not made.startswith(case.targets) and ".regions." not in made
+            made
+            for made in outcome.made
+            if not made.startswith(case.targets) and not re.search(r"\.(regions|levels)\.", made)
         ]
         others = [made for made in others if made != "x.preview.png" and "." not in case.targets]
         changed = [made for made in outcome.changed if not made.startswith(case.targets)]

@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from uavseg.execution.executors import Progress
 from uavseg.execution.executors import threads as thread_pool
+from uavseg.jobs.open_source import open_source
 from uavseg.jobs.work import Work
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+    from uavseg.jobs.each import RegionJob
 
 
 def work(
@@ -23,10 +32,10 @@ def work(
     return Work(tile, run, run, progress, resume)
 
 
-def warn(messages: Iterable[str]) -> None:
+def warn(messages: Iterable[str], level: int = 4) -> None:
     """Warn the caller of the public function that calls this."""
     for message in messages:
-        warnings.warn(message, stacklevel=4)  # past its check of arguments
+        warnings.warn(message, stacklevel=level)  # past its check of arguments
 
 
 def listed_zones(avoid: Any) -> Sequence[Any]:
@@ -35,3 +44,36 @@ def listed_zones(avoid: Any) -> Sequence[Any]:
         return [avoid]
     numbers = len(avoid) == 2 and all(isinstance(end, int | float) for end in avoid)
     return [avoid] if numbers else avoid
+
+
+@dataclass(slots=True)
+class Asked:
+    """What a function is asked for, while `asking` collects it in place of an answer."""
+
+    job: RegionJob | None = None
+    work: Work | None = None
+
+
+_asked: ContextVar[Asked | None] = ContextVar("asked", default=None)
+
+
+@contextmanager
+def asking() -> Iterator[Asked]:
+    """Context in which functions that give regions check their arguments, and do no more."""
+    asked = Asked()
+    token = _asked.set(asked)
+    try:
+        yield asked
+    finally:
+        _asked.reset(token)
+
+
+def regions_of(source: Any, job: RegionJob, how: Work) -> GeoDataFrame:
+    """The regions of a source, for the public function that calls this; within `asking`, None."""
+    asked = _asked.get()
+    if asked is not None:
+        asked.job, asked.work = job, how
+        return None
+    found = job.find(open_source(source, job.read), how)
+    warn(found.warnings, 5)
+    return found.regions.frame()

@@ -6,10 +6,11 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
+from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
+from uavseg.jobs.each import RegionJob
 from uavseg.jobs.match import MatchRequest
 from uavseg.jobs.match import match as run_match
 from uavseg.jobs.open_source import open_source
@@ -101,11 +102,12 @@ def match(
         as_area(fill_holes),
         as_area(min_area),
     )
+    job = RegionJob(
+        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles),
+        lambda opened, how: run_match(opened, request, how).found,
+    )
     with allowing(allow_path, allow_network):
-        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
-        found = run_match(opened, request, work(threads, tile, progress, resume))
-    warn(found.warnings)
-    return found.found.regions.frame()
+        return regions_of(source, job, work(threads, tile, progress, resume))
 
 
 @checked

@@ -6,10 +6,11 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
+from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.divide import divide as run_divide
+from uavseg.jobs.each import RegionJob
 from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.extract import extract as run_extract
 from uavseg.jobs.levels import LevelsRequest, Small
@@ -56,8 +57,10 @@ def extract(
     Parameters
     ----------
     source : path, sequence of paths, DataArray, (rows, cols) array or Dataset
-        Many paths are one mosaic. The path of a block map is answered from it, and refined with its raster
-        where that is at hand. A DataArray needs rioxarray's `.rio`.
+        Many paths are one mosaic, and so are a folder of rasters, a pattern ("tiles/*.tif") and the names in
+        a text file ("@list.txt"); `each` answers for each of them by itself. The path of a block map is
+        answered from it, and refined with its raster where that is at hand. A DataArray needs rioxarray's
+        `.rio`.
     range : (float, float)
         Of v in [0, 1], both ends in it.
     band, rgb, nodata, stretch, method, refine, threshold, intensity_step
@@ -106,11 +109,12 @@ def extract(
         as_area(fill_holes),
         as_area(min_area),
     )
+    job = RegionJob(
+        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles),
+        lambda opened, how: run_extract(opened, request, how),
+    )
     with allowing(allow_path, allow_network):
-        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
-        found = run_extract(opened, request, work(threads, tile, progress, resume))
-    warn(found.warnings)
-    return found.regions.frame()
+        return regions_of(source, job, work(threads, tile, progress, resume))
 
 
 @checked
@@ -175,11 +179,12 @@ def levels(
         as_area(min_area),
         small,
     )
+    job = RegionJob(
+        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles),
+        lambda opened, how: run_levels(opened, request, how),
+    )
     with allowing(allow_path, allow_network):
-        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
-        found = run_levels(opened, request, work(threads, tile, progress, resume))
-    warn(found.warnings)
-    return found.regions.frame()
+        return regions_of(source, job, work(threads, tile, progress, resume))
 
 
 @checked

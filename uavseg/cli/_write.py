@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.plan import MissionPlan
     from uavseg.jobs.result import Extraction
     from uavseg.jobs.work import Work
+    from uavseg.regions.formats.geojson import GeoJsonForm
 
 T = TypeVar("T")
 
@@ -66,20 +67,28 @@ def transaction() -> AbstractContextManager[None]:
     return files.transaction()
 
 
-def write_region_output(found: Extraction, target: str, overwrite: bool) -> None:
+def write_region_output(
+    found: Extraction, target: str, overwrite: bool, form: GeoJsonForm | None = None
+) -> None:
     """Write regions to a file, or to stdout where it is called -."""
     from uavseg.output.written import noted_stream
     from uavseg.regions.formats import export
+    from uavseg.regions.formats.geojson import COLLECTION
 
     if target != "-":
         export.write_regions(found.regions, target, overwrite)
         return
     with noted_stream("stdout"), standard_output() as stream:
-        export.write_regions(found.regions, stream)
+        export.write_regions(found.regions, stream, form=form or COLLECTION)
 
 
 def write_regions_and_labels(
-    found: Extraction, target: str, labels: str | None, work: Work, overwrite: bool
+    found: Extraction,
+    target: str,
+    labels: str | None,
+    work: Work,
+    overwrite: bool,
+    form: GeoJsonForm | None = None,
 ) -> None:
     """Write regions and their labels; what goes to stdout comes after all that can fail."""
     if target != "-":
@@ -87,7 +96,7 @@ def write_regions_and_labels(
     if labels is not None:
         write_label_output(found, labels, work, overwrite)
     if target == "-":
-        write_region_output(found, target, overwrite)
+        write_region_output(found, target, overwrite, form)
 
 
 def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool) -> None:

@@ -16,6 +16,7 @@ from uavseg.cli._write import (
     write_plan_output,
     write_regions_and_labels,
 )
+from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.files import parse_file_options
 from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.limits import zone_files
@@ -31,10 +32,12 @@ from uavseg.cli.options.raster import (
     segmenting_options,
 )
 from uavseg.cli.options.running import RunOptions, running_options
+from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
     from uavseg.jobs.plan import PlanRequest
+    from uavseg.regions.formats.geojson import GeoJsonForm
 
 
 @click.command("extract", cls=HomeCommand)
@@ -66,30 +69,47 @@ if TYPE_CHECKING:
     "--mission", metavar="PATH", help="Also plan a mission over the regions: a file as of uavseg plan."
 )
 @mission_options
+@stream_options
+@each_options
 @running_options
 def command(**options: Any) -> None:
     """Extract the regions of RASTER... (many are one mosaic) whose mean intensity lies in a range.
 
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
+    rasters are one mosaic, unless --each is given.
+
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.
     """
+    from uavseg.jobs.each import RegionJob
     from uavseg.jobs.extract import extract
     from uavseg.jobs.open_source import open_source
+    from uavseg.raster.source_list import stem_of
 
     run = RunOptions.of(options)
-    target = options["output"] or f"{Path(options['rasters'][0]).stem}.regions.geojson"
-    mission, labels = options["mission"], options["labels"]
     request, read = _request(options), read_options(options)
+    if options["each"]:
+        answer_each(
+            options,
+            RegionJob(read, lambda source, how: extract(source, request, how)),
+            ".regions.geojson",
+            run,
+        )
+        return
+    check_alone(options)
+    target = options["output"] or f"{stem_of(options['rasters'][0])}.regions.geojson"
+    form = geojson_form(options, target)
+    mission, labels = options["mission"], options["labels"]
     flight = None if mission is None else _flight(options)
-    form = parse_file_options(options)
+    files = parse_file_options(options)
     check_targets(target, labels, run.overwrite)
     _check_mission_target(mission, run.overwrite)
     keep_inputs([target, labels, mission], options["rasters"], zone_files(options), options["dem"])
     source = open_source(options["rasters"], read)
-    _check_place(target, mission, source.geobox.wkt)
+    _check_place(target, mission, source.geobox.wkt, form)
     work = run.work()
     found = extract(source, request, work)
-    run.reporter.finish(found.warnings)
+    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     planned = None
     if flight is not None:
         from uavseg.cli.options.limits import zones_of
@@ -102,8 +122,8 @@ def command(**options: Any) -> None:
     unwritten: list[str] = []
     with transaction():
         if planned is not None:
-            paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite, form)
-        write_regions_and_labels(found, target, labels, work, run.overwrite)
+            paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite, files)
+        write_regions_and_labels(found, target, labels, work, run.overwrite, form)
     if planned is not None and not run.reporter.quiet:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
     rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
@@ -138,13 +158,13 @@ def _check_mission_target(mission: str | None, overwrite: bool) -> None:
         check_target(mission, overwrite)
 
 
-def _check_place(output: str, mission: str | None, wkt: str | None) -> None:
+def _check_place(output: str, mission: str | None, wkt: str | None, form: GeoJsonForm) -> None:
     """Nothing is computed that has no place where it is to be written or flown."""
     from uavseg.errors import MissionError
     from uavseg.regions.formats import export
     from uavseg.regions.wgs84 import to_wgs84
 
-    export.check_region_crs(output, wkt)
+    export.check_region_crs(output, wkt, form)
     if mission is None:
         return
     if wkt is None:

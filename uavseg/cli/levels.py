@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +14,7 @@ from uavseg.cli._write import (
     transaction,
     write_regions_and_labels,
 )
+from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.raster import (
     area,
     drawing,
@@ -25,6 +25,7 @@ from uavseg.cli.options.raster import (
     segmenting_options,
 )
 from uavseg.cli.options.running import RunOptions, running_options
+from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
 
 if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
@@ -58,6 +59,8 @@ if TYPE_CHECKING:
     "the neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
 )
 @drawing_options
+@stream_options
+@each_options
 @running_options
 def command(**options: Any) -> None:
     """Divide RASTER... (many are one mosaic) into levels of v: 0..P, P..2P, and so on up to 1.
@@ -66,24 +69,36 @@ def command(**options: Any) -> None:
     below it. Each segment has its level, counted from 0, and the interval of that level; its borders are
     those of blocks. RASTER may also be a block map from `uavseg divide`, which answers by itself, or the YAML
     file of a ROS map, which is never stretched. For another map of probabilities, say --stretch none.
+
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
+    rasters are one mosaic, unless --each is given.
     """
+    from uavseg.jobs.each import RegionJob
     from uavseg.jobs.levels import levels
     from uavseg.jobs.open_source import open_source
+    from uavseg.raster.source_list import stem_of
     from uavseg.regions.formats import export
 
     run = RunOptions.of(options)
-    target = options["output"] or f"{Path(options['rasters'][0]).stem}.levels.geojson"
-    labels = options["labels"]
     request, read = _request(options), read_options(options)
+    if options["each"]:
+        answer_each(
+            options, RegionJob(read, lambda source, how: levels(source, request, how)), ".levels.geojson", run
+        )
+        return
+    check_alone(options)
+    target = options["output"] or f"{stem_of(options['rasters'][0])}.levels.geojson"
+    form = geojson_form(options, target)
+    labels = options["labels"]
     check_targets(target, labels, run.overwrite)
     keep_inputs([target, labels], options["rasters"])
     source = open_source(options["rasters"], read)
-    export.check_region_crs(target, source.geobox.wkt)
+    export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
     found = levels(source, request, work)
-    run.reporter.finish(found.warnings)
+    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found, target, labels, work, run.overwrite)
+        write_regions_and_labels(found, target, labels, work, run.overwrite, form)
     wanted = request.levels
     there = len(set(found.regions.columns["level"].tolist()))
     rows = {

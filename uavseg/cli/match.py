@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,8 +14,10 @@ from uavseg.cli._write import (
     transaction,
     write_regions_and_labels,
 )
+from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.raster import area, drawing, read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
+from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
 
 if TYPE_CHECKING:
     from uavseg.jobs.match import Match, MatchRequest
@@ -79,6 +80,8 @@ if TYPE_CHECKING:
 @click.option(
     "--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared."
 )
+@stream_options
+@each_options
 @running_options
 def command(**options: Any) -> None:
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
@@ -87,24 +90,39 @@ def command(**options: Any) -> None:
     that a ploughed field is told from a meadow of the same grey; and what looks more like the raster as a
     whole than like the sample is left out. Each region has its similarity, 1 where it is as like the sample
     as the sample is to itself.
+
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
+    rasters are one mosaic, unless --each is given.
     """
+    from uavseg.jobs.each import RegionJob
     from uavseg.jobs.match import match
     from uavseg.jobs.open_source import open_source
+    from uavseg.raster.source_list import stem_of
     from uavseg.regions.formats import export
 
     run = RunOptions.of(options)
-    target = options["output"] or f"{Path(options['rasters'][0]).stem}.match.geojson"
-    labels = options["labels"]
     request, read = _request(options), read_options(options)
+    if options["each"]:
+        answer_each(
+            options,
+            RegionJob(read, lambda source, how: match(source, request, how).found),
+            ".match.geojson",
+            run,
+        )
+        return
+    check_alone(options)
+    target = options["output"] or f"{stem_of(options['rasters'][0])}.match.geojson"
+    form = geojson_form(options, target)
+    labels = options["labels"]
     check_targets(target, labels, run.overwrite)
     keep_inputs([target, labels], options["rasters"], options["like"])
     source = open_source(options["rasters"], read)
-    export.check_region_crs(target, source.geobox.wkt)
+    export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
     found = match(source, request, work)
-    run.reporter.finish(found.warnings)
+    run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found.found, target, labels, work, run.overwrite)
+        write_regions_and_labels(found.found, target, labels, work, run.overwrite, form)
     run.reporter.table(_rows(found, target) | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 

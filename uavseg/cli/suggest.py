@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import shlex
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -85,8 +84,10 @@ def _command(
     chosen: Suggestion, rasters: tuple[str, ...], found: Suggestions, options: dict[str, Any]
 ) -> str:
     """The line that extracts a range, from the same rasters in the same way."""
+    from uavseg.raster.source_list import stem_of
+
     named = rasters if len(rasters) <= _MOST_NAMED else (rasters[0], "...")
-    target = f"{Path(rasters[0]).stem}.{str(chosen).replace(',', '-')}{_suffix(found)}"
+    target = f"{stem_of(rasters[0])}.{str(chosen).replace(',', '-')}{_suffix(found)}"
     words = ["uavseg", "extract", *named, "--range", str(chosen), *_chosen(options), "-o", target]
     return shlex.join(words)
 

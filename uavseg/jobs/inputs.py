@@ -10,6 +10,7 @@ from uavseg.errors import UavsegError
 from uavseg.output.inputs import check_not_inputs
 from uavseg.output.targets import existing_files
 from uavseg.raster.file_list import raster_files
+from uavseg.raster.source_list import expand_sources
 
 Path_ = str | os.PathLike[str]
 _ROS = (".yaml", ".yml")
@@ -42,9 +43,17 @@ def _has_files(path: Path_) -> bool:
 def _paths(inputs: Iterable[Any]) -> Iterator[str]:
     for given in inputs:
         if isinstance(given, str | os.PathLike):
-            yield os.fspath(given)
+            yield from _named(given)
         elif isinstance(given, list | tuple):
             yield from _paths(given)
+
+
+def _named(path: Path_) -> list[str]:
+    """The files that a path stands for."""
+    try:
+        return expand_sources([path])
+    except UavsegError:
+        return [os.fspath(path)]  # the error is reported when it is opened
 
 
 def _files_read(path: str) -> list[str]:

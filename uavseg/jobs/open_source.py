@@ -16,6 +16,7 @@ from uavseg.raster.array_source import is_array
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
+from uavseg.raster.source_list import expand_sources, is_list
 from uavseg.segmentation.blocks.block_file import is_block_map, read_block_map
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
     Parameters
     ----------
     source : path, sequence of paths, (rows, cols) array, DataArray, Dataset or OccupancyGrid
-        Many paths are one mosaic. A path may name a block map, or the YAML file of a ROS map.
+        Many paths are one mosaic. A path may name a block map, the YAML file of a ROS map, or several
+        rasters, see `expand_sources`.
     options : ReadOptions
 
     Raises
@@ -48,6 +50,7 @@ def open_source(source: Any, options: ReadOptions = ReadOptions()) -> Source:
         if _is_grid(source):
             return _grid(source, options)
         source = _listed(source)
+    source = _expanded(source)
     parts = [source] if _is_path(source) else source
     if any(_is_path(part) and _is_ros_map(part) for part in parts):
         return _ros_map(parts, options)
@@ -64,7 +67,7 @@ def open_raster(source: Any, options: ReadOptions = ReadOptions()) -> Raster:
     UavsegError
         As of `open_source`.
     """
-    return _raster(source, options)
+    return _raster(_expanded(source), options)
 
 
 def open_pixels(source: Any, options: ReadOptions = ReadOptions()) -> Raster | ProbabilityMap:
@@ -148,6 +151,14 @@ def _listed(source: Any) -> list[Any]:
         if all(_is_path(part) or is_array(part) for part in parts):
             return parts
     raise ParameterError(f"source is a path, a list of paths, an array or a Dataset, not {shown(source)}")
+
+
+def _expanded(source: Any) -> Any:
+    """A source in which each path names one file."""
+    parts = [source] if _is_path(source) else source
+    if not isinstance(parts, list | tuple) or not any(_is_path(part) and is_list(part) for part in parts):
+        return source
+    return [one for part in parts for one in (expand_sources([part]) if _is_path(part) else [part])]
 
 
 def _is_grid(source: Any) -> bool:

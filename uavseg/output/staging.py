@@ -84,7 +84,7 @@ def is_staged(path: Path) -> bool:
     if not _open_stages:
         return False
     folder = os.path.realpath(path.parent)
-    return any(folder == stage or folder.startswith(stage + os.sep) for stage in _open_stages)
+    return any(folder == stage or folder.startswith(stage + os.sep) for stage in tuple(_open_stages))
 
 
 def dead_stages(home: Path) -> list[Stage]:

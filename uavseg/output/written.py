@@ -5,6 +5,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
+_MOST_NAMED = 8
+
 
 @dataclass(slots=True)
 class Written:
@@ -18,19 +20,22 @@ class Written:
         Streams of which a part may have been written.
     kept : list of str
         Folders of finished tiles.
+    planned : list of str
+        Outputs of a run over many sources.
     """
 
     files: list[str] = field(default_factory=list)
     unfinished: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
+    planned: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
         """One clause, such as "nothing was written"."""
-        found = [
-            f"{', '.join(self.files)} {_were(self.files)} written" if self.files else "nothing was written"
-        ]
+        found = [f"{_named(self.files)} {_were(self.files)} written" if self.files else "nothing was written"]
+        if missing := [name for name in self.planned if name not in set(self.files)]:
+            found.append(f"{len(missing):,} of {len(self.planned):,} outputs were not: {_named(missing)}")
         if self.unfinished:
-            found = [*found[: len(self.files)], f"{', '.join(self.unfinished)} may be incomplete"]
+            found = [*(found if self.files else found[1:]), f"{', '.join(self.unfinished)} may be incomplete"]
         if self.kept:
             found.append(f"finished tiles are kept in {', '.join(self.kept)}")
         return "; ".join(found)
@@ -56,6 +61,12 @@ def note_written(*names: str) -> None:
         written.files += names
 
 
+def note_planned(*names: str) -> None:
+    """Outputs are to be written, one after another."""
+    if written := _current.get():
+        written.planned += names
+
+
 def note_kept(folder: str) -> None:
     """A folder holds finished tiles."""
     if (written := _current.get()) and folder not in written.kept:
@@ -73,6 +84,13 @@ def noted_stream(name: str) -> Iterator[None]:
     yield
     written.unfinished.remove(name)
     written.files.append(name)
+
+
+def _named(names: list[str]) -> str:
+    """Names for people: the first and the last ones of many."""
+    if len(names) <= _MOST_NAMED:
+        return ", ".join(names)
+    return f"{', '.join(names[:2])} ... {names[-1]} ({len(names):,} files)"
 
 
 def _were(names: list[str]) -> str:

@@ -21,6 +21,7 @@ from rasterio.io import DatasetReader
 from uavseg.errors import RasterReadError
 from uavseg.plain_text import cause_of
 from uavseg.raster.tiling import Window
+from uavseg.warning_filters import changing_filters
 
 MAX_OPEN = 64  # open files per thread
 CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a twentieth of the memory
@@ -151,12 +152,11 @@ class _ThreadOptions(threading.local):
 
 
 _thread_options = _ThreadOptions()
-_warning_filters = threading.Lock()  # they belong to the process: only one thread at a time may change them
 
 
 def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any:
     """`rasterio.open` without its warning about files that are not georeferenced."""
-    with _warning_filters, warnings.catch_warnings():
+    with changing_filters():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         return rasterio.open(path, mode, **how)
 
@@ -208,7 +208,7 @@ _UNREAD_TAG = re.compile(r'IO error during reading of "((?:Geo|GDAL|RPC|Extra|Co
 
 def has_place(source: DatasetReader) -> bool:
     """Whether GDAL finds a geotransform, ground control points or RPCs in a raster."""
-    with warnings.catch_warnings(record=True) as caught:
+    with changing_filters(record=True) as caught:
         warnings.simplefilter("always")
         source.read_transform()
     return not any(issubclass(found.category, NotGeoreferencedWarning) for found in caught)

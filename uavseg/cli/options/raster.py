@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -40,7 +41,11 @@ def reading_options(command: Command, required: bool = True) -> Command:
     return _with_options(
         access_options(command),
         click.argument(
-            "rasters", metavar="RASTER..." if required else "[RASTER...]", nargs=-1, required=required
+            "rasters",
+            metavar="RASTER..." if required else "[RASTER...]",
+            nargs=-1,
+            required=required,
+            callback=_with_standard_input,
         ),
         click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1."),
         click.option("--rgb", metavar="R,G,B", callback=_three, help="Use the luminance of these bands."),
@@ -157,6 +162,23 @@ def _with_options(command: Command, *options: Callable[[Command], Command]) -> C
     for option in reversed(options):
         command = option(command)
     return command
+
+
+def _with_standard_input(
+    ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
+) -> tuple[str, ...]:
+    """The rasters, with the names that standard input holds in place of -."""
+    if "-" not in value:
+        return value
+    from uavseg.errors import RasterReadError
+    from uavseg.raster.source_list import MAX_LIST, parse_list
+
+    if sys.stdin is None:
+        raise RasterReadError("the standard input is closed; name rasters, or pass their names to it")
+    names = parse_list(sys.stdin.buffer.read(MAX_LIST))
+    if not names:
+        raise RasterReadError("the standard input names no rasters; pass one name a line to it")
+    return tuple(name for given in value for name in (names if given == "-" else [given]))
 
 
 def _three(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[int, int, int] | None:

@@ -165,6 +165,12 @@ class Reporter:
             self._amount = Amount(len(windows), pixels)
             self._begun = time.perf_counter()
 
+    def begin_each(self, count: int) -> None:
+        """The work on many rasters begins."""
+        if self._bar:
+            self._amount = Amount(count, 0, "rasters")
+            self._begun = time.perf_counter()
+
     def progress(self, done: int, total: int) -> None:
         """Take in that `done` of `total` steps are done."""
         if self._bar:
@@ -224,10 +230,14 @@ class Amount:
     ----------
     tiles : int
     pixels : int
+        0 if they are not known.
+    unit : str
+        What is counted as tiles.
     """
 
     tiles: int
     pixels: int
+    unit: str = "tiles"
 
 
 def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
@@ -253,9 +263,9 @@ def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
     filled = int(share * _WIDTH)
     parts = [f"[{'#' * filled}{'.' * (_WIDTH - filled)}] {int(100 * share):3d} %"]
     if amount is not None:
-        parts.append(f"{int(share * amount.tiles):,}/{amount.tiles:,} tiles")
+        parts.append(f"{int(share * amount.tiles):,}/{amount.tiles:,} {amount.unit}")
     if share > 0 and seconds > 0:
-        if amount is not None:
+        if amount is not None and amount.pixels:
             parts.append(f"{_si(share * amount.pixels / seconds)}px/s")
         parts.append(f"{clock(seconds * (1 - share) / share)} left")
     return "  ".join(parts)

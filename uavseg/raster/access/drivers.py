@@ -43,6 +43,8 @@ _BY_EXTENSION: dict[str, tuple[str, ...]] = {
 }
 _PLAIN = ("GTiff", "PNG", "JPEG", *_JPEG2000, "HFA", "BMP", "GIF", "PNM", "WEBP", "NITF", *_RAW, "AAIGrid")
 
+_NOT_ONLY_IMAGES = {".vrt", ".gpkg", ".xml", ".bin", ".nc", ".mbtiles"}  # nor VRT, which is made of others
+
 _SUBDATASET = re.compile(r"[A-Za-z0-9_]{2,}:(?!//)")  # GTIFF_DIR:2:a.tif, NETCDF:"a.nc":band, ...
 
 
@@ -60,6 +62,11 @@ def drivers_of(path: str) -> tuple[str, ...]:
         return ()
     name = path.split("?", 1)[0] if is_address(path) else path
     return _BY_EXTENSION.get(PurePosixPath(name).suffix.lower(), _PLAIN)
+
+
+def image_extensions() -> frozenset[str]:
+    """Extensions of files that are images by their name alone, in lower case."""
+    return frozenset(_BY_EXTENSION) - _NOT_ONLY_IMAGES
 
 
 def names_no_file(path: str) -> bool:

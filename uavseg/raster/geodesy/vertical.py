@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import parse_crs
+from uavseg.warning_filters import changing_filters
 
 Floats = NDArray[np.float64]
 SeaHeights = Callable[[Floats, Floats, Floats], Floats]
@@ -96,7 +97,7 @@ def sea_from_ellipsoid() -> SeaHeights | None:
     before = network.is_network_enabled()
     network.set_network_enabled(False)
     try:
-        with warnings.catch_warnings():
+        with changing_filters():
             warnings.simplefilter("ignore", UserWarning)  # that the grid is missing: see the result
             group = TransformerGroup("EPSG:4979", "EPSG:4326+5773", always_xy=True, allow_ballpark=False)
     finally:

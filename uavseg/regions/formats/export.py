@@ -18,10 +18,12 @@ from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions.formats import geojson, kml
 from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream, batches
 from uavseg.regions.formats.check_written import is_complete
+from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
 from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.shapes import has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
+from uavseg.warning_filters import changing_filters
 
 LAYER = "regions"
 _ARROW_TYPES = {"i": "int64", "f": "float64", "O": "string"}  # by the kind of a numpy dtype
@@ -33,7 +35,12 @@ _SHORT_NAMES = {
 }  # a shapefile's names have at most ten characters
 
 
-def write_regions(regions: Regions, path: str | os.PathLike[str] | IO[Any], overwrite: bool = False) -> None:
+def write_regions(
+    regions: Regions,
+    path: str | os.PathLike[str] | IO[Any],
+    overwrite: bool = False,
+    form: GeoJsonForm = COLLECTION,
+) -> None:
     """Write regions to a file in the format of its extension, or as GeoJSON to an open stream.
 
     Parameters
@@ -44,6 +51,8 @@ def write_regions(regions: Regions, path: str | os.PathLike[str] | IO[Any], over
         the CRS of the regions. A stream may be binary or text.
     overwrite : bool
         Whether an existing file may be replaced.
+    form : GeoJsonForm
+        Of the GeoJSON on a stream.
 
     Raises
     ------
@@ -53,7 +62,7 @@ def write_regions(regions: Regions, path: str | os.PathLike[str] | IO[Any], over
         If the extension is unknown, the file cannot be written, or the format cannot hold the regions.
     """
     if not isinstance(path, str | os.PathLike):
-        _write_stream(regions, path)
+        _write_stream(regions, path, form)
         return
     target = check_region_path(path, overwrite)
     with atomic_file(target, overwrite) as part:
@@ -84,27 +93,30 @@ def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> 
     return check_target(path, overwrite)
 
 
-def check_region_crs(path: str | os.PathLike[str], wkt: str | None) -> None:
+def check_region_crs(path: str | os.PathLike[str], wkt: str | None, form: GeoJsonForm = COLLECTION) -> None:
     """Check that regions in a CRS can be written to a file of this name, or to a stream ("-").
 
     Raises
     ------
     OutputError
-        If the CRS is not one of the Earth: KML needs one, and so does GeoJSON unless there is no CRS.
+        If the CRS is not one of the Earth: KML needs one, and so does GeoJSON in longitude and latitude,
+        unless there is no CRS.
     """
     suffix = Path(path).suffix.lower()
+    if path == "-" and form.projected:
+        return
     if suffix == ".kml" or (wkt is not None and (suffix in (".geojson", ".json") or path == "-")):
         to_wgs84.check_on_earth(wkt)
 
 
-def _write_stream(regions: Regions, stream: IO[Any]) -> None:
+def _write_stream(regions: Regions, stream: IO[Any], form: GeoJsonForm) -> None:
     try:
         if hasattr(stream, "encoding"):
             text = io.BytesIO()
-            geojson.write_geojson(regions, text)
+            geojson.write_geojson(regions, text, form)
             stream.write(text.getvalue().decode())
         else:
-            geojson.write_geojson(regions, stream)
+            geojson.write_geojson(regions, stream, form)
         stream.flush()
     except BrokenPipeError:
         raise  # the reader has closed the pipe
@@ -145,7 +157,7 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
     promote = has_multipolygons(regions.polygons)
     stream = RegionStream(regions, promote)
-    with _gdal_date(_DATE), warnings.catch_warnings(), _raising(stream):
+    with changing_filters(), _gdal_date(_DATE), _raising(stream):  # one thread at a time
         warnings.simplefilter("ignore")
         try:
             pyogrio.raw.write_arrow(

@@ -1,7 +1,8 @@
-"""GeoJSON writer (RFC 7946): one feature per line, formatted in bulk from integer coordinates."""
+"""GeoJSON writer (RFC 7946, sequences RFC 8142): a feature per line, in bulk from integer coordinates."""
 
 import json
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from itertools import pairwise
 from math import isfinite
 from typing import IO, Any
@@ -11,14 +12,38 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import mapping
 
+from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions.formats.decimal_text import pack_words, unpack_lines, write_degrees
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
 
 
-def write_geojson(regions: Regions, stream: IO[bytes]) -> None:
-    """Write regions as a FeatureCollection.
+@dataclass(frozen=True, slots=True)
+class GeoJsonForm:
+    """How GeoJSON is written to a stream, as rasterio's and fiona's commands have it.
+
+    Parameters
+    ----------
+    projected : bool
+        Coordinates in the CRS of the regions, which a collection names in its member ``crs`` (GeoJSON 2008).
+    sequence : bool
+        One feature a line, in place of a collection.
+    rs : bool
+        The character RS (0x1E) before each feature of a sequence (RFC 8142).
+    """
+
+    projected: bool = False
+    sequence: bool = False
+    rs: bool = False
+
+
+COLLECTION = GeoJsonForm()
+"""A collection in longitude and latitude."""
+
+
+def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLECTION) -> None:
+    """Write regions as a FeatureCollection, or as a sequence of features.
 
     Longitudes and latitudes are in WGS 84 with seven decimals, exteriors run counter-clockwise, and polygons
     that cross the antimeridian are cut there. Without a CRS the local coordinates are written unchanged.
@@ -27,22 +52,45 @@ def write_geojson(regions: Regions, stream: IO[bytes]) -> None:
     ----------
     regions : Regions
     stream : binary file
+    form : GeoJsonForm
 
     Raises
     ------
     OutputError
         If the regions are not on the Earth.
     """
-    stream.write(b'{"type":"FeatureCollection","features":[')
+    features = _features(regions, form.projected)
+    if form.sequence:
+        for feature in features:
+            stream.write(b"\x1e" * form.rs + feature + b"\n")
+        return
+    named = _crs_member(regions.wkt) if form.projected and regions.wkt is not None else b""
+    stream.write(b'{"type":"FeatureCollection",%b"features":[' % named)
     separator = b"\n"
-    for feature in _features(regions):
+    for feature in features:
         stream.write(separator + feature)
         separator = b",\n"
     stream.write(b"\n]}\n")
 
 
-def _features(regions: Regions) -> Iterator[bytes]:
-    geometries = _local_geometries(regions) if regions.wkt is None else _wgs84_geometries(regions)
+def _crs_member(wkt: str) -> bytes:
+    """The member that names a CRS, by its code where it has one."""
+    return b'"crs":%b,' % _compact({"type": "name", "properties": {"name": crs_name(wkt) or wkt}})
+
+
+def crs_name(wkt: str) -> str | None:
+    """The name of a CRS by its code (OGC URN), if it has one."""
+    authority = parse_crs(wkt).to_authority()
+    return None if authority is None else f"urn:ogc:def:crs:{authority[0]}::{authority[1]}"
+
+
+def _compact(value: Any) -> bytes:
+    return json.dumps(value, separators=(",", ":")).encode()
+
+
+def _features(regions: Regions, projected: bool) -> Iterator[bytes]:
+    is_local = projected or regions.wkt is None
+    geometries = _local_geometries(regions) if is_local else _wgs84_geometries(regions)
     ids = regions.columns["id"].tolist()
     for parts in zip(ids, _properties(regions), geometries, strict=True):
         yield b'{"type":"Feature","id":%d,"properties":%b,"geometry":%b}' % parts
@@ -75,7 +123,7 @@ def _wgs84_geometries(regions: Regions) -> Iterator[bytes]:
         polygons = _polygon_texts(batch.polygons)
         for place, (first, last) in enumerate(pairwise(batch.polygons.regions.tolist())):
             if place in batch.others:
-                yield json.dumps(mapping(batch.others[place]), separators=(",", ":")).encode()
+                yield _compact(mapping(batch.others[place]))
             elif last == first + 1:
                 yield b'{"type":"Polygon","coordinates":%b}' % polygons[first]
             else:

@@ -25,6 +25,7 @@ from uavseg.regions.formats.vector_files import (
     reading_vectors,
 )
 from uavseg.regions.table import COLUMNS, Regions
+from uavseg.warning_filters import changing_filters
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -114,7 +115,7 @@ def vector_errors(name: str) -> Iterator[None]:
     too. Other warnings, about winding and measures, do not matter for regions.
     """
     try:
-        with warnings.catch_warnings(record=True) as caught:
+        with changing_filters(record=True) as caught:
             warnings.simplefilter("always")
             yield
     except (UavsegError, MemoryError):

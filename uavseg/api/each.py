@@ -1,0 +1,110 @@
+"""One job over each of many rasters, from Python."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from uavseg.access import Folders, allowing
+from uavseg.api._values import asking, warn, work
+from uavseg.api.questions import match
+from uavseg.api.rasters import extract, levels
+from uavseg.arguments import checked
+from uavseg.errors import ParameterError
+from uavseg.execution.executors import Progress
+from uavseg.jobs.each import OutputNames, grouped_warnings, plan_tasks, run_each
+from uavseg.jobs.each_report import Outcome
+
+_JOBS: tuple[Callable[..., Any], ...] = (extract, levels, match)
+
+
+@checked
+def each(
+    job: Callable[..., Any],
+    sources: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    output: str,
+    *,
+    labels: str | None = None,
+    report: str | None = None,
+    overwrite: bool = False,
+    skip_existing: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+    **words: Any,
+) -> list[Outcome]:
+    """Regions of each of many rasters, in a file of its own; those that fail do not stop the others.
+
+    Each file holds the same bytes as if its raster had been alone. Rasters of few tiles run side by side,
+    larger ones one after another.
+
+    Parameters
+    ----------
+    job : function
+        `uavseg.extract`, `uavseg.levels` or `uavseg.match`.
+    sources : path or sequence of paths
+        Rasters, a folder of them, a pattern ("tiles/*.tif") or the names in a text file ("@list.txt").
+    output : str
+        The file of each raster, such as "out/{stem}.gpkg": {stem} is its name without folder and extension,
+        {name} with its extension, {suffix} the extension, {parent} the name of its folder, {number} its place
+        in the list.
+    labels : str, optional
+        The same for rasters of labels.
+    report : str, optional
+        A table (.csv) of what came out of each.
+    overwrite : bool
+        Whether files that are there may be replaced.
+    skip_existing : bool
+        Whether rasters are left out whose files are there.
+    threads, progress, allow_path, allow_network
+        As of `extract`.
+    **words
+        The other arguments of the job, such as ``range=(0.55, 1)``; not ``resume``.
+
+    Returns
+    -------
+    outcomes : list of Outcome
+        In the order of the rasters: source, output, regions, area_m2, warnings, and error, which says why
+        there is no output. A warning lists them too.
+
+    Raises
+    ------
+    UavsegError
+        Before anything is computed: if an argument is wrong, no raster is found, two would be written to the
+        same file, or a file is there.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> uavseg.each(uavseg.extract, "tiles", "out/{stem}.gpkg", range=(0.55, 1))  # doctest: +SKIP
+    """
+    if job not in _JOBS:
+        raise ParameterError("job is uavseg.extract, uavseg.levels or uavseg.match")
+    _check_words(job, words)
+    with asking() as asked:
+        job(None, **words)
+    assert asked.job is not None and asked.work is not None, "each of these functions asks for regions"
+    if asked.work.checkpoint is not None:
+        raise ParameterError("resume is for one source; skip_existing=True leaves out what is done")
+    names = OutputNames(output, labels, overwrite, skip_existing, report)
+    given = [sources] if isinstance(sources, str | os.PathLike) else sources
+    with allowing(allow_path, allow_network):
+        tasks, _ = plan_tasks(given, names)
+        found = run_each(tasks, asked.job, names, work(None, asked.work.tile, progress), threads)
+    failures = [one.failure for one in found if one.error is not None]
+    warn([*grouped_warnings(found), *failures])
+    return found
+
+
+def _check_words(job: Callable[..., Any], words: dict[str, Any]) -> None:
+    """The words are arguments of the job, and none that it needs is missing."""
+    known = {name: one for name, one in inspect.signature(job).parameters.items() if name != "source"}
+    for name in words:
+        if name not in known:
+            raise ParameterError(f"uavseg.{job.__name__} has no argument {name} for each of many sources")
+    for name, one in known.items():
+        if one.default is inspect.Parameter.empty and name not in words:
+            raise ParameterError(f"uavseg.{job.__name__} needs {name}; give it by name")
