@@ -132,7 +132,7 @@ def check(session: nox.Session) -> None:
         suite = ["python", "-m", "pytest", "-m", "not slow", "-n", "auto"]
         if session.name.startswith("lowest"):
             session.run(*suite, *deprecated)
-            kernels = ["tests/jit", "tests/segmentation", "tests/occupancy", "tests/regions"]
+            kernels = ["tests/jit", "tests/segmentation", "tests/occupancy/paths"]
             session.run(*suite, *deprecated, *kernels, env={"UAVSEG_JIT": "numba"})
         else:
             session.run(*suite)

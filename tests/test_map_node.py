@@ -42,6 +42,7 @@ def test_the_node_has_under_forty_lines() -> None:
     assert len(NODE.read_text().splitlines()) < 40
 
 
+@pytest.mark.filterwarnings("ignore:.* unknown cells of occupancy grid are called free")
 def test_a_map_in_states_and_a_path_out() -> None:
     message = room()
     states, poses = runpy.run_path(str(NODE))["answer"](message, empty_pose(), (0.5, 0.5), (5.0, 0.5))
@@ -81,6 +82,7 @@ class Node:
         return SimpleNamespace(error=self.errors.append)
 
 
+@pytest.mark.filterwarnings("ignore:.* unknown cells of occupancy grid are called free")
 def test_the_shell_publishes_both_and_logs_what_cannot_be_answered(monkeypatch: pytest.MonkeyPatch) -> None:
     node, message = Node(), room()
     blocked = room()

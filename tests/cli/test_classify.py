@@ -100,13 +100,13 @@ def ros_map(mode: str) -> str:
     return f"{mode}.yaml"
 
 
-def told(result: Result) -> dict[str, str]:
+def table_of(result: Result) -> dict[str, str]:
     lines = [line for line in result.stderr.splitlines() if line.startswith("  ")]
     return {line[2:14].strip(): line[14:] for line in lines}
 
 
 def test_states_objects_and_labels_and_what_is_told() -> None:
-    table = told(done("map.tif", "-o", "s.tif", "--objects", "o.geojson", "--labels", "l.tif"))
+    table = table_of(done("map.tif", "-o", "s.tif", "--objects", "o.geojson", "--labels", "l.tif"))
     states, labels = read("s.tif"), read("l.tif")
     with rasterio.open("s.tif") as file:
         assert (file.dtypes, file.nodata, file.transform) == (("uint8",), 0, BOX.transform)
@@ -239,7 +239,7 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
         f"warning: a ROS map knows no nodata: {900:,} cells without data are unknown in out.yml"
         in result.stderr
     )
-    assert told(result)["no data"].startswith("900 (6.0 %)")
+    assert table_of(result)["no data"].startswith("900 (6.0 %)")
     values, _ = open_map("out.yml")[0].read(Window(0, 0, *BOX.shape))
     states = read("s.tif")
     assert (states[30:60, 100:130] == 0).all()
@@ -344,7 +344,7 @@ def test_a_map_in_per_cent_is_stretched_where_that_is_asked_for() -> None:
 def test_a_ros_map_is_not_stretched_by_auto_either() -> None:
     write_ros_map("map.yaml", np.where(room() < 0.5, 1, 2), BOX)
     done("map.yaml", "-o", "own.tif")
-    table = told(done("map.yaml", "-o", "auto.tif", "--stretch", "auto"))
+    table = table_of(done("map.yaml", "-o", "auto.tif", "--stretch", "auto"))
     assert np.array_equal(read("own.tif"), read("auto.tif")) and set(np.unique(read("auto.tif"))) == {1, 2}
     assert table["stretch"] == "none -> 0..1"
 
@@ -355,8 +355,8 @@ def test_a_ros_map_is_not_stretched_by_auto_either() -> None:
 def test_lost_obstacles_may_be_accepted() -> None:
     result = done("map.tif", "-o", "s.tif", "--method", "paper", "--allow-lost-obstacles")
     assert "warning: 1 obstacle of map.tif has no occupied cell in these states" in result.stderr
-    assert told(result)["lost"] == "1 obstacles without an occupied cell"
-    assert told(result)["hazard"].startswith("82 of")
+    assert table_of(result)["lost"] == "1 obstacles without an occupied cell"
+    assert table_of(result)["hazard"].startswith("82 of")
     assert (read("s.tif")[8:90, 70] == 1).all()
 
 
@@ -365,7 +365,7 @@ def test_a_ros_map_keeps_its_thin_wall(mode: str) -> None:
     result = done(ros_map(mode), "-o", "out.yaml", "--objects", "o.geojson")
     values = open_map("out.yaml")[0].read(Window(0, 0, *BOX.shape))[0][0]
     assert (values[room() > 0.502] == 1).all()
-    assert told(result)["largest"] == "2.0 m2 (800 pixels)"
+    assert table_of(result)["largest"] == "2.0 m2 (800 pixels)"
     walls = geopandas.read_file("o.geojson")
     assert sorted(walls["pixels"]) == [82, 147, 800]
 
@@ -380,7 +380,7 @@ def test_a_picture_is_read_once_its_polarity_is_known(ending: str) -> None:
     grey_picture(f"black.{ending}", room())
     result = done(f"white.{ending}", "--free-is-white", "-o", "white.tif", "--objects", "o.fgb")
     assert np.array_equal(read("white.tif"), read("wanted.tif"))
-    assert told(result)["largest"] == "800.0 square pixels (800 pixels)"
+    assert table_of(result)["largest"] == "800.0 square pixels (800 pixels)"
     done(f"black.{ending}", "--free-is-black", "-o", "black.tif", "-q")
     done("map.tif", "-o", "floats.tif", "-q")
     assert (read("black.tif") == read("floats.tif")).mean() > 0.98

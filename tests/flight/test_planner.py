@@ -15,6 +15,7 @@ from uavseg.errors import MissionError, ParameterError, UavsegError
 from uavseg.flight.cover.space import LEEWAY
 from uavseg.flight.items import CHANGE_SPEED, FRAME_MISSION, FRAME_RELATIVE, RETURN, TAKEOFF, WAYPOINT
 from uavseg.flight.params import PlanParams
+from uavseg.flight.patterns.pattern_params import PARAMS_OF
 from uavseg.flight.plane import Plane
 
 GEOD = Geod(ellps="WGS84")
@@ -122,3 +123,13 @@ def test_a_region_that_touches_itself_is_flown() -> None:
 
 def test_errors_descend_from_those_of_users() -> None:
     assert issubclass(MissionError, UavsegError) and issubclass(ParameterError, ValueError)
+
+
+@pytest.mark.parametrize("pattern", ["survey", "corridor", "perimeter"])
+def test_a_margin_of_next_to_nothing_is_none(pattern: str) -> None:
+    spacing = {} if pattern == "perimeter" else {"spacing_m": 20.0}
+    tiny, none = (
+        planned([box(0, 0, 200, 100)], pattern=pattern, how=PARAMS_OF[pattern](metres), **spacing)
+        for metres in (1e-320, 0.0)
+    )
+    assert tiny == none

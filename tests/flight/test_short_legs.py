@@ -32,6 +32,12 @@ def test_a_corner_beside_the_end_of_a_line_is_left_out_where_the_way_past_it_is_
     assert found.is_line.tolist() == [True, False, True] and (found.trigger_m > 0).tolist() == [1, 0, 1]
 
 
+def test_a_corner_that_loses_the_next_one_is_looked_at_again() -> None:
+    corners = [(0, 0), (0, 0.8), (0.69, 0.95), (0, 1)]
+    track = Track.joined([line((-9, 0), corners[0]), way(*corners), line(corners[-1], (-9, 20))])
+    assert without_short_legs(track, OPEN).xy.tolist() == [[-9, 0], [0, 0], [0, 1], [-9, 20]]
+
+
 def test_else_the_line_beside_it_ends_earlier() -> None:
     track = Track.joined([line((0, -0.2), (40, -0.2)), way((40, -0.2), (40, 0), (60, 0), (70, -30))])
     found = without_short_legs(track, WALL)

@@ -292,7 +292,9 @@ def _check(error: Exception, call: Call, package: Path) -> None:
     from uavseg.errors import UavsegError
 
     text = str(error)
-    if "function" in call.given.values() and text.startswith("len() takes"):
+    if text.startswith(("len() takes", "int() can't convert")) and {"function", "class"} & {
+        *call.given.values()
+    }:
         return  # of the caller's own function, as it is
     where = [Path(frame.filename) for frame in traceback.extract_tb(error.__traceback__)]
     if len(text) > LONGEST or not text.isprintable():

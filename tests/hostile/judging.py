@@ -10,7 +10,7 @@ LONGEST = 600  # characters of a message
 SLOW_S = 8.0
 _ESTIMATE = re.compile(r"flight +km +time |.* \d+\.\d\d +\d+:\d\d +\d+:\d\d ")  # the table of a plan
 _SAID = re.compile(  # what a command says on stderr beside its errors
-    r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: \d+ regions?, \d+ items|"
+    r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: (\d+ regions?, )?\d+ items, |"
     r" *kept out of [\d,]+ cells| *G per pixel |uavseg: interrupted"
 )
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -132,9 +132,10 @@ def _judge_files(case: Case, name: str, outcome: Outcome, several: bool) -> list
         others = [
             made
             for made in outcome.made
-            if not made.startswith(case.targets) and not re.search(r"\.(regions|levels)\.", made)
+            if not made.startswith(case.targets)
+            and not re.search(r"\.(regions|levels|states|match|preview)\.", made)
         ]
-        others = [made for made in others if made != "x.preview.png" and "." not in case.targets]
+        others = [made for made in others if "." not in case.targets]
         changed = [made for made in outcome.changed if not made.startswith(case.targets)]
         if others or changed or outcome.gone:
             found.append(Finding("BESIDE", name, f"{others} {changed} {outcome.gone}"))

@@ -268,6 +268,24 @@ def test_a_folder_that_was_taken_for_a_dead_one_is_made_again(
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_folder_is_locked_until_it_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a run that made it, and lost it before its lock, would lock it now and lose its files."""
+    from uavseg.output import staging
+
+    remove, locked = staging.shutil.rmtree, []
+
+    def watched(folder: Path, **options: bool) -> None:
+        descriptor, found = staging._locked(folder)
+        os.close(descriptor)
+        locked.append(found)
+        remove(folder, **options)
+
+    monkeypatch.setattr(staging.shutil, "rmtree", watched)
+    Stage.make(tmp_path).remove()
+    assert locked == [False]
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_that_cannot_be_locked_is_an_error_and_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -162,3 +162,9 @@ def test_a_folder_of_the_name_of_a_part_is_not_replaced(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"t\.dbf belongs to .*t\.shp and is a folder"):
         write(tmp_path / "t.shp", "new", overwrite=True)
     assert names_in(tmp_path) == ["t.dbf"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names are UTF-16 on Windows")
+def test_a_name_that_is_not_utf_8_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="is not UTF-8; name the output otherwise"):
+        check_target(os.path.join(os.fsencode(tmp_path), b"out\xe9.gpkg").decode("utf-8", "surrogateescape"))  # noqa: PTH118

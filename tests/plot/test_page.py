@@ -56,6 +56,7 @@ def test_a_caption_has_size_crs_resolution_bands_and_grey() -> None:
     )
     local = GeoBox((50, 60), Affine(2, 0, 0, 0, -2, 0), None)
     assert "no coordinate reference system" in raster_caption(local, "band 1", "dtype")
+    assert raster_caption(local, "band 1", "\ud800").endswith("grey: \\ud800")
 
 
 def test_settings_of_the_caller_change_no_layout(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from uavseg.errors import RasterReadError
 from uavseg.execution.executors import serial, threads
 from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, tiles
 
 ROWS, COLS = 300, 350
@@ -276,3 +277,21 @@ def test_a_block_that_failed_is_not_read_as_zeros_afterwards(tmp_path: Path, wri
     for _ in range(2):
         with pytest.raises(RasterReadError, match="cannot be read"):
             dataset.read(Window(64, 64, 20, 20))
+
+
+def test_a_bad_block_is_tried_once_by_a_thread_however_many_tiles_it_meets(
+    write_raster: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = spoil(write_raster(PIXELS, compress="deflate", blockysize=100), [(1, 0)])  # a strip
+    dataset, read, windows = Dataset.open(path, skip_bad_tiles=True), RasterFile.read, []
+
+    def counted(self: RasterFile, handles: Any, choice: Any, window: Window, *more: Any) -> Any:
+        windows.append(window)
+        return read(self, handles, choice, window, *more)
+
+    monkeypatch.setattr(RasterFile, "read", counted)
+    for tile in tiles((ROWS, COLS), 64):
+        _, valid = dataset.read(tile)
+        rows = np.arange(tile.row, tile.row + tile.rows)
+        assert valid is not None or not ((rows >= 100) & (rows < 200)).any()
+    assert windows.count(Window(100, 0, 100, COLS)) == 1

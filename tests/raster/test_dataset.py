@@ -396,3 +396,23 @@ def test_sources_that_are_no_paths_are_refused(sources):
 def test_a_coarse_read_has_at_least_one_pixel(write_raster, side):
     with pytest.raises(ParameterError, match="max_side is at least 1"):
         Dataset.open(write_raster(np.zeros((4, 5), np.uint8))).read_coarse(side)
+
+
+def test_numbers_of_colours_have_no_sign(write_raster):
+    palette = {0: (0, 0, 0, 255), 200: (10, 20, 30, 255)}
+    path = write_raster(np.array([[0, 200]], np.uint8), palette=palette)
+    dataset = Dataset.open(path)
+    expected = dataset.read(whole(dataset))[0]
+    data = path.read_bytes()
+    with rasterio.open(path) as file:
+        tag = b"\x53\x01\x03\x00"  # SampleFormat, a short
+        assert file.dtypes == ("uint8",)
+    if tag in data:
+        at = data.index(tag)
+        path.write_bytes(data[: at + 8] + b"\x02\x00" + data[at + 10 :])
+        with rasterio.open(path) as file:
+            assert file.dtypes == ("int8",)
+        again = Dataset.open(path)
+        assert np.array_equal(again.read(whole(again))[0], expected)
+    else:
+        pytest.fail("the file has no SampleFormat")

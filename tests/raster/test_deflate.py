@@ -87,13 +87,13 @@ def test_each_block_is_compared_only_once(
     write_raster: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[tuple[int, int]] = []
-    of = deflate._Stream.of
+    of = deflate.BlockStream.of
 
     def note(path: str, source: Any, band: int, place: tuple[int, int]) -> Any:
         seen.append(place)
         return of(path, source, band, place)
 
-    monkeypatch.setattr(deflate._Stream, "of", note)
+    monkeypatch.setattr(deflate.BlockStream, "of", note)
     dataset = Dataset.open(write_raster(PIXELS, **TILED))
     for _ in range(2):
         dataset.read(WHOLE)

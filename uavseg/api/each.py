@@ -46,7 +46,8 @@ def each(
     job : function
         `uavseg.extract`, `uavseg.levels` or `uavseg.match`.
     sources : path or sequence of paths
-        Rasters, a folder of them, a pattern ("tiles/*.tif") or the names in a text file ("@list.txt").
+        Rasters, a folder of them, a pattern (``"tiles/*.tif"``) or the names in a text file
+        (``"@list.txt"``).
     output : str
         The file of each raster, such as "out/{stem}.gpkg": {stem} is its name without folder and extension,
         {name} with its extension, {suffix} the extension, {parent} the name of its folder, {number} its place

@@ -57,8 +57,8 @@ def extract(
     Parameters
     ----------
     source : path, sequence of paths, DataArray, (rows, cols) array or Dataset
-        Many paths are one mosaic, and so are a folder of rasters, a pattern ("tiles/*.tif") and the names in
-        a text file ("@list.txt"); `each` answers for each of them by itself. The path of a block map is
+        Many paths are one mosaic, and so are a folder of rasters, a pattern (``"tiles/*.tif"``) and the names
+        in a text file (``"@list.txt"``); `each` answers for each one by itself. The path of a block map is
         answered from it, and refined with its raster where that is at hand. A DataArray needs rioxarray's
         `.rio`.
     range : (float, float)

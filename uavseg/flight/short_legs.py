@@ -26,6 +26,7 @@ def without_short_legs(track: Track, space: FreeSpace) -> Track:
             k += 1
         elif space.sees(track.xy[k - 1, None], track.xy[k + 1, None])[0]:
             track = Track.joined([track.part(0, k - 1), _straight(track, k), track.part_from(k + 1)])
+            k = max(k - 1, 1)  # the corner before has another leg now
         else:
             _shorten_line(track, k, space)
             k += 1

@@ -69,9 +69,17 @@ class Stage:
         return folder
 
     def remove(self) -> None:
-        """Remove the folder with all that is in it."""
-        self.leave()
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Remove the folder with all that is in it.
+
+        It stays locked until it is gone: another run that has just made it would lock it and lose its files.
+        """
+        _open_stages.discard(os.path.realpath(self.folder))
+        if os.name == "nt":  # where open files are not removed
+            os.close(self.lock)
+            shutil.rmtree(self.folder, ignore_errors=True)
+        else:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            os.close(self.lock)
 
     def leave(self) -> None:
         """Give the folder up as it is; a later run finds it."""

@@ -90,6 +90,8 @@ def find_target(path: Path_, overwrite: bool = False) -> Target:
     """
     given = Path(path)
     target = Target(given, _follow(given) if overwrite and given.is_symlink() else given)
+    if not _is_utf8(target.path):
+        raise OutputError(f"the name {given} is not UTF-8; name the output otherwise")
     if not target.home.is_dir():
         raise OutputError(f"the folder {target.home} does not exist; create it first")
     if given.is_dir():
@@ -101,6 +103,14 @@ def find_target(path: Path_, overwrite: bool = False) -> Target:
         _check_replaceable(target, file)
     _check_shared(target)
     return target
+
+
+def _is_utf8(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _exists_text(given: Path, file: Path) -> str:

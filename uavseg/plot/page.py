@@ -6,6 +6,7 @@ from typing import Any
 
 from uavseg.atomic import check_target
 from uavseg.errors import OutputError
+from uavseg.plain_text import printable
 from uavseg.plot.map_furniture import length_text
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.ground import ground_resolution
@@ -91,4 +92,4 @@ def raster_caption(box: GeoBox, band_names: str, grey_name: str, local_metres: b
     if box.crs is not None or local_metres:
         across, _ = ground_resolution(box)
         found.append(f"{length_text(float(f'{across:.3g}'), 'm')}/pixel")
-    return " · ".join([*found, band_names, f"grey: {grey_name}"])
+    return printable(" · ".join([*found, band_names, f"grey: {grey_name}"]))

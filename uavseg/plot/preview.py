@@ -12,6 +12,7 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.inputs import keep_inputs
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
+from uavseg.plain_text import printable
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.mission_layer import MissionLayer, mission_title
 from uavseg.plot.layers.raster_layer import draw_raster
@@ -167,7 +168,7 @@ def _write_title_and_caption(figure: Any, dataset: Dataset, grey_name: str, laye
     page = figure.get_figheight()
     x, more = _MARGIN_IN / _WIDTH_IN, len(dataset.paths) - 1
     title = dataset.source + (f" and {more} more" if more else "")
-    figure.text(x, 1 - 0.14 / page, title, size=12, weight="bold", color=TEXT_COLOR, va="top")
+    figure.text(x, 1 - 0.14 / page, printable(title), size=12, weight="bold", color=TEXT_COLOR, va="top")
     figure.text(
         x,
         1 - 0.37 / page,

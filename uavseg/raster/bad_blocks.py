@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.raster.bands import BandChoice, Valid, Values
-from uavseg.raster.opening import OpenFiles, gdal_read_errors
+from uavseg.raster.opening import GDAL_ERRORS, OpenFiles, gdal_read_errors
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, sample_positions
 
@@ -116,11 +116,14 @@ def read_naming_bad_block(
     """
     try:
         return file.read(handles, choice, window, shape)
-    except RasterReadError:
+    except RasterReadError as error:
         whole = Window(0, 0, *file.shape)
         is_small = whole.rows * whole.cols <= _LOOKED_AT
         for block in file.blocks_in(whole if is_small else window):
             file.read(handles, choice, block)
+        if isinstance(error.__cause__, GDAL_ERRORS):  # of no block by itself
+            with gdal_read_errors(file.path, whole, file.online):
+                raise error.__cause__ from None
         raise
 
 
@@ -139,6 +142,9 @@ def read_skipping_bad_blocks(
     bad : list of (BadBlock, (slice, slice))
         The blocks that cannot be read, in raster order, and their index in the arrays.
     """
+    failed = handles.failed_blocks(file.path, tuple(choice.bands))
+    if failed and any((block.row, block.col) in failed for block in file.blocks_in(window)):
+        return _read_block_by_block(file, handles, choice, window, shape)
     try:
         if shape != (window.rows, window.cols) or file.fails_by_block:
             return *file.read(handles, choice, window, shape), []
@@ -169,14 +175,17 @@ def _read_block_by_block(
         handles.open(file.path, file.located, file.driver)  # a missing file is an error, not a bad block
     values = np.zeros((choice.planes, *shape), choice.dtype)
     valid = np.zeros(shape, bool)
-    bad = []
+    bad, failed = [], handles.failed_blocks(file.path, tuple(choice.bands))
     for block in file.blocks_in(window):
         here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:
             continue
         try:
-            pixels, known = file.read(handles, choice, block)
+            if (block.row, block.col) not in failed:
+                pixels, known = file.read(handles, choice, block)
         except RasterReadError:
+            failed.add((block.row, block.col))
+        if (block.row, block.col) in failed:
             bad.append((BadBlock(file.path, block.row, block.col, block.rows, block.cols), here))
             continue
         sampled = np.ix_(rows[here[0]] - block.row, cols[here[1]] - block.col)

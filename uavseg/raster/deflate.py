@@ -9,18 +9,16 @@ that are written.
 
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 from rasterio.enums import Compression
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import Values
+from uavseg.raster.block_stream import BlockStream, checked_blocks
 from uavseg.raster.tiling import Window
 
 _known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file
@@ -70,8 +68,7 @@ class DeflateBlocks:
         self._is_tiled = self._shape[1] != source.width
         rows, cols = self._shape
         size = (1 if self._all_bands else source.count, -(-source.height // rows), -(-source.width // cols))
-        about = Path(path).stat()
-        self._checked = _checked(path, about.st_size, about.st_mtime_ns, size)
+        self._checked = checked_blocks(path, size)
 
     def check(self, source: DatasetReader, bands: tuple[int, ...], window: Window, values: Values) -> None:
         """As `check_deflate_blocks`."""
@@ -96,7 +93,7 @@ class DeflateBlocks:
         block: Window,
         own: Values | None,
     ) -> bool:
-        stored = _Stream.of(self._path, source, bands[0], place)
+        stored = BlockStream.of(self._path, source, bands[0], place)
         if stored is None:
             return True  # a block that is not stored
         whole = not self._is_tiled or (block.rows, block.cols) == self._shape
@@ -126,34 +123,6 @@ def _part(values: Values | None, window: Window, block: Window) -> Values | None
     if values is None or not inside:
         return None
     return values[:, row : row + block.rows, col : col + block.cols]
-
-
-@lru_cache(maxsize=64)
-def _checked(path: str, size: int, mtime_ns: int, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
-    """Which blocks of a file are known to be right, by plane, row and column; shared by all threads."""
-    return np.zeros(shape, bool)
-
-
-@dataclass(frozen=True, slots=True)
-class _Stream:
-    """Where the stream of a block lies."""
-
-    path: str
-    offset: int
-    size: int
-
-    @classmethod
-    def of(cls, path: str, source: DatasetReader, band: int, place: tuple[int, int]) -> "_Stream | None":
-        """That of a block; None if it is not stored."""
-        offset = source.get_tag_item(f"BLOCK_OFFSET_{place[1]}_{place[0]}", "TIFF", bidx=band)
-        return None if offset is None else cls(path, int(offset), source.block_size(band, *place))
-
-    def read(self, start: int = 0) -> bytes:
-        """Its bytes from `start` on, which counts from the end if it is below 0."""
-        start = start if start >= 0 else max(self.size + start, 0)
-        with Path(self.path).open("rb") as file:
-            file.seek(self.offset + start)
-            return file.read(self.size - start)
 
 
 def _ends_at(stream: bytes, size: int) -> bool:

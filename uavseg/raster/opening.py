@@ -71,6 +71,16 @@ class OpenFiles:
         files.move_to_end(path)
         return files[path]
 
+    def failed_blocks(self, path: str, bands: tuple[int, ...]) -> set[tuple[int, int]]:
+        """First row and column of the blocks of a file that this thread could not read, to be added to.
+
+        A block is not tried again for each tile that it meets: where a strip of a damaged file is as wide as
+        the raster, that took most of the time.
+        """
+        known: dict[tuple[str, tuple[int, ...]], set[tuple[int, int]]]
+        known = self._local.__dict__.setdefault("failed", {})
+        return known.setdefault((path, bands), set())
+
     def close(self, path: str) -> None:
         """Close a file, if this thread has it open; it is opened anew when it is needed."""
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.get("files", OrderedDict())

@@ -14,6 +14,7 @@ from uavseg.errors import RasterReadError
 from uavseg.plain_text import cause_of
 from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
 from uavseg.raster.deflate import check_deflate_blocks
+from uavseg.raster.jpeg import check_jpeg_blocks
 from uavseg.raster.opening import (
     GDAL_ERRORS,
     OpenFiles,
@@ -163,6 +164,7 @@ class RasterFile:
             values: Values = source.read(list(bands), **options)
             if self.driver == "GTiff" and options["out_shape"] == (window.rows, window.cols):
                 check_deflate_blocks(self.path, source, bands, window, values)
+                check_jpeg_blocks(self.path, source, bands, window)
             return values
 
         bands, alpha = choice.bands, self.layout.alpha
@@ -184,8 +186,10 @@ class RasterFile:
         """Stored numbers as brightness: palette colours, and inverted values where white is 0."""
         if self.palette is not None and choice.expanded:
             table = np.array(self.palette, np.uint8)
-            opaque = table[np.minimum(values[0], len(table) - 1), 3] != 0
-            colors = np.ascontiguousarray(table[:, :3].T)[:, np.minimum(values[0], len(table) - 1)]
+            index = values[0].view(f"u{values.itemsize}")  # numbers of colours have no sign
+            index = np.minimum(index, len(table) - 1)
+            opaque = table[index, 3] != 0
+            colors = np.ascontiguousarray(table[:, :3].T)[:, index]
             if opaque.all():
                 return colors, valid
             return colors, opaque if valid is None else opaque & valid

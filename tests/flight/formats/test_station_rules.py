@@ -9,6 +9,8 @@ import pytest
 
 from tests.flight.formats.test_kmz import SURVEY
 from tests.flight.formats.test_survey_items import planned, shapely
+from uavseg.errors import MissionError
+from uavseg.flight.files import read_mission
 from uavseg.flight.formats.plan import plan_text
 from uavseg.flight.formats.station_rules import MAVSDK, MISSION_PLANNER, QGC, station_refusals
 from uavseg.flight.formats.waypoints import waypoints_text
@@ -80,3 +82,11 @@ def test_who_refuses_waypoints(text: str, refusing: set[str], mavsdk_reader: Any
 
 def test_other_formats_are_not_loaded_by_these_programs() -> None:
     assert station_refusals(b"", ".kmz") == {}
+
+
+@pytest.mark.parametrize("value", [0.0, [], "", False])
+def test_a_fence_that_is_no_object_is_not_read(value: Any, tmp_path: Path) -> None:
+    path = tmp_path / "a.plan"
+    path.write_text(changed(lambda plan: plan.update(geoFence=value)))
+    with pytest.raises(MissionError):
+        read_mission(path)

@@ -10,6 +10,7 @@ import pytest
 import shapely
 from pyproj import CRS, Geod, Transformer
 
+import uavseg
 from uavseg.errors import RegionError
 from uavseg.regions.formats import export
 from uavseg.regions.formats.read import read_regions
@@ -176,3 +177,11 @@ def test_a_polygon_that_only_touches_itself_is_repaired(tmp_path: Path) -> None:
     found = read_regions(path)
     assert found.columns["id"].tolist() == [4]
     assert shapely.is_valid(found.polygons).all()
+
+
+def test_empty_parts_of_multipolygons_are_left_out() -> None:
+    ring = shapely.get_coordinates(shapely.box(15, 40.6, 15.001, 40.601)).tolist()
+    text = geojson({"type": "MultiPolygon", "coordinates": [[ring], []]})
+    found = read_regions(text.encode())
+    assert not shapely.is_empty(shapely.get_parts(np.array(found.polygons, object))).any()
+    assert len(uavseg.plan(found.frame(), altitude=50, home=(40.6, 15, 0)).missions) == 1

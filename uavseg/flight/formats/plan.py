@@ -130,7 +130,7 @@ def read_plan(content: bytes, name: str) -> Mission:
             "expected 3 (ArduPilot), 12 (PX4) or 0 (generic)"
         )
     home = HomePosition(*(float(value or 0.0) for value in mission["plannedHomePosition"]))
-    geofence = plan.get("geoFence") or {}
+    geofence = {} if plan.get("geoFence") is None else plan["geoFence"]
     items = tuple(_numbered(number, item) for number, item in enumerate(_flat(mission["items"]), start=1))
     return Mission(
         home,

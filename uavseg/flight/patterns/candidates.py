@@ -16,6 +16,7 @@ from uavseg.flight.cover.survey import surveys as cover_region
 from uavseg.flight.params import PlanParams
 from uavseg.flight.patterns.orbit import orbit, orbit_trigger_m
 from uavseg.flight.patterns.pattern_params import (
+    LEAST_MARGIN_M,
     CorridorParams,
     OrbitParams,
     PerimeterParams,
@@ -154,7 +155,7 @@ def _places(parts: Sequence[RegionPart]) -> list[str]:
 
 
 def _grown(parts: Sequence[RegionPart], margin_m: float) -> list[Any]:
-    if not margin_m:
+    if margin_m < LEAST_MARGIN_M:
         return [part.polygon for part in parts]
     return [shapely.buffer(part.polygon, margin_m) for part in parts]
 

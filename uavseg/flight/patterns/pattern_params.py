@@ -7,6 +7,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 
 MAX_MARGIN_M = 1000.0
+LEAST_MARGIN_M = 0.001  # a smaller one is none: GEOS makes nothing of a polygon that is grown by 1e-320
 MAX_HOLD_S = 3600.0
 HOLES = ("skip", "fly")
 

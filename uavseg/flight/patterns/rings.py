@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.flight.patterns.pattern_params import PerimeterParams
+from uavseg.flight.patterns.pattern_params import LEAST_MARGIN_M, PerimeterParams
 from uavseg.flight.patterns.perimeter import simplified_ring
 
 Floats = NDArray[np.float64]
@@ -92,7 +92,7 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
 
 
 def _offset(region: Any, offset_m: float) -> Any:
-    if not offset_m:
+    if abs(offset_m) < LEAST_MARGIN_M:
         return region
     radius = abs(offset_m)
     half_turn = np.arccos(max(1 - ARC_SAGITTA_M / radius, 0.5))

@@ -55,7 +55,7 @@ class LevelsLayer:
         """Draw on axes; `point` is the length of one point (1/72 inch) in plot coordinates."""
         from matplotlib.collections import PathCollection
 
-        seen = np.sqrt(shapely.area(self.polygons)) > 0.3 * point
+        seen = shapely.area(self.polygons) > (0.3 * point) ** 2
         for level in np.unique(self.levels[seen]):
             chosen = seen & (self.levels == level)
             color = str(self.greys[chosen][0])

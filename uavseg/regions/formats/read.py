@@ -80,6 +80,7 @@ def regions_of_frame(frame: "GeoDataFrame") -> Regions:
     return _complete_frame(frame, "the frame")
 
 
+@np.errstate(all="ignore")  # coordinates that are not finite, or far too large, are refused below
 def _complete_frame(frame: "GeoDataFrame", name: str) -> Regions:
     frame = _to_wgs84(frame, name)
     columns = {
@@ -200,6 +201,15 @@ def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]
         )
     for n in np.flatnonzero(~shapely.is_valid(geometries)):
         geometries[n] = _repair(geometries[n], f"polygon {n + 1} of {name}")
+    return _without_empty_parts(geometries)
+
+
+def _without_empty_parts(geometries: NDArray[np.object_]) -> NDArray[np.object_]:
+    """The same without empty parts of multipolygons, on which GEOS was seen to crash (`segmentize`)."""
+    parts, of = shapely.get_parts(geometries, return_index=True)
+    empty = shapely.is_empty(parts)
+    for n in np.unique(of[empty]).tolist():
+        geometries[n] = shapely.multipolygons(parts[(of == n) & ~empty])
     return geometries
 
 

@@ -1,0 +1,64 @@
+"""JPEG blocks whose image is smaller than the block: no memory of the process becomes pixels."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+
+from uavseg.errors import RasterReadError
+from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.tiling import Window
+
+SIDE = 64
+PIXELS = np.random.default_rng(0).integers(1, 255, (2 * SIDE, 2 * SIDE), np.uint8)
+TILED = {"tiled": True, "blockxsize": SIDE, "blockysize": SIDE, "compress": "jpeg"}
+WHOLE = Window(0, 0, 2 * SIDE, 2 * SIDE)
+
+
+def with_size(path: Path, rows: int, cols: int) -> Path:
+    """Write another size into the frame header of the second block."""
+    with rasterio.open(path) as file:
+        start = int(file.get_tag_item("BLOCK_OFFSET_1_0", "TIFF", bidx=1))
+    data = bytearray(path.read_bytes())
+    frame = data.index(b"\xff\xc0", start)
+    data[frame + 5 : frame + 9] = rows.to_bytes(2, "big") + cols.to_bytes(2, "big")
+    path.write_bytes(data)
+    return path
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(SIDE - 1, SIDE), (SIDE, SIDE - 8), (8, 8), (0, SIDE)])
+def test_an_image_that_is_smaller_than_its_block_makes_it_bad(
+    write_raster: Callable[..., Path], rows: int, cols: int
+) -> None:
+    path = with_size(write_raster(PIXELS, **TILED), rows, cols)
+    with pytest.raises(RasterReadError, match=r"rows 0 to 64, columns 64 to 128"):
+        Dataset.open(path).read(WHOLE)
+    with recording_bad_blocks(found := set()):
+        _, valid = Dataset.open(path, skip_bad_tiles=True).read(WHOLE)
+    assert found == {BadBlock(str(path), 0, SIDE, SIDE, SIDE)} and valid is not None
+    assert not valid[:SIDE, SIDE:].any() and valid[SIDE:].all() and valid[:, :SIDE].all()
+
+
+@pytest.mark.parametrize("how", [TILED, {"compress": "jpeg", "blockysize": 32}], ids=["tiles", "strips"])
+@pytest.mark.parametrize(
+    "layout",
+    [{"interleave": "pixel", "photometric": "ycbcr"}, {"interleave": "pixel"}, {"interleave": "band"}],
+)
+def test_blocks_of_any_layout_are_right(
+    write_raster: Callable[..., Path], how: dict[str, Any], layout: dict[str, Any]
+) -> None:
+    pixels = np.random.default_rng(1).integers(0, 200, (3, 150, 170)).astype(np.uint8)
+    path = write_raster(pixels, **how, **layout, colors="red green blue")
+    for window in (Window(0, 0, 150, 170), Window(10, 70, 60, 60), Window(128, 128, 22, 42)):
+        values, valid = Dataset.open(path).read(window)
+        with rasterio.open(path) as file:
+            rows, cols = (
+                slice(window.row, window.row + window.rows),
+                slice(window.col, window.col + window.cols),
+            )
+            expected = file.read()[:, rows, cols]
+        assert np.array_equal(values, expected) and (valid is None or valid.all())
