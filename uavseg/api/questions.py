@@ -47,6 +47,7 @@ def match(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    collar: str = "auto",
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -103,7 +104,7 @@ def match(
         as_area(min_area),
     )
     job = RegionJob(
-        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles),
+        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar),
         lambda opened, how: run_match(opened, request, how).found,
     )
     with allowing(allow_path, allow_network):
@@ -127,6 +128,7 @@ def suggest(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    collar: str = "auto",
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> list[Suggestion]:
@@ -167,7 +169,7 @@ def suggest(
     segment = SegmentParams.from_words(method, threshold, intensity_step, "none")
     request = SuggestRequest(_number_of(classes), segment)
     with allowing(allow_path, allow_network):
-        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar))
         found = run_suggest(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return list(found.ranges)

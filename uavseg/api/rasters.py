@@ -49,6 +49,7 @@ def extract(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    collar: str = "auto",
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -80,6 +81,9 @@ def extract(
         stays there in the end, and may be removed.
     skip_bad_tiles : bool
         Whether blocks of a file that cannot be read count as nodata. Each gives a warning.
+    collar : {"auto", "keep"}
+        Whether an untagged black or white collar along the edge counts as nodata, with a warning, or is kept.
+        An array in memory has none.
     allow_path : path or sequence of paths
         Folders in which the contents of files may name others (sources of a VRT, the image of a ROS map, the
         raster of a block map), beside their own folder.
@@ -110,7 +114,7 @@ def extract(
         as_area(min_area),
     )
     job = RegionJob(
-        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles),
+        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar),
         lambda opened, how: run_extract(opened, request, how),
     )
     with allowing(allow_path, allow_network):
@@ -138,6 +142,7 @@ def levels(
     progress: Progress | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    collar: str = "auto",
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -180,7 +185,7 @@ def levels(
         small,
     )
     job = RegionJob(
-        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles),
+        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar),
         lambda opened, how: run_levels(opened, request, how),
     )
     with allowing(allow_path, allow_network):
@@ -196,6 +201,7 @@ def divide(
     threads: int | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
+    collar: str = "auto",
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> BlockMap:
@@ -208,11 +214,14 @@ def divide(
     tile, threads : int, optional
     resume : path, optional
     skip_bad_tiles, allow_network : bool
+    collar : {"auto", "keep"}
     allow_path : path or sequence of paths
         As of `extract`.
     """
     with allowing(allow_path, allow_network):
-        opened = open_source(source, ReadOptions(stretch=stretch, skip_bad_tiles=skip_bad_tiles))
+        opened = open_source(
+            source, ReadOptions(stretch=stretch, skip_bad_tiles=skip_bad_tiles, collar=collar)
+        )
         found = run_divide(opened, work=work(threads, tile, None, resume))
     warn(found.warnings)
     return found.saved.blocks

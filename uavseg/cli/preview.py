@@ -89,7 +89,7 @@ def _draw_missions(missions: list[str], options: dict[str, Any]) -> None:
     from uavseg.plot.preview_missions import preview_missions
 
     given = [name for name in _OF_RASTERS if options[name] not in (None, False)]
-    given += ["stretch"] if options["stretch"] != "auto" else []
+    given += [name for name in ("stretch", "collar") if options[name] != "auto"]
     if given:
         raise ParameterError(f"--{given[0].replace('_', '-')} needs a raster to draw on: give RASTER as well")
     out = options["output"] or f"{Path(missions[0]).stem}.preview.png"
@@ -103,6 +103,8 @@ def _draw_missions(missions: list[str], options: dict[str, Any]) -> None:
 
 
 def _draw_raster(options: dict[str, Any]) -> None:
+    from uavseg.cli._write import warnings_of
+    from uavseg.jobs.source import ProbabilityMap
     from uavseg.jobs.work import Work
     from uavseg.plot.preview import preview
 
@@ -110,18 +112,13 @@ def _draw_raster(options: dict[str, Any]) -> None:
     out = options["output"] or f"{Path(source.name).stem}.preview.png"
     drawn = {name: options[name] for name in _LAYERS} | {"mission": options["mission"] or None}
     work = Work()
+    how = {"stretch": stretch, "width_px": options["width"], "overwrite": options["overwrite"]}
+    how["collar"] = "keep" if isinstance(source, ProbabilityMap) else options["collar"]
     with work.reading_here():
-        preview(
-            source.dataset,
-            out,
-            **drawn,
-            stretch=stretch,
-            width_px=options["width"],
-            overwrite=options["overwrite"],
-        )
+        _, notes = warnings_of(lambda: preview(source.dataset, out, **drawn, **how))
     if options["quiet"]:
         return
-    for warning in (*source.warnings, *map(str, sorted(work.bad_blocks))):
+    for warning in (*source.warnings, *map(str, sorted(work.bad_blocks)), *notes):
         say(f"uavseg: warning: {warning}")
     say(f"wrote {out}")
 

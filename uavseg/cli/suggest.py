@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from uavseg.jobs.suggest import Suggestion, Suggestions
 
 _MOST_NAMED = 8  # rasters of a command that is printed
-_PASSED_ON = {"band", "rgb", "nodata", "stretch", "skip_bad_tiles", "method", "threshold", "intensity_step"}
+_PASSED_ON = {"band", "rgb", "nodata", "stretch", "collar", "skip_bad_tiles"}
+_PASSED_ON |= {"method", "threshold", "intensity_step"}
 
 
 def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | None:
@@ -72,8 +73,9 @@ def command(**options: Any) -> None:
     with transaction():
         if output is not None:
             from uavseg.plot.suggestions import draw_suggestions
+            from uavseg.raster.tiling import TilePass
 
-            dataset = source.dataset if isinstance(source, Pixels) else None
+            dataset = source.cleaned(TilePass(())) if isinstance(source, Pixels) else None
             draw_suggestions(found, output, dataset, run.overwrite)
         run.reporter.finish(found.warnings)
         show(_as_json(found, commands) if options["as_json"] else _table(found, commands))

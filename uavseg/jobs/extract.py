@@ -107,7 +107,7 @@ def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work
     if raster.geobox.shape != source.geobox.shape:
         raise ParameterError(f"{raster.name} has not the size of the raster that the block map was made from")
     outlining = work.over(raster)
-    grey = GreySource(raster.dataset, source.saved.stretch)
+    grey = GreySource(raster.cleaned(outlining.silent), source.saved.stretch)
     cells = cells_to_refine(source.saved.blocks, request.interval, request.segment)
     outlined = _outlined(grey, cells, request, outlining, source.saved.blocks)
     return _measured(outlined, SourceInfo.of(grey), request)

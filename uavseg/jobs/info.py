@@ -1,6 +1,6 @@
 """Summary of a raster: what it is, what intensity it holds, and a command to try next."""
 
-from uavseg.jobs.source import Pixels
+from uavseg.jobs.source import Pixels, Raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.summary import Summary, summarize
 
@@ -20,4 +20,5 @@ def info(source: Pixels, work: Work = SERIAL) -> Summary:
     """
     work = work.begun()
     with work.reading_here():
-        return work.finished(summarize(source.dataset, source.stretch, work.map, work.progress))
+        collar = source.options.collar if isinstance(source, Raster) else "keep"
+        return work.finished(summarize(source.dataset, source.stretch, work.map, work.progress, collar))

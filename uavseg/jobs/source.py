@@ -1,10 +1,11 @@
 """Sources of jobs as values: a raster, a block map or a map of probabilities, and how they are read."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 from uavseg.errors import ParameterError
+from uavseg.raster.collar.find import check_collar, without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
@@ -35,11 +36,13 @@ class ReadOptions:
     free_is_white : bool, optional
         Of a picture that is a map of probabilities without the YAML file of a ROS map: whether free is white
         or black.
+    collar : {"auto", "keep"}
+        Whether an untagged black or white collar of a raster counts as nodata.
 
     Raises
     ------
     ParameterError
-        If a text is not a stretch.
+        If a text is not a stretch, or a word is not known.
     """
 
     band: int | None = None
@@ -48,8 +51,10 @@ class ReadOptions:
     stretch: Stretch | StretchSpec | str | None = None
     skip_bad_tiles: bool = False
     free_is_white: bool | None = None
+    collar: str = "auto"
 
     def __post_init__(self) -> None:
+        check_collar(self.collar)
         if isinstance(self.stretch, str):
             object.__setattr__(self, "stretch", parse_stretch(self.stretch))
 
@@ -113,9 +118,14 @@ class Pixels:
     def check_resumable(self) -> None:
         """Whether its tiles may be kept in a checkpoint: those of files may."""
 
+    def cleaned(self, tile_pass: TilePass) -> Dataset:
+        """The pixels without the collar of a raster, which is searched for by the executor of a pass."""
+        return self.dataset
+
     def grey(self, tile_pass: TilePass) -> GreySource:
         """The pixels through their stretch, which is fitted in a pass where it follows from them."""
-        return GreySource(self.dataset, fit_stretch(self.dataset, self.stretch, tile_pass))
+        dataset = self.cleaned(tile_pass)
+        return GreySource(dataset, fit_stretch(dataset, self.stretch, tile_pass))
 
 
 @dataclass(frozen=True)
@@ -132,14 +142,23 @@ class Raster(Pixels):
 
     options: ReadOptions = ReadOptions()
     given: tuple[str, ...] = ()
+    _cleaned: list[Dataset] = field(default_factory=list, repr=False, compare=False)
+
+    def cleaned(self, tile_pass: TilePass) -> Dataset:
+        """As of `Pixels`; the search is done once."""
+        if self.options.collar == "keep":
+            return self.dataset
+        if not self._cleaned:
+            self._cleaned.append(without_collar(self.dataset, tile_pass))
+        return self._cleaned[0]
 
     @property
     def origin(self) -> Origin:
         """What a block map of this raster says it was made from."""
         options = self.options
-        return Origin(
-            self.given or self.dataset.paths, str(Path.cwd()), options.band, options.rgb, options.nodata
-        )
+        found = any(dataset.collar is not None for dataset in self._cleaned)
+        chosen = options.band, options.rgb, options.nodata, "auto" if found else "keep"
+        return Origin(self.given or self.dataset.paths, str(Path.cwd()), *chosen)
 
 
 @dataclass(frozen=True)
@@ -205,7 +224,8 @@ class Blocks:
         paths = origin.allowed_rasters(self.path)
         if paths is None:
             return None
-        options = ReadOptions(origin.band, origin.rgb, origin.nodata, self.saved.stretch, self.skip_bad_tiles)
+        chosen = origin.band, origin.rgb, origin.nodata, self.saved.stretch, self.skip_bad_tiles
+        options = ReadOptions(*chosen, collar=origin.collar)
         dataset = Dataset.open(paths, origin.band, origin.rgb, origin.nodata, self.skip_bad_tiles)
         return Raster(dataset, self.saved.stretch, options, tuple(paths))
 

@@ -6,7 +6,7 @@ from uavseg.flight.safety.home_place import IsGround
 from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geodesy.globe import WGS84, transform_between
-from uavseg.raster.tiling import Window
+from uavseg.raster.tiling import TilePass, Window
 
 
 def valid_ground(source: Source) -> IsGround | None:
@@ -17,7 +17,7 @@ def valid_ground(source: Source) -> IsGround | None:
     pixels = source.raster if isinstance(source, Blocks) else source
     if not isinstance(pixels, Pixels) or pixels.geobox.crs is None:
         return None
-    dataset = pixels.dataset
+    dataset = pixels.cleaned(TilePass(()))
     to_xy = transform_between(WGS84, dataset.geobox.wkt)
 
     def is_ground(lat: float, lon: float) -> bool:

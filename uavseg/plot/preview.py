@@ -27,6 +27,7 @@ from uavseg.plot.page import (
     raster_caption,
     save_figure,
 )
+from uavseg.raster.collar.find import check_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 
@@ -49,6 +50,7 @@ def preview(
     leaves: File | None = None,
     path: "PlannedPath | File | None" = None,
     stretch: Stretch | StretchSpec | str = "auto",
+    collar: str = "auto",
     width_px: int = 1400,
     overwrite: bool = False,
 ) -> Path:
@@ -76,6 +78,9 @@ def preview(
         A .geojson, .plan or .waypoints file.
     stretch : Stretch, StretchSpec or str
         With "auto", a raster under states or a path is a map of probabilities, which is not stretched.
+    collar : {"auto", "keep"}
+        Whether an untagged black or white collar is left out, with a warning, or is drawn. A map of
+        probabilities has none.
     width_px : int
         Width of the picture, 200 to 8000 pixels.
     overwrite : bool
@@ -96,11 +101,13 @@ def preview(
         raise ParameterError(f"a picture is 200 to 8000 pixels wide, not {width_px}")
     target = check_png_target(out, overwrite)
     keep_inputs([target], [_given(raster), regions, mission, levels, states and _given(states), leaves, path])
-    dataset, grey = _open_raster(raster, stretch, states is not None or path is not None)
+    is_map = states is not None or path is not None
+    dataset, grey = _open_raster(raster, stretch, is_map)
+    collar = "keep" if is_map else check_collar(collar)
     frame = Frame(dataset.geobox, dataset.local_metres)
     sources = LayerSources(levels, states, leaves, regions, path, mission)
     layers = make_layers(sources, frame, max_side=2 * width_px)
-    figure = _figure(dataset, frame, grey, layers, width_px / _WIDTH_IN)
+    figure = _figure(dataset, frame, (grey, collar), layers, width_px / _WIDTH_IN)
     with atomic_file(target, overwrite) as temporary:
         save_figure(figure, temporary)
     return target
@@ -126,7 +133,11 @@ def _open_raster(
 
 
 def _figure(
-    dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str, layers: Sequence[Layer], dpi: float
+    dataset: Dataset,
+    frame: Frame,
+    reading: tuple[Stretch | StretchSpec | str, str],
+    layers: Sequence[Layer],
+    dpi: float,
 ) -> Any:
     view = _view(frame, layers)
     width, height = _WIDTH_IN - 2 * _MARGIN_IN, _height(view)
@@ -134,7 +145,7 @@ def _figure(
     figure = new_figure(_WIDTH_IN, page, dpi)
     ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page, width / _WIDTH_IN, height / page))
     point = fit_axes(ax, view, width, height)
-    grey_name = draw_raster(ax, dataset, frame, stretch)
+    grey_name = draw_raster(ax, dataset, frame, *reading)
     for layer in layers:
         layer.draw(ax, point)
     draw_scale_bar(ax, frame, point)

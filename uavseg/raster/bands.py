@@ -181,6 +181,11 @@ def valid_pixels(
     return ~total if total.any() else None
 
 
+def without(valid: Valid | None, masked: Valid) -> Valid:
+    """Which pixels are valid where masked ones are not; `valid` is None where all were."""
+    return ~masked if valid is None else valid & ~masked
+
+
 def _nodata_pixels(values: Values, nodatas: Sequence[float | None]) -> list[Valid]:
     numbers = [None if nodata is None or math.isnan(nodata) else nodata for nodata in nodatas]
     pairs = zip(values, numbers, strict=True)

@@ -17,13 +17,14 @@ from uavseg.raster.bad_blocks import (
     read_skipping_bad_blocks,
     record_bad_block,
 )
-from uavseg.raster.bands import BandChoice, Valid, Values, choose_bands, usable_nodata
+from uavseg.raster.bands import BandChoice, Valid, Values, choose_bands, usable_nodata, without
+from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.inspect_file import inspect_file
 from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
-from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
+from uavseg.raster.tiling import Window, in_panels, sample_positions, tile_side, tiles
 
 Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
@@ -46,6 +47,7 @@ class Dataset:
     warnings: tuple[str, ...]
     skip_bad_tiles: bool = False
     local_metres: bool = False  # without a CRS, coordinates are known to be metres
+    collar: PixelMask | None = None  # pixels that count as nodata, see `raster.collar.find`
     _handles: OpenFiles = field(default_factory=OpenFiles, repr=False)
 
     @classmethod
@@ -171,11 +173,13 @@ class Dataset:
     def fingerprint(self) -> tuple[object, ...]:
         """Content hash input: the files as they are now, and the options for reading them."""
         files = tuple(file.fingerprint() for file in self.mosaic.files)
-        return files, self.mosaic.boxes, self.choice, self.skip_bad_tiles
+        return files, self.mosaic.boxes, self.choice, self.skip_bad_tiles, self.collar
 
     @checked
     def is_empty(self, window: Window) -> bool:
         """Whether no pixel of `window` is valid, as far as is known without decoding."""
+        if self.collar is not None and self.collar.covers(window):
+            return True
         return all(
             file.is_empty(self._handles, self.choice, part) for file, part, _ in self.mosaic.parts(window)
         )
@@ -200,8 +204,11 @@ class Dataset:
             values, valid, bad = self._read_part(file, window, shape)
             for block, _ in bad:
                 record_bad_block(block)
+        else:
+            values, valid = self._fill((window.rows, window.cols), self.mosaic.parts(window))
+        if self.collar is None or not self.collar.touches(window):
             return values, valid
-        return self._fill((window.rows, window.cols), self.mosaic.parts(window))
+        return values, without(valid, self.collar.read(window))
 
     @checked
     def read_coarse(self, max_side: int) -> tuple[Values, Valid | None, GeoBox]:
@@ -226,6 +233,9 @@ class Dataset:
         shape = (max(int(rows / factor), 1), max(int(cols / factor), 1))
         transform = scaled(self.geobox.transform, rows / shape[0], cols / shape[1])
         values, valid = self._fill(shape, self.mosaic.coarse_parts(shape))
+        if self.collar is not None:
+            sampled = sample_positions(0, rows, shape[0]), sample_positions(0, cols, shape[1])
+            valid = without(valid, self.collar.sample(*sampled))
         return values, valid, GeoBox(shape, transform, self.geobox.crs)
 
     def describe(self) -> dict[str, Any]:

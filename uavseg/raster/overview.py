@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.raster.bands import without
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
@@ -38,7 +39,15 @@ class DatasetOverview(Dataset):
         """The grid of the downsampled pixels; its extent is that of the dataset."""
         return self.grid
 
+    def is_empty(self, window: Window) -> bool:
+        """Whether no downsampled pixel of `window` is valid."""
+        _, valid = self.read(window)
+        return valid is not None and not valid.any()
+
     def read(self, window: Window) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
         """Values and validity of a window of downsampled pixels."""
         rows, cols = window.slices
-        return self.values[:, rows, cols], None if self.valid is None else self.valid[rows, cols]
+        valid = None if self.valid is None else self.valid[rows, cols]
+        if self.collar is not None:
+            valid = without(valid, self.collar.read(window))
+        return self.values[:, rows, cols], valid

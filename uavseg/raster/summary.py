@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.executors import Map, Progress, serial
+from uavseg.raster.collar.find import without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import crs_name
@@ -123,6 +124,7 @@ def summarize(
     stretch: Stretch | StretchSpec | str = "auto",
     map: Map = serial,
     progress: Progress | None = None,
+    collar: str = "keep",
 ) -> Summary:
     """Summarise a dataset.
 
@@ -136,10 +138,14 @@ def summarize(
     map : Map
         The executor.
     progress : callable, optional
+    collar : {"keep", "auto"}
+        With "auto", its collar counts as nodata; that of a larger raster is searched for in what is counted.
     """
     box, first = dataset.geobox, dataset.mosaic.files[0]
     exact = math.prod(box.shape) <= EXACT_PIXELS
     seen = dataset if exact else DatasetOverview.of(dataset, COARSE_SIDE)
+    if collar == "auto":
+        seen = without_collar(seen, TilePass((), map))
     fitted, greys = _count(seen, stretch, map, progress)
     mean, std = _moments(greys)
     return Summary(
@@ -165,7 +171,7 @@ def summarize(
         cut=_otsu_threshold(greys),
         overviews=first.overviews,
         in_metres=dataset.in_metres,
-        warnings=(*dataset.warnings, *fitted.warnings),
+        warnings=(*seen.warnings, *fitted.warnings),
     )
 
 

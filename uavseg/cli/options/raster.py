@@ -58,6 +58,13 @@ def reading_options(command: Command, required: bool = True) -> Command:
             help="How intensity becomes v: auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH.",
         ),
         click.option(
+            "--collar",
+            type=click.Choice(["auto", "keep"]),
+            default="auto",
+            show_default=True,
+            help="Count an untagged black or white collar as nodata, or keep it.",
+        ),
+        click.option(
             "--skip-bad-tiles",
             is_flag=True,
             help="Count blocks of a file that cannot be read as nodata, and list them at the end.",
@@ -119,7 +126,7 @@ def read_options(options: dict[str, Any]) -> ReadOptions:
     """How the source is read."""
     from uavseg.jobs.source import ReadOptions
 
-    names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles", "free_is_white")
+    names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles", "free_is_white", "collar")
     return ReadOptions(**{name: options[name] for name in names if name in options})
 
 

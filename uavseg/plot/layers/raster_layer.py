@@ -1,6 +1,7 @@
 """Raster layer: the raster of the picture in grey; coarse reads of other rasters over it."""
 
 import os
+import warnings
 from typing import Any
 
 import numpy as np
@@ -9,18 +10,29 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RasterError
 from uavseg.plot.frame import Frame
+from uavseg.raster.collar.find import without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tiling import TilePass, Window
 
 
-def draw_raster(ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str) -> str:
-    """Draw a raster in grey, hatched where it is invalid; returns the name of the stretch."""
+def draw_raster(
+    ax: Any, dataset: Dataset, frame: Frame, stretch: Stretch | StretchSpec | str, collar: str = "keep"
+) -> str:
+    """Draw a raster in grey, hatched where it is invalid; returns the name of the stretch.
+
+    With `collar` "auto", its collar is searched for in what is drawn; a warning says what was found.
+    """
     from matplotlib.patches import Polygon
 
     coarse = DatasetOverview.of(dataset, _max_side(ax))
     window = Window(0, 0, *coarse.geobox.shape)
+    if collar == "auto":
+        cleaned = without_collar(coarse, TilePass([window]))
+        for note in cleaned.warnings[len(coarse.warnings) :]:
+            warnings.warn(note, stacklevel=2)
+        coarse = cleaned
     fitted = fit_stretch(coarse, stretch, TilePass([window]))
     values, valid = coarse.read(window)
     picture = np.full((window.rows, window.cols, 4), 255, np.uint8)

@@ -42,6 +42,8 @@ class Origin:
         Base folder of relative paths.
     band, rgb, nodata
         Options of the user, or None.
+    collar : {"auto", "keep"}
+        "auto" if a collar was found, which counts as nodata.
     """
 
     rasters: tuple[str, ...]
@@ -49,6 +51,7 @@ class Origin:
     band: int | None = None
     rgb: tuple[int, int, int] | None = None
     nodata: float | None = None
+    collar: str = "keep"
 
     def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
         """Paths of the rasters, at their old place or beside the block map; None if one does not exist."""
@@ -169,7 +172,7 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         ) from error
     rgb = None if header["rgb"] is None else tuple(header["rgb"])
     nodata = None if header["nodata"] is None else float(header["nodata"])
-    origin = Origin(tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata)
+    origin = Origin(tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata, header["collar"])
     stretch = Stretch(header["low"], header["high"], header["stretch"])
     return SavedBlocks(blocks, geobox, stretch, header["bands"], origin)
 
@@ -232,6 +235,7 @@ _SCHEMA: dict[str, Callable[[Any], bool]] = {
     "band": lambda value: value is None or _is_whole(value),
     "rgb": lambda value: value is None or (_is_list(value, _is_whole) and len(value) == 3),
     "nodata": lambda value: value is None or _is_number(value),
+    "collar": lambda value: value in ("auto", "keep"),
 }
 
 
@@ -245,6 +249,7 @@ def _checked_header(header: Any) -> dict[str, Any]:
     """
     if not isinstance(header, dict):
         raise ValueError("its description is not an object")
+    header.setdefault("collar", "keep")  # of an earlier version
     for name, fits in _SCHEMA.items():
         if name not in header or not fits(header[name]):
             raise ValueError(f"its {name} are {shown(header.get(name))}")
@@ -273,4 +278,6 @@ def _tags(saved: SavedBlocks) -> dict[str, str]:
         "rgb": origin.rgb,
         "nodata": None if origin.nodata is None else repr(origin.nodata),
     }
+    if origin.collar != "keep":
+        header["collar"] = origin.collar
     return {_TAG: json.dumps(header)}

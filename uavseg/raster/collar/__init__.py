@@ -1,0 +1,1 @@
+"""Collars: constant pixels around the picture of a raster, which are not tagged as nodata."""

@@ -1,0 +1,160 @@
+"""Search for the collar of a raster: constant black or white pixels around the picture, not tagged as nodata.
+
+The rule, for bands of 8 or 16 bits without sign and palette; `uavseg.raster.collar.evidence` has the numbers.
+A collar
+
+- is exactly 0, or exactly the largest value, in all bands that are used, over gaps of at most two pixels;
+- is connected to the edge of the raster, directly or over nodata, and some of it holds a corner: a straight
+  side that cuts a rectangle cuts off at least one;
+- is more than a sliver: a thousandth of the raster;
+- ends in a step to a picture, where ground that is clipped at 0 fades into it and is speckled with it;
+- has a border of few long straight lines, or surrounds the picture, which is in one piece.
+
+Along a collar, and along nodata that holds a corner, pixels that are nearly constant and concentrated there
+are what lossy compression and resampling leave: they go with it, within 16 pixels.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from uavseg.errors import ParameterError
+from uavseg.raster.collar.evidence import Evidence
+from uavseg.raster.collar.flood import flood_from_edges
+from uavseg.raster.collar.pixel_mask import PixelMask
+from uavseg.raster.collar.rim import count_rim, grow_over_smear
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.tiling import TilePass, Window
+
+WORDS = ("auto", "keep")
+MIN_SIDE = 64  # pixels; a smaller raster shows too little of a rim
+CORNER = 4  # pixels
+SLIVER = 1e-3  # share of the raster
+
+AnyDataset = TypeVar("AnyDataset", bound=Dataset)
+Corner = tuple[bool, int | None]
+"""Whether the pixels at a corner are nodata, and else their constant value, if they have one."""
+
+
+def check_collar(word: str) -> str:
+    """The word, which is "auto" or "keep".
+
+    Raises
+    ------
+    ParameterError
+        If it is another one.
+    """
+    if word not in WORDS:
+        raise ParameterError(f"a collar is treated as auto or keep, not {word!r}")
+    return word
+
+
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """A collar, or the rim of nodata: its pixels (None: they are kept), how many are valid, what to say."""
+
+    mask: PixelMask | None
+    pixels: int
+    note: str
+
+
+def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
+    """The dataset with its collar as nodata, and a warning that says so; unchanged if it has none.
+
+    Where no corner of the raster is constant or nodata, only the corners are read.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    tile_pass : TilePass
+        Its executor is used; the result depends neither on it nor on its tiles.
+    """
+    if not _may_have_collar(dataset):
+        return dataset
+    corners = _corners(dataset)
+    for value in sorted({value for _, value in corners if value is not None}):
+        found = _collar(dataset, value, tile_pass, corners)
+        if found is not None:
+            return _masked(dataset, found)
+    if any(is_nodata for is_nodata, _ in corners):
+        found = _rim_of_nodata(dataset, tile_pass)
+        if found is not None:
+            return _masked(dataset, found)
+    return dataset
+
+
+def _masked(dataset: AnyDataset, found: _Found) -> AnyDataset:
+    return replace(dataset, collar=found.mask, warnings=(*dataset.warnings, found.note))
+
+
+def _may_have_collar(dataset: Dataset) -> bool:
+    choice = dataset.choice
+    in_memory = any(file.driver == "array" for file in dataset.mosaic.files)
+    plain = choice.dtype.kind == "u" and choice.dtype.itemsize <= 2 and choice.bits >= 8
+    return plain and not choice.expanded and not in_memory and min(dataset.geobox.shape) >= MIN_SIDE
+
+
+def _corners(dataset: Dataset) -> list[Corner]:
+    rows, cols = dataset.geobox.shape
+    return [
+        _corner(dataset, Window(row, col, CORNER, CORNER))
+        for row in (0, rows - CORNER)
+        for col in (0, cols - CORNER)
+    ]
+
+
+def _corner(dataset: Dataset, window: Window) -> Corner:
+    if dataset.is_empty(window):
+        return True, None
+    values, valid = dataset.read(window)
+    if valid is not None:
+        return not valid.any(), None
+    first = int(values[0, 0, 0])
+    constant = bool((values == first).all()) and first in (0, (1 << dataset.bits) - 1)
+    return False, first if constant else None
+
+
+def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Corner]) -> _Found | None:
+    """The collar of a value; None if what has that value may be ground."""
+    flooded = flood_from_edges(dataset, value, tile_pass)
+    counts = count_rim(dataset, flooded, value, tile_pass)
+    total = dataset.geobox.shape[0] * dataset.geobox.shape[1]
+    if counts.inside < SLIVER * total or not counts.shows_picture:
+        return None
+    mask, pixels = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
+    held = sum(is_nodata or found == value for is_nodata, found in corners)
+    evidence = Evidence.of(counts, mask, dataset.geobox.shape, held)
+    color, share = "black" if value == 0 else "white", _percent(pixels / total)
+    if evidence.is_collar:
+        note = (
+            f"a {color} collar of {share} of the raster was treated as nodata; "
+            '--collar keep (collar="keep") keeps it'
+        )
+        return _Found(mask, pixels, note)
+    if evidence.may_be_collar:
+        note = (
+            f"{color} pixels along the edge, {share} of the raster, may be a collar or ground; they were "
+            f"kept: --nodata {value} (nodata={value}) leaves them out"
+        )
+        return _Found(None, pixels, note)
+    return None
+
+
+def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
+    """Nodata with the nearly constant pixels along it; None if there are none."""
+    flooded = flood_from_edges(dataset, None, tile_pass)
+    for value in (0, (1 << dataset.bits) - 1):
+        counts = count_rim(dataset, flooded, value, tile_pass)
+        if not (counts.shows_picture and counts.is_textured and not counts.is_speckled and counts.is_smeared):
+            continue
+        mask, pixels = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
+        color = "black" if value == 0 else "white"
+        note = (
+            f"{pixels:,} nearly {color} pixels along nodata were treated as nodata; "
+            '--collar keep (collar="keep") keeps them'
+        )
+        return _Found(mask, pixels, note)
+    return None
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"

@@ -1,0 +1,202 @@
+"""Streamed flood fill of a raster from its edges, tile by tile: only tiles that it reaches are read.
+
+A pixel is passable if it is nodata or of the constant value, and so are its eight neighbours: a morphological
+opening, which ends the flood at gaps of one or two pixels. The tiles are worked through in waves: those at
+the edge first, then those whose neighbours brought something new to their border. The result does not depend
+on the tiles or on the order.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.raster.collar.pixel_mask import PixelMask
+from uavseg.raster.collar.spread import flood
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
+
+TILE_PIXELS = 1 << 20
+
+Pixels = NDArray[np.bool_]
+Lines = tuple[Pixels, Pixels, Pixels, Pixels]
+
+
+@dataclass(frozen=True, slots=True)
+class Shore:
+    """A tile with what lies flooded around it.
+
+    Parameters
+    ----------
+    window : Window
+    around : (4,) tuple of bool arrays
+        The rows above and below with their corners, (cols + 2,), and the columns left and right, (rows,).
+    """
+
+    window: Window
+    around: Lines = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Flooded:
+    """What is flooded of a tile.
+
+    Parameters
+    ----------
+    mask : PixelMask
+    borders, open_borders : (4,) tuple of bool arrays
+        Its first and last row, its first and last column: what is flooded, and what could be but is not.
+    """
+
+    mask: PixelMask
+    borders: Lines = field(repr=False)
+    open_borders: Lines = field(repr=False)
+
+
+def flood_from_edges(dataset: Dataset, value: int | None, tile_pass: TilePass) -> PixelMask:
+    """Pixels that are connected to the edge of the raster over nodata or a constant value.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    value : int or None
+        The value of all bands that counts as nodata does; None for nodata alone.
+    tile_pass : TilePass
+        Its executor runs the tiles; their size is that of `flood_tiles`.
+
+    Returns
+    -------
+    flooded : PixelMask
+        Pixels whose neighbours are passable too; with these, it is the opening of what is connected.
+    """
+    grid = _Grid(dataset.geobox.shape, flood_tiles(dataset))
+    strips = [_border_strip(grid, place) for place in grid.at_edge]
+    shown = tile_pass.silent.run(partial(_shows_tile, dataset, value), strips)
+    wave = [place for place, shows in zip(grid.at_edge, shown, strict=True) if shows]
+    known: dict[tuple[int, int], Flooded] = {}
+    while wave:
+        items = [grid.shore(place, known) for place in wave]
+        found = tile_pass.silent.run(partial(_flood_tile, dataset, value), items)
+        known.update(zip(wave, found, strict=True))
+        around = {other for place in wave for other in grid.neighbours(place)}
+        wave = [place for place in sorted(around) if grid.goes_on(place, known)]
+    return PixelMask.joined(grid.shape, ((grid.windows[place], one.mask) for place, one in known.items()))
+
+
+def flood_tiles(dataset: Dataset) -> tuple[int, int]:
+    """Rows and columns of a tile of the flood, which suits the files."""
+    return tile_side(dataset.geobox.shape, dataset.file_block, TILE_PIXELS)
+
+
+def is_passable(dataset: Dataset, value: int | None, window: Window) -> Pixels:
+    """Where pixels are nodata or of a value in all bands, for a window inside the raster."""
+    if dataset.is_empty(window):
+        return np.ones((window.rows, window.cols), bool)
+    values, valid = dataset.read(window)
+    passable = np.zeros(values.shape[1:], bool) if valid is None else ~valid
+    if value is not None:
+        passable |= (values == value).all(axis=0)
+    return passable
+
+
+def _opened(dataset: Dataset, value: int | None, window: Window) -> Pixels:
+    """Where a pixel and its eight neighbours are passable; what lies beyond the raster is."""
+    around = window.grown(1)
+    part = around.clipped(dataset.geobox.shape)
+    whole = np.ones((window.rows + 2, window.cols + 2), bool)
+    inner = Window(part.row - around.row, part.col - around.col, part.rows, part.cols)
+    whole[inner.slices] = is_passable(dataset, value, part)
+    rows = whole[:-2] & whole[1:-1] & whole[2:]
+    return rows[:, :-2] & rows[:, 1:-1] & rows[:, 2:]
+
+
+def _shows_tile(dataset: Dataset, value: int | None, strips: tuple[Window, ...]) -> bool:
+    """Whether a pixel at the edge of the raster is passable with its neighbours."""
+    return any(_opened(dataset, value, strip).any() for strip in strips)
+
+
+def _flood_tile(dataset: Dataset, value: int | None, item: Shore) -> Flooded:
+    opened = _opened(dataset, value, item.window)
+    passable = np.pad(opened, 1)
+    sources = np.zeros(passable.shape, bool)
+    sources[0], sources[-1], sources[1:-1, 0], sources[1:-1, -1] = item.around
+    inside = flood(sources, passable)[1:-1, 1:-1]
+    return Flooded(PixelMask.of(inside), _border_lines(inside), _border_lines(opened & ~inside))
+
+
+def _border_lines(image: Pixels) -> Lines:
+    return image[0].copy(), image[-1].copy(), image[:, 0].copy(), image[:, -1].copy()
+
+
+def _border_strip(grid: "_Grid", place: tuple[int, int]) -> tuple[Window, ...]:
+    """The pixels of a tile at the edge of the raster."""
+    window, (rows, cols) = grid.windows[place], grid.shape
+    end_row, end_col = window.row + window.rows, window.col + window.cols
+    strips = []
+    if window.row == 0:
+        strips.append(Window(0, window.col, 1, window.cols))
+    if end_row == rows:
+        strips.append(Window(rows - 1, window.col, 1, window.cols))
+    if window.col == 0:
+        strips.append(Window(window.row, 0, window.rows, 1))
+    if end_col == cols:
+        strips.append(Window(window.row, cols - 1, window.rows, 1))
+    return tuple(strips)
+
+
+class _Grid:
+    """The tiles of a raster by their row and column in the grid of tiles."""
+
+    def __init__(self, shape: tuple[int, int], side: tuple[int, int]) -> None:
+        self.shape = shape
+        self.windows = {(w.row // side[0], w.col // side[1]): w for w in tiles(shape, side)}
+        self._last = max(self.windows)
+
+    @property
+    def at_edge(self) -> Sequence[tuple[int, int]]:
+        """The tiles at the edge of the raster."""
+        rows, cols = self._last
+        return [(i, j) for i, j in self.windows if i in (0, rows) or j in (0, cols)]
+
+    def shore(self, place: tuple[int, int], known: dict[tuple[int, int], Flooded]) -> Shore:
+        """A tile with the flooded pixels around it; all that lies beyond the raster is flooded."""
+        window, (i, j) = self.windows[place], place
+
+        def line(of: tuple[int, int], side: int, length: int) -> Pixels:
+            if of not in self.windows:
+                return np.ones(length, bool)
+            return known[of].borders[side] if of in known else np.zeros(length, bool)
+
+        rows, cols = window.rows, window.cols
+        ends = [
+            (line((k, j - 1), side, 1)[-1:], line((k, j + 1), side, 1)[:1])
+            for k, side in ((i - 1, 1), (i + 1, 0))
+        ]
+        above = np.concatenate([ends[0][0], line((i - 1, j), 1, cols), ends[0][1]])
+        below = np.concatenate([ends[1][0], line((i + 1, j), 0, cols), ends[1][1]])
+        return Shore(window, (above, below, line((i, j - 1), 3, rows), line((i, j + 1), 2, rows)))
+
+    def neighbours(self, place: tuple[int, int]) -> list[tuple[int, int]]:
+        """The tiles beside a tile and at its corners."""
+        around = [(place[0] + i, place[1] + j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+        return [other for other in around if other in self.windows]
+
+    def goes_on(self, place: tuple[int, int], known: dict[tuple[int, int], Flooded]) -> bool:
+        """Whether the flood may go on into a tile from those around it."""
+        around = self.shore(place, known).around
+        if place not in known:
+            outside = self.shore(place, {}).around
+            return any((line & ~beyond).any() for line, beyond in zip(around, outside, strict=True))
+        above, below, left, right = around
+        lines = (
+            above,
+            below,
+            np.concatenate([above[:1], left, below[:1]]),
+            np.concatenate([above[-1:], right, below[-1:]]),
+        )
+        return any(
+            ((line[:-2] | line[1:-1] | line[2:]) & ends).any()
+            for line, ends in zip(lines, known[place].open_borders, strict=True)
+        )
