@@ -94,12 +94,12 @@ def _may_have_collar(dataset: Dataset) -> bool:
 
 
 def _corners(dataset: Dataset) -> list[Corner]:
+    return [_corner(dataset, window) for window in _corner_windows(dataset)]
+
+
+def _corner_windows(dataset: Dataset) -> list[Window]:
     rows, cols = dataset.geobox.shape
-    return [
-        _corner(dataset, Window(row, col, CORNER, CORNER))
-        for row in (0, rows - CORNER)
-        for col in (0, cols - CORNER)
-    ]
+    return [Window(row, col, CORNER, CORNER) for row in (0, rows - CORNER) for col in (0, cols - CORNER)]
 
 
 def _corner(dataset: Dataset, window: Window) -> Corner:
@@ -120,7 +120,8 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
     total = dataset.geobox.shape[0] * dataset.geobox.shape[1]
     if counts.inside < SLIVER * total or not counts.shows_picture:
         return None
-    mask, pixels = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
+    mask, added = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
+    pixels = counts.inside + added
     held = sum(is_nodata or found == value for is_nodata, found in corners)
     evidence = Evidence.of(counts, mask, dataset.geobox.shape, held)
     color, share = "black" if value == 0 else "white", _percent(pixels / total)
@@ -141,19 +142,26 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
 
 def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     """Nodata with the nearly constant pixels along it; None if there are none."""
+    value = _fill_value(dataset)
     flooded = flood_from_edges(dataset, None, tile_pass)
-    for value in (0, (1 << dataset.bits) - 1):
-        counts = count_rim(dataset, flooded, value, tile_pass)
-        if not (counts.shows_picture and counts.is_textured and not counts.is_speckled and counts.is_smeared):
-            continue
-        mask, pixels = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
-        color = "black" if value == 0 else "white"
-        note = (
-            f"{pixels:,} nearly {color} pixels along nodata were treated as nodata; "
-            '--collar keep (collar="keep") keeps them'
-        )
-        return _Found(mask, pixels, note)
-    return None
+    counts = count_rim(dataset, flooded, value, tile_pass)
+    if not (counts.shows_picture and counts.is_textured and counts.is_smeared) or counts.is_speckled:
+        return None
+    mask, pixels = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
+    color = "black" if value == 0 else "white"
+    note = (
+        f"{pixels:,} nearly {color} pixels along nodata were treated as nodata; "
+        '--collar keep (collar="keep") keeps them'
+    )
+    return _Found(mask, pixels, note)
+
+
+def _fill_value(dataset: Dataset) -> int:
+    """What nodata at the corners was filled with: the largest value, or 0."""
+    white = (1 << dataset.bits) - 1
+    corners = [window for window in _corner_windows(dataset) if not dataset.is_empty(window)]
+    filled = [values for values, valid in map(dataset.read, corners) if valid is not None and not valid.any()]
+    return white if filled and all((values == white).all() for values in filled) else 0
 
 
 def _percent(share: float) -> str:

@@ -119,6 +119,8 @@ def _shows_tile(dataset: Dataset, value: int | None, strips: tuple[Window, ...])
 
 def _flood_tile(dataset: Dataset, value: int | None, item: Shore) -> Flooded:
     opened = _opened(dataset, value, item.window)
+    if opened.all() and any(line.any() for line in item.around):
+        return Flooded(PixelMask.of(opened), _border_lines(opened), _border_lines(~opened))
     passable = np.pad(opened, 1)
     sources = np.zeros(passable.shape, bool)
     sources[0], sources[-1], sources[1:-1, 0], sources[1:-1, -1] = item.around

@@ -94,7 +94,7 @@ class PixelMask:
     def sample(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Pixels:
         """Which pixels at the crossings of some rows and columns are in the set, (rows, cols) bool."""
         codes = self.codes[np.ix_(rows // BLOCK, cols // BLOCK)]
-        found = codes == ALL
+        found: Pixels = codes == ALL
         i, j = np.nonzero(codes == MIXED)
         row, col = rows[i], cols[j]
         index = np.searchsorted(self.places, row // BLOCK * self.codes.shape[1] + col // BLOCK)

@@ -6,6 +6,7 @@ of the constant value. They are concentrated there, which tells them from dark o
 
 from dataclasses import dataclass, field
 from functools import partial, reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,18 +128,18 @@ def count_rim(dataset: Dataset, flooded: PixelMask, value: int, tile_pass: TileP
 def grow_over_smear(
     dataset: Dataset, flooded: PixelMask, value: int, limit: int, tile_pass: TilePass
 ) -> tuple[PixelMask, int]:
-    """A flood with the smeared pixels along it, and how many valid pixels it has.
+    """A flood with the smeared pixels along it, and how many valid pixels these are.
 
-    These are connected to it within 16 pixels and differ by at most `limit` in all bands; with them go pixels
+    They are connected to it within 16 pixels and differ by at most `limit` in all bands; with them go pixels
     of the mixture, within 2 pixels. With `limit` -1, it is the flood with its neighbours alone.
     """
     windows = [window for window in _tiles(dataset) if _touched(dataset, flooded, window)]
     parts = tile_pass.silent.run(partial(_grow_tile, dataset, flooded, value, limit), windows)
-    masks, counts = [], 0
+    masks, added = [], 0
     for window, (mask, count) in zip(windows, parts, strict=True):
         masks.append((window, mask))
-        counts += count
-    return PixelMask.joined(dataset.geobox.shape, masks), counts
+        added += count
+    return PixelMask.joined(dataset.geobox.shape, masks), added
 
 
 def _tiles(dataset: Dataset) -> list[Window]:
@@ -168,33 +169,37 @@ def _grow_tile(
 ) -> tuple[PixelMask, int]:
     around = window.grown(BEYOND).clipped(dataset.geobox.shape)
     if flooded.covers(around):
-        return PixelMask.of(np.ones((window.rows, window.cols), bool)), _count_valid(dataset, window)
+        return PixelMask.of(np.ones((window.rows, window.cols), bool)), 0
+    if limit < 0:
+        return PixelMask.of(_core(flooded, window, dataset.geobox.shape)), 0
     core, difference, valid, own = _read(dataset, flooded, value, window)
-    grown = core
-    if limit >= 0:
-        near = distances(core, difference <= limit, SMEAR) != UNREACHED
-        grown = distances(near, np.ones(core.shape, bool), BLEND) != UNREACHED
-    grown = np.ascontiguousarray(grown[own])
-    return PixelMask.of(grown), int((grown & valid[own]).sum())
+    near = distances(core, difference <= limit, SMEAR) != UNREACHED
+    grown = distances(near, np.ones(core.shape, bool), BLEND)[own] != UNREACHED
+    return PixelMask.of(grown), int((grown & valid[own] & ~core[own]).sum())
+
+
+def _core(flooded: PixelMask, window: Window, shape: tuple[int, int]) -> Pixels:
+    """The flood with its neighbours in a window."""
+    wider = window.grown(1)
+    part = wider.clipped(shape)
+    flood = np.zeros((wider.rows, wider.cols), bool)
+    inner = Window(part.row - wider.row, part.col - wider.col, part.rows, part.cols)
+    flood[inner.slices] = flooded.read(part)
+    rows = flood[:-2] | flood[1:-1] | flood[2:]
+    return rows[:, :-2] | rows[:, 1:-1] | rows[:, 2:]
 
 
 def _read(
     dataset: Dataset, flooded: PixelMask, value: int, window: Window
-) -> tuple[Pixels, NDArray[np.uint16], Pixels, tuple[slice, slice]]:
+) -> tuple[Pixels, NDArray[np.unsignedinteger[Any]], Pixels, tuple[slice, slice]]:
     """The flood with its neighbours, differences from the value, validity around a tile; where that lies."""
-    shape = dataset.geobox.shape
-    around = window.grown(BEYOND).clipped(shape)
-    wider = around.grown(1).clipped(shape)
-    flood = flooded.read(wider)
-    core = distances(flood, np.ones(flood.shape, bool), 1) != UNREACHED
-    core = core[Window(around.row - wider.row, around.col - wider.col, around.rows, around.cols).slices]
+    around = window.grown(BEYOND).clipped(dataset.geobox.shape)
     values, valid = dataset.read(around)
-    difference = np.where(
-        values > value, values - values.dtype.type(value), values.dtype.type(value) - values
-    )
+    constant = values.dtype.type(value)
+    difference = (values - constant if value == 0 else constant - values).max(axis=0)
+    known = np.ones(difference.shape, bool) if valid is None else valid
     own = Window(window.row - around.row, window.col - around.col, window.rows, window.cols).slices
-    known = np.ones(core.shape, bool) if valid is None else valid
-    return core, difference.max(axis=0), known, own
+    return _core(flooded, around, dataset.geobox.shape), difference, known, own
 
 
 def _count_valid(dataset: Dataset, window: Window) -> int:
