@@ -8,13 +8,35 @@ from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.collar.rim import RimCounts
 from uavseg.raster.collar.spread import flood
 from uavseg.raster.collar.straight import outline_points, straight_share
-from uavseg.raster.tiling import sample_positions
+from uavseg.raster.tiling import Window, sample_positions
 
 CORNERS_AROUND = 3  # held by what surrounds a picture
-STRAIGHT, STRAIGHT_SMEARED = 0.75, 0.9  # least share of the border on straight lines
-TOLERANCE, TOLERANCE_SMEARED = 2.0, 4.0  # pixels from a line
+EDGE_AROUND = 0.5  # share of the edge of the raster that it covers
 ONE_PIECE = 0.99  # share of the picture in its largest piece
 COARSE = 1024  # rows and columns at which pieces are looked at
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """What a straight border is.
+
+    Parameters
+    ----------
+    most : int
+        Number of lines.
+    share : float
+        Least share of the border on them.
+    tolerance : float
+        Pixels from a line.
+    """
+
+    most: int
+    share: float
+    tolerance: float
+
+
+SHARP = Lines(8, 0.75, 2.0)
+SMEARED = Lines(4, 0.9, 4.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +48,10 @@ class Evidence:
     is_textured, is_smeared, is_speckled, fades : bool
         Of `RimCounts`.
     is_straight : bool
-        Whether at most eight straight lines, each at least an eighth of the shorter side of the raster (and
-        32 pixels, or 64 if smeared), hold three quarters of the border, or nine tenths if it is smeared.
+        Whether a few straight lines hold most of the border, see `Lines`; each is at least an eighth of the
+        shorter side of the raster, and sixteen times the tolerance.
     is_around, is_all_around : bool
-        Whether three corners or more are held, or all four.
+        Whether it holds three corners or more, or all four, and half of the edge of the raster.
     is_one_piece : bool
         Whether 99 % of the picture are connected.
     """
@@ -44,20 +66,27 @@ class Evidence:
     is_one_piece: bool
 
     @classmethod
-    def of(cls, counts: RimCounts, mask: PixelMask, shape: tuple[int, int], corners: int) -> "Evidence":
-        """From the histograms of the rim, the pixels, the raster's shape and how many corners are held."""
-        smeared = counts.is_smeared
-        tolerance = TOLERANCE_SMEARED if smeared else TOLERANCE
-        straight = straight_share(outline_points(mask, shape), tolerance, max(min(shape) / 8, 16 * tolerance))
+    def of(
+        cls, counts: RimCounts, mask: PixelMask, shape: tuple[int, int], corners: int, one_piece: bool
+    ) -> "Evidence":
+        """From the histograms of the rim, the pixels, the raster's shape, the corners held, and the pieces."""
+        lines = SMEARED if counts.is_smeared else SHARP
+        straight = straight_share(
+            outline_points(mask, shape),
+            lines.tolerance,
+            max(min(shape) / 8, 16 * lines.tolerance),
+            lines.most,
+        )
+        along_edge = _share_of_edge(mask, shape) >= EDGE_AROUND
         return cls(
             counts.is_textured,
-            smeared,
+            counts.is_smeared,
             counts.is_speckled,
             counts.fades,
-            straight >= (STRAIGHT_SMEARED if smeared else STRAIGHT),
-            corners >= CORNERS_AROUND,
-            corners == 4,
-            _is_one_piece(mask, shape),
+            straight >= lines.share,
+            along_edge and corners >= CORNERS_AROUND,
+            along_edge and corners == 4,
+            one_piece,
         )
 
     @property
@@ -82,7 +111,7 @@ class Evidence:
         return sharp and self.is_one_piece and (self.is_straight or self.is_around)
 
 
-def _is_one_piece(mask: PixelMask, shape: tuple[int, int]) -> bool:
+def is_one_piece(mask: PixelMask, shape: tuple[int, int]) -> bool:
     """Whether nearly all that is not in a set is connected, at a coarse scale.
 
     If so, it is reached from one of the three pixels at the quartiles of it in raster order.
@@ -96,3 +125,15 @@ def _is_one_piece(mask: PixelMask, shape: tuple[int, int]) -> bool:
         if flood(source, picture).sum() >= ONE_PIECE * len(places):
             return True
     return False
+
+
+def _share_of_edge(mask: PixelMask, shape: tuple[int, int]) -> float:
+    """Share of the pixels at the edge of a raster that are in a set."""
+    rows, cols = shape
+    sides = (
+        Window(0, 0, 1, cols),
+        Window(rows - 1, 0, 1, cols),
+        Window(0, 0, rows, 1),
+        Window(0, cols - 1, rows, 1),
+    )
+    return sum(int(mask.read(side).sum()) for side in sides) / (2 * (rows + cols))

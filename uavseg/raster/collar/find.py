@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from uavseg.errors import ParameterError
-from uavseg.raster.collar.evidence import Evidence
+from uavseg.raster.collar.evidence import Evidence, is_one_piece
 from uavseg.raster.collar.flood import flood_from_edges
 from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.collar.rim import count_rim, grow_over_smear
@@ -123,7 +123,9 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
     mask, added = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
     pixels = counts.inside + added
     held = sum(is_nodata or found == value for is_nodata, found in corners)
-    evidence = Evidence.of(counts, mask, dataset.geobox.shape, held)
+    core, _ = grow_over_smear(dataset, flooded, value, -1, tile_pass)
+    one_piece = is_one_piece(core, dataset.geobox.shape)
+    evidence = Evidence.of(counts, mask, dataset.geobox.shape, held, one_piece)
     color, share = "black" if value == 0 else "white", _percent(pixels / total)
     if evidence.is_collar:
         note = (

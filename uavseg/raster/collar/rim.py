@@ -25,7 +25,7 @@ MAX_CONSTANT = 0.5  # share of one value beyond the rim; of a drawn mask it is n
 NEAR = 0.25  # share of the contrast within which a pixel is nearly constant
 MAX_NEAR = 1 / 8  # share of nearly constant pixels in a picture, and least share at a smeared rim
 MAX_SPECKLE = 1 / 50  # share of pixels of exactly the constant value in a picture
-FADING = (0.05, 0.33)  # shares of the rim within two levels; measured on clipped and on drawn rasters
+FADING = (0.05, 0.28)  # shares of the rim within two levels; measured on clipped and on drawn rasters
 
 Pixels = NDArray[np.bool_]
 

@@ -7,13 +7,12 @@ from uavseg.raster.collar.pixel_mask import ALL, PixelMask
 from uavseg.raster.tiling import Window
 from uavseg.units import BLOCK
 
-MAX_LINES = 8
 MAX_POINTS = 20_000
 _ANGLES = np.deg2rad(np.arange(0, 180, 0.5))
 
 
-def straight_share(points: NDArray[np.float64], tolerance: float, length: float) -> float:
-    """Share of the points that lie on at most eight straight lines.
+def straight_share(points: NDArray[np.float64], tolerance: float, length: float, max_lines: int = 8) -> float:
+    """Share of the points that lie on a few straight lines.
 
     Parameters
     ----------
@@ -23,6 +22,7 @@ def straight_share(points: NDArray[np.float64], tolerance: float, length: float)
         Largest distance from a line, in pixels.
     length : float
         The points of a line extend at least so far.
+    max_lines : int
 
     Examples
     --------
@@ -31,7 +31,7 @@ def straight_share(points: NDArray[np.float64], tolerance: float, length: float)
     (1.0, 0.0)
     """
     left = points
-    for _ in range(MAX_LINES):
+    for _ in range(max_lines):
         if len(left) < 2:
             break
         on_line, extent = _best_line(left, tolerance)
