@@ -10,9 +10,8 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from uavseg.execution.executors import Progress
+from uavseg.execution.executors import Progress, usable_cores
 from uavseg.execution.executors import threads as thread_pool
-from uavseg.execution.executors import usable_cores
 from uavseg.execution.phases import decided
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.work import Work
