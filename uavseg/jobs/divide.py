@@ -66,5 +66,6 @@ def block_map_of(source: Pixels, work: Work) -> tuple[SavedBlocks, SourceInfo]:
     grey = source.grey(stretching)
     blocks = measure_block_map(grey, dividing)
     dataset = source.dataset
-    saved = SavedBlocks(blocks, dataset.geobox, grey.stretch, dataset.band_names, source.origin)
-    return saved, SourceInfo.of(grey)
+    info = SourceInfo.of(grey)
+    facts = grey.stretch, dataset.band_names, source.origin, info.axis
+    return SavedBlocks(blocks, dataset.geobox, *facts), info
