@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from uavseg.execution.phases import decided, phase
 from uavseg.jobs.source import Blocks, Pixels
 from uavseg.raster.intensity.value_range import FittedRange, ValueRange, axis_of, range_on_axis
 from uavseg.raster.intensity.values import fit_values
@@ -48,7 +49,10 @@ def grey_for(source: Pixels, asked: AnyRange, tile_pass: TilePass) -> tuple[Grey
         If the range lies outside of a stretch that the user chose.
     """
     if isinstance(asked, ValueRange):
-        stretch, [found] = fit_values(source.dataset, source.stretch, [asked], tile_pass)
+        with phase("stretch"):
+            stretch, [found] = fit_values(source.dataset, source.stretch, [asked], tile_pass)
+        decided("%s, stretch %s", source.dataset.band_names, stretch.name)
+        decided("the range %s is v in %.7g..%.7g", asked, found.low, found.high)
         return GreySource(source.dataset, stretch), _found(found)
     grey = source.grey(tile_pass)
     return grey, FoundRange(asked, ends_of(axis_of(source.dataset, grey.stretch), asked))
