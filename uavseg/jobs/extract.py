@@ -186,5 +186,5 @@ def _measured(
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     interval = wanted.interval
-    found = measured(outlined, info, (interval.low, interval.high), request.drawing)
-    return replace(found, wanted=wanted)
+    ends = interval.low, interval.high
+    return measured(outlined, info, ends, request.drawing, wanted=wanted)

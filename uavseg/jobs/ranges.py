@@ -74,7 +74,10 @@ def range_of_blocks(source: Blocks, asked: AnyRange) -> FoundRange:
 
 def ends_of(axis: ValueAxis | None, interval: IntensityRange) -> tuple[float, float]:
     """The ends of a range of v in values; NaN where it is open, or values are not known."""
-    return UNKNOWN_ENDS if axis is None else axis.ends(interval.low, interval.high)
+    if axis is None:
+        return UNKNOWN_ENDS
+    low, high = axis.ends(interval.low, interval.high)
+    return float(low), float(high)
 
 
 def range_text(asked: AnyRange, axis: ValueAxis | None) -> str:

@@ -17,6 +17,7 @@ from uavseg.raster.value_scale import ValueAxis
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.table import Regions, make_regions
+from uavseg.regions.values import with_values
 from uavseg.segmentation.source import GreySource
 
 
@@ -160,6 +161,7 @@ def measured(
     interval: tuple[ArrayLike, ArrayLike],
     drawing: Drawing = Drawing(),
     more: Mapping[str, NDArray[Any]] = {},
+    wanted: FoundRange | None = None,
 ) -> Extraction:
     """Regions with their attributes.
 
@@ -173,11 +175,14 @@ def measured(
         How their outlines are drawn.
     more : mapping of str to (n,) array
         Columns that come after the id.
+    wanted : FoundRange, optional
+        The range that was asked for, in both units; by default its values follow from `interval`.
     """
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
+    regions = with_values(regions, info.axis, None if wanted is None else wanted.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    facts = info.stretch, info.band_names, info.warnings, info.in_metres, info.axis
+    facts = info.stretch, info.band_names, info.warnings, info.in_metres, info.axis, wanted
     return Extraction(regions, rings, info.geobox, *facts)

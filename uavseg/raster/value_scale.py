@@ -82,8 +82,8 @@ class ValueAxis:
     Examples
     --------
     >>> axis = ValueAxis(100.0, 300.0, BandScale(0.1, 0.0, "degC"), (0.0, 65535.0))
-    >>> axis.values([0.0, 0.5]), axis.ends(0.5, 1.0), axis.text(0.5, 1.0)
-    (array([10., 20.]), (20.0, nan), '20 degC and more')
+    >>> axis.values([0.0, 0.5]), axis.text(0.5, 1.0)
+    (array([10., 20.]), '20 degC and more')
     """
 
     low: float
@@ -100,26 +100,20 @@ class ValueAxis:
         """The value of each v."""
         return self.scale.values(self.low + np.asarray(v, np.float64) * (self.high - self.low))
 
-    def deviations(self, v: ArrayLike) -> Floats:
-        """A difference of values for each difference of v, not negative."""
-        found: Floats = np.abs(np.asarray(v, np.float64) * (self.high - self.low) * self.scale.scale)
-        return found
-
-    def ends(self, low: float, high: float) -> tuple[float, float]:
-        """The smallest and the largest value of a range of v; NaN where it is open.
+    def ends(self, low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
+        """The smallest and the largest value of ranges of v; NaN where a range is open.
 
         It is open at v = 0 or 1 where the stretch clips, because all that lies beyond has that v.
         """
-        first, last = (float(self.values(end)) for end in (low, high))
-        if low <= 0 and self.low > self.limits[0]:
-            first = nan
-        if high >= 1 and self.high < self.limits[1]:
-            last = nan
+        low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
+        first = np.where((low <= 0) & (self.low > self.limits[0]), nan, self.values(low))
+        last = np.where((high >= 1) & (self.high < self.limits[1]), nan, self.values(high))
         return (first, last) if self.scale.scale > 0 else (last, first)
 
     def text(self, low: float, high: float) -> str:
         """A range of v in values: "20 to 40 degC", "20 degC and more"."""
-        return values_text(self.ends(low, high), self.unit)
+        first, last = self.ends(low, high)
+        return values_text((float(first), float(last)), self.unit)
 
 
 def values_text(ends: Sequence[float], unit: str = "") -> str:
