@@ -5,6 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 from uavseg.errors import ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.raster.collar.find import check_collar, without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
@@ -125,7 +126,10 @@ class Pixels:
     def grey(self, tile_pass: TilePass) -> GreySource:
         """The pixels through their stretch, which is fitted in a pass where it follows from them."""
         dataset = self.cleaned(tile_pass)
-        return GreySource(dataset, fit_stretch(dataset, self.stretch, tile_pass))
+        with phase("stretch"):
+            fitted = fit_stretch(dataset, self.stretch, tile_pass)
+        decided("%s, stretch %s", dataset.band_names, fitted.name)
+        return GreySource(dataset, fitted)
 
 
 @dataclass(frozen=True)
@@ -149,7 +153,8 @@ class Raster(Pixels):
         if self.options.collar == "keep":
             return self.dataset
         if not self._cleaned:
-            self._cleaned.append(without_collar(self.dataset, tile_pass))
+            with phase("collar"):
+                self._cleaned.append(without_collar(self.dataset, tile_pass))
         return self._cleaned[0]
 
     @property

@@ -1,7 +1,6 @@
 """Raster summary: metadata, histogram and moments of intensity, and a command to try."""
 
 import math
-import shlex
 from dataclasses import asdict, dataclass
 from functools import partial, reduce
 from typing import Any
@@ -17,9 +16,11 @@ from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.mosaic import RasterSource
 from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
+from uavseg.raster.value_scale import ValueAxis
 from uavseg.units import GREY_LEVELS
 
 EXACT_PIXELS = 100_000_000  # larger rasters are downsampled before counting
@@ -66,6 +67,10 @@ class Summary:
     in_metres : bool
         Whether `resolution` is in metres rather than in units of the map.
     warnings : tuple of str
+    command : str
+        A command to try next: it extracts the rarer of dark and bright, see `interval`.
+    axis : ValueAxis or None
+        How v maps to values in the units of the raster; None if bands or files have different scales.
     """
 
     paths: tuple[str, ...]
@@ -91,6 +96,8 @@ class Summary:
     overviews: tuple[int, ...]
     in_metres: bool
     warnings: tuple[str, ...]
+    command: str = ""
+    axis: ValueAxis | None = None
 
     @property
     def nodata_share(self) -> float:
@@ -98,16 +105,15 @@ class Summary:
         return 1 - self.valid / self.counted
 
     @property
-    def command(self) -> str:
-        """A command to try next: the rarer of dark and bright.
+    def interval(self) -> str:
+        """The rarer of dark and bright, as --range takes it.
 
         It uses Otsu's threshold of the pixels, in steps of 0.05. `suggest` partitions the leaf means instead,
         which noise hardly affects, into as many ranges as they have classes.
         """
         edge = round(self.cut * HISTOGRAM_BINS)
         bright = 0 < 2 * sum(self.histogram[edge:]) <= self.valid
-        interval = f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
-        return f"uavseg extract {shlex.join(self.paths[:3])} --range {interval}"
+        return f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
 
     def as_dict(self) -> dict[str, Any]:
         """All fields as plain values for JSON, with None instead of NaN."""
@@ -115,8 +121,16 @@ class Summary:
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
         ]
-        more = {"nodata_share": self.nodata_share, "command": self.command}
+        found["values"] = None if found.pop("axis") is None else self._values()
+        more = {"nodata_share": self.nodata_share, "command": found.pop("command")}
         return {key: _plain(value) for key, value in (found | more).items()}
+
+    def _values(self) -> dict[str, Any]:
+        """The values at v = 0 and 1, their mean under the stretch, and how they are stored."""
+        assert self.axis is not None, "there are values"
+        low, high, mean = self.axis.values([0, 1, self.mean]).tolist()
+        scale = asdict(self.axis.scale)
+        return {"low": low, "high": high, "mean": _plain(mean), **scale}
 
 
 def summarize(
@@ -172,6 +186,7 @@ def summarize(
         overviews=first.overviews,
         in_metres=dataset.in_metres,
         warnings=(*seen.warnings, *fitted.warnings),
+        axis=axis_of(dataset, fitted),
     )
 
 

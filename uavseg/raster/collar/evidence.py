@@ -69,7 +69,7 @@ class Evidence:
     def of(
         cls, counts: RimCounts, mask: PixelMask, shape: tuple[int, int], corners: int, one_piece: bool
     ) -> "Evidence":
-        """From the histograms of the rim, the pixels, the raster's shape, the corners held, and the pieces."""
+        """From the histograms of the rim, the pixels, the raster's shape, corners held, and pieces."""
         lines = SMEARED if counts.is_smeared else SHARP
         straight = straight_share(
             outline_points(mask, shape),
