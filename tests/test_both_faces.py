@@ -86,6 +86,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         warnings.simplefilter("ignore")
         write("tile.tif", patches(1), nodata=0, **UTM)
         write("deep.tif", patches(2).astype(np.uint16) * 200, nodata=0)
+        framed = np.pad(patches(7, (90, 110)), ((20, 30), (24, 36)))
+        write("collar.tif", framed, **UTM)
         write("west.tif", patches(3)[:, :90], nodata=0, **UTM)
         east = {"crs": UTM["crs"], "transform": UTM["transform"] @ Affine.translation(90, 0)}
         write("east.tif", patches(3)[:, 90:], nodata=0, **east)
@@ -214,6 +216,8 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("black.tif", {"range": (0, 1), "stretch": "minmax"}),
     ("cut.tif", {"range": (0.3, 0.7), "skip_bad_tiles": True}),
     ("cut.tif", {"range": (0.3, 0.7)}),
+    ("collar.tif", {"range": (0, 0.4)}),
+    ("collar.tif", {"range": (0, 0.4), "collar": "keep"}),
     ("blocks.tif", {"range": (0.55, 1)}),
     ("blocks.tif", {"range": (0.55, 1), "refine": "none", "fill_holes": "70px", "min_area": 400.0}),
     ("blocks.tif", {"range": (0.55, 1), "band": 1}),
@@ -250,6 +254,8 @@ LEVELS: list[tuple[Any, Words]] = [
     ("black.tif", {"width": 0.4}),
     ("tile.tif", {"width": 0.4, "min_area": "1e9px", "small": "drop"}),
     ("cut.tif", {"width": 0.3, "skip_bad_tiles": True}),
+    ("collar.tif", {"width": 0.3}),
+    ("collar.tif", {"width": 0.3, "collar": "keep"}),
     ("tile.tif", {"width": 0}),
 ]
 PLAN_LINE = ["plan", "regions.geojson", "--altitude", "40", "--home", "auto", "--largest", "2"]
@@ -265,6 +271,7 @@ MATCH: list[tuple[Any, Words]] = [
     ("deep.tif", {"like": (85, -70, 33)}),
     ("deep.tif", {"like": (85, 70, 33)}),
     ("cut.tif", {"like": (4e5 + 100, 5e6 - 100, 70), "skip_bad_tiles": True}),
+    ("collar.tif", {"like": (4e5 + 180, 5e6 - 140, 60), "collar": "auto"}),
     ("tile.tif", {"like": "regions.gpkg"}),
     ("tile.tif", {"like": "missing.gpkg"}),
     ("tile.tif", {"like": (4e5, 5e6, 4)}),

@@ -10,7 +10,7 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.phases import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Blocks, Source
+from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.raster.value_scale import ValueAxis, values_text
@@ -157,7 +157,7 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
     work = work.begun()
     if isinstance(source, Blocks):
         saved, info = source.saved, SourceInfo.of(source)
-        pixels = source.raster if request.segment.refine != "none" else None
+        pixels: Pixels | None = source.raster if request.segment.refine != "none" else None
         tile_pass = None if pixels is None else work.over(pixels)
     else:
         pixels = source
@@ -166,7 +166,7 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
     found = _suggestions(saved.blocks, info, request)
     if pixels is None or tile_pass is None or request.segment.refine == "none":
         return work.finished(found)
-    grey = GreySource(pixels.dataset, saved.stretch)
+    grey = GreySource(pixels.cleaned(tile_pass.silent), saved.stretch)
     with phase("count of regions"):
         ranges = _refined(found.ranges, saved.blocks, grey, request.segment, tile_pass)
     return work.finished(replace(found, ranges=ranges))

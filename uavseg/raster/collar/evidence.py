@@ -12,7 +12,7 @@ from uavseg.raster.tiling import Window, sample_positions
 
 CORNERS_AROUND = 3  # held by what surrounds a picture
 EDGE_AROUND = 0.5  # share of the edge of the raster that it covers
-ONE_PIECE = 0.99  # share of the picture in its largest piece
+ONE_PIECE = 0.97  # share of the picture in its largest piece
 COARSE = 1024  # rows and columns at which pieces are looked at
 
 
@@ -53,7 +53,7 @@ class Evidence:
     is_around, is_all_around : bool
         Whether it holds three corners or more, or all four, and half of the edge of the raster.
     is_one_piece : bool
-        Whether 99 % of the picture are connected.
+        Whether 97 % of the picture are connected.
     """
 
     is_textured: bool
