@@ -16,7 +16,7 @@ from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.inputs import check_not_inputs
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
+from uavseg.raster.formats.geotiff import Page, check_geotiff_name, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.opening import GDAL_ERRORS, file_exists
@@ -104,6 +104,11 @@ def rasters_of(path: str | os.PathLike[str]) -> list[str]:
         return []  # the error is reported when the file is opened
 
 
+def check_block_map_name(path: str | os.PathLike[str]) -> None:
+    """Check that a block map may have a name, before the work; OutputError if not."""
+    check_geotiff_name(path, "a block map")
+
+
 def write_block_map(
     path: str | os.PathLike[str], saved: SavedBlocks, division: DivisionParams, overwrite: bool = False
 ) -> None:
@@ -125,8 +130,10 @@ def write_block_map(
     Raises
     ------
     OutputExistsError, OutputError
-        If the file exists, cannot be written, or is one of the rasters that the block map was made from.
+        If the file exists, is not named .tif, cannot be written, or is one of the rasters that the block map
+        was made from.
     """
+    check_block_map_name(path)
     check_not_inputs([path], saved.origin.find_rasters(path) or [])
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = find_leaves(blocks, division)
