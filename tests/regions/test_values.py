@@ -101,6 +101,7 @@ def test_values_are_unknown_where_files_share_no_scale(tmp_path: Path) -> None:
             file.scales = (scale,)
     source = open_source([tmp_path / "0.tif", tmp_path / "1.tif"])
     columns = extract(source, ExtractRequest(IntensityRange(0.5, 1))).regions.columns
+    assert any("stored numbers are compared as they are" in text for text in source.warnings)
     assert len(columns["id"]) and np.isnan(columns["mean_value"]).all() and set(columns["unit"]) == {""}
     with pytest.raises(ParameterError, match="have different scales"):
         extract(source, ExtractRequest(ValueRange(3, None)))
