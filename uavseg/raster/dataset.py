@@ -26,7 +26,9 @@ from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
 from uavseg.raster.value_scale import BandScale
 
-_NO_SCALE = "its bands or files have different scales, offsets or units: their stored numbers are compared as they are"
+_NO_SCALE = (
+    "its bands or files have different scales, offsets or units: stored numbers are compared as they are"
+)
 Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 
