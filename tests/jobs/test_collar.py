@@ -142,3 +142,10 @@ def test_another_word_is_refused(path: str) -> None:
 def test_python_warns(path: str) -> None:
     with pytest.warns(UserWarning, match=NOTE):
         uavseg.extract(path, range=(0, 0.4))
+
+
+def test_a_range_of_values_leaves_it_out_too(path: str, tagged: str) -> None:
+    with pytest.warns(UserWarning, match=NOTE):
+        found = uavseg.extract(path, values=(None, 110))
+    expected = uavseg.extract(tagged, values=(None, 110))
+    assert found.drop(columns="geometry").equals(expected.drop(columns="geometry"))

@@ -49,11 +49,12 @@ def grey_for(source: Pixels, asked: AnyRange, tile_pass: TilePass) -> tuple[Grey
         If the range lies outside of a stretch that the user chose.
     """
     if isinstance(asked, ValueRange):
+        dataset = source.cleaned(tile_pass)
         with phase("stretch"):
-            stretch, [found] = fit_values(source.dataset, source.stretch, [asked], tile_pass)
-        decided("%s, stretch %s", source.dataset.band_names, stretch.name)
+            stretch, [found] = fit_values(dataset, source.stretch, [asked], tile_pass)
+        decided("%s, stretch %s", dataset.band_names, stretch.name)
         decided("the range %s is v in %.7g..%.7g", asked, found.low, found.high)
-        return GreySource(source.dataset, stretch), _found(found)
+        return GreySource(dataset, stretch), _found(found)
     grey = source.grey(tile_pass)
     return grey, FoundRange(asked, ends_of(axis_of(source.dataset, grey.stretch), asked))
 
