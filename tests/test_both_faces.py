@@ -176,7 +176,7 @@ def in_python(call: Callable[[], bytes]) -> Answer:
 
 def regions_of(frame: geopandas.GeoDataFrame) -> Regions:
     columns = {name: frame[name].to_numpy() for name in frame.columns if name != "geometry"}
-    return Regions(columns, np.array(frame.geometry, object), frame.crs and frame.crs.to_wkt())
+    return Regions(columns, np.array(frame.geometry, object), frame.crs and frame.crs.to_wkt(), frame.attrs["uavseg"])
 
 
 def written(write_to: Callable[[str], object], name: str) -> bytes:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, logger, phase
+from uavseg.jobs.metadata import drawing_facts, range_facts, segment_facts, with_metadata
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
@@ -88,7 +89,9 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     if len(found.regions) == 0:
         low, high = request.interval.low, request.interval.high
         hints.append(f"no region has a mean v in {low:g}..{high:g}; uavseg info shows which v there are")
-    return work.finished(found, *hints)
+    how = range_facts(request.interval, found.stretch) | segment_facts(request.segment)
+    how |= drawing_facts(request.drawing, request.fill_holes, request.min_area)
+    return work.finished(with_metadata(found, source, "extract", how), *hints)
 
 
 def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Extraction:
