@@ -9,6 +9,7 @@ from uavseg.errors import RegionError
 from uavseg.raster.opening import file_exists
 from uavseg.regions.formats import metadata
 from uavseg.regions.formats.read import KML_FIELDS, vector_errors
+from uavseg.regions.formats.style_files import STYLE_TABLE
 from uavseg.regions.formats.vector_files import (
     check_feature_count,
     check_vector,
@@ -92,7 +93,7 @@ def about_file(path: str | os.PathLike[str]) -> RegionFile:
 def _about_layer(path: str | os.PathLike[str], name: str, kind: str) -> RegionFile:
     import pyogrio
 
-    layers = [str(layer) for layer in pyogrio.list_layers(path)[:, 0]]
+    layers = [layer for layer in map(str, pyogrio.list_layers(path)[:, 0]) if layer != STYLE_TABLE]
     if not layers:
         raise RegionError(f"{name} holds no layer of regions")
     check_feature_count(path, name, layers[0])

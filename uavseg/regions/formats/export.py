@@ -21,6 +21,7 @@ from uavseg.regions.formats.check_written import is_complete
 from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
 from uavseg.regions.formats.metadata import metadata_items
 from uavseg.regions.formats.parquet import import_pyarrow
+from uavseg.regions.formats.style_files import add_style
 from uavseg.regions.shapes import has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
@@ -134,6 +135,7 @@ def _write_geojson(regions: Regions, path: Path) -> None:
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
     _write_layer(regions, path, "GPKG")
+    add_style(path, regions, LAYER, GEOMETRY, _DATE)
 
 
 def _write_flatgeobuf(regions: Regions, path: Path) -> None:
