@@ -10,12 +10,15 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from uavseg.execution.executors import Progress
+from uavseg.errors import ParameterError
+from uavseg.execution.executors import Progress, usable_cores
 from uavseg.execution.executors import threads as thread_pool
-from uavseg.execution.executors import usable_cores
 from uavseg.execution.phases import decided
+from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.work import Work
+from uavseg.plain_text import shown
+from uavseg.segmentation.params import IntensityRange
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -26,13 +29,41 @@ if TYPE_CHECKING:
 def work(
     threads: int | None,
     tile: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> Work:
     """How the job is run: by threads, with finished tiles kept in a folder if one is given."""
     run = thread_pool(threads)
     decided("%d threads", threads or usable_cores())
-    return Work(tile, run, run, progress, resume)
+    return Work(tile, run, run, progress_of(progress), resume)
+
+
+def progress_of(progress: Progress | bool | None) -> Progress | None:
+    """What is called with the progress: a bar where it is True."""
+    if progress is True:
+        return ProgressLine()
+    return None if progress is False else progress
+
+
+def as_range(given: tuple[float, float] | str) -> IntensityRange:
+    """A range of v: two numbers, or the text that --range takes.
+
+    Raises
+    ------
+    ParameterError
+        If a text is not two numbers.
+    IntensityRangeError
+        If they are no range.
+    """
+    if not isinstance(given, str):
+        return IntensityRange(*given)
+    try:
+        low, high = (float(part) for part in given.split(","))
+    except ValueError:
+        raise ParameterError(
+            f'range is two numbers, such as (0.55, 1) or "0.55,1", not {shown(given)}'
+        ) from None
+    return IntensityRange(low, high)
 
 
 def warn(messages: Iterable[str], level: int = 4) -> None:

@@ -6,7 +6,7 @@ import os
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
+from uavseg.api._values import as_range, warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.build_map import BuiltMap, topics_of
@@ -21,7 +21,7 @@ from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.bags.merge_bag import MergeParams
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params import IntensityRange, SegmentParams, StateLimits
+from uavseg.segmentation.params import SegmentParams, StateLimits
 
 
 @checked
@@ -43,7 +43,7 @@ def classify(
     allow_lost_obstacles: bool = False,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
@@ -117,7 +117,7 @@ def classify(
 @checked
 def path(
     source: Any,
-    range: tuple[float, float],
+    range: tuple[float, float] | str,
     start: tuple[float, float],
     goal: tuple[float, float],
     *,
@@ -132,7 +132,7 @@ def path(
     intensity_step: float = 0.05,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
@@ -146,8 +146,8 @@ def path(
     ----------
     source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
         A map of probabilities, as of `classify`.
-    range : (float, float)
-        Of v in [0, 1], both ends in it: what is passable, such as (0, 0.45).
+    range : (float, float) or str
+        Of v in [0, 1], both ends in it: what is passable, such as ``(0, 0.45)`` or ``"0,0.45"``.
     start, goal : (float, float)
         x and y in the map's coordinates.
     clearance : float
@@ -165,8 +165,8 @@ def path(
         As of `extract`.
     tile, threads : int, optional
         Change no result.
-    progress : callable, optional
-        Called with (done, total).
+    progress : callable or bool, optional
+        Called with (done, total); True draws a bar on stderr, in notebooks too.
     resume : path, optional
         As of `extract`.
 
@@ -193,7 +193,7 @@ def path(
     [2.305, 0.705]
     """
     request = PathRequest(
-        IntensityRange(*range),
+        as_range(range),
         start,
         goal,
         PathParams(clearance, smooth),

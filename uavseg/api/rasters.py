@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import regions_of, warn, work
+from uavseg.api._values import as_range, regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.divide import divide as run_divide
@@ -19,7 +19,7 @@ from uavseg.jobs.open_source import open_source
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
 from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params import IntensityRange, Levels, SegmentParams
+from uavseg.segmentation.params import Levels, SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @checked
 def extract(
     source: Any,
-    range: tuple[float, float],
+    range: tuple[float, float] | str,
     *,
     band: int | None = None,
     rgb: tuple[int, int, int] | None = None,
@@ -46,7 +46,7 @@ def extract(
     simplify: float | None = None,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     allow_path: Folders = (),
@@ -61,8 +61,8 @@ def extract(
         in a text file (``"@list.txt"``); `each` answers for each one by itself. The path of a block map is
         answered from it, and refined with its raster where that is at hand. A DataArray needs rioxarray's
         `.rio`.
-    range : (float, float)
-        Of v in [0, 1], both ends in it.
+    range : (float, float) or str
+        Of v in [0, 1], both ends in it, such as ``(0.55, 1)`` or ``"0.55,1"``.
     band, rgb, nodata, stretch, method, refine, threshold, intensity_step
         As the options of `uavseg extract`.
     min_area, fill_holes : float or str, optional
@@ -73,8 +73,8 @@ def extract(
         Metres; smoothed outlines are simplified. Columns stay those of the pixels.
     tile, threads : int, optional
         Change no result.
-    progress : callable, optional
-        Called with (done, total).
+    progress : callable or bool, optional
+        Called with (done, total); True draws a bar on stderr, in notebooks too.
     resume : path, optional
         A folder in which finished tiles are kept, so that a run that was stopped goes on where it stopped. It
         stays there in the end, and may be removed.
@@ -103,7 +103,7 @@ def extract(
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
     request = ExtractRequest(
-        IntensityRange(*range),
+        as_range(range),
         SegmentParams.from_words(method, threshold, intensity_step, refine),
         Drawing(smooth_outline, simplify),
         as_area(fill_holes),
@@ -135,7 +135,7 @@ def levels(
     simplify: float | None = None,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     allow_path: Folders = (),

@@ -1,4 +1,4 @@
-"""Regions as a GeoDataFrame that shows itself in a notebook: a line of facts and a drawing above the table."""
+"""Regions as a GeoDataFrame that shows itself in a notebook: facts and a drawing above the table."""
 
 from html import escape
 from typing import Any
@@ -12,8 +12,8 @@ _MOST_DRAWN = 2000  # regions
 _STYLE = 'fill="#ffa500" fill-opacity="0.35" stroke="#c46a00" stroke-width="1" fill-rule="evenodd"'
 
 
-class RegionFrame(geopandas.GeoDataFrame):
-    """A GeoDataFrame of regions; what is made of it is a plain GeoDataFrame.
+class RegionFrame(geopandas.GeoDataFrame):  # type: ignore[misc]
+    """A GeoDataFrame of regions.
 
     Its ``attrs["uavseg"]`` is what the regions were made from, and how.
     """

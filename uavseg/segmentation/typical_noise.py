@@ -26,17 +26,13 @@ def typical_noise(source: GreySource, mixed: NDArray[np.bool_]) -> float:
         Standard deviation in v; 0 where no cell is mixed.
     """
     side = _SIDE // CELL
-    corners = [
-        (row, col) for row in range(0, mixed.shape[0], side) for col in range(0, mixed.shape[1], side)
-    ]
+    corners = [(row, col) for row in range(0, mixed.shape[0], side) for col in range(0, mixed.shape[1], side)]
     row, col = max(corners, key=lambda at: np.count_nonzero(_part(mixed, at)))
     cells = _part(mixed, (row, col))
     if not cells.any():
         return 0.0
     rows, cols = source.shape
-    window = Window(
-        row * CELL, col * CELL, min(_SIDE, rows - row * CELL), min(_SIDE, cols - col * CELL)
-    )
+    window = Window(row * CELL, col * CELL, min(_SIDE, rows - row * CELL), min(_SIDE, cols - col * CELL))
     tile = source.read(window, 0)
     active = np.ascontiguousarray(cells[: tile.grey.shape[0] // CELL, : tile.grey.shape[1] // CELL])
     noise = estimate_noise(tile.grey, tile.valid, active.view(np.uint8))

@@ -17,7 +17,6 @@ from uavseg.regions.formats.vector_files import (
     vector_format,
 )
 
-
 KML_NAMES = KML_FIELDS | {"id2"}  # that GDAL gives each KML file
 
 
@@ -158,7 +157,9 @@ def _holds_tiles(path: str | os.PathLike[str]) -> bool:
     from contextlib import closing
 
     try:
-        with closing(sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro&immutable=1", uri=True)) as base:
+        with closing(
+            sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+        ) as base:
             kinds = {kind for (kind,) in base.execute("SELECT data_type FROM gpkg_contents")}
     except sqlite3.Error:
         return True  # MBTiles and others

@@ -35,8 +35,12 @@ def _geopackage(path: Path, count: int) -> bool:
     if len(list(path.parent.iterdir())) > 1:  # a journal of an unfinished transaction
         return False
     with closing(sqlite3.connect(f"file:{path.as_posix()}?mode=ro&immutable=1", uri=True)) as base:
-        [(table, min_x)] = base.execute("SELECT table_name, min_x FROM gpkg_contents WHERE data_type = 'features'").fetchall()
-        [(stated,)] = base.execute("SELECT feature_count FROM gpkg_ogr_contents WHERE table_name = ?", [table]).fetchall()
+        [(table, min_x)] = base.execute(
+            "SELECT table_name, min_x FROM gpkg_contents WHERE data_type = 'features'"
+        ).fetchall()
+        [(stated,)] = base.execute(
+            "SELECT feature_count FROM gpkg_ogr_contents WHERE table_name = ?", [table]
+        ).fetchall()
         [(rows,)] = base.execute(f'SELECT count(*) FROM "{table}"').fetchall()
         [(indexed,)] = base.execute(f'SELECT count(*) FROM "rtree_{table}_geom_rowid"').fetchall()
         [(integrity,), *_] = base.execute("PRAGMA quick_check(1)").fetchall()

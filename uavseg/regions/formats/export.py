@@ -135,7 +135,7 @@ def _write_geojson(regions: Regions, path: Path) -> None:
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
     _write_layer(regions, path, "GPKG")
-    add_style(path, regions, LAYER, GEOMETRY, _DATE)
+    add_style(path, regions, LAYER, _DATE)
 
 
 def _write_flatgeobuf(regions: Regions, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Styles where GIS programs find them: in a GeoPackage (layer_styles of QGIS), or as a file beside the regions."""
+"""Styles where GIS programs find them: in a GeoPackage (layer_styles of QGIS), or beside other files."""
 
 import os
 import sqlite3
@@ -77,7 +77,7 @@ def write_style(
     return path
 
 
-def add_style(path: Path, regions: Regions, layer: str, geometry: str, date: str) -> None:
+def add_style(path: Path, regions: Regions, layer: str, date: str) -> None:
     """Add the style of a layer to a GeoPackage, as its default.
 
     Parameters
@@ -85,22 +85,30 @@ def add_style(path: Path, regions: Regions, layer: str, geometry: str, date: str
     path : Path
         A GeoPackage that is complete.
     regions : Regions
-    layer, geometry : str
-        Names of the layer and of its geometry column.
+    layer : str
     date : str
         Of the change, such as "2000-01-01T00:00:00Z".
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written.
     """
-    row = ("", "", layer, geometry, layer, qml(regions), sld(regions, layer), True, "", "", None, date.replace("Z", ".000Z"))
-    contents = (STYLE_TABLE, "attributes", STYLE_TABLE, "", date, 0)
+    changed = date.replace("Z", ".000Z")
+    styles = qml(regions), sld(regions, layer)
     try:
         with closing(sqlite3.connect(path)) as base, base:
+            [(geometry,)] = base.execute(
+                "SELECT column_name FROM gpkg_geometry_columns WHERE table_name = ?", [layer]
+            )
+            row = ("", "", layer, geometry, layer, *styles, True, "", "", None, changed)
             base.execute(_CREATE)
             base.execute(f"INSERT INTO {STYLE_TABLE} VALUES (1, {', '.join('?' * 12)})", row)
             base.execute(
                 "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change, "
-                "srs_id) VALUES (?, ?, ?, ?, ?, ?)",
-                contents,
+                "srs_id) VALUES (?, 'attributes', ?, '', ?, 0)",
+                (STYLE_TABLE, STYLE_TABLE, date),
             )
-            base.execute("INSERT INTO gpkg_ogr_contents (table_name, feature_count) VALUES (?, 1)", [STYLE_TABLE])
+            base.execute("INSERT INTO gpkg_ogr_contents VALUES (?, 1)", [STYLE_TABLE])
     except sqlite3.Error as error:
         raise OutputError(f"{path.name} cannot be given a style ({error}); is the disk full?") from error

@@ -32,7 +32,9 @@ def classes_of(regions: Regions, colors: Sequence[Class] = ()) -> tuple[str, tup
         Of classes; others get colours from a palette, in the order of their names.
     """
     if "class" in regions.columns:
-        names = sorted({str(name) for name in regions.columns["class"].tolist()} - {name for name, _ in colors})
+        names = sorted(
+            {str(name) for name in regions.columns["class"].tolist()} - {name for name, _ in colors}
+        )
         return "class", (*colors, *zip(names, cycle(_PALETTE), strict=False))
     if "level" in regions.columns:
         found = sorted(set(regions.columns["level"].tolist()))
