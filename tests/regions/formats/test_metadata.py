@@ -44,7 +44,7 @@ def run(*words: object) -> Any:
 
 def regions(metadata: dict[str, Any]) -> Regions:
     values = {"area_m2": 0, "perimeter_m": 0, "mean": 0, "std": 0, "pixels": 0, "holes": 0}
-    columns = {"id": np.arange(1, 3)} | {name: np.zeros(2) for name in values}
+    columns = {"id": np.arange(1, 3)} | {name: np.ones(2) for name in values}
     polygons = np.array([shapely.box(k, 0, k + 0.5, 1) for k in (0, 1)], object)
     return Regions(columns, polygons, pyproj.CRS(4326).to_wkt(), metadata)
 
