@@ -10,15 +10,12 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress, usable_cores
 from uavseg.execution.executors import threads as thread_pool
 from uavseg.execution.phases import decided
 from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.work import Work
-from uavseg.plain_text import shown
-from uavseg.segmentation.params import IntensityRange
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -43,27 +40,6 @@ def progress_of(progress: Progress | bool | None) -> Progress | None:
     if progress is True:
         return ProgressLine()
     return None if progress is False else progress
-
-
-def as_range(given: tuple[float, float] | str) -> IntensityRange:
-    """A range of v: two numbers, or the text that --range takes.
-
-    Raises
-    ------
-    ParameterError
-        If a text is not two numbers.
-    IntensityRangeError
-        If they are no range.
-    """
-    if not isinstance(given, str):
-        return IntensityRange(*given)
-    try:
-        low, high = (float(part) for part in given.split(","))
-    except ValueError:
-        raise ParameterError(
-            f'range is two numbers, such as (0.55, 1) or "0.55,1", not {shown(given)}'
-        ) from None
-    return IntensityRange(low, high)
 
 
 def warn(messages: Iterable[str], level: int = 4) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import as_range, regions_of, warn, work
+from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.divide import divide as run_divide
@@ -16,6 +17,7 @@ from uavseg.jobs.extract import extract as run_extract
 from uavseg.jobs.levels import LevelsRequest, Small
 from uavseg.jobs.levels import levels as run_levels
 from uavseg.jobs.open_source import open_source
+from uavseg.jobs.range_words import range_of_words
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
 from uavseg.regions.edit.small import as_area
@@ -30,8 +32,10 @@ if TYPE_CHECKING:
 @checked
 def extract(
     source: Any,
-    range: tuple[float, float] | str,
+    range: tuple[float, float] | str | None = None,
     *,
+    values: Sequence[float | None] | str | None = None,
+    percentile: Sequence[float | None] | str | None = None,
     band: int | None = None,
     rgb: tuple[int, int, int] | None = None,
     nodata: float | None = None,
@@ -61,8 +65,14 @@ def extract(
         in a text file (``"@list.txt"``); `each` answers for each one by itself. The path of a block map is
         answered from it, and refined with its raster where that is at hand. A DataArray needs rioxarray's
         `.rio`.
-    range : (float, float) or str
-        Of v in [0, 1], both ends in it, such as ``(0.55, 1)`` or ``"0.55,1"``.
+    range : (float, float), optional
+        Of v in [0, 1], both ends in it. Exactly one of `range`, `values` and `percentile` is given; each may
+        be a text, such as "0.55,1".
+    values : (float or None, float or None), optional
+        In the raster's own units, after its scale and offset; None for an open end. Of three bands, in the
+        units of their luminance.
+    percentile : (float or None, float or None), optional
+        Percentiles of all valid pixels, in 0..100.
     band, rgb, nodata, stretch, method, refine, threshold, intensity_step
         As the options of `uavseg extract`.
     min_area, fill_holes : float or str, optional
@@ -103,7 +113,7 @@ def extract(
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
     request = ExtractRequest(
-        as_range(range),
+        range_of_words(range, values, percentile),
         SegmentParams.from_words(method, threshold, intensity_step, refine),
         Drawing(smooth_outline, simplify),
         as_area(fill_holes),

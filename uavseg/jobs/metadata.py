@@ -10,12 +10,13 @@ from dataclasses import fields, replace
 from typing import Any
 
 from uavseg._version import __version__
+from uavseg.jobs.ranges import FoundRange
 from uavseg.jobs.result import Drawing, Extraction
 from uavseg.jobs.source import Blocks, Raster, Source
 from uavseg.plain_text import printable
-from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.value_scale import ValueAxis
 from uavseg.regions.edit.small import Area
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params import SegmentParams
 
 _SAID_OTHERWISE = ("band", "rgb", "stretch", "skip_bad_tiles", "free_is_white")  # by what they result in
 
@@ -47,18 +48,15 @@ def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str,
     return replace(found, regions=replace(found.regions, metadata=known))
 
 
-def range_facts(interval: IntensityRange, stretch: Stretch) -> dict[str, Any]:
-    """A range of v, and of the values of the pixels; None where it is open at that end.
-
-    Parameters
-    ----------
-    interval : IntensityRange
-    stretch : Stretch
-        All that lies beyond its ends is v = 0 or v = 1, so that the range is open there.
-    """
-    low, high = (stretch.low + v * (stretch.high - stretch.low) for v in (interval.low, interval.high))
-    values = [low if interval.low > 0 else None, high if interval.high < 1 else None]
-    return {"range": [interval.low, interval.high], "range_values": values}
+def range_facts(wanted: FoundRange | None, axis: ValueAxis | None) -> dict[str, Any]:
+    """A range of v, and of the values of the raster with their unit; None where it is open at that end."""
+    if wanted is None:
+        return {}
+    values = [None if math.isnan(end) else float(end) for end in wanted.ends]
+    facts: dict[str, Any] = {"range": [wanted.interval.low, wanted.interval.high]}
+    if axis is not None:
+        facts |= {"range_values": values, "unit": axis.unit or None}
+    return facts
 
 
 def segment_facts(segment: SegmentParams) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from typing import Any
 
 from uavseg.regions.formats.about_file import RegionFile
 
-_COVERED = ("range_values", "stretch_low", "stretch_high")  # part of another line
+_COVERED = ("range_values", "unit", "stretch_low", "stretch_high")  # part of another line
 
 
 def region_file_text(found: RegionFile) -> str:
@@ -38,7 +38,9 @@ def _text(name: str, about: dict[str, Any]) -> str:
     value = about[name]
     if name == "range":
         values = about.get("range_values") or [None, None]
-        return f"v {_ends(value)}{'' if values == [None, None] else f'; values {_ends(values)}'}"
+        unit = f" {about['unit']}" if isinstance(about.get("unit"), str) else ""
+        known = "" if values == [None, None] else f"; values {_ends(values)}{unit}"
+        return f"v {_ends(value)}{known}"
     if isinstance(value, list) and all(isinstance(part, str | int | float) for part in value):
         return ", ".join(map(_plain, value))
     return _plain(value)
