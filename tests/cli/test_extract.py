@@ -244,7 +244,7 @@ def test_the_table_at_the_end() -> None:
     assert rows["largest"].startswith("2,04") and rows["largest"].endswith("m2 (512 pixels)")
     assert rows["stretch"] == "dtype -> 0..255" and rows["band"] == "band 1"
     assert float(rows["seconds"]) >= 0
-    assert len(result.stderr.splitlines()) == 6 and result.stdout == ""
+    assert len(result.stderr.splitlines()) == 7 and result.stdout == ""
 
 
 def test_without_a_crs_there_are_no_square_metres_and_one_warning(folder: Path) -> None:

@@ -102,7 +102,7 @@ def test_info_shows_how_regions_were_made(tile: Path, extension: str) -> None:
     [
         (("levels", "--width", 0.25), {"job": "levels", "levels": [0, 0.25, 0.5, 0.75, 1], "refine": "none"}),
         (("match", "--like", "400088,4999940,44", "--window", 16), {"job": "match", "window": 16}),
-        (("extract", "--range", "0,0.5"), {"job": "extract", "range_values": [None, 127.5]}),
+        (("extract", "--range", "0,0.5"), {"job": "extract", "range_values": [0, 127.5]}),
     ],
 )
 def test_every_job_that_makes_regions_says_how(

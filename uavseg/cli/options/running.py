@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._say import say, saying_decisions
-from uavseg.execution.progress_bar import Amount, bar
 
 if TYPE_CHECKING:
     from uavseg.execution.executors import Map
+    from uavseg.execution.progress_bar import Amount
     from uavseg.jobs.work import Work
     from uavseg.raster.tiling import Window
 
@@ -163,6 +163,8 @@ class Reporter:
     def begin(self, windows: Sequence[Window]) -> None:
         """The work on the tiles of a source begins."""
         if self._bar:
+            from uavseg.execution.progress_bar import Amount
+
             pixels = sum(window.rows * window.cols for window in windows)
             self._amount = Amount(len(windows), pixels)
             self._begun = _seconds()
@@ -170,6 +172,8 @@ class Reporter:
     def begin_each(self, count: int) -> None:
         """The work on many rasters begins."""
         if self._bar:
+            from uavseg.execution.progress_bar import Amount
+
             self._amount = Amount(count, 0, "rasters")
             self._begun = _seconds()
 
@@ -185,6 +189,8 @@ class Reporter:
             click.echo(f"progress {percent}", err=True)
 
     def _draw(self, share: float) -> None:
+        from uavseg.execution.progress_bar import bar
+
         now = _seconds()
         if now - self._drawn >= _REDRAW_S or share == 1:
             self._drawn = now
