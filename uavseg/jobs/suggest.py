@@ -155,6 +155,7 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
         If the raster cannot be read or has no valid pixel.
     """
     work = work.begun()
+    pixels: Pixels | None
     if isinstance(source, Blocks):
         saved, info = source.saved, SourceInfo.of(source)
         pixels: Pixels | None = source.raster if request.segment.refine != "none" else None
