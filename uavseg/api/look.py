@@ -26,6 +26,7 @@ def info(
     stretch: str = "auto",
     threads: int | None = None,
     skip_bad_tiles: bool = False,
+    collar: str = "auto",
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Summary | RegionFile:
@@ -58,7 +59,7 @@ def info(
     >>> found.rows, found.cols, found.stretch, round(found.mean, 3)
     (64, 80, 'dtype -> 0..255', 0.2)
     """
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar)
     with allowing(allow_path, allow_network):
         if names_regions(source):
             return info_regions(source, options)

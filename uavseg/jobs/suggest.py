@@ -158,7 +158,7 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
     pixels: Pixels | None
     if isinstance(source, Blocks):
         saved, info = source.saved, SourceInfo.of(source)
-        pixels: Pixels | None = source.raster if request.segment.refine != "none" else None
+        pixels = source.raster if request.segment.refine != "none" else None
         tile_pass = None if pixels is None else work.over(pixels)
     else:
         pixels = source
