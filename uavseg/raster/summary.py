@@ -215,7 +215,8 @@ def _count(
 
 def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> tuple[NDArray[np.int64], int]:
     values, valid = dataset.read(window)
-    grey, beyond = stretch.apply(values, valid), greys_beyond(values, valid, stretch)
+    grey = stretch.apply(values, valid)
+    beyond = greys_beyond(values, valid, grey, stretch)
     more = 0 if beyond is None else int(beyond.sum(dtype=np.int64))
     shown = (grey if valid is None else grey[valid]).reshape(-1)
     return np.bincount(shown, minlength=GREY_LEVELS), more
