@@ -18,6 +18,7 @@ from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.suggest import Suggestion, SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.sample.place import Disc, parse_like
 from uavseg.segmentation.params import SegmentParams
@@ -34,8 +35,11 @@ def match(
     window: int = 32,
     similarity: float = 0.9,
     intensity: float = 1.0,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
     refine: str = "pixel",
@@ -103,7 +107,7 @@ def match(
         as_area(min_area),
     )
     job = RegionJob(
-        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles),
+        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=BandWords(index, expr, band_names)),
         lambda opened, how: run_match(opened, request, how).found,
     )
     with allowing(allow_path, allow_network):
@@ -115,8 +119,11 @@ def suggest(
     source: Any,
     classes: int | str = "auto",
     *,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
     method: str = "adaptive",
@@ -166,8 +173,10 @@ def suggest(
     """
     segment = SegmentParams.from_words(method, threshold, intensity_step, "none")
     request = SuggestRequest(_number_of(classes), segment)
+    words = BandWords(index, expr, band_names)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words)
     with allowing(allow_path, allow_network):
-        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))
+        opened = open_source(source, options)
         found = run_suggest(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return list(found.ranges)

@@ -19,7 +19,10 @@ if TYPE_CHECKING:
     from uavseg.jobs.suggest import Suggestion, Suggestions
 
 _MOST_NAMED = 8  # rasters of a command that is printed
-_PASSED_ON = {"band", "rgb", "nodata", "stretch", "skip_bad_tiles", "method", "threshold", "intensity_step"}
+_PASSED_ON = {
+    *("band", "rgb", "index", "expr", "band_names", "nodata", "stretch", "skip_bad_tiles"),
+    *("method", "threshold", "intensity_step"),
+}
 
 
 def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | None:

@@ -148,6 +148,9 @@ def fit_stretch(
     if isinstance(spec, Stretch):
         return spec
     spec = parse_stretch(spec) if isinstance(spec, str) else spec
+    if spec.form == "auto" and dataset.limits is not None:
+        low, high = dataset.limits
+        return Stretch(low, high, f"limits -> {low:g}..{high:g}")
     if spec.form == "auto":
         spec = StretchSpec("dtype") if _is_8_bit(dataset) else StretchSpec("percentile", AUTO_PERCENTILES)
     if spec.form == "none":
