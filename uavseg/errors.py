@@ -47,6 +47,10 @@ class BandError(ParameterError):
     """No band has a name, several have it, or a choice among bands is missing."""
 
 
+class UnchosenBandsError(BandError):
+    """A raster has so many bands that the user has to choose."""
+
+
 class ExpressionError(BandError):
     """Band arithmetic cannot be computed; the message points at the place."""
 

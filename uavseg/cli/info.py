@@ -21,11 +21,10 @@ def command(**options: Any) -> None:
     Every pixel is counted up to 100 megapixels; a larger raster is looked at from afar, and it is said so.
     """
     from uavseg.execution.executors import threads
-    from uavseg.jobs.info import info
-    from uavseg.jobs.open_source import open_pixels
+    from uavseg.jobs.info import info, open_to_describe
     from uavseg.jobs.work import Work
 
-    source = open_pixels(options["rasters"], read_options(options))
+    source = open_to_describe(options["rasters"], read_options(options))
     summary = info(source, Work(executor=threads(options["threads"])))
     if options["as_json"]:
         import json

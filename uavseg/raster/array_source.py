@@ -140,14 +140,15 @@ def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
 
 def _names(array: Any, count: int) -> tuple[str, ...]:
     """Names of the bands: rioxarray's `long_name`, or a coordinate of texts; empty if there are none."""
-    for names in (array.attrs.get("long_name"), _band_coordinate(array)):
+    for names in (getattr(array, "attrs", {}).get("long_name"), _band_coordinate(array)):
         if isinstance(names, tuple | list) and len(names) == count and all(isinstance(n, str) for n in names):
             return tuple(names)
     return ()
 
 
 def _band_coordinate(array: Any) -> Any:
-    return array.coords[array.dims[0]].values.tolist() if array.dims[0] in array.coords else None
+    coords = getattr(array, "coords", {})
+    return coords[array.dims[0]].values.tolist() if array.ndim == 3 and array.dims[0] in coords else None
 
 
 def _chunk(array: Any) -> tuple[int, int]:

@@ -189,9 +189,9 @@ def valid_pixels(
     """Which pixels are valid; None if all are.
 
     A pixel is invalid where `mask` is false, alpha is 0 or a band is not finite. With one band it is invalid
-    where the band is nodata, and `by_band` where any band is. As colours, with three bands, a nodata value that cannot be a colour (of float bands, or negative)
-    makes a pixel invalid where *any* band has it; one that can be (0 or 255 of a photograph) only where *all*
-    three have it, as in GDAL's mask of a whole file.
+    where the band is nodata, and `by_band` where any band is. Of three bands of colours, a nodata value that
+    cannot be a colour (of float bands, or negative) makes a pixel invalid where *any* band has it; one that
+    can be (0 or 255 of a photograph) only where *all* three have it, as in GDAL's mask of a whole file.
 
     Parameters
     ----------

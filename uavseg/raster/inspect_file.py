@@ -131,7 +131,7 @@ def _layout(source: DatasetReader) -> BandLayout:
 def _spectral_metadata(
     source: DatasetReader, count: int
 ) -> tuple[tuple[str, ...], tuple[float | None, ...], tuple[tuple[float, float], ...]]:
-    """Descriptions, central wavelengths in micrometres, and scales with offsets; each empty if none is known."""
+    """Descriptions, wavelengths in micrometres, scales with offsets; each empty if none is known."""
     descriptions = tuple(text or "" for text in source.descriptions)
     wavelengths = tuple(_wavelength(source, band) for band in range(1, count + 1))
     scales = tuple(zip(map(float, source.scales), map(float, source.offsets), strict=True))

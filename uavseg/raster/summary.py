@@ -18,6 +18,7 @@ from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.mosaic import RasterSource
 from uavseg.raster.overview import DatasetOverview
+from uavseg.raster.spectral.band_names import names_of
 from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
 from uavseg.units import GREY_LEVELS
 
@@ -47,6 +48,8 @@ class Summary:
     center : (float, float) or None
         lon, lat in degrees.
     bands : tuple of (dtype, colour interpretation, nodata)
+    names : tuple of str
+        Description and common name of each band, "" where it has neither.
     used : str
         The bands that become intensity.
     exact : bool
@@ -78,6 +81,7 @@ class Summary:
     bounds: tuple[float, float, float, float]
     center: tuple[float, float] | None
     bands: tuple[tuple[str, str, float | None], ...]
+    names: tuple[str, ...]
     used: str
     exact: bool
     counted: int
@@ -114,6 +118,8 @@ class Summary:
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
         ]
+        for band, name in zip(found["bands"], found.pop("names"), strict=True):
+            band["name"] = name
         more = {"nodata_share": self.nodata_share, "command": self.command}
         return {key: _plain(value) for key, value in (found | more).items()}
 
@@ -154,6 +160,7 @@ def summarize(
         bounds=_bounds(box),
         center=_center(box),
         bands=_bands(first),
+        names=tuple(band.label for band in names_of(first.layout)),
         used=dataset.band_names,
         exact=exact,
         counted=math.prod(seen.geobox.shape),

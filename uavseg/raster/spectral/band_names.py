@@ -76,7 +76,7 @@ def listed(layout: BandLayout) -> str:
 
 
 def find_band(layout: BandLayout, name: str) -> int:
-    """The number of the band that a name stands for: description, code, common name, in any case; or a number.
+    """The number of the band of a name: description, code or common name, in any case, or a number.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def renamed(layout: BandLayout, given: str | None) -> BandLayout:
     Raises
     ------
     ParameterError
-        If it is neither, has not one entry for each band, names a band twice, or holds a word that is no name.
+        If it is neither, has not an entry for each band, names a band twice, or holds what is not a name.
     """
     if given is None:
         return layout
@@ -162,7 +162,7 @@ def _parse(layout: BandLayout, given: str) -> dict[int, str]:
     for number, name in pairs:
         if not 1 <= number <= count:
             raise ParameterError(
-                f"there is no band {number} to be named {name}: the bands are {listed(layout)}"
+                f"there is no band {number} to be named {shown(name)}: the bands are {listed(layout)}"
             )
         if not _GIVEN.fullmatch(name):
             raise ParameterError(

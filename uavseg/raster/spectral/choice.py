@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from uavseg.errors import BandError, MosaicError, ParameterError
+from uavseg.errors import MosaicError, ParameterError, UnchosenBandsError
 from uavseg.raster.array_source import ArraySource
 from uavseg.raster.bands import BandChoice, BandLayout, choose_bands
 from uavseg.raster.raster_file import RasterFile
@@ -26,8 +26,9 @@ def choose(
     ParameterError, RasterError
         As of `choose_bands` and `bind_formula`.
     BandError
-        If a name is that of no band, or of several, or nothing is chosen of more than four bands that are not
-        alpha.
+        If a name is that of no band, or of several.
+    UnchosenBandsError
+        If nothing is chosen of more than four bands that are not alpha.
     """
     if words.is_formula and (band is not None or rgb is not None):
         raise ParameterError("give --band, --rgb, --index or --expr: one of them")
@@ -41,7 +42,7 @@ def choose(
 def _check_few(layout: BandLayout) -> None:
     count = sum(role != "alpha" for role in layout.roles)
     if count > MOST_UNCHOSEN:
-        raise BandError(
+        raise UnchosenBandsError(
             f"the raster has {count} bands; choose with --band, --rgb, --index or --expr; the bands are "
             f"{listed(layout)}"
         )

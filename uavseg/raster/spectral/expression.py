@@ -1,7 +1,7 @@
 """Band arithmetic: a text parsed to a syntax tree, checked, and computed by numpy; never run as code.
 
-The tree becomes a list of steps for a stack of arrays. Every step is one function of numpy in double precision,
-in the order in which it is written, so neither tiles nor threads change a bit.
+The tree becomes a list of steps for a stack of arrays. Every step is one function of numpy in double
+precision, in the order in which it is written, so neither tiles nor threads change a bit.
 """
 
 import ast

@@ -1,4 +1,4 @@
-"""Formulas that become intensity: a spectral index or an expression of the user, bound to the bands of a raster."""
+"""Formulas that become intensity: a spectral index or an expression, bound to the bands of a raster."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

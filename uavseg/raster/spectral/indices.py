@@ -209,6 +209,6 @@ def find_index(name: str) -> tuple[str, SpectralIndex]:
     key = name.strip().casefold()
     if key not in INDICES:
         raise ParameterError(
-            f"{shown(name)} is not a known index; known are {', '.join(INDICES)}; any other is given as --expr"
+            f"{shown(name)} is not a known index; give another as --expr; known are {', '.join(INDICES)}"
         )
     return key, INDICES[key]
