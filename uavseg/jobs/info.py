@@ -23,8 +23,8 @@ def open_to_describe(source: Any, options: ReadOptions = ReadOptions()) -> Raste
     except UnchosenBandsError:
         opened = open_pixels(source, replace(options, band=1))
     note = (
-        "no band is chosen, so the intensity is that of band 1; other commands need --band, --rgb, --index or "
-        "--expr"
+        "no band is chosen, so the intensity is that of band 1; other commands need --band, --rgb, --index "
+        "or --expr"
     )
     dataset = opened.dataset
     return replace(opened, dataset=replace(dataset, warnings=(*dataset.warnings, note)))

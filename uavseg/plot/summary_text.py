@@ -103,7 +103,13 @@ def _bands(summary: Summary) -> str:
 
 def _band_name(color: str, name: str) -> str:
     """The names of a band, with its colour where they do not say it."""
-    return color if not name else name if color in (*name.split(", "), "undefined", "gray") else f"{name}, {color}"
+    return (
+        color
+        if not name
+        else name
+        if color in (*name.split(", "), "undefined", "gray")
+        else f"{name}, {color}"
+    )
 
 
 def _moments(summary: Summary) -> str:

@@ -5,6 +5,7 @@ precision, in the order in which it is written, so neither tiles nor threads cha
 """
 
 import ast
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -146,11 +147,13 @@ def parse_expression(text: str, find: Callable[[str], int]) -> Expression:
     >>> expression.bands, expression.compute(np.array([[[3, 0]], [[1, 0]]], np.uint8))
     ((4, 1), array([[0.5, nan]], dtype=float32))
     """
-    text = text.strip()
+    text = re.sub(r"\s", " ", text).strip()
     if len(text) > MAX_CHARACTERS:
         raise ExpressionError(
             f"the expression has {len(text)} characters; at most {MAX_CHARACTERS} are read: shorten it"
         )
+    if not text.isprintable():
+        raise _wrong(text, next(n for n, letter in enumerate(text) if not letter.isprintable()), _KNOWN)
     try:
         tree = ast.parse(text, mode="eval").body
     except SyntaxError as error:
@@ -232,10 +235,8 @@ class _Compiler:
         return self.bands.index(number)
 
     def _refused(self, part: ast.expr, why: str) -> ExpressionError:
-        line = self.text.split("\n")[part.lineno - 1]
-        before = self.text.split("\n")[: part.lineno - 1]
-        column = len(line.encode()[: part.col_offset].decode(errors="replace"))
-        return _wrong(self.text, sum(map(len, before)) + len(before) + column, why)
+        before = self.text.encode()[: part.col_offset].decode(errors="replace")
+        return _wrong(self.text, len(before), why)
 
 
 _KNOWN = "expected names of bands, numbers, + - * / **, parentheses and functions"
