@@ -300,6 +300,13 @@ MATCH: list[tuple[Any, Words]] = [
     ("blocks.tif", {"like": DISC}),
     ("ros.yaml", {"like": DISC}),
     ("bands.tif", {"like": DISC, "index": "ndvi"}),
+    (
+        "bands.tif",
+        {"like": DISC, "band": "nir", "bands": (3, 2), "intensity": 3.0, "similarity": 0.5, "tile": 64},
+    ),
+    ("bands.tif", {"like": DISC, "band": "nir", "bands": (9,)}),
+    ("bands.tif", {"like": DISC, "bands": (3,)}),
+    ("bands.tif", {"like": DISC, "band": 1, "bands": (3,), "intensity": float("inf")}),
 ]
 
 

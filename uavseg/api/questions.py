@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
@@ -35,6 +36,7 @@ def match(
     window: int = 32,
     similarity: float = 0.9,
     intensity: float = 1.0,
+    bands: Sequence[int | str] = (),
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
     index: str | None = None,
@@ -71,6 +73,8 @@ def match(
         How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
     intensity : float
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
+    bands : sequence of int or str
+        Bands whose intensity is compared as well, each by itself: colour beside texture.
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
     band, ..., allow_network
@@ -105,6 +109,7 @@ def match(
         Drawing(simplify_m=simplify),
         as_area(fill_holes),
         as_area(min_area),
+        tuple(bands),
     )
     job = RegionJob(
         ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=BandWords(index, expr, band_names)),

@@ -119,6 +119,19 @@ class Dataset:
         mosaic = align_rasters([source])
         return cls(mosaic, choose_bands(source.layout), (), local_metres=local_metres)
 
+    def of_band(self, band: int | str, nodata: float | None = None) -> "Dataset":
+        """The same raster with the intensity of one band, by its number or name.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such band.
+        """
+        choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
+        check_names_agree(self.mosaic.files, choice.bands)
+        files, warnings = _with_nodata(self.mosaic.files, choice, nodata)
+        return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
+
     @property
     def in_metres(self) -> bool:
         """Whether lengths are metres (on the ground, where there is a CRS) rather than units of the map."""

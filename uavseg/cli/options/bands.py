@@ -30,6 +30,13 @@ def three_bands(
     return parts[0], parts[1], parts[2]
 
 
+def many_bands(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[int | str, ...]:
+    """Numbers or names of bands; none where the option is not given."""
+    if value is None:
+        return ()
+    return tuple(_number_or_name(part.strip(), ctx, param) for part in value.split(","))
+
+
 def _number_or_name(text: str, ctx: click.Context, param: click.Parameter) -> int | str:
     try:
         number = int(text)
