@@ -26,8 +26,12 @@ LEVELS = ("x86-64-v4", "x86-64-v3", BASELINE)
 ENTRY = "kernel"
 _FORMAT = "uavseg shipped kernel, version 1"
 _CPUINFO = Path("/proc/cpuinfo")
-_V3 = frozenset("avx avx2 bmi1 bmi2 f16c fma abm movbe xsave popcnt sse4_2 ssse3 cx16".split())
-_V4 = _V3 | set("avx512f avx512bw avx512cd avx512dq avx512vl".split())
+# fmt: off
+_V3 = frozenset({
+    "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe", "xsave", "popcnt", "sse4_2", "ssse3", "cx16"
+})
+_V4 = _V3 | {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}
+# fmt: on
 _NEEDED = dict(zip(LEVELS, (_V4, _V3, frozenset[str]()), strict=True))
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
+from uavseg.execution.phases import decided, phase
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
@@ -100,11 +101,14 @@ def _of_pixels(
     stretching, dividing, outlining = work.over(source).stages(3)
     grey = source.grey(stretching)
     segment = request.segment
-    blocks = measure_block_map_for(grey, request.levels, segment, dividing)
+    with phase("division"):
+        blocks = measure_block_map_for(grey, request.levels, segment, dividing)
+    decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
     kinds = cell_levels(blocks, request.levels, segment.division)
     del blocks
     trim_heap()
-    outlined = outline_segments(grey, kinds, outlining)
+    with phase("outlines"):
+        outlined = outline_segments(grey, kinds, outlining)
     trim_heap()
     return outlined, kinds, SourceInfo.of(grey)
 

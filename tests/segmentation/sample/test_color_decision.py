@@ -1,4 +1,4 @@
-"""Classification with further bands is that of the kernel where there are none, and follows them where there are."""
+"""Classification with further bands is that of the kernel where there are none."""
 
 import numpy as np
 from hypothesis import given, settings

@@ -98,7 +98,7 @@ def limit_scores(
 def _window_sums(pixels: Counts, side: int) -> Counts:
     """Sums over the windows of cells that begin at each cell."""
     rows, cols = (length // CELL for length in pixels.shape)
-    sums = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3))
+    sums: Counts = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3))
     for axis in (0, 1):
         length = sums.shape[axis] - side + 1
         sums = np.sum([sums.take(range(k, k + length), axis) for k in range(side)], axis=0)
