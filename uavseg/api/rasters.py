@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
@@ -16,11 +17,12 @@ from uavseg.jobs.extract import extract as run_extract
 from uavseg.jobs.levels import LevelsRequest, Small
 from uavseg.jobs.levels import levels as run_levels
 from uavseg.jobs.open_source import open_source
+from uavseg.jobs.range_words import range_of_words
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params import IntensityRange, Levels, SegmentParams
+from uavseg.segmentation.params import Levels, SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -31,8 +33,10 @@ if TYPE_CHECKING:
 @checked
 def extract(
     source: Any,
-    range: tuple[float, float],
+    range: tuple[float, float] | str | None = None,
     *,
+    values: Sequence[float | None] | str | None = None,
+    percentile: Sequence[float | None] | str | None = None,
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
     index: str | None = None,
@@ -65,8 +69,14 @@ def extract(
         in a text file (``"@list.txt"``); `each` answers for each one by itself. The path of a block map is
         answered from it, and refined with its raster where that is at hand. A DataArray needs rioxarray's
         `.rio`.
-    range : (float, float)
-        Of v in [0, 1], both ends in it.
+    range : (float, float), optional
+        Of v in [0, 1], both ends in it. Exactly one of `range`, `values` and `percentile` is given; each may
+        be a text, such as "0.55,1".
+    values : (float or None, float or None), optional
+        In the raster's own units, after its scale and offset; None for an open end. Of three bands, in the
+        units of their luminance.
+    percentile : (float or None, float or None), optional
+        Percentiles of all valid pixels, in 0..100.
     band : int or str, optional
         The band to use, counted from 1, or by its name in any case: its description in the file ("B8"), a
         colour or a common name ("nir").
@@ -118,7 +128,7 @@ def extract(
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
     request = ExtractRequest(
-        IntensityRange(*range),
+        range_of_words(range, values, percentile),
         SegmentParams.from_words(method, threshold, intensity_step, refine),
         Drawing(smooth_outline, simplify),
         as_area(fill_holes),

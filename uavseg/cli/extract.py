@@ -21,11 +21,11 @@ from uavseg.cli.options.files import parse_file_options
 from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.limits import zone_files
 from uavseg.cli.options.mission import mission_options
+from uavseg.cli.options.ranges import asked_range, range_options
 from uavseg.cli.options.raster import (
     area,
     drawing,
     drawing_options,
-    parsed_range,
     read_options,
     reading_options,
     segment_params,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 @click.command("extract", cls=HomeCommand)
 @reading_options
-@click.option("--range", "interval", required=True, metavar="LO,HI", help="The range of v, such as 0.55,1.")
+@range_options("The range of v, such as 0.55,1.")
 @click.option(
     "-o",
     "--output",
@@ -134,7 +134,7 @@ def _request(options: dict[str, Any]) -> ExtractRequest:
     from uavseg.jobs.extract import ExtractRequest
 
     return ExtractRequest(
-        parsed_range(options["interval"]),
+        asked_range(options),
         segment_params(options, options["refine"]),
         drawing(options),
         area(options["fill_holes"]),

@@ -28,8 +28,6 @@ class BandLayout:
         Name of each band, "" where it has none; empty if no band has one.
     micrometres : tuple of float or None
         Central wavelength of each band; empty if none is known.
-    scales : tuple of (float, float)
-        Scale and offset of each band; empty if they are 1 and 0.
     """
 
     dtypes: tuple[str, ...]
@@ -37,7 +35,6 @@ class BandLayout:
     bits: tuple[int, ...]
     descriptions: tuple[str, ...] = ()
     micrometres: tuple[float | None, ...] = ()
-    scales: tuple[tuple[float, float], ...] = ()
 
     @property
     def alpha(self) -> int | None:

@@ -24,9 +24,10 @@ from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.spectral.band_names import renamed
-from uavseg.raster.spectral.choice import check_names_agree, choose
+from uavseg.raster.spectral.choice import check_names_agree, check_reflectance, choose
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
+from uavseg.raster.value_scale import BandScale
 
 Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
@@ -100,6 +101,7 @@ class Dataset:
         first = files[0]
         choice = choose(first.layout, band, rgb, words, first.palette is not None)
         check_names_agree(files, choice.bands)
+        check_reflectance(files, choice)
         files_with_nodata, warnings = _with_nodata(mosaic.files, choice, nodata)
         if choice.expanded:
             warnings = (
@@ -166,6 +168,14 @@ class Dataset:
     def band_names(self) -> str:
         """Description of the bands that are used, for messages."""
         return self.choice.name
+
+    @property
+    def scale(self) -> BandScale | None:
+        """Scale, offset and unit of the bands that are used; None if bands or files have different ones."""
+        if self.choice.expanded or self.choice.formula is not None:
+            return BandScale()  # brightness of colours, or the value of the formula
+        found = {file.scale_of(band, self.bits) for file in self.mosaic.files for band in self.bands}
+        return found.pop() if len(found) == 1 else None
 
     @property
     def file_block(self) -> tuple[int, int]:
@@ -299,7 +309,7 @@ class Dataset:
         values, valid, bad = self._read_bands(file, part, shape)
         formula = self.choice.formula
         if formula is not None:
-            scales = [file.layout.scales[band - 1] for band in self.bands] if file.layout.scales else ()
+            scales = [file.scale_of(band, self.choice.bits) for band in self.bands]
             values, valid = formula.apply(values, valid, scales)
         return values, valid, bad
 

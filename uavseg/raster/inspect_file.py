@@ -23,6 +23,7 @@ from uavseg.raster.bands import BandLayout
 from uavseg.raster.geobox import check_transform
 from uavseg.raster.opening import GDAL_ERRORS, file_exists, has_place, mask_kind, open_error_text
 from uavseg.raster.raster_file import RasterFile
+from uavseg.raster.value_scale import BandScale
 
 Answer = TypeVar("Answer")
 
@@ -81,8 +82,22 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
         driver=source.driver,
         online=is_online(path),
         overviews=tuple(source.overviews(1)),
+        scales=_scales(source, warnings),
         warnings=tuple(f"{Path(path).name}: {text}" for text in warnings),
     )
+
+
+def _scales(source: DatasetReader, warnings: list[str]) -> tuple[BandScale, ...]:
+    """The scale, offset and unit of each band."""
+    found = []
+    for band, tags in enumerate(zip(source.scales, source.offsets, source.units, strict=True), start=1):
+        scale = BandScale.of_tags(*tags)
+        if scale is None:
+            warnings.append(
+                f"band {band} has the scale {tags[0]:g} and the offset {tags[1]:g}: both are ignored"
+            )
+        found.append(scale or BandScale())
+    return tuple(found)
 
 
 def _retry(query: Callable[[], Answer]) -> Answer:
@@ -128,18 +143,11 @@ def _layout(source: DatasetReader) -> BandLayout:
     return BandLayout(dtypes, roles, tuple(bits), *_spectral_metadata(source, len(dtypes)))
 
 
-def _spectral_metadata(
-    source: DatasetReader, count: int
-) -> tuple[tuple[str, ...], tuple[float | None, ...], tuple[tuple[float, float], ...]]:
-    """Descriptions, wavelengths in micrometres, scales with offsets; each empty if none is known."""
+def _spectral_metadata(source: DatasetReader, count: int) -> tuple[tuple[str, ...], tuple[float | None, ...]]:
+    """Descriptions, and wavelengths in micrometres; each empty if none is known."""
     descriptions = tuple(text or "" for text in source.descriptions)
     wavelengths = tuple(_wavelength(source, band) for band in range(1, count + 1))
-    scales = tuple(zip(map(float, source.scales), map(float, source.offsets), strict=True))
-    return (
-        descriptions if any(descriptions) else (),
-        wavelengths if any(wavelengths) else (),
-        scales if any(scale != (1.0, 0.0) for scale in scales) else (),
-    )
+    return descriptions if any(descriptions) else (), wavelengths if any(wavelengths) else ()
 
 
 def _wavelength(source: DatasetReader, band: int) -> float | None:

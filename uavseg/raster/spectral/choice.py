@@ -48,6 +48,26 @@ def _check_few(layout: BandLayout) -> None:
         )
 
 
+def check_reflectance(files: Sequence[RasterFile | ArraySource], choice: BandChoice) -> None:
+    """Check that a formula for reflectance is not given integers without a scale.
+
+    Raises
+    ------
+    ParameterError
+        If it is.
+    """
+    formula = choice.formula
+    if formula is None or not formula.of_reflectance or choice.dtype.kind not in "iu":
+        return
+    for band in choice.bands:
+        scale = files[0].scale_of(band, choice.bits)
+        if (scale.scale, scale.offset) == (1.0, 0.0):
+            raise ParameterError(
+                f"{formula.title} holds for reflectance from 0 to 1, and band {band} is {choice.dtype} "
+                "without a scale; give the scale to the file (gdal_edit.py -scale), or divide in --expr"
+            )
+
+
 def check_names_agree(files: Sequence[RasterFile | ArraySource], bands: Sequence[int]) -> None:
     """Check that the bands which are used have the same names in all files that name them.
 

@@ -12,6 +12,7 @@ from uavseg.raster.bands import BandLayout, Valid, Values
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
 from uavseg.raster.spectral.expression import Expression, parse_expression
 from uavseg.raster.spectral.indices import SpectralIndex, find_index
+from uavseg.raster.value_scale import BandScale
 
 _SHOWN = 60  # characters of a formula in messages
 
@@ -60,11 +61,14 @@ class Formula:
     expression : Expression
     limits : (float, float), optional
         Between which all values lie.
+    of_reflectance : bool
+        Whether it holds for reflectance alone.
     """
 
     title: str
     expression: Expression
     limits: tuple[float, float] | None = None
+    of_reflectance: bool = False
 
     @property
     def name(self) -> str:
@@ -75,7 +79,7 @@ class Formula:
         return " ".join(part for part in (self.title, short, "of", numbers) if part)
 
     def apply(
-        self, planes: Values, valid: Valid | None, scales: Sequence[tuple[float, float]] = ()
+        self, planes: Values, valid: Valid | None, scales: Sequence[BandScale] = ()
     ) -> tuple[Values, Valid | None]:
         """Values and validity from those of its bands; a result that is not finite is invalid.
 
@@ -83,14 +87,14 @@ class Formula:
         ----------
         planes : (bands, rows, cols) array
         valid : (rows, cols) bool array, or None if every pixel is valid
-        scales : sequence of (scale, offset), optional
+        scales : sequence of BandScale, optional
 
         Returns
         -------
         values : (1, rows, cols) float32 array
         valid : (rows, cols) bool array, or None
         """
-        values = self.expression.compute(planes, scales)
+        values = self.expression.compute(planes, [(scale.scale, scale.offset) for scale in scales])
         finite = np.isfinite(values)
         if not finite.all():
             valid = finite if valid is None else valid & finite
@@ -103,7 +107,7 @@ def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
     Raises
     ------
     ParameterError
-        If the index is not known, or holds for reflectance alone and the bands are integers without a scale.
+        If the index is not known.
     BandError, ExpressionError
         If the expression is wrong, or a band is unknown.
     """
@@ -112,12 +116,8 @@ def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
     if words.index is None:
         return None
     name, index = find_index(words.index)
-    formula = Formula(
-        name, parse_expression(index.formula, partial(_find_of, layout, name, index)), index.limits
-    )
-    if index.of_reflectance:
-        _check_reflectance(name, formula.expression.bands, layout)
-    return formula
+    expression = parse_expression(index.formula, partial(_find_of, layout, name, index))
+    return Formula(name, expression, index.limits, index.of_reflectance)
 
 
 def _find(layout: BandLayout, name: str) -> int:
@@ -140,13 +140,3 @@ def _find_of(layout: BandLayout, index: str, found: SpectralIndex, name: str) ->
         return find_band(layout, name)
     except BandError as error:
         raise ParameterError(f"{index} = {found.formula}: {error}") from error
-
-
-def _check_reflectance(name: str, bands: Sequence[int], layout: BandLayout) -> None:
-    for band in bands:
-        scale = layout.scales[band - 1] if layout.scales else (1.0, 0.0)
-        if np.dtype(layout.dtypes[band - 1]).kind in "iu" and scale == (1.0, 0.0):
-            raise ParameterError(
-                f"{name} holds for reflectance from 0 to 1, and band {band} is {layout.dtypes[band - 1]} "
-                "without a scale; give the scale to the file (gdal_edit.py -scale), or divide in --expr"
-            )
