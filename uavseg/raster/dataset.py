@@ -121,6 +121,7 @@ class Dataset:
         mosaic = align_rasters([source])
         return cls(mosaic, choose_bands(source.layout), (), local_metres=local_metres)
 
+    @checked
     def of_band(self, band: int | str, nodata: float | None = None) -> "Dataset":
         """The same raster with the intensity of one band, by its number or name.
 
