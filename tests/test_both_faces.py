@@ -143,7 +143,7 @@ def options(words: Words) -> list[str]:
         elif isinstance(value, list) and value and isinstance(value[0], tuple):
             found += [part for one in value for part in (option, ",".join(map(repr, one)))]
         elif isinstance(value, tuple | list):
-            found += [option, ",".join(map(repr, value))]
+            found += [option, ",".join("" if one is None else repr(one) for one in value)]
         else:
             found += [option, str(value)]
     return found
@@ -209,6 +209,19 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("tile.tif", {"range": (0.5, 1), "smooth_outline": 1.0, "simplify": 3.0, "refine": "smooth"}),
     ("tile.tif", {"range": (0.5, 1), "stretch": "percentile:5,95", "nodata": 5, "threshold": 1.5}),
     ("tile.tif", {"range": (0.9999, 1)}),
+    ("tile.tif", {"range": "0.55,1"}),
+    ("tile.tif", {"values": (100, None)}),
+    ("tile.tif", {"values": "60,120", "stretch": "percentile:5,95", "refine": "none"}),
+    ("tile.tif", {"values": (60, 120), "stretch": "80,100"}),
+    ("tile.tif", {"values": (300, None)}),
+    ("tile.tif", {"values": (9, 3)}),
+    ("tile.tif", {"percentile": (80, 100), "tile": 64, "threads": 2}),
+    ("deep.tif", {"values": (None, 9000)}),
+    ("deep.tif", {"values": (45000, 1e9)}),
+    ("deep.tif", {"percentile": "10,"}),
+    ("blocks.tif", {"values": (100, 200)}),
+    ("blocks.tif", {"percentile": (90, 100)}),
+    ("lost.tif", {"values": (100, None)}),
     ("deep.tif", {"range": (0.4, 0.8), "band": 1, "intensity_step": 0.2}),
     ("deep.tif", {"range": (0.4, 0.8), "min_area": 50.0}),
     (["west.tif", "east.tif"], {"range": (0.3, 0.7)}),

@@ -18,6 +18,8 @@ LINES = tuple(
         f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --rgb red,2,3 --band-names red,green,blue {RUN}",
         f"extract x.tif --range 0.5,1 -o out.kml --labels out.vrt --refine tv --resume done {RUN}",
         f"extract x.tif --range 0.5,1 -o out.gpkg --mission out.plan {FLIGHT} --spacing 10 --angle 20 --threads 1",
+        f"extract x.tif --values 20,200 -o out.geojson {RUN}",
+        f"extract x.tif --percentile 90,100 -o out.gpkg --stretch minmax {RUN}",
         f"extract rgb.tif --rgb 1,2,3 --range 0.5,1 -o out.parquet --method paper {RUN}",
         f"extract x.tif --range 0.5,1 -o - --sequence --rs --projected {RUN}",
         f"extract x.tif --each --range 0.5,1 -o out.{{stem}}.gpkg --report out.csv --overwrite {RUN}",

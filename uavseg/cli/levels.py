@@ -29,6 +29,7 @@ from uavseg.cli.options.stream import geojson_form, stream_options, stream_warni
 
 if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
+    from uavseg.jobs.result import Extraction
 
 
 @click.command("levels", short_help="Divide a raster into levels of equal width, and each into segments.")
@@ -103,11 +104,20 @@ def command(**options: Any) -> None:
     there = len(set(found.regions.columns["level"].tolist()))
     rows = {
         "segments": f"{len(found.regions):,} -> {shown(target)}",
-        "levels": f"{there:,} of {wanted.count:,} are there, each {wanted.width:g} of v wide",
+        "levels": f"{there:,} of {wanted.count:,} are there, each {_width(found, wanted.width)} wide",
         **summary_rows(found),
         "seconds": f"{run.reporter.seconds:.2f}",
     }
     run.reporter.table(rows)
+
+
+def _width(found: Extraction, width: float) -> str:
+    """The width of a level in v, and in values where they are known."""
+    if found.axis is None:
+        return f"{width:g} of v"
+    first, last = found.axis.values([0, width]).tolist()
+    unit = f" {found.axis.unit}" if found.axis.unit else " in values"
+    return f"{width:g} of v ({abs(last - first):.6g}{unit})"
 
 
 def _request(options: dict[str, Any]) -> LevelsRequest:
