@@ -28,8 +28,7 @@ from uavseg.flight import files
 from uavseg.flight.link import link
 from uavseg.flight.mission import Mission
 from uavseg.jobs.divide import divide as divide_job
-from uavseg.jobs.info import info as info_job
-from uavseg.jobs.open_source import open_pixels, open_source
+from uavseg.jobs.open_source import open_source
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.simulate import SimulateRequest
 from uavseg.jobs.simulate import simulate as simulate_job
@@ -37,7 +36,6 @@ from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.paths.path_geojson import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states
-from uavseg.plot.preview_missions import preview_missions
 from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
 from uavseg.raster.geobox import local_geobox
 from uavseg.raster.spectral.formula import BandWords
@@ -182,7 +180,9 @@ def in_python(call: Callable[[], bytes]) -> Answer:
 
 def regions_of(frame: geopandas.GeoDataFrame) -> Regions:
     columns = {name: frame[name].to_numpy() for name in frame.columns if name != "geometry"}
-    return Regions(columns, np.array(frame.geometry, object), frame.crs and frame.crs.to_wkt())
+    return Regions(
+        columns, np.array(frame.geometry, object), frame.crs and frame.crs.to_wkt(), frame.attrs["uavseg"]
+    )
 
 
 def written(write_to: Callable[[str], object], name: str) -> bytes:
@@ -426,7 +426,16 @@ def test_pictures_of_missions(missions: list[str], words: Words) -> None:
     assert CliRunner().invoke(main, [*PLAN_LINE, "-o", "fly.kmz", "--overwrite"]).exit_code == 0
     named = {word.removesuffix("_px"): value for word, value in words.items()}
     expected = on_the_command_line("preview", [*missions, *options(named), "-o", "out.png"], "out.png")
-    call = in_python(lambda: written(lambda name: preview_missions(missions, name, **words), "out.png"))
+    call = in_python(
+        lambda: written(
+            lambda name: uavseg.preview(
+                mission=missions,
+                output=name,
+                **{"width" if k == "width_px" else k: v for k, v in words.items()},
+            ),
+            "out.png",
+        )
+    )
     assert_equal(call, expected)
 
 
@@ -809,7 +818,7 @@ def test_summaries(source: Any, words: Words) -> None:
     expected = on_the_command_line("info", [*rasters, *options(words), "--json"], "")
 
     def summary() -> bytes:
-        found = info_job(open_pixels(source, ReadOptions(**words)))
+        found = uavseg.info(source, **words)
         return (json.dumps(found.as_dict(), indent=2) + "\n").encode()
 
     assert_equal(in_python(summary), expected)

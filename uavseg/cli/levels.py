@@ -26,6 +26,7 @@ from uavseg.cli.options.raster import (
 )
 from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
+from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     "the neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
 )
 @drawing_options
+@style_option
 @stream_options
 @each_options
 @running_options
@@ -92,6 +94,7 @@ def command(**options: Any) -> None:
     form = geojson_form(options, target)
     labels = options["labels"]
     check_targets(target, labels, run.overwrite)
+    style = style_kind(options, target)
     keep_inputs([target, labels], options["rasters"])
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt, form)
@@ -99,7 +102,7 @@ def command(**options: Any) -> None:
     found = levels(source, request, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found, target, labels, work, run.overwrite, form)
+        write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
     wanted = request.levels
     there = len(set(found.regions.columns["level"].tolist()))
     rows = {

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, phase
+from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
@@ -87,6 +88,10 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
         _of_blocks(source, request) if isinstance(source, Blocks) else _of_pixels(source, request, work)
     )
     found = _measured(outlined, kinds, info, request)
+    small = {"small": request.small} if request.min_area is not None else {}
+    how = {"levels": list(request.levels.bounds)} | segment_facts(request.segment)
+    how |= drawing_facts(request.drawing, None, request.min_area) | small
+    found = with_metadata(found, source, "levels", how)
     if len(found.regions):
         return work.finished(found)
     return work.finished(

@@ -25,7 +25,8 @@ def summary_text(summary: Summary) -> str:
     ]
     facts = [f"{name:<10} {text}" for name, text in rows if text]
     notes = [f"note       {warning}" for warning in summary.warnings]
-    return "\n".join([*facts, *notes, "", *_bars(summary), "", f"try        {summary.command}"])
+    line = ["", f"try        {summary.command}"] if summary.command else []
+    return "\n".join([*facts, *notes, "", *_bars(summary), *line])
 
 
 def text_bar(share: float, width: int = _WIDTH) -> str:
