@@ -38,6 +38,7 @@ from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states
 from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
 from uavseg.raster.geobox import local_geobox
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.tiling import Window
 from uavseg.regions.formats import export
 from uavseg.regions.table import Regions
@@ -71,10 +72,10 @@ def patches(seed: int, shape: tuple[int, int] = SHAPE) -> np.ndarray:
 
 
 def write(name: str, image: np.ndarray, **how: Any) -> None:
-    rows, cols = image.shape
-    size = {"height": rows, "width": cols, "count": 1, "dtype": image.dtype.name}
+    planes = image[None] if image.ndim == 2 else image
+    size = dict(zip(("count", "height", "width"), planes.shape, strict=True)) | {"dtype": image.dtype.name}
     with rasterio.open(name, "w", "GTiff", **size, **how) as file:
-        file.write(image, 1)
+        file.write(planes)
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -93,6 +94,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         for name in ("west.tif", "east.tif"):
             shutil.copy(name, "halves")
         Path("halves.txt").write_text("west.tif\neast.tif\n")
+        write("bands.tif", np.stack([patches(seed) for seed in (11, 12, 13, 14, 15)]), nodata=0, **UTM)
+        with rasterio.open("bands.tif", "r+") as file:
+            file.descriptions = ("blue", "green", "red", "Red Edge", "NIR")
+        line = ["divide", "bands.tif", "--index", "ndvi", "-o", "ndvi.blocks.tif"]
+        assert CliRunner().invoke(main, line).exit_code == 0
         write("two.tif", patches(9)[:100], **(UTM | {"transform": Affine(3, 0, 4e5, 0, -3, 5e6)}))
         write("black.tif", np.zeros(SHAPE, np.uint8), nodata=0, **UTM)
         blocks = {"tiled": True, "blockxsize": 64, "blockysize": 64, "compress": "deflate"}
@@ -247,6 +253,26 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("tile.tif", {"range": (0, 1), "min_area": "much"}),
     ("tile.tif", {"range": (0, 1), "simplify": -1.0}),
     ("tile.tif", {"range": (0, 1), "band": 3}),
+    ("bands.tif", {"range": (0.5, 1), "index": "ndvi"}),
+    (
+        "bands.tif",
+        {"range": (0.5, 1), "index": "NDWI", "stretch": "percentile:2,98", "tile": 64, "threads": 2},
+    ),
+    ("bands.tif", {"range": (0.5, 1), "expr": "(nir - red) / (nir + red)"}),
+    ("bands.tif", {"range": (0.4, 1), "expr": "2 * b2 - a - b", "band_names": "b=1,a=3"}),
+    ("bands.tif", {"range": (0.4, 1), "band": "NIR"}),
+    ("bands.tif", {"range": (0.4, 1)}),
+    ("bands.tif", {"range": (0.4, 1), "band": "swir"}),
+    ("bands.tif", {"range": (0.4, 1), "index": "nvdi"}),
+    ("bands.tif", {"range": (0.4, 1), "index": "ndbi"}),
+    ("bands.tif", {"range": (0.4, 1), "index": "evi"}),
+    ("bands.tif", {"range": (0.4, 1), "expr": "(nir - ret) / 2"}),
+    ("bands.tif", {"range": (0.4, 1), "expr": "nir", "index": "ndvi"}),
+    ("bands.tif", {"range": (0.4, 1), "expr": "nir", "band": 1}),
+    ("bands.tif", {"range": (0.4, 1), "band": 1, "band_names": "a,b"}),
+    ("ndvi.blocks.tif", {"range": (0.5, 1)}),
+    ("ndvi.blocks.tif", {"range": (0.5, 1), "index": "ndvi"}),
+    ("ros.yaml", {"range": (0.4, 1), "expr": "b1"}),
 ]
 LEVELS: list[tuple[Any, Words]] = [
     ("tile.tif", {"width": 0.25}),
@@ -270,6 +296,7 @@ LEVELS: list[tuple[Any, Words]] = [
     ("collar.tif", {"width": 0.3}),
     ("collar.tif", {"width": 0.3, "collar": "keep"}),
     ("tile.tif", {"width": 0}),
+    ("bands.tif", {"width": 0.1, "index": "ndvi"}),
 ]
 PLAN_LINE = ["plan", "regions.geojson", "--altitude", "40", "--home", "auto", "--largest", "2"]
 DISC = (4e5 + 170, 5e6 - 140, 66)
@@ -292,6 +319,14 @@ MATCH: list[tuple[Any, Words]] = [
     ("tile.tif", {"like": DISC, "similarity": 2.0}),
     ("blocks.tif", {"like": DISC}),
     ("ros.yaml", {"like": DISC}),
+    ("bands.tif", {"like": DISC, "index": "ndvi"}),
+    (
+        "bands.tif",
+        {"like": DISC, "band": "nir", "bands": (3, 2), "intensity": 3.0, "similarity": 0.5, "tile": 64},
+    ),
+    ("bands.tif", {"like": DISC, "band": "nir", "bands": (9,)}),
+    ("bands.tif", {"like": DISC, "bands": (3,)}),
+    ("bands.tif", {"like": DISC, "band": 1, "bands": (3,), "intensity": float("inf")}),
 ]
 
 
@@ -428,6 +463,8 @@ def test_pictures_of_missions(missions: list[str], words: Words) -> None:
         ("tile.tif", {"classes": 12}),
         ("missing.tif", {}),
         ("ros.yaml", {}),
+        ("bands.tif", {"classes": 3, "index": "ndvi"}),
+        ("bands.tif", {"classes": 3}),
     ],
 )
 def test_suggestions(source: Any, words: Words) -> None:
@@ -459,6 +496,10 @@ def test_suggestions(source: Any, words: Words) -> None:
         ("ros.yaml", {}),
         ("tile.tif", {"stretch": "narrow"}),
         ("missing.tif", {}),
+        ("bands.tif", {"index": "ndvi"}),
+        ("bands.tif", {"expr": "nir / b1", "band_names": "b=1"}),
+        ("bands.tif", {"band": "nir"}),
+        ("bands.tif", {}),
     ],
 )
 def test_block_maps(source: Any, words: Words) -> None:
@@ -471,7 +512,9 @@ def test_block_maps(source: Any, words: Words) -> None:
         assert all(
             np.array_equal(getattr(blocks, n), getattr(known, n)) for n in ("sums", "counts", "ratios")
         )
-        read = ReadOptions(stretch=words.get("stretch"), skip_bad_tiles=words.get("skip_bad_tiles", False))
+        of_bands = BandWords(words.get("index"), words.get("expr"), words.get("band_names"))
+        others = {name: words[name] for name in ("band", "stretch", "skip_bad_tiles") if name in words}
+        read = ReadOptions(**others, words=of_bands)
         found = divide_job(open_source(source, read))
         return written(
             lambda path: write_block_map(path, found.saved, SegmentParams().division), "python.tif"
@@ -510,6 +553,9 @@ def test_block_maps(source: Any, words: Words) -> None:
         ("map.tif", {"min_area": 5.0}),
         ("missing.yaml", {}),
         ("cut.tif", {}),
+        ("percent.tif", {"expr": "b1 / 100"}),
+        ("percent.tif", {"band_names": "belief", "band": "belief", "stretch": "0,100"}),
+        ("ros.yaml", {"expr": "b1"}),
     ],
 )
 def test_states(source: str, words: Words) -> None:
@@ -550,6 +596,8 @@ ON_UTM = {"range": (0, 0.45), "start": (4e5 + 21, 5e6 - 21), "goal": (4e5 + 301,
         ("map.tif", ENDS | {"range": (0.5, 0.4)}),
         ("blocks.tif", ON_UTM),
         ("missing.tif", ENDS),
+        ("percent.tif", ON_UTM | {"expr": "b1 / 100"}),
+        ("percent.tif", ON_UTM | {"band": 2}),
     ],
 )
 def test_paths(source: str, words: Words) -> None:

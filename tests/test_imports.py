@@ -156,6 +156,7 @@ PHASES = {
     "states.classified_states": {"states.state_image", "states.thin_structures"},
     "sample.g_scores": {"blocks.lbp", "blocks.g_statistic"},
     "sample.pixel_decision": {"dilation", "sample.g_scores", "blocks.lbp"},
+    "sample.color_decision": {"sample.pixel_decision", "blocks.lbp"},
     "sample.coarse_lbp": {"blocks.lbp"},
     "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
 }

@@ -43,6 +43,18 @@ class AccessError(UavsegError, PermissionError):
     """The content of a file names another file or an address that may not be opened."""
 
 
+class BandError(ParameterError):
+    """No band has a name, several have it, or a choice among bands is missing."""
+
+
+class UnchosenBandsError(BandError):
+    """A raster has so many bands that the user has to choose."""
+
+
+class ExpressionError(BandError):
+    """Band arithmetic cannot be computed; the message points at the place."""
+
+
 class MosaicError(RasterError):
     """Rasters do not fit together as one mosaic."""
 

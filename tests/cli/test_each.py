@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 from rasterio.errors import NotGeoreferencedWarning
 
 from uavseg.cli import main
-from uavseg.cli.options.running import Amount, bar
+from uavseg.execution.progress_bar import Amount, bar
 
 
 def write(path: str, seed: int, col: int = 0, placed: bool = True) -> None:

@@ -276,6 +276,7 @@ METHOD_ARGUMENTS: dict[str, Callable[[], dict[str, Any]]] = {
     "OccupancyGrid.update": lambda: {"scan": _scan()},
     "OccupancyGrid.merge": lambda: {"scan": _scan()},
     "OccupancyGrid.save": lambda: {"path": "out.tif"},
+    "Dataset.of_band": lambda: {"band": 1},
     "Dataset.read": lambda: {"window": _window()},
     "Dataset.is_empty": lambda: {"window": _window()},
     "Dataset.read_coarse": lambda: {"max_side": 20},

@@ -14,6 +14,8 @@ LINES = tuple(
     for line in (
         f"extract x.tif --range 0.5,1 -o out.geojson {DIVISION} {RUN} --min-area 5 --fill-holes 5px --simplify 1",
         f"extract x.tif --range 0.5,1 -o out.shp --smooth-outline 0.4 --band 1 --nodata 0 --stretch 0,255 {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.geojson --expr b1/2+sqrt(b1) --band-names b1 {RUN}",
+        f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --rgb red,2,3 --band-names red,green,blue {RUN}",
         f"extract x.tif --range 0.5,1 -o out.kml --labels out.vrt --refine tv --resume done {RUN}",
         f"extract x.tif --range 0.5,1 -o out.gpkg --mission out.plan {FLIGHT} --spacing 10 --angle 20 --threads 1",
         f"extract x.tif --values 20,200 -o out.geojson {RUN}",
@@ -24,7 +26,7 @@ LINES = tuple(
         f"levels x.tif --each --width 0.3 -o out.{{stem}}.fgb --labels out.{{stem}}.tif --skip-existing {RUN}",
         f"levels x.tif --width 0.3 -o out.geojson --min-area 9 --small merge --simplify 1 {RUN}",
         f"levels x.tif --width 0.3 -o out.fgb --labels out.tif --stretch percentile:1,99 {DIVISION} {RUN}",
-        f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 {RUN}",
+        f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 --bands 1 {RUN}",
         f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
         f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
         f"classify m.tif -o out.yaml --mode scale {DIVISION} --threads 1",

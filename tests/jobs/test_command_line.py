@@ -14,6 +14,7 @@ from uavseg.cli.info import command
 from uavseg.cli.options.raster import read_options
 from uavseg.jobs.command_line import extract_line, option_words, source_words
 from uavseg.jobs.source import ReadOptions
+from uavseg.raster.spectral.formula import BandWords
 
 numbers = st.floats(-1e6, 1e6, allow_nan=False)
 pairs = st.tuples(numbers, numbers).filter(lambda pair: pair[0] < pair[1])
@@ -24,11 +25,15 @@ stretches = st.one_of(
 )
 readings = st.builds(
     ReadOptions,
-    band=st.none() | st.integers(1, 20),
-    rgb=st.none() | st.tuples(*[st.integers(1, 9)] * 3),
+    band=st.none() | st.integers(1, 20) | st.sampled_from(["nir", "Band 8 - NIR"]),
+    rgb=st.none() | st.tuples(*[st.integers(1, 9) | st.sampled_from(["red", "B8A"])] * 3),
     nodata=st.none() | numbers,
     stretch=stretches,
     skip_bad_tiles=st.booleans(),
+    words=st.builds(
+        BandWords, st.none() | st.just("ndvi"), st.none(), st.none() | st.just("red,green,blue,nir")
+    )
+    | st.builds(BandWords, expr=st.sampled_from(["-b1 + 2", "(nir - red) / 'a b'"])),
 )
 
 

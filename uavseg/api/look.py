@@ -9,9 +9,10 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import work
 from uavseg.arguments import checked
 from uavseg.jobs.info import info as run_info
+from uavseg.jobs.info import open_to_describe
 from uavseg.jobs.info_regions import info_regions, names_regions
-from uavseg.jobs.open_source import open_pixels
 from uavseg.jobs.source import ReadOptions
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.summary import Summary
 from uavseg.regions.formats.about_file import RegionFile
 
@@ -20,8 +21,11 @@ from uavseg.regions.formats.about_file import RegionFile
 def info(
     source: Any,
     *,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
     threads: int | None = None,
@@ -59,11 +63,12 @@ def info(
     >>> found.rows, found.cols, found.stretch, round(found.mean, 3)
     (64, 80, 'dtype -> 0..255', 0.2)
     """
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar)
+    words = BandWords(index, expr, band_names)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
     with allowing(allow_path, allow_network):
         if names_regions(source):
             return info_regions(source, options)
-        return run_info(open_pixels(source, options), work(threads), _names(source))
+        return run_info(open_to_describe(source, options), work(threads), _names(source))
 
 
 def _names(source: Any) -> list[str]:

@@ -22,6 +22,7 @@ from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.bags.merge_bag import MergeParams
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params import SegmentParams, StateLimits
 
@@ -32,7 +33,10 @@ def classify(
     *,
     free_below: float = 0.498,
     occupied_above: float = 0.502,
-    band: int | None = None,
+    band: int | str | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str | None = None,
     free_is_white: bool | None = None,
@@ -109,8 +113,10 @@ def classify(
         min_area=as_area(min_area),
         allow_lost_obstacles=allow_lost_obstacles,
     )
+    words = BandWords(index, expr, band_names)
+    read = ReadOptions(band, None, nodata, stretch, free_is_white=free_is_white, words=words)
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, _read_options(band, nodata, stretch, free_is_white))
+        opened = open_probability_map(source, read)
         found = run_classify(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found
@@ -127,7 +133,10 @@ def path(
     percentile: Sequence[float | None] | str | None = None,
     clearance: float = 0.0,
     smooth: bool = False,
-    band: int | None = None,
+    band: int | str | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str | None = None,
     free_is_white: bool | None = None,
@@ -161,7 +170,8 @@ def path(
         Metres from the centres of the path's cells to everything that is not passable.
     smooth : bool
         Whether the path is pulled tight, at any angle.
-    band : int, optional
+    band, index, expr, band_names
+        As of `extract`.
     nodata : float, optional
     stretch : str, optional
         For a map that holds no probabilities. Integers are divided by the largest of their type, floats are
@@ -206,8 +216,10 @@ def path(
         PathParams(clearance, smooth),
         SegmentParams.from_words(method, threshold, intensity_step, "scan"),
     )
+    words = BandWords(index, expr, band_names)
+    read = ReadOptions(band, None, nodata, stretch, free_is_white=free_is_white, words=words)
     with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, _read_options(band, nodata, stretch, free_is_white))
+        opened = open_probability_map(source, read)
         found = run_path(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return found.path
@@ -262,9 +274,3 @@ def build_map(
     found = run_build_map(bag, topics_of(scan, odom, tf), MergeParams(resolution, sigma, max_range))
     warn(found.warnings)
     return found
-
-
-def _read_options(
-    band: int | None, nodata: float | None, stretch: str | None, free_is_white: bool | None
-) -> ReadOptions:
-    return ReadOptions(band, None, nodata, stretch, free_is_white=free_is_white)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
@@ -18,6 +19,7 @@ from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.suggest import Suggestion, SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.sample.place import Disc, parse_like
 from uavseg.segmentation.params import SegmentParams
@@ -34,8 +36,12 @@ def match(
     window: int = 32,
     similarity: float = 0.9,
     intensity: float = 1.0,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
+    bands: Sequence[int | str] = (),
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
     refine: str = "pixel",
@@ -68,6 +74,8 @@ def match(
         How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
     intensity : float
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
+    bands : sequence of int or str
+        Bands whose intensity is compared as well, each by itself: colour beside texture.
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
     band, ..., allow_network
@@ -102,9 +110,18 @@ def match(
         Drawing(simplify_m=simplify),
         as_area(fill_holes),
         as_area(min_area),
+        tuple(bands),
     )
     job = RegionJob(
-        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar),
+        ReadOptions(
+            band,
+            rgb,
+            nodata,
+            stretch,
+            skip_bad_tiles,
+            words=BandWords(index, expr, band_names),
+            collar=collar,
+        ),
         lambda opened, how: run_match(opened, request, how).found,
     )
     with allowing(allow_path, allow_network):
@@ -116,8 +133,11 @@ def suggest(
     source: Any,
     classes: int | str = "auto",
     *,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
     method: str = "adaptive",
@@ -168,8 +188,10 @@ def suggest(
     """
     segment = SegmentParams.from_words(method, threshold, intensity_step, None)
     request = SuggestRequest(_number_of(classes), segment)
+    words = BandWords(index, expr, band_names)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
     with allowing(allow_path, allow_network):
-        opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar))
+        opened = open_source(source, options)
         found = run_suggest(opened, request, work(threads, tile, progress, resume))
     warn(found.warnings)
     return list(found.ranges)

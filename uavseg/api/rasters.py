@@ -20,6 +20,7 @@ from uavseg.jobs.open_source import open_source
 from uavseg.jobs.range_words import range_of_words
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params import Levels, SegmentParams
 
@@ -36,8 +37,11 @@ def extract(
     *,
     values: Sequence[float | None] | str | None = None,
     percentile: Sequence[float | None] | str | None = None,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
     method: str = "adaptive",
@@ -74,7 +78,18 @@ def extract(
         units of their luminance.
     percentile : (float or None, float or None), optional
         Percentiles of all valid pixels, in 0..100.
-    band, rgb, nodata, stretch, method, refine, threshold, intensity_step
+    band : int or str, optional
+        The band to use, counted from 1, or by its name in any case: its description in the file ("B8"), a
+        colour or a common name ("nir").
+    rgb : three ints or texts, optional
+        The bands whose luminance is used.
+    index : str, optional
+        A spectral index in place of a band: "ndvi", "ndwi", "ndbi", "exg", "vari", ...
+    expr : str, optional
+        Band arithmetic in place of a band: "(nir - red) / (nir + red)", where b1, b2, ... are bands too.
+    band_names : str, optional
+        Names for the bands: "red,green,blue,nir", or of some "nir=4".
+    nodata, stretch, method, refine, threshold, intensity_step
         As the options of `uavseg extract`.
     min_area, fill_holes : float or str, optional
         Square metres, or pixels as "64px". Holes are filled first, then regions dropped.
@@ -124,7 +139,15 @@ def extract(
         as_area(min_area),
     )
     job = RegionJob(
-        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar),
+        ReadOptions(
+            band,
+            rgb,
+            nodata,
+            stretch,
+            skip_bad_tiles,
+            words=BandWords(index, expr, band_names),
+            collar=collar,
+        ),
         lambda opened, how: run_extract(opened, request, how),
     )
     with allowing(allow_path, allow_network):
@@ -136,8 +159,11 @@ def levels(
     source: Any,
     width: float,
     *,
-    band: int | None = None,
-    rgb: tuple[int, int, int] | None = None,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
     method: str = "adaptive",
@@ -195,7 +221,15 @@ def levels(
         small,
     )
     job = RegionJob(
-        ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, collar=collar),
+        ReadOptions(
+            band,
+            rgb,
+            nodata,
+            stretch,
+            skip_bad_tiles,
+            words=BandWords(index, expr, band_names),
+            collar=collar,
+        ),
         lambda opened, how: run_levels(opened, request, how),
     )
     with allowing(allow_path, allow_network):
@@ -206,6 +240,12 @@ def levels(
 def divide(
     source: Any,
     *,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
+    nodata: float | None = None,
     stretch: str = "auto",
     tile: int | None = None,
     threads: int | None = None,
@@ -220,7 +260,7 @@ def divide(
     Parameters
     ----------
     source : path, sequence of paths, DataArray or Dataset
-    stretch : str
+    band, rgb, index, expr, band_names, nodata, stretch
     tile, threads : int, optional
     resume : path, optional
     skip_bad_tiles, allow_network : bool
@@ -228,10 +268,10 @@ def divide(
     allow_path : path or sequence of paths
         As of `extract`.
     """
+    words = BandWords(index, expr, band_names)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
     with allowing(allow_path, allow_network):
-        opened = open_source(
-            source, ReadOptions(stretch=stretch, skip_bad_tiles=skip_bad_tiles, collar=collar)
-        )
+        opened = open_source(source, options)
         found = run_divide(opened, work=work(threads, tile, None, resume))
     warn(found.warnings)
     return found.saved.blocks

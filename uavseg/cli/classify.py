@@ -18,6 +18,7 @@ from uavseg.cli._write import (
     write_region_output,
 )
 from uavseg.cli.options.access import access_options
+from uavseg.cli.options.bands import band_option, formula_options
 from uavseg.cli.options.raster import (
     area,
     drawing,
@@ -38,7 +39,8 @@ if TYPE_CHECKING:
 
 @click.command("classify", short_help="Find what is free, unknown and occupied in a map of probabilities.")
 @click.argument("path", metavar="MAP")
-@click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1.")
+@band_option
+@formula_options
 @click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
 @map_stretch_option
 @polarity_option

@@ -41,12 +41,11 @@ def command(**options: Any) -> None:
 def _raster(options: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """What there is to say of a raster, as text and as plain values."""
     from uavseg.execution.executors import threads
-    from uavseg.jobs.info import info
-    from uavseg.jobs.open_source import open_pixels
+    from uavseg.jobs.info import info, open_to_describe
     from uavseg.jobs.work import Work
     from uavseg.plot.summary_text import summary_text
 
-    source = open_pixels(options["rasters"], read_options(options))
+    source = open_to_describe(options["rasters"], read_options(options))
     summary = info(source, Work(executor=threads(options["threads"])), options["rasters"])
     return summary_text(summary), summary.as_dict()
 

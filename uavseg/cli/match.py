@@ -14,6 +14,7 @@ from uavseg.cli._write import (
     transaction,
     write_regions_and_labels,
 )
+from uavseg.cli.options.bands import many_bands
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.raster import area, drawing, read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
@@ -68,6 +69,12 @@ if TYPE_CHECKING:
     show_default=True,
     metavar="K|inf",
     help="By how many of the sample's deviations the mean may differ; inf: texture alone.",
+)
+@click.option(
+    "--bands",
+    metavar="BAND,...",
+    callback=many_bands,
+    help="Compare the intensity of these bands as well, each by itself: colour beside texture.",
 )
 @click.option(
     "--refine",
@@ -142,6 +149,7 @@ def _request(options: dict[str, Any]) -> MatchRequest:
         drawing(options),
         area(options["fill_holes"]),
         area(options["min_area"]),
+        options["bands"],
     )
 
 

@@ -10,6 +10,7 @@ import click
 from uavseg.cli._say import show
 from uavseg.cli._write import keep_inputs, shown
 from uavseg.cli.options.access import access_options
+from uavseg.cli.options.bands import band_option, formula_options
 from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.mission import parse_home
 from uavseg.cli.options.ranges import asked_range, range_options
@@ -56,6 +57,8 @@ _LINES = (".geojson", ".json")
     help="The path: .geojson; as a mission .plan, .waypoints, .kmz, .csv or .kml; - is GeoJSON on stdout.",
 )
 @segmenting_options
+@band_option
+@formula_options
 @click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
 @map_stretch_option
 @polarity_option

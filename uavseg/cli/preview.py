@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from uavseg.raster.intensity.stretch import Stretch
 
 _LAYERS = ("levels", "states", "leaves", "regions", "path", "mission")
-_OF_RASTERS = (*_LAYERS[:-1], "band", "rgb", "nodata", "skip_bad_tiles")
+_OF_RASTERS = (*_LAYERS[:-1], "band", "rgb", "index", "expr", "band_names", "nodata", "skip_bad_tiles")
 
 
 @click.command("preview", short_help="Draw a raster with what was found in it, or a mission alone.")

@@ -57,8 +57,12 @@ def source_words(sources: Sequence[str]) -> list[str]:
 
 def option_words(options: ReadOptions) -> list[str]:
     """The options of the command line that say what `ReadOptions` say; none where they are the defaults."""
-    words: list[str] = []
+    bands = options.words
+    given = {"--index": bands.index, "--expr": bands.expr, "--band-names": bands.names}
+    words = [word for name, text in given.items() if text is not None for word in (name, text)]
     for field in fields(options):
+        if field.name == "words":
+            continue
         value = getattr(options, field.name)
         if value is None or value is False or value == field.default or value == StretchSpec("auto"):
             continue

@@ -2,14 +2,37 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from uavseg.access import is_address
+from uavseg.errors import UnchosenBandsError
 from uavseg.execution.phases import phase
 from uavseg.jobs.command_line import extract_line
-from uavseg.jobs.source import Pixels, Raster, ReadOptions
+from uavseg.jobs.open_source import open_pixels
+from uavseg.jobs.source import Pixels, ProbabilityMap, Raster, ReadOptions
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.opening import file_exists
 from uavseg.raster.summary import Summary, summarize
+
+
+def open_to_describe(source: Any, options: ReadOptions = ReadOptions()) -> Raster | ProbabilityMap:
+    """A source as of `open_pixels`; where bands have to be chosen and none is, its first band, with a note.
+
+    Raises
+    ------
+    UavsegError
+        As of `open_source`.
+    """
+    try:
+        return open_pixels(source, options)
+    except UnchosenBandsError:
+        opened = open_pixels(source, replace(options, band=1))
+    note = (
+        "no band is chosen, so the intensity is that of band 1; other commands need --band, --rgb, --index "
+        "or --expr"
+    )
+    dataset = opened.dataset
+    return replace(opened, dataset=replace(dataset, warnings=(*dataset.warnings, note)))
 
 
 def info(source: Pixels, work: Work = SERIAL, named: Sequence[str] = ()) -> Summary:

@@ -9,6 +9,8 @@ stretch -> measured: bin edges of contrast  (one pass over all tiles)
         -> outlined: open cells decided pixel by pixel (one pass over the tiles with matches)
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,11 +24,13 @@ from uavseg.jobs.extract import filled
 from uavseg.jobs.metadata import drawing_facts, with_metadata
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
-from uavseg.jobs.source import Source
+from uavseg.jobs.source import AUTO, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.sample.colors import fit_colors
 from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
 from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.regions.sample.reject import reject_unlike
@@ -62,6 +66,8 @@ class MatchRequest:
     drawing : Drawing
     fill_holes, min_area : Area, optional
         As of `ExtractRequest`.
+    bands : tuple of int or str
+        Bands whose intensity is compared as well, each by itself, by number or name.
 
     Raises
     ------
@@ -77,6 +83,7 @@ class MatchRequest:
     drawing: Drawing = Drawing()
     fill_holes: Area | None = None
     min_area: Area | None = None
+    bands: tuple[int | str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.window not in WINDOWS:
@@ -88,6 +95,8 @@ class MatchRequest:
             raise ParameterError(
                 f"an intensity is a number of deviations that is not negative, not {self.intensity:g}"
             )
+        if self.bands and math.isinf(self.intensity):
+            raise ParameterError("an infinite intensity compares texture alone; leave the bands out, or it")
         if self.refine not in ("pixel", "none"):
             raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
 
@@ -150,7 +159,10 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     with phase("cells and the sample"):
         known = measure_cells(grey, passes[1])
         sample = fit_sample(grey, known.bin_edges, place, request.side, run)
-    criterion = Criterion.of(sample, known.bin_edges, request.side, request.similarity, request.intensity)
+        colors = fit_colors(_color_sources(raster, request.bands, passes[0].silent), place, request.intensity)
+    criterion = Criterion.of(
+        sample, known.bin_edges, request.side, request.similarity, request.intensity, colors
+    )
     with phase("scores"):
         scores = score_cells(grey, criterion, passes[2])
     with phase("comparison with the background"):
@@ -197,7 +209,13 @@ def _outlined(
         return outline_segments(grey, matched.view(np.uint8), tile_pass)
     cells = undecided_cells(matched, valid & ~matched, request.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
-    return outline_matches(grey, cells, criterion.bin_edges, weights, tile_pass)
+    return outline_matches(grey, cells, criterion, weights, scores.rest_colors, tile_pass)
+
+
+def _color_sources(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> list[GreySource]:
+    """Each band as grey, by the stretch of the raster, fitted to it."""
+    datasets = [raster.dataset.of_band(band, raster.options.nodata) for band in bands]
+    return [GreySource(one, fit_stretch(one, raster.options.spec or AUTO, tile_pass)) for one in datasets]
 
 
 def _measured(

@@ -184,7 +184,7 @@ def _dataset(source: Any, options: ReadOptions) -> Dataset:
     if isinstance(source, Dataset):
         return replace(source, skip_bad_tiles=source.skip_bad_tiles or options.skip_bad_tiles)
     if not isinstance(source, np.ndarray):
-        return Dataset.open(source, options.band, options.rgb, options.nodata, options.skip_bad_tiles)
+        return options.open(source)
     if source.ndim != 2 or source.dtype.kind not in "iuf" or source.size == 0:
         raise ParameterError(f"expected a 2-D array of numbers, got {source.dtype} of shape {source.shape}")
     _check_one_band(options)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
@@ -10,6 +11,7 @@ from uavseg.raster.collar.find import check_collar, without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.tiling import TilePass
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks
 from uavseg.segmentation.source import GreySource
@@ -23,9 +25,9 @@ class ReadOptions:
 
     Parameters
     ----------
-    band : int, optional
-        The band to use, counted from 1.
-    rgb : three ints, optional
+    band : int or str, optional
+        The band to use, counted from 1 or by its name.
+    rgb : three ints or texts, optional
         The bands of red, green and blue, to use their luminance.
     nodata : float, optional
         Takes the place of the nodata value in the files; NaN is allowed.
@@ -37,6 +39,8 @@ class ReadOptions:
     free_is_white : bool, optional
         Of a picture that is a map of probabilities without the YAML file of a ROS map: whether free is white
         or black.
+    words : BandWords
+        An index or an expression in place of a band, and names for the bands.
     collar : {"auto", "keep"}
         Whether an untagged black or white collar of a raster counts as nodata.
 
@@ -46,12 +50,13 @@ class ReadOptions:
         If a text is not a stretch, or a word is not known.
     """
 
-    band: int | None = None
-    rgb: tuple[int, int, int] | None = None
+    band: int | str | None = None
+    rgb: tuple[int | str, int | str, int | str] | None = None
     nodata: float | None = None
     stretch: Stretch | StretchSpec | str | None = None
     skip_bad_tiles: bool = False
     free_is_white: bool | None = None
+    words: BandWords = BandWords()
     collar: str = "auto"
 
     def __post_init__(self) -> None:
@@ -61,8 +66,12 @@ class ReadOptions:
 
     @property
     def chooses_pixels(self) -> bool:
-        """Whether a band or a nodata value is chosen."""
-        return (self.band, self.rgb, self.nodata) != (None, None, None)
+        """Whether a band, a formula or a nodata value is chosen."""
+        return (self.band, self.rgb, self.nodata, self.words) != (None, None, None, BandWords())
+
+    def open(self, sources: Any) -> Dataset:
+        """Open rasters with these options; see `Dataset.open`."""
+        return Dataset.open(sources, self.band, self.rgb, self.nodata, self.skip_bad_tiles, self.words)
 
     @property
     def spec(self) -> Stretch | StretchSpec | None:
@@ -160,10 +169,18 @@ class Raster(Pixels):
     @property
     def origin(self) -> Origin:
         """What a block map of this raster says it was made from."""
-        options = self.options
         found = any(dataset.collar is not None for dataset in self._cleaned)
-        chosen = options.band, options.rgb, options.nodata, "auto" if found else "keep"
-        return Origin(self.given or self.dataset.paths, str(Path.cwd()), *chosen)
+        options, bands = self.options, self.dataset.bands
+        colors = (bands[0], bands[1], bands[2]) if len(bands) == 3 else None
+        return Origin(
+            self.given or self.dataset.paths,
+            str(Path.cwd()),
+            None if options.band is None else bands[0],
+            None if options.rgb is None else colors,
+            options.nodata,
+            options.words,
+            "auto" if found else "keep",
+        )
 
 
 @dataclass(frozen=True)
@@ -229,10 +246,17 @@ class Blocks:
         paths = origin.allowed_rasters(self.path)
         if paths is None:
             return None
-        chosen = origin.band, origin.rgb, origin.nodata, self.saved.stretch, self.skip_bad_tiles
-        options = ReadOptions(*chosen, collar=origin.collar)
-        dataset = Dataset.open(paths, origin.band, origin.rgb, origin.nodata, self.skip_bad_tiles)
-        return Raster(dataset, self.saved.stretch, options, tuple(paths))
+        stretch = self.saved.stretch
+        options = ReadOptions(
+            origin.band,
+            origin.rgb,
+            origin.nodata,
+            stretch,
+            self.skip_bad_tiles,
+            words=origin.words,
+            collar=origin.collar,
+        )
+        return Raster(options.open(paths), stretch, options, tuple(paths))
 
 
 Source = Raster | Blocks | ProbabilityMap

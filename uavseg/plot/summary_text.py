@@ -94,13 +94,26 @@ def _center(summary: Summary) -> str:
 def _bands(summary: Summary) -> str:
     nodatas = {nodata for _, _, nodata in summary.bands}
     shared = f", nodata {_number(nodatas.pop())}" if len(nodatas) == 1 and nodatas != {None} else ""
+    named = zip(summary.bands, summary.names, strict=True)
     texts = [
-        f"{n}: {dtype} {color}"
+        f"{n}: {dtype} {_band_name(color, name)}"
         + (f" (nodata {_number(nodata)})" if nodata is not None and not shared else "")
-        for n, (dtype, color, nodata) in enumerate(summary.bands, start=1)
+        for n, ((dtype, color, nodata), name) in enumerate(named, start=1)
     ]
-    shown = texts if len(texts) <= 8 else [*texts[:7], f"... {len(texts)} in all"]
+    most = 24 if any(summary.names) else 8
+    shown = texts if len(texts) <= most else [*texts[: most - 1], f"... {len(texts)} in all"]
     return "; ".join(shown) + shared
+
+
+def _band_name(color: str, name: str) -> str:
+    """The names of a band, with its colour where they do not say it."""
+    return (
+        color
+        if not name
+        else name
+        if color in (*name.split(", "), "undefined", "gray")
+        else f"{name}, {color}"
+    )
 
 
 def _moments(summary: Summary) -> str:

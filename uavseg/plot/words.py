@@ -37,6 +37,7 @@ def preview(
     width: int = 1400,
     overwrite: bool = False,
     skip_bad_tiles: bool = False,
+    collar: str = "auto",
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Path:
@@ -57,7 +58,7 @@ def preview(
         `uavseg.path` gives.
     dem : path or sequence of paths, optional
         For missions without a raster: the ground below them.
-    band, rgb, nodata, stretch, skip_bad_tiles, allow_path, allow_network
+    band, rgb, nodata, stretch, skip_bad_tiles, collar, allow_path, allow_network
         As of `extract`.
     width : int
         Width of the picture in pixels, 200 to 8000.
@@ -103,6 +104,7 @@ def preview(
                 leaves=leaves,
                 path=path,
                 stretch=how,
+                collar="keep" if isinstance(opened, ProbabilityMap) else collar,
                 width_px=width,
                 overwrite=overwrite,
             )

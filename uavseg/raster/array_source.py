@@ -63,7 +63,8 @@ class ArraySource:
         cols = _index(window.col, window.cols, shape[1] if shape else window.cols)
         planes = [self._read_plane(band, rows, cols) for band in choice.bands]
         values = np.stack(planes).astype(choice.dtype, copy=False)
-        return values, valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], None, None)
+        nodatas = [self.nodatas[band - 1] for band in choice.bands]
+        return values, valid_pixels(values, nodatas, None, None, choice.formula is not None)
 
     def is_empty(self, _handles: object, _choice: BandChoice, _window: Window) -> bool:
         """False: it is not known without reading."""
@@ -107,7 +108,9 @@ def from_array(array: Any) -> ArraySource:
         transform=array.rio.transform(),
         crs=CRS.from_user_input(crs) if crs else None,
         located=True,
-        layout=BandLayout((dtype.name,) * count, ("undefined",) * count, (bits,) * count),
+        layout=BandLayout(
+            (dtype.name,) * count, ("undefined",) * count, (bits,) * count, _names(array, count)
+        ),
         nodatas=(array.rio.nodata,) * count,
         block=_chunk(array),
         warnings=() if crs else (f"{name}: it has no coordinate reference system: coordinates are local",),
@@ -140,6 +143,19 @@ def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
         warnings=(),
         driver="array",
     )
+
+
+def _names(array: Any, count: int) -> tuple[str, ...]:
+    """Names of the bands: rioxarray's `long_name`, or a coordinate of texts; empty if there are none."""
+    for names in (getattr(array, "attrs", {}).get("long_name"), _band_coordinate(array)):
+        if isinstance(names, tuple | list) and len(names) == count and all(isinstance(n, str) for n in names):
+            return tuple(names)
+    return ()
+
+
+def _band_coordinate(array: Any) -> Any:
+    coords = getattr(array, "coords", {})
+    return coords[array.dims[0]].values.tolist() if array.ndim == 3 and array.dims[0] in coords else None
 
 
 def _scale(array: Any) -> BandScale:

@@ -3,12 +3,15 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
+
+if TYPE_CHECKING:
+    from uavseg.raster.spectral.formula import Formula
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +24,17 @@ class BandLayout:
         Type of each band, and its colour interpretation ("red", "alpha", "undefined", ...).
     bits : tuple of int
         Bits of each band that are used: 12 for 12-bit data stored as uint16.
+    descriptions : tuple of str
+        Name of each band, "" where it has none; empty if no band has one.
+    micrometres : tuple of float or None
+        Central wavelength of each band; empty if none is known.
     """
 
     dtypes: tuple[str, ...]
     roles: tuple[str, ...]
     bits: tuple[int, ...]
+    descriptions: tuple[str, ...] = ()
+    micrometres: tuple[float | None, ...] = ()
 
     @property
     def alpha(self) -> int | None:
@@ -35,24 +44,28 @@ class BandLayout:
 
 @dataclass(frozen=True, slots=True)
 class BandChoice:
-    """The bands, counted from 1, that are read as intensity: one, or three for luminance.
+    """The bands, counted from 1, that are read as intensity: one, three for luminance, or those of a formula.
 
-    If `expanded`, the one band is an index into a palette, and is read as three bands of colours.
+    If `expanded`, the one band is an index into a palette, and is read as three bands of colours. `dtype` and
+    `bits` are those of the bands.
     """
 
     bands: tuple[int, ...]
     dtype: np.dtype[np.generic]
     bits: int
     expanded: bool = False
+    formula: "Formula | None" = None
 
     @property
     def planes(self) -> int:
-        """Number of values per pixel that is read: 1, or 3 for luminance."""
+        """Number of values per pixel that is read: 3 for luminance, else one for each band."""
         return 3 if self.expanded else len(self.bands)
 
     @property
     def name(self) -> str:
         """Description for messages: "band 1", "luminance of bands 1,2,3"."""
+        if self.formula is not None:
+            return self.formula.name
         if self.expanded:
             return f"luminance of the palette of band {self.bands[0]}"
         if len(self.bands) == 1:
@@ -61,18 +74,22 @@ class BandChoice:
 
 
 def choose_bands(
-    layout: BandLayout, band: int | None = None, rgb: Sequence[int] | None = None, palette: bool = False
+    layout: BandLayout,
+    band: int | None = None,
+    rgb: Sequence[int] | None = None,
+    palette: bool = False,
+    formula: "Formula | None" = None,
 ) -> BandChoice:
     """Choose the bands that become intensity.
 
-    `band` names one, `rgb` three. The default is luminance if the file has colours (or three bands that are
-    not alpha), and the first band otherwise. The indices of a palette are read as they are only if `band`
-    names their band.
+    `band` names one, `rgb` three, `formula` those that it computes with. The default is luminance if the file
+    has colours (or three or four bands that are not alpha), and the first band otherwise. The indices of a
+    palette are read as they are only if `band` or `formula` names their band.
 
     Raises
     ------
     ParameterError
-        If both `band` and `rgb` are given, or a band does not exist.
+        If two of `band`, `rgb` and `formula` are given, or a band does not exist.
     RasterError
         If the bands cannot be intensity: complex numbers, CMYK, three bands of different types.
 
@@ -84,6 +101,10 @@ def choose_bands(
     """
     if band is not None and rgb is not None:
         raise ParameterError("give band or rgb, not both")
+    if formula is not None:
+        if band is not None or rgb is not None:
+            raise ParameterError("give band, rgb, index or expr: one of them")
+        return _formula_bands(layout, formula)
     if palette and band is None and rgb is None:
         return BandChoice((1,), np.dtype(np.uint8), 8, expanded=True)
     named = (band,) if band is not None else tuple(rgb) if rgb is not None else None
@@ -94,6 +115,12 @@ def choose_bands(
         if not 1 <= number <= len(layout.dtypes):
             raise ParameterError(f"there is no band {number}: {_count_text(len(layout.dtypes))}")
     return BandChoice(bands, _common_type(layout, bands), max(layout.bits[number - 1] for number in bands))
+
+
+def _formula_bands(layout: BandLayout, formula: "Formula") -> BandChoice:
+    bands = formula.expression.bands
+    bits = max(layout.bits[number - 1] for number in bands)
+    return BandChoice(bands, _common_type(layout, bands), bits, formula=formula)
 
 
 def _default_bands(layout: BandLayout) -> tuple[int, ...]:
@@ -150,14 +177,18 @@ def usable_nodata(nodata: float | None, dtype: np.dtype[np.generic]) -> tuple[fl
 
 
 def valid_pixels(
-    values: Values, nodatas: Sequence[float | None], alpha: Values | None, mask: Valid | None
+    values: Values,
+    nodatas: Sequence[float | None],
+    alpha: Values | None,
+    mask: Valid | None,
+    by_band: bool = False,
 ) -> Valid | None:
     """Which pixels are valid; None if all are.
 
     A pixel is invalid where `mask` is false, alpha is 0 or a band is not finite. With one band it is invalid
-    where the band is nodata. With three, a nodata value that cannot be a colour (of float bands, or negative)
-    makes a pixel invalid where *any* band has it; one that can be (0 or 255 of a photograph) only where *all*
-    three have it, as in GDAL's mask of a whole file.
+    where the band is nodata, and `by_band` where any band is. Of three bands of colours, a nodata value that
+    cannot be a colour (of float bands, or negative) makes a pixel invalid where *any* band has it; one that
+    can be (0 or 255 of a photograph) only where *all* three have it, as in GDAL's mask of a whole file.
 
     Parameters
     ----------
@@ -172,7 +203,7 @@ def valid_pixels(
         invalid.append(alpha == 0)
     if values.dtype.kind == "f":
         invalid += [~np.isfinite(plane) for plane in values]
-    invalid += _nodata_pixels(values, nodatas)
+    invalid += _nodata_pixels(values, nodatas, by_band)
     if not invalid:
         return None
     total = invalid[0]
@@ -186,11 +217,13 @@ def without(valid: Valid | None, masked: Valid) -> Valid:
     return ~masked if valid is None else valid & ~masked
 
 
-def _nodata_pixels(values: Values, nodatas: Sequence[float | None]) -> list[Valid]:
+def _nodata_pixels(values: Values, nodatas: Sequence[float | None], by_band: bool) -> list[Valid]:
     numbers = [None if nodata is None or math.isnan(nodata) else nodata for nodata in nodatas]
     pairs = zip(values, numbers, strict=True)
     hits = [_equal(plane, number) for plane, number in pairs if number is not None]
     not_a_color = values.dtype.kind == "f" or any(number is not None and number < 0 for number in numbers)
+    if by_band:
+        return hits
     if len(hits) <= 1 or not_a_color:
         return hits if not_a_color or len(values) == 1 else []
     return [hits[0] & hits[1] & hits[2]] if len(hits) == len(values) else []

@@ -24,6 +24,9 @@ from uavseg.raster.inspect_file import inspect_file
 from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
+from uavseg.raster.spectral.band_names import renamed
+from uavseg.raster.spectral.choice import check_names_agree, check_reflectance, choose
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.tiling import Window, in_panels, sample_positions, tile_side, tiles
 from uavseg.raster.value_scale import BandScale
 
@@ -59,10 +62,11 @@ class Dataset:
     def open(
         cls,
         sources: Any,
-        band: int | None = None,
-        rgb: Sequence[int] | None = None,
+        band: int | str | None = None,
+        rgb: Sequence[int | str] | None = None,
         nodata: float | None = None,
         skip_bad_tiles: bool = False,
+        words: BandWords = BandWords(),
     ) -> "Dataset":
         """Open rasters as a dataset; no pixel is read.
 
@@ -71,15 +75,17 @@ class Dataset:
         sources : path, sequence of paths, or DataArray
             Several rasters make one mosaic; where they overlap, the first with a valid pixel wins. A path is
             anything that GDAL opens. A DataArray needs rioxarray's `.rio`.
-        band : int, optional
-            The band to use, counted from 1.
-        rgb : three ints, optional
+        band : int or str, optional
+            The band to use, counted from 1 or by its name.
+        rgb : three ints or texts, optional
             The bands of red, green and blue, to use their luminance.
         nodata : float, optional
             Replaces the nodata value of the files; NaN is allowed.
         skip_bad_tiles : bool
             Whether blocks of a file that cannot be read count as nodata instead of being an error; see
             `raster.bad_blocks`.
+        words : BandWords
+            An index or an expression to use in place of a band, and names for the bands.
 
         Raises
         ------
@@ -90,14 +96,17 @@ class Dataset:
         MosaicError
             If the rasters do not fit together.
         ParameterError
-            If a band does not exist.
+            If a band does not exist, or an index or expression does not fit the bands.
         """
         files = [
             from_array(source) if is_array(source) else inspect_file(source) for source in _listed(sources)
         ]
+        files = [replace(file, layout=renamed(file.layout, words.names)) for file in files]
         mosaic = align_rasters(files)
         first = files[0]
-        choice = choose_bands(first.layout, band, rgb, first.palette is not None)
+        choice = choose(first.layout, band, rgb, words, first.palette is not None)
+        check_names_agree(files, choice.bands)
+        check_reflectance(files, choice)
         files_with_nodata, warnings = _with_nodata(mosaic.files, choice, nodata)
         if choice.expanded:
             warnings = (
@@ -118,6 +127,20 @@ class Dataset:
         mosaic = align_rasters([source])
         return cls(mosaic, choose_bands(source.layout), (), local_metres=local_metres)
 
+    @checked
+    def of_band(self, band: int | str, nodata: float | None = None) -> "Dataset":
+        """The same raster with the intensity of one band, by its number or name.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such band.
+        """
+        choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
+        check_names_agree(self.mosaic.files, choice.bands)
+        files, warnings = _with_nodata(self.mosaic.files, choice, nodata)
+        return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
+
     @property
     def in_metres(self) -> bool:
         """Whether lengths are metres (on the ground, where there is a CRS) rather than units of the map."""
@@ -131,12 +154,17 @@ class Dataset:
     @property
     def dtype(self) -> np.dtype[np.generic]:
         """Type of the values that are read."""
-        return self.choice.dtype
+        return self.choice.dtype if self.choice.formula is None else np.dtype(np.float32)
 
     @property
     def bits(self) -> int:
         """Number of bits of a value that are used."""
-        return self.choice.bits
+        return self.choice.bits if self.choice.formula is None else 32
+
+    @property
+    def limits(self) -> tuple[float, float] | None:
+        """Between which all values lie, where a formula says it."""
+        return None if self.choice.formula is None else self.choice.formula.limits
 
     @property
     def bands(self) -> tuple[int, ...]:
@@ -151,9 +179,9 @@ class Dataset:
     @property
     def scale(self) -> BandScale | None:
         """Scale, offset and unit of the bands that are used; None if bands or files have different ones."""
+        if self.choice.expanded or self.choice.formula is not None:
+            return BandScale()  # brightness of colours, or the value of the formula
         found = {file.scale_of(band, self.bits) for file in self.mosaic.files for band in self.bands}
-        if self.choice.expanded:
-            return BandScale()  # brightness of colours
         return found.pop() if len(found) == 1 else None
 
     @property
@@ -186,7 +214,8 @@ class Dataset:
     def fingerprint(self) -> tuple[object, ...]:
         """Content hash input: the files as they are now, and the options for reading them."""
         files = tuple(file.fingerprint() for file in self.mosaic.files)
-        return files, self.mosaic.boxes, self.choice, self.skip_bad_tiles, self.collar
+        layout = self.mosaic.files[0].layout
+        return files, self.mosaic.boxes, self.choice, layout, self.skip_bad_tiles, self.collar
 
     @checked
     def is_empty(self, window: Window) -> bool:
@@ -204,7 +233,7 @@ class Dataset:
         Returns
         -------
         values : (1 or 3, rows, cols) array of `dtype`
-            Arbitrary where a pixel is invalid.
+            Intensity or the value of a formula, or red, green and blue. Arbitrary where a pixel is invalid.
         valid : (rows, cols) bool array, or None if every pixel is valid
 
         Raises
@@ -272,7 +301,8 @@ class Dataset:
 
     def _fill(self, shape: tuple[int, int], parts: Iterable[Part]) -> tuple[Values, Valid | None]:
         """Merge parts of files; the first valid pixel wins."""
-        values = np.zeros((self.choice.planes, *shape), self.dtype)
+        planes = self.choice.planes if self.choice.formula is None else 1
+        values = np.zeros((planes, *shape), self.dtype)
         filled = np.zeros(shape, bool)
         for file, part, (rows, cols) in parts:
             missing = ~filled[rows, cols]
@@ -292,6 +322,16 @@ class Dataset:
         self, file: RasterSource, part: Window, shape: tuple[int, int]
     ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
         """Values and validity of a part of a file, and which blocks of it cannot be read."""
+        values, valid, bad = self._read_bands(file, part, shape)
+        formula = self.choice.formula
+        if formula is not None:
+            scales = [file.scale_of(band, self.choice.bits) for band in self.bands]
+            values, valid = formula.apply(values, valid, scales)
+        return values, valid, bad
+
+    def _read_bands(
+        self, file: RasterSource, part: Window, shape: tuple[int, int]
+    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
         if not isinstance(file, RasterFile):
             return *file.read(self._handles, self.choice, part, shape), ()
         if self.skip_bad_tiles:

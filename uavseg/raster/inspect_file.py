@@ -1,5 +1,6 @@
 """Raster metadata: read once when a file is opened; unsupported kinds of raster are refused here."""
 
+import math
 import os
 import shlex
 from collections.abc import Callable
@@ -138,7 +139,25 @@ def _layout(source: DatasetReader) -> BandLayout:
         size = np.dtype(name).itemsize * 8
         stored = source.tags(band, ns="IMAGE_STRUCTURE").get("NBITS", size)
         bits.append(int(stored) if np.dtype(name).kind in "iu" else size)
-    return BandLayout(dtypes, tuple(role.name for role in source.colorinterp), tuple(bits))
+    roles = tuple(role.name for role in source.colorinterp)
+    return BandLayout(dtypes, roles, tuple(bits), *_spectral_metadata(source, len(dtypes)))
+
+
+def _spectral_metadata(source: DatasetReader, count: int) -> tuple[tuple[str, ...], tuple[float | None, ...]]:
+    """Descriptions, and wavelengths in micrometres; each empty if none is known."""
+    descriptions = tuple(text or "" for text in source.descriptions)
+    wavelengths = tuple(_wavelength(source, band) for band in range(1, count + 1))
+    return descriptions if any(descriptions) else (), wavelengths if any(wavelengths) else ()
+
+
+def _wavelength(source: DatasetReader, band: int) -> float | None:
+    """GDAL's CENTRAL_WAVELENGTH_UM of a band."""
+    text = source.tags(band, ns="IMAGERY").get("CENTRAL_WAVELENGTH_UM", "")
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if 0 < value < math.inf else None
 
 
 def _palette(source: DatasetReader, layout: BandLayout) -> tuple[tuple[int, int, int, int], ...] | None:

@@ -142,7 +142,8 @@ class RasterFile:
             except GDAL_ERRORS:
                 handles.close(self.path)  # a block that failed once is read as 0 the next time
                 raise
-        valid = valid_pixels(values, [self.nodatas[band - 1] for band in choice.bands], alpha, mask)
+        nodatas = [self.nodatas[band - 1] for band in choice.bands]
+        valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None)
         return self._decode(values, valid, choice)
 
     def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:

@@ -20,6 +20,7 @@ from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.mosaic import RasterSource
 from uavseg.raster.overview import DatasetOverview
+from uavseg.raster.spectral.band_names import names_of
 from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
 from uavseg.raster.value_scale import ValueAxis
 from uavseg.units import GREY_LEVELS
@@ -50,6 +51,8 @@ class Summary:
     center : (float, float) or None
         lon, lat in degrees.
     bands : tuple of (dtype, colour interpretation, nodata)
+    names : tuple of str
+        Description and common name of each band, "" where it has neither.
     used : str
         The bands that become intensity.
     exact : bool
@@ -87,6 +90,7 @@ class Summary:
     bounds: tuple[float, float, float, float]
     center: tuple[float, float] | None
     bands: tuple[tuple[str, str, float | None], ...]
+    names: tuple[str, ...]
     used: str
     exact: bool
     counted: int
@@ -132,6 +136,8 @@ class Summary:
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
         ]
+        for band, name in zip(found["bands"], found.pop("names"), strict=True):
+            band["name"] = name
         found.pop("mean_beyond")
         found["values"] = None if found.pop("axis") is None else self._values()
         more = {"nodata_share": self.nodata_share, "command": found.pop("command")}
@@ -185,6 +191,7 @@ def summarize(
         bounds=_bounds(box),
         center=_center(box),
         bands=_bands(first),
+        names=tuple(band.label for band in names_of(first.layout)),
         used=dataset.band_names,
         exact=exact,
         counted=math.prod(seen.geobox.shape),
@@ -221,7 +228,8 @@ def _count(
 
 def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> tuple[NDArray[np.int64], int]:
     values, valid = dataset.read(window)
-    grey, beyond = stretch.apply(values, valid), greys_beyond(values, valid, stretch)
+    grey = stretch.apply(values, valid)
+    beyond = greys_beyond(values, valid, grey, stretch)
     more = 0 if beyond is None else int(beyond.sum(dtype=np.int64))
     shown = (grey if valid is None else grey[valid]).reshape(-1)
     return np.bincount(shown, minlength=GREY_LEVELS), more

@@ -238,8 +238,9 @@ def with_beyond(sums: Sums, labels: NDArray[np.uint32], beyond: NDArray[np.int32
     """Sums with those of greys beyond the ends of the stretch, by an image of the shape of `labels`."""
     if beyond is None:
         return sums
-    at = beyond.nonzero()
-    total = np.bincount(labels[at], beyond[at], len(sums.counts) + 1)[1:]  # integers, exact in float64
+    at = np.flatnonzero(beyond)
+    named = labels.reshape(-1)[at]
+    total = np.bincount(named, beyond.reshape(-1)[at], len(sums.counts) + 1)[1:]  # exact: integers
     return replace(sums, beyond=total.astype(np.int64))
 
 

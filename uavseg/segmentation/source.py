@@ -63,7 +63,7 @@ class GreySource:
         part = window.grown(margin).clipped(self.shape)
         values, mask = self.dataset.read(part)
         pixels = self.stretch.apply(values, mask)
-        more = greys_beyond(values, mask, self.stretch) if beyond else None
+        more = greys_beyond(values, mask, pixels, self.stretch) if beyond else None
         if part.rows == shape[0] and part.cols == shape[1]:
             valid = np.ones(shape, np.uint8) if mask is None else mask.view(np.uint8)
             return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None, more)

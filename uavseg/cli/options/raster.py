@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli.options.access import access_options
+from uavseg.cli.options.bands import band_option, band_words, formula_options, three_bands
 
 if TYPE_CHECKING:
     from uavseg.jobs.result import Drawing
@@ -46,8 +47,11 @@ def reading_options(command: Command, required: bool = True) -> Command:
             required=required,
             callback=_with_standard_input,
         ),
-        click.option("--band", type=click.IntRange(min=1), help="Use this band, counted from 1."),
-        click.option("--rgb", metavar="R,G,B", callback=_three, help="Use the luminance of these bands."),
+        band_option,
+        click.option(
+            "--rgb", metavar="R,G,B", callback=three_bands, help="Use the luminance of these bands."
+        ),
+        formula_options,
         click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing."),
         click.option(
             "--stretch",
@@ -126,7 +130,9 @@ def read_options(options: dict[str, Any]) -> ReadOptions:
     from uavseg.jobs.source import ReadOptions
 
     names = ("band", "rgb", "nodata", "stretch", "skip_bad_tiles", "free_is_white", "collar")
-    return ReadOptions(**{name: options[name] for name in names if name in options})
+    return ReadOptions(
+        **{name: options[name] for name in names if name in options}, words=band_words(options)
+    )
 
 
 def segment_params(options: dict[str, Any], refine: str | None) -> SegmentParams:
@@ -174,14 +180,3 @@ def _with_standard_input(
     if not names:
         raise RasterReadError("the standard input names no rasters; pass one name a line to it")
     return tuple(name for given in value for name in (names if given == "-" else [given]))
-
-
-def _three(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[int, int, int] | None:
-    """Three band numbers of a text."""
-    if value is None:
-        return None
-    try:
-        red, green, blue = (int(part) for part in value.split(","))
-    except ValueError as error:
-        raise click.BadParameter(f"{value!r} is not three band numbers, such as 4,3,2", ctx, param) from error
-    return red, green, blue

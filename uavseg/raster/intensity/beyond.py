@@ -4,20 +4,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.bands import Valid, Values
-from uavseg.raster.intensity.grey import luminance
+from uavseg.raster.intensity.grey import Grey, luminance
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.units import GREY_MAX
 
 _LIMIT = 1 << 30  # greys: what lies farther beyond counts as so far
 
 
-def greys_beyond(values: Values, valid: Valid | None, stretch: Stretch) -> NDArray[np.int32] | None:
+def greys_beyond(
+    values: Values, valid: Valid | None, grey: Grey, stretch: Stretch
+) -> NDArray[np.int32] | None:
     """By how many greys each valid pixel lies beyond the end of a stretch, negative below it.
 
     Parameters
     ----------
     values : (1, rows, cols) or (3, rows, cols) array of any real type
     valid : (rows, cols) bool array, optional
+    grey : (rows, cols) uint16 array
+        Of the pixels, by that stretch.
     stretch : Stretch
 
     Returns
@@ -28,15 +32,18 @@ def greys_beyond(values: Values, valid: Valid | None, stretch: Stretch) -> NDArr
     low, high = stretch.low, stretch.high
     if not stretch.clips or low == high or _is_within(values.dtype, low, high):
         return None
-    intensity = luminance(values) if len(values) == 3 else values[0]
-    outside = (intensity < low) | (intensity > high)
+    at_ends = np.flatnonzero(grey.reshape(-1) - np.uint16(1) >= GREY_MAX - 1)  # 0 becomes 65535
     if valid is not None:
-        outside &= valid
-    if not outside.any():
+        at_ends = at_ends[valid.reshape(-1)[at_ends]]
+    pixels = np.ascontiguousarray(values).reshape(len(values), -1)[:, at_ends]
+    v = ((luminance(pixels) if len(pixels) == 3 else pixels[0].astype(np.float64)) - low) / (high - low)
+    outside = np.flatnonzero((v < 0) | (v > 1))
+    if not outside.size:
         return None
-    v = (intensity[outside].astype(np.float64) - low) / (high - low)
-    beyond = np.zeros(intensity.shape, np.int32)
-    beyond[outside] = np.clip(np.floor(GREY_MAX * np.where(v > 1, v - 1, v) + 0.5), -_LIMIT, _LIMIT)
+    v = v[outside]
+    beyond = np.zeros(grey.shape, np.int32)
+    steps = np.floor(GREY_MAX * np.where(v > 1, v - 1, v) + 0.5)
+    beyond.reshape(-1)[at_ends[outside]] = np.clip(steps, -_LIMIT, _LIMIT)
     return beyond
 
 

@@ -198,6 +198,8 @@ def resolved_spec(dataset: Dataset, spec: StretchSpec) -> StretchSpec:
     """A requested stretch, with what `auto` stands for."""
     if spec.form != "auto":
         return spec
+    if dataset.limits is not None:
+        return StretchSpec("given", (Fraction(dataset.limits[0]), Fraction(dataset.limits[1])))
     return StretchSpec("dtype") if _is_8_bit(dataset) else StretchSpec("percentile", AUTO_PERCENTILES)
 
 

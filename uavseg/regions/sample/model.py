@@ -68,10 +68,15 @@ class Sample:
 
     def bounds(self, deviations: float) -> GreyBounds:
         """Bounds of mean grey: so many deviations around the sample's mean, at least one step of 8 bits."""
-        if math.isinf(deviations):
-            return GreyBounds()
-        half = min(max(deviations * self.deviation, _GREY_STEP), GREY_MAX)
-        return GreyBounds(max(math.floor(self.mean - half), 0), min(math.ceil(self.mean + half), GREY_MAX))
+        return bounds_around(self.mean, self.deviation, deviations)
+
+
+def bounds_around(mean: float, deviation: float, deviations: float) -> GreyBounds:
+    """Bounds of mean grey: so many times the deviation around a mean, at least one step of 8 bits."""
+    if math.isinf(deviations):
+        return GreyBounds()
+    half = min(max(deviations * deviation, _GREY_STEP), GREY_MAX)
+    return GreyBounds(max(math.floor(mean - half), 0), min(math.ceil(mean + half), GREY_MAX))
 
 
 def fit_sample(

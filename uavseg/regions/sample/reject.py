@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.tiling import TilePass, Window, window_cells
+from uavseg.regions.sample.colors import count_colors
 from uavseg.regions.sample.model import symbol_pair
 from uavseg.regions.sample.scores import CellScores, Criterion
 from uavseg.regions.tiles.kind_tiles import cell_jobs
@@ -46,12 +47,13 @@ def reject_unlike(
     matched = scores.best <= criterion.limit
     with_matches = [window for window in tile_pass.windows if matched[window_cells(window)].any()]
     jobs = cell_jobs(matched.view(np.uint8), with_matches, CELL)
-    best, rest = scores.best.copy(), scores.rest
+    best, rest, rest_colors = scores.best.copy(), scores.rest, scores.rest_colors.copy()
     reject = partial(_reject_tile, source, criterion, weights, least)
-    for window, (rejected, unlike) in zip(with_matches, tile_pass.run(reject, jobs), strict=True):
+    for window, (rejected, unlike, colors) in zip(with_matches, tile_pass.run(reject, jobs), strict=True):
         best[window_cells(window)][rejected] = MAX_SCORE
         rest += unlike
-    return CellScores(best, rest, scores.whole)
+        rest_colors += colors
+    return CellScores(best, rest, scores.whole, rest_colors)
 
 
 def _reject_tile(
@@ -60,9 +62,9 @@ def _reject_tile(
     weights: NDArray[np.int64],
     least: int,
     job: tuple[Window, NDArray[np.uint8]],
-) -> tuple[NDArray[np.bool_], TextureModel]:
-    """Mask of the rejected cells of a tile, and the histograms of those that touch no cell that is kept: the
-    others lie on boundaries and have texture of both sides.
+) -> tuple[NDArray[np.bool_], TextureModel, NDArray[np.int64]]:
+    """Mask of the rejected cells of a tile, and the histograms of those that touch no cell that is kept, also
+    in further bands: the others lie on boundaries and have texture of both sides.
     """
     window, around = job  # cells of the tile, and one more on every side
     halo = CELL * criterion.side
@@ -74,4 +76,5 @@ def _reject_tile(
     unlike = rejected & ~dilate(matched & explained, 1)[inner]
     grey = np.ascontiguousarray(tile.grey[COARSE_HALO:-COARSE_HALO, COARSE_HALO:-COARSE_HALO])
     own = np.ascontiguousarray(names[1][halo:-halo, halo:-halo])
-    return rejected, texture_model(names[0], grey, unlike.view(np.uint8), halo, own)
+    model = texture_model(names[0], grey, unlike.view(np.uint8), halo, own)
+    return rejected, model, count_colors(criterion.colors, window, unlike)

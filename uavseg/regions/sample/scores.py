@@ -12,6 +12,13 @@ from uavseg.raster.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.sample.colors import (
+    GREY_BINS,
+    ColorBand,
+    color_planes,
+    count_colors,
+    limit_scores,
+)
 from uavseg.regions.sample.model import Sample
 from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -20,6 +27,7 @@ from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
+from uavseg.segmentation.sample.color_decision import classify_colored_pixels
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
     NO_SCORE,
@@ -50,6 +58,8 @@ class Criterion:
         Of the mean grey of a window.
     limit : int
         The largest score of a window that is like the sample.
+    colors : tuple of ColorBand
+        Further bands whose means are bounded.
     """
 
     model: TextureModel
@@ -57,13 +67,21 @@ class Criterion:
     side: int
     bounds: GreyBounds
     limit: int
+    colors: tuple[ColorBand, ...] = ()
 
     @classmethod
     def of(
-        cls, sample: Sample, bin_edges: NDArray[np.int32], side: int, similarity: float, deviations: float
+        cls,
+        sample: Sample,
+        bin_edges: NDArray[np.int32],
+        side: int,
+        similarity: float,
+        deviations: float,
+        colors: tuple[ColorBand, ...] = (),
     ) -> "Criterion":
         """Criterion from a minimum similarity, and a number of deviations from the sample's mean grey."""
-        return cls(sample.model, bin_edges, side, sample.bounds(deviations), sample.limit(similarity))
+        bounds = sample.bounds(deviations)
+        return cls(sample.model, bin_edges, side, bounds, sample.limit(similarity), colors)
 
 
 @dataclass(frozen=True)
@@ -78,11 +96,14 @@ class CellScores:
         Of the cells with a score that is too large; not of all that `reject_unlike` rejects.
     whole : (2, 2048) int64 array
         Count of each symbol in the raster, at both scales.
+    rest_colors : (bands, 64) int64 array
+        Histograms of the cells of `rest` in further bands.
     """
 
     best: NDArray[np.uint16]
     rest: TextureModel
     whole: NDArray[np.int64]
+    rest_colors: NDArray[np.int64]
 
 
 def score_cells(
@@ -100,21 +121,24 @@ def score_cells(
     """
     best = np.full(BlockMap.empty(source.shape).counts.shape, NO_SCORE, np.uint16)
     rest, whole = TextureModel(), np.zeros((2, SYMBOLS), np.int64)
+    rest_colors = np.zeros((len(criterion.colors), GREY_BINS), np.int64)
     for window, found in zip(
         tile_pass.windows, tile_pass.run(partial(_score_tile, source, criterion)), strict=True
     ):
         if found is not None:
-            best[window_cells(window)], unlike, counts = found
+            best[window_cells(window)], unlike, counts, colors = found
             rest += unlike
             whole += counts
-    return CellScores(best, rest, whole)
+            rest_colors += colors
+    return CellScores(best, rest, whole, rest_colors)
 
 
 def outline_matches(
     source: GreySource,
     cells: NDArray[np.uint8],
-    bin_edges: NDArray[np.int32],
+    criterion: Criterion,
     weights: PixelWeights,
+    rest_colors: NDArray[np.int64],
     tile_pass: TilePass,
 ) -> RegionOutlines:
     """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
@@ -124,11 +148,13 @@ def outline_matches(
     source : GreySource
     cells : (8 B, 8 C) uint8 array
         0 outside, 1 inside, 2 undecided.
-    bin_edges : (7,) int32 array
+    criterion : Criterion
     weights : PixelWeights
+    rest_colors : (bands, 64) int64 array
+        See `CellScores`.
     tile_pass : TilePass
     """
-    outline = partial(_outline_match, source, bin_edges, weights)
+    outline = partial(_outline_match, source, criterion, weights, rest_colors)
     tiles = tile_pass.run(outline, cell_jobs(cells, tile_pass.windows, DECISION_HALO))
     return stitch_tiles(source.shape, tile_pass.windows, tiles).finish()
 
@@ -186,9 +212,9 @@ def _sum_scores(
 
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], TextureModel, NDArray[np.int64]] | None:
-    """Scores of a tile's cells, the texture model of unlike cells, and the count of each symbol in the tile;
-    None for an empty tile.
+) -> tuple[NDArray[np.uint16], TextureModel, NDArray[np.int64], NDArray[np.int64]] | None:
+    """Scores of a tile's cells, the texture model of unlike cells, the count of each symbol in the tile, and
+    histograms of unlike cells in further bands; None for an empty tile.
     """
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
@@ -196,11 +222,14 @@ def _score_tile(
     tile = source.read(window, halo + 1)
     names = lbp_symbols(tile.grey, tile.mask, criterion.bin_edges)
     grey = np.ascontiguousarray(tile.grey[1:-1, 1:-1])
-    best = best_scores(window_scores(names, grey, criterion.model, side, criterion.bounds), side)
+    scores = window_scores(names, grey, criterion.model, side, criterion.bounds)
+    best = best_scores(limit_scores(criterion.colors, scores, window, side), side)
     unlike = ((best > criterion.limit) & (best != NO_SCORE)).view(np.uint8)
     coarse = coarse_symbols(*_crop(tile, halo + 1 - coarse_lbp.COARSE_HALO), criterion.bin_edges)
     whole = texture_model(names, grey, np.ones_like(unlike), halo, coarse)
-    return best, texture_model(names, grey, unlike, halo, coarse), np.stack([whole.texture, whole.coarse])
+    counts = np.stack([whole.texture, whole.coarse])
+    colors = count_colors(criterion.colors, window, unlike.view(np.bool_))
+    return best, texture_model(names, grey, unlike, halo, coarse), counts, colors
 
 
 def _crop(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.uint8] | None]:
@@ -211,8 +240,9 @@ def _crop(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.u
 
 def _outline_match(
     source: GreySource,
-    bin_edges: NDArray[np.int32],
+    criterion: Criterion,
     weights: PixelWeights,
+    rest_colors: NDArray[np.int64],
     job: tuple[Window, NDArray[np.uint8]],
 ) -> TileOutlines | None:
     window, cells = job
@@ -220,9 +250,13 @@ def _outline_match(
         return None
     tile = source.read(window, DECISION_HALO, beyond=True)
     if (cells == 2).any():
-        known = tile.mask
-        names = lbp_symbols(tile.grey, known, bin_edges), coarse_symbols(tile.grey, known, bin_edges)
-        pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
+        known, edges = tile.mask, criterion.bin_edges
+        names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)
+        if criterion.colors:
+            planes = color_planes(criterion.colors, rest_colors, window, DECISION_HALO)
+            pixels = classify_colored_pixels(cells, tile.valid, tile.grey, names, weights, planes)
+        else:
+            pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
     found = label_components(pixels, DECISION_HALO)

@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from uavseg.raster.formats.geotiff import Page, check_geotiff_name, read_geotiff
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.opening import GDAL_ERRORS, file_exists
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.value_scale import BandScale, ValueAxis
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.params import DivisionParams
@@ -42,7 +43,9 @@ class Origin:
     folder : str
         Base folder of relative paths.
     band, rgb, nodata
-        Options of the user, or None.
+        Options of the user, or None; bands by their numbers.
+    words : BandWords
+        An index or an expression, and names of bands.
     collar : {"auto", "keep"}
         "auto" if a collar was found, which counts as nodata.
     """
@@ -52,6 +55,7 @@ class Origin:
     band: int | None = None
     rgb: tuple[int, int, int] | None = None
     nodata: float | None = None
+    words: BandWords = BandWords()
     collar: str = "keep"
 
     def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
@@ -181,7 +185,10 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         ) from error
     rgb = None if header["rgb"] is None else tuple(header["rgb"])
     nodata = None if header["nodata"] is None else float(header["nodata"])
-    origin = Origin(tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata, header["collar"])
+    words = BandWords(**header.get("formula", {}))
+    origin = Origin(
+        tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata, words, header["collar"]
+    )
     stretch = Stretch(header["low"], header["high"], header["stretch"])
     return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, _axis(header, stretch))
 
@@ -292,7 +299,16 @@ def _checked_header(header: Any) -> dict[str, Any]:
     for name, fits in _SCHEMA.items():
         if name not in header or not fits(header[name]):
             raise ValueError(f"its {name} are {shown(header.get(name))}")
+    if not _is_formula(header.get("formula", {})):
+        raise ValueError(f"its formula is {shown(header['formula'])}")
     return header
+
+
+def _is_formula(value: Any) -> bool:
+    """Whether a value holds texts by the names of `BandWords`, of which one is a formula at most."""
+    known = {field.name for field in fields(BandWords)}
+    texts = isinstance(value, dict) and all(isinstance(text, str) for text in value.values())
+    return texts and set(value) <= known and not {"index", "expr"} <= set(value)
 
 
 def _checked_shape(shape: tuple[int, int], unit: int, found: tuple[int, int]) -> tuple[int, int]:
@@ -324,4 +340,5 @@ def _tags(saved: SavedBlocks) -> dict[str, str]:
         limits = [end if math.isfinite(end) else None for end in saved.axis.limits]
         numbers = {"scale": scale.scale, "offset": scale.offset}
         header["values"] = {**numbers, "unit": scale.unit, "limits": limits}
-    return {_TAG: json.dumps(header)}
+    formula = {name: text for name, text in asdict(origin.words).items() if text is not None}
+    return {_TAG: json.dumps(header | ({"formula": formula} if formula else {}))}

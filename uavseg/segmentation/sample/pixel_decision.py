@@ -49,13 +49,16 @@ class PixelWeights:
         by_grey : bool
             Whether grey is used in addition to texture.
         """
-        greys = _log_ratio(one.greys, other.greys)
-        coarse = _log_ratio(one.coarse, other.coarse) // 2  # means that share pixels are not independent
-        return cls(_log_ratio(one.texture, other.texture), greys if by_grey else np.zeros_like(greys), coarse)
+        greys = log_ratio(one.greys, other.greys)
+        coarse = log_ratio(one.coarse, other.coarse) // 2  # means that share pixels are not independent
+        return cls(log_ratio(one.texture, other.texture), greys if by_grey else np.zeros_like(greys), coarse)
 
 
-def _log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Log ratio of two probabilities, each by the Krichevsky-Trofimov estimate (half a count added)."""
+def log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Log ratio of two probabilities in units of 1 / 1024.
+
+    Each is the Krichevsky-Trofimov estimate from counts: half a count is added.
+    """
     first, second = ((counts + 0.5) / (counts.sum() + 0.5 * len(counts)) for counts in (one, other))
     weights: NDArray[np.int64] = np.rint(np.log(first / second) * _WEIGHT_UNITS).astype(np.int64)
     return weights

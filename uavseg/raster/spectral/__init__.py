@@ -1,0 +1,1 @@
+"""Spectral bands by name, spectral indices and band arithmetic."""

@@ -1,0 +1,142 @@
+"""Formulas that become intensity: a spectral index or an expression, bound to the bands of a raster."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from uavseg.errors import BandError, ParameterError
+from uavseg.plain_text import printable
+from uavseg.raster.bands import BandLayout, Valid, Values
+from uavseg.raster.spectral.band_names import find_band, listed, names_of
+from uavseg.raster.spectral.expression import Expression, parse_expression
+from uavseg.raster.spectral.indices import SpectralIndex, find_index
+from uavseg.raster.value_scale import BandScale
+
+_SHOWN = 60  # characters of a formula in messages
+
+
+@dataclass(frozen=True, slots=True)
+class BandWords:
+    """What the user says of bands beside their numbers.
+
+    Parameters
+    ----------
+    index : str, optional
+        A spectral index, see `indices`.
+    expr : str, optional
+        Band arithmetic, see `expression`.
+    names : str, optional
+        Names for the bands, see `band_names.renamed`.
+
+    Raises
+    ------
+    ParameterError
+        If both an index and an expression are given.
+    """
+
+    index: str | None = None
+    expr: str | None = None
+    names: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.index is not None and self.expr is not None:
+            raise ParameterError("give --index or --expr, not both")
+
+    @property
+    def is_formula(self) -> bool:
+        """Whether bands are computed with."""
+        return self.index is not None or self.expr is not None
+
+
+@dataclass(frozen=True, slots=True)
+class Formula:
+    """Band arithmetic over bands of a raster.
+
+    Parameters
+    ----------
+    title : str
+        Such as "ndvi".
+    expression : Expression
+    limits : (float, float), optional
+        Between which all values lie.
+    of_reflectance : bool
+        Whether it holds for reflectance alone.
+    """
+
+    title: str
+    expression: Expression
+    limits: tuple[float, float] | None = None
+    of_reflectance: bool = False
+
+    @property
+    def name(self) -> str:
+        """Description for messages: "ndvi (nir - red) / (nir + red) of bands 4,1"."""
+        text, bands = printable(self.expression.text), self.expression.bands
+        short = text if len(text) <= _SHOWN else f"{text[: _SHOWN - 3]}..."
+        numbers = ("band " if len(bands) == 1 else "bands ") + ",".join(map(str, bands))
+        return " ".join(part for part in (self.title, short, "of", numbers) if part)
+
+    def apply(
+        self, planes: Values, valid: Valid | None, scales: Sequence[BandScale] = ()
+    ) -> tuple[Values, Valid | None]:
+        """Values and validity from those of its bands; a result that is not finite is invalid.
+
+        Parameters
+        ----------
+        planes : (bands, rows, cols) array
+        valid : (rows, cols) bool array, or None if every pixel is valid
+        scales : sequence of BandScale, optional
+
+        Returns
+        -------
+        values : (1, rows, cols) float32 array
+        valid : (rows, cols) bool array, or None
+        """
+        values = self.expression.compute(planes, [(scale.scale, scale.offset) for scale in scales])
+        finite = np.isfinite(values)
+        if not finite.all():
+            valid = finite if valid is None else valid & finite
+        return values[None], valid
+
+
+def bind_formula(words: BandWords, layout: BandLayout) -> Formula | None:
+    """The formula that is asked for, with the numbers of its bands; None if there is none.
+
+    Raises
+    ------
+    ParameterError
+        If the index is not known.
+    BandError, ExpressionError
+        If the expression is wrong, or a band is unknown.
+    """
+    if words.expr is not None:
+        return Formula("", parse_expression(words.expr, partial(_find, layout)))
+    if words.index is None:
+        return None
+    name, index = find_index(words.index)
+    expression = parse_expression(index.formula, partial(_find_of, layout, name, index))
+    return Formula(name, expression, index.limits, index.of_reflectance)
+
+
+def _find(layout: BandLayout, name: str) -> int:
+    """The band of a name in an expression, where b1, b2, ... are bands by their numbers too."""
+    text = name.casefold()
+    number = int(text[1:]) if text[:1] == "b" and text[1:].isascii() and text[1:].isdigit() else 0
+    named = [band.number for band in names_of(layout) if text in band.keys]
+    if not 1 <= number <= len(layout.dtypes):
+        return find_band(layout, name)
+    if named and named != [number]:
+        raise BandError(
+            f"{name} is band {number} by its number and band {named[0]} by its name; use another name, or "
+            f"--band-names; the bands are {listed(layout)}"
+        )
+    return number
+
+
+def _find_of(layout: BandLayout, index: str, found: SpectralIndex, name: str) -> int:
+    try:
+        return find_band(layout, name)
+    except BandError as error:
+        raise ParameterError(f"{index} = {found.formula}: {error}") from error

@@ -1,0 +1,126 @@
+"""Intensity of further bands in the search for regions like a sample.
+
+Texture is that of the intensity which is searched; each further band adds its bounds to the criterion of a
+window, and its histogram to the decision of a pixel.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import SampleError
+from uavseg.raster.tiling import Window
+from uavseg.regions.sample.model import bounds_around
+from uavseg.regions.sample.place import SampleMask
+from uavseg.segmentation.sample.color_decision import ColorPlane
+from uavseg.segmentation.sample.g_scores import MAX_SCORE, NO_SCORE, GreyBounds, min_count
+from uavseg.segmentation.sample.pixel_decision import log_ratio
+from uavseg.segmentation.source import GreySource
+from uavseg.units import CELL
+
+GREY_BINS = 64
+
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class ColorBand:
+    """One band of a sample.
+
+    Parameters
+    ----------
+    source : GreySource
+    bounds : GreyBounds
+        Of the mean of a window that is like the sample.
+    counts : (64,) int64 array
+        Histogram of the sample.
+    """
+
+    source: GreySource
+    bounds: GreyBounds
+    counts: Counts
+
+
+def fit_colors(sources: Sequence[GreySource], place: SampleMask, deviations: float) -> tuple[ColorBand, ...]:
+    """Measure a sample in each band.
+
+    Parameters
+    ----------
+    sources : sequence of GreySource
+    place : SampleMask
+    deviations : float
+        By how many of the sample's standard deviations the mean of a window may differ.
+
+    Raises
+    ------
+    SampleError
+        If a band has no valid pixel in the sample.
+    """
+    return tuple(_fit_band(source, place, deviations) for source in sources)
+
+
+def _fit_band(source: GreySource, place: SampleMask, deviations: float) -> ColorBand:
+    tile, rows, cols = source.read(place.window, 0), place.window.rows, place.window.cols
+    own = tile.grey[:rows, :cols][place.mask & (tile.valid[:rows, :cols] != 0)]
+    if len(own) == 0:
+        raise SampleError(f"the sample has no valid pixel in {source.dataset.band_names}")
+    bounds = bounds_around(float(own.mean()), float(own.std()), deviations)
+    return ColorBand(source, bounds, np.bincount(own >> 10, minlength=GREY_BINS).astype(np.int64))
+
+
+def limit_scores(
+    colors: Sequence[ColorBand], scores: NDArray[np.uint16], window: Window, side: int
+) -> NDArray[np.uint16]:
+    """Scores of the windows around a tile, with the largest where the mean of a band is out of its bounds.
+
+    Parameters
+    ----------
+    colors : sequence of ColorBand
+    scores : (m, n) uint16 array
+        From `window_scores`, of a tile with a halo of ``side - 1`` cells.
+    window : Window
+        The tile.
+    side : int
+        Of a window of `scores`, in cells.
+    """
+    for color in colors:
+        tile = color.source.read(window, CELL * (side - 1))
+        totals = _window_sums(tile.grey.astype(np.int64), side)
+        counts = _window_sums(tile.valid.astype(np.int64), side)
+        out = (totals < color.bounds.low * counts) | (totals > color.bounds.high * counts)
+        scores = np.where(out & (scores != NO_SCORE), np.uint16(MAX_SCORE), scores)
+        scores[counts < min_count(side)] = NO_SCORE
+    return scores
+
+
+def _window_sums(pixels: Counts, side: int) -> Counts:
+    """Sums over the windows of cells that begin at each cell."""
+    rows, cols = (length // CELL for length in pixels.shape)
+    sums: Counts = pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3))
+    for axis in (0, 1):
+        length = sums.shape[axis] - side + 1
+        sums = np.sum([sums.take(range(k, k + length), axis) for k in range(side)], axis=0)
+    return sums
+
+
+def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.bool_]) -> Counts:
+    """Histograms of the chosen cells of a tile in each band: a (bands, 64) array."""
+    found = np.zeros((len(colors), GREY_BINS), np.int64)
+    chosen = cells.repeat(CELL, 0).repeat(CELL, 1)
+    for counts, color in zip(found, colors, strict=True):
+        tile = color.source.read(window, 0)
+        counts += np.bincount(tile.grey[chosen & (tile.valid != 0)] >> 10, minlength=GREY_BINS)
+    return found
+
+
+def color_planes(
+    colors: Sequence[ColorBand], rest: Counts, window: Window, margin: int
+) -> tuple[ColorPlane, ...]:
+    """The bands of a tile with a margin, each with its weights of the sample against the rest."""
+    planes = []
+    for color, others in zip(colors, rest, strict=True):
+        tile = color.source.read(window, margin)
+        planes.append(ColorPlane(tile.grey, tile.valid, log_ratio(color.counts, others)))
+    return tuple(planes)
