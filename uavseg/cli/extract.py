@@ -16,6 +16,7 @@ from uavseg.cli._write import (
     write_plan_output,
     write_regions_and_labels,
 )
+from uavseg.cli.options.classes import asked_ranges, class_options
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.files import parse_file_options
 from uavseg.cli.options.home_words import HomeCommand
@@ -25,7 +26,6 @@ from uavseg.cli.options.raster import (
     area,
     drawing,
     drawing_options,
-    parsed_range,
     read_options,
     reading_options,
     segment_params,
@@ -36,13 +36,17 @@ from uavseg.cli.options.stream import geojson_form, stream_options, stream_warni
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
+    from uavseg.jobs.extract_classes import ClassesRequest
     from uavseg.jobs.plan import PlanRequest
+    from uavseg.jobs.result import Extraction
+    from uavseg.jobs.source import Source
+    from uavseg.jobs.work import Work
     from uavseg.regions.formats.geojson import GeoJsonForm
 
 
 @click.command("extract", cls=HomeCommand)
 @reading_options
-@click.option("--range", "interval", required=True, metavar="LO,HI", help="The range of v, such as 0.55,1.")
+@class_options
 @click.option(
     "-o",
     "--output",
@@ -59,8 +63,9 @@ if TYPE_CHECKING:
 @click.option(
     "--refine",
     type=click.Choice(["tv", "scan", "none", "smooth"]),
-    show_default="tv; scan with --method paper",
-    help="How boundaries are found to the pixel: by total variation, four scans or a local mean.",
+    show_default="tv; with --method paper scan, and none for classes",
+    help="How boundaries are found to the pixel: by total variation, four scans or a local mean; those of "
+    "classes by tv or none.",
 )
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less, after holes are filled.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
@@ -82,7 +87,6 @@ def command(**options: Any) -> None:
     too; see `uavseg plan --help` for how.
     """
     from uavseg.jobs.each import RegionJob
-    from uavseg.jobs.extract import extract
     from uavseg.jobs.open_source import open_source
     from uavseg.raster.source_list import stem_of
 
@@ -91,7 +95,7 @@ def command(**options: Any) -> None:
     if options["each"]:
         answer_each(
             options,
-            RegionJob(read, lambda source, how: extract(source, request, how)),
+            RegionJob(read, lambda source, how: _regions(source, request, how)),
             ".regions.geojson",
             run,
         )
@@ -108,7 +112,7 @@ def command(**options: Any) -> None:
     source = open_source(options["rasters"], read)
     _check_place(target, mission, source.geobox.wkt, form)
     work = run.work()
-    found = extract(source, request, work)
+    found = _regions(source, request, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     planned = None
     if flight is not None:
@@ -130,16 +134,26 @@ def command(**options: Any) -> None:
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 
-def _request(options: dict[str, Any]) -> ExtractRequest:
+def _request(options: dict[str, Any]) -> ExtractRequest | ClassesRequest:
     from uavseg.jobs.extract import ExtractRequest
+    from uavseg.jobs.extract_classes import ClassesRequest
+    from uavseg.jobs.segment_kinds import joint_params
+    from uavseg.segmentation.params import IntensityRange
 
-    return ExtractRequest(
-        parsed_range(options["interval"]),
-        segment_params(options, options["refine"]),
-        drawing(options),
-        area(options["fill_holes"]),
-        area(options["min_area"]),
-    )
+    asked, refine = asked_ranges(options), options["refine"]
+    how = drawing(options), area(options["fill_holes"]), area(options["min_area"])
+    if isinstance(asked, IntensityRange):
+        return ExtractRequest(asked, segment_params(options, refine), *how)
+    return ClassesRequest(asked, joint_params(segment_params(options, None), refine), *how)
+
+
+def _regions(source: Source, request: ExtractRequest | ClassesRequest, work: Work) -> Extraction:
+    from uavseg.jobs.extract import ExtractRequest, extract
+    from uavseg.jobs.extract_classes import extract_classes
+
+    if isinstance(request, ExtractRequest):
+        return extract(source, request, work)
+    return extract_classes(source, request, work)
 
 
 def _flight(options: dict[str, Any]) -> PlanRequest:

@@ -1,19 +1,20 @@
 """Extraction of the regions of a raster whose mean intensity lies in a range: the main job."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
+from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
+from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams
@@ -135,16 +136,6 @@ def _outlined(
     outlined = outline_regions(grey, cells, request.interval, request.segment.refine, tile_pass, expected)
     trim_heap()
     return filled(grey, outlined, request.fill_holes, tile_pass)
-
-
-def filled(
-    grey: GreySource, outlined: RegionOutlines, smallest: Area | None, tile_pass: TilePass
-) -> RegionOutlines:
-    """Regions whose holes of less than an area are filled, with the sums of all pixels they then enclose."""
-    if smallest is None:
-        return outlined
-    found = fill_small_holes(outlined, grey.dataset.geobox, smallest)
-    return outlined if found is outlined else replace(found, sums=sum_regions(grey, found, tile_pass))
 
 
 def _measured(outlined: RegionOutlines, info: SourceInfo, request: ExtractRequest) -> Extraction:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.refine.tv import MIN_PIECE, drop_specks
+from uavseg.segmentation.refine.specks import MIN_PIECE, drop_specks
 
 SHAPE = (24, 32)
 ALL = np.ones((3, 4), np.uint8)
