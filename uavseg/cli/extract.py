@@ -135,24 +135,27 @@ def command(**options: Any) -> None:
 
 
 def _request(options: dict[str, Any]) -> ExtractRequest | ClassesRequest:
-    from uavseg.jobs.extract import ExtractRequest
-    from uavseg.jobs.extract_classes import ClassesRequest
-    from uavseg.jobs.segment_kinds import joint_params
     from uavseg.segmentation.params import IntensityRange
 
     asked, refine = asked_ranges(options), options["refine"]
     how = drawing(options), area(options["fill_holes"]), area(options["min_area"])
     if isinstance(asked, IntensityRange):
+        from uavseg.jobs.extract import ExtractRequest
+
         return ExtractRequest(asked, segment_params(options, refine), *how)
+    from uavseg.jobs.extract_classes import ClassesRequest
+    from uavseg.jobs.segment_kinds import joint_params
+
     return ClassesRequest(asked, joint_params(segment_params(options, None), refine), *how)
 
 
 def _regions(source: Source, request: ExtractRequest | ClassesRequest, work: Work) -> Extraction:
     from uavseg.jobs.extract import ExtractRequest, extract
-    from uavseg.jobs.extract_classes import extract_classes
 
     if isinstance(request, ExtractRequest):
         return extract(source, request, work)
+    from uavseg.jobs.extract_classes import extract_classes
+
     return extract_classes(source, request, work)
 
 

@@ -56,14 +56,16 @@ def asked_ranges(options: dict[str, Any]) -> IntensityRange | ValueClasses:
         If they are not understood, or classes overlap.
     """
     from uavseg.cli.options.raster import parsed_range
-    from uavseg.jobs.words.class_words import classes_of_ranges, classes_of_texts, read_classes
 
     ranges, texts, file = options["ranges"], options["class_texts"], options["class_file"]
     if sum(map(bool, (ranges, texts, file is not None))) != 1:
         raise click.UsageError("give --range LO,HI, or classes as --class NAME=LO,HI or --classes FILE")
+    if len(ranges) == 1:
+        return parsed_range(ranges[0])
+    from uavseg.jobs.words.class_words import classes_of_ranges, classes_of_texts, read_classes
+
     if file is not None:
         return read_classes(file)
     if texts:
         return classes_of_texts(texts)
-    found = [parsed_range(text) for text in ranges]
-    return found[0] if len(found) == 1 else classes_of_ranges(found)
+    return classes_of_ranges([parsed_range(text) for text in ranges])
