@@ -1,5 +1,7 @@
 """Classes and breaks: what belongs to which, and what is refused."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,7 +22,7 @@ def classes(*ranges: tuple[float, float]) -> ValueClasses:
 @given(st.lists(st.integers(0, 65535), min_size=2, max_size=8, unique=True), st.randoms())
 def test_a_grey_has_the_class_in_whose_range_it_lies_and_a_shared_end_the_lower(greys, random) -> None:  # type: ignore[no-untyped-def]
     ends = [grey / 65535 for grey in sorted(greys)]
-    ranges = list(zip(ends[:-1], ends[1:], strict=True))[:: random.choice([1, 2])]
+    ranges = list(pairwise(ends))[:: random.choice([1, 2])]
     random.shuffle(ranges)
     table = classes(*ranges).partition.grey_table
     for n, (low, high) in enumerate(ranges):
@@ -57,7 +59,7 @@ def test_names_of_classes_are_there_and_differ() -> None:
         ValueClasses(())
     ends = np.linspace(0, 1, 129)
     with pytest.raises(ParameterError, match="1 to 127 classes, got 128"):
-        classes(*zip(ends[:-1], ends[1:], strict=True))
+        classes(*pairwise(ends.tolist()))
 
 
 @pytest.mark.parametrize("edges", [(0.5, 0.2), (0.5, 0.5), (0.0, 0.5), (0.5, 1.0), (float("nan"),)])

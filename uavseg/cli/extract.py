@@ -16,7 +16,13 @@ from uavseg.cli._write import (
     write_plan_output,
     write_regions_and_labels,
 )
-from uavseg.cli.options.classes import asked_ranges, class_options
+from uavseg.cli.options.classes import (
+    asked_ranges,
+    check_mission_classes,
+    class_choice_options,
+    class_options,
+    class_rows,
+)
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.files import parse_file_options
 from uavseg.cli.options.home_words import HomeCommand
@@ -73,6 +79,7 @@ if TYPE_CHECKING:
 @click.option(
     "--mission", metavar="PATH", help="Also plan a mission over the regions: a file as of uavseg plan."
 )
+@class_choice_options("--mission-class")
 @mission_options
 @stream_options
 @each_options
@@ -130,7 +137,8 @@ def command(**options: Any) -> None:
         write_regions_and_labels(found, target, labels, work, run.overwrite, form)
     if planned is not None and not run.reporter.quiet:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
-    rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
+    rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **class_rows(found, request)}
+    rows |= summary_rows(found)
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 
@@ -138,6 +146,7 @@ def _request(options: dict[str, Any]) -> ExtractRequest | ClassesRequest:
     from uavseg.segmentation.params import IntensityRange
 
     asked, refine = asked_ranges(options), options["refine"]
+    check_mission_classes(options, asked)
     how = drawing(options), area(options["fill_holes"]), area(options["min_area"])
     if isinstance(asked, IntensityRange):
         from uavseg.jobs.extract import ExtractRequest

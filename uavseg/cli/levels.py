@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 @click.option(
     "--breaks",
     metavar="V,V,...|otsu[:K]|quantile[:K]",
-    help="In place of a width: the values of v between levels, such as 0.2,0.5; or K levels with the smallest "
-    "variance within (otsu, as uavseg suggest has it) or the same number of pixels (quantile, 5).",
+    help="In place of a width: the values of v between levels, such as 0.2,0.5; or K levels with the "
+    "smallest variance within (otsu, as uavseg suggest has it) or the same number of pixels (quantile, 5).",
 )
 @click.option(
     "-o",
@@ -147,6 +147,8 @@ def _levels_row(found: Extraction, request: LevelsRequest) -> str:
     there = len(set(found.regions.columns["level"].tolist()))
     wanted = request.levels
     if isinstance(wanted, BreakChoice):
-        return f"{there:,} by {wanted.rule}"
+        columns = found.regions.columns
+        ends = {*columns["range_low"].tolist(), *columns["range_high"].tolist()} - {0.0, 1.0}
+        return f"{there:,} by {wanted.rule}, with breaks at {', '.join(f'{end:.7g}' for end in sorted(ends))}"
     each = f", each {wanted.width:g} of v wide" if isinstance(wanted, Levels) else ""
     return f"{there:,} of {wanted.count:,} are there{each}"

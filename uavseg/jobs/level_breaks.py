@@ -60,7 +60,7 @@ class BreakChoice:
         """
         histogram = histogram_of_means(blocks, division)
         if not histogram.any():
-            raise RasterError("no pixel is valid, so no breaks can be chosen; look at nodata with uavseg info")
+            raise RasterError("no pixel is valid, so there are no breaks; look at nodata with uavseg info")
         if self.rule == "otsu":
             return Breaks(propose_ranges(histogram, self.count).edges)
         return Breaks(quantile_breaks(histogram, self.count or _QUANTILES))

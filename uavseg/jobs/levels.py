@@ -96,7 +96,9 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     notes = [*found.notes, *_notes(found.partition, request)]
     result = _measured(found, request)
     if not len(result.regions):
-        notes.append("no segment is left: no pixel is valid, or all segments are smaller than the minimum area")
+        notes.append(
+            "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"
+        )
     return work.finished(result, *notes)
 
 
@@ -113,13 +115,16 @@ def _partition(request: LevelsRequest) -> Partition | ChoosePartition:
 
 
 def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
-    """What was chosen, and where levels are not as they were asked for."""
+    """Where levels are not as they were asked for."""
     choice, notes = request.levels, []
     if isinstance(choice, BreakChoice):
-        shown = ",".join(f"{edge:.7g}" for edge in partition.edges)
-        notes.append(f"breaks by {choice.rule}: {shown}" if shown else f"{choice.rule} finds no break")
-        if choice.count is not None and partition.count < choice.count:
-            notes.append(f"the means of leaves are too much alike for {choice.count} levels")
+        if partition.count == 1:
+            notes.append("all leaves have one mean, so there is one level")
+        elif choice.count is not None and partition.count < choice.count:
+            notes.append(
+                f"the means of leaves differ too little for {choice.count} levels; "
+                f"there are {partition.count}"
+            )
     elif partition.count > MAX_KINDS and request.segment.method == "adaptive":
         notes.append(f"more than {MAX_KINDS} levels end at block edges; fewer are refined to the pixel")
     return notes

@@ -193,6 +193,6 @@ def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], NDArray[np.int64]]:
 
     def kinds_at(firsts: Firsts) -> NDArray[np.int64]:
         row, col = firsts.T // CELL
-        return cells[row, col].astype(np.int64)
+        return np.asarray(cells[row, col], np.int64)
 
     return kinds_at

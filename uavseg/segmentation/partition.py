@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from uavseg.arguments import checked
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.plain_text import shown
 from uavseg.segmentation.params import IntensityRange, Levels
 from uavseg.units import GREY_LEVELS, GREY_MAX, MAX_KINDS
-
 
 _MAX_NAME = 80
 
@@ -89,7 +87,9 @@ class Breaks:
             given = ",".join(f"{edge:g}" for edge in self.edges)
             raise ParameterError(f"breaks increase, above 0 and below 1, such as 0.2,0.5; got {given}")
         if len(self.edges) >= GREY_MAX:
-            raise ParameterError(f"there are {len(self.edges)} breaks, and no more than {GREY_MAX - 1} differ")
+            raise ParameterError(
+                f"there are {len(self.edges)} breaks, and no more than {GREY_MAX - 1} differ"
+            )
 
     @property
     def count(self) -> int:
@@ -136,7 +136,7 @@ class ValueClass:
             )
         if len(self.name) > _MAX_NAME or not self.name.isprintable():
             raise ParameterError(
-                f"the name of a class has up to {_MAX_NAME} printable characters, not {shown(self.name)}"
+                f"the name of a class has up to {_MAX_NAME} printable characters, not {self.name[:40]!r}"
             )
 
     def __str__(self) -> str:

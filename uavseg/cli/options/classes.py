@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from uavseg.jobs.result import Extraction
     from uavseg.segmentation.params import IntensityRange
     from uavseg.segmentation.partition import ValueClasses
 
@@ -30,8 +31,8 @@ def class_options(command: F) -> F:
                 "class_texts",
                 multiple=True,
                 metavar="NAME=LO,HI",
-                help="A class and its range of v, such as water=0,0.2; give one for each class. Each pixel is "
-                "in one class at most; an end that two ranges share belongs to the lower one.",
+                help="A class and its range of v, such as water=0,0.2; give one for each class. Each pixel "
+                "is in one class at most; an end that two ranges share belongs to the lower one.",
             ),
             click.option(
                 "--classes",
@@ -43,6 +44,63 @@ def class_options(command: F) -> F:
     ):
         command = option(command)
     return command
+
+
+def class_choice_options(name: str) -> Callable[[F], F]:
+    """Give a command an option that chooses classes to fly over, and --avoid-class; see `plan_request`.
+
+    Parameters
+    ----------
+    name : str
+        Of the option, such as --class.
+    """
+
+    def wrap(command: F) -> F:
+        for option in (
+            click.option(
+                "--avoid-class",
+                "avoid_classes",
+                multiple=True,
+                metavar="NAME",
+                help="Regions of this class are keep-out zones. May be given several times.",
+            ),
+            click.option(
+                name,
+                "mission_classes",
+                multiple=True,
+                metavar="NAME",
+                help="Fly over regions of this class only. May be given several times.",
+            ),
+        ):
+            command = option(command)
+        return command
+
+    return wrap
+
+
+def check_mission_classes(options: dict[str, Any], asked: IntensityRange | ValueClasses) -> None:
+    """Check that a mission over classes names those that it flies over, and none that was not asked for.
+
+    Raises
+    ------
+    UsageError
+        If it does not.
+    """
+    from uavseg.segmentation.partition import ValueClasses
+
+    known = [one.name for one in asked.classes] if isinstance(asked, ValueClasses) else []
+    named = [*options["mission_classes"], *options["avoid_classes"]]
+    if named and options["mission"] is None:
+        raise click.UsageError("--mission-class and --avoid-class are for a mission; give --mission too")
+    for name in named:
+        if name not in known:
+            there = f"the classes are {', '.join(known)}" if known else "give classes with --class"
+            raise click.UsageError(f"there is no class {name}; {there}")
+    if options["mission"] is not None and len(known) > 1 and not options["mission_classes"]:
+        raise click.UsageError(
+            f"say which class the mission flies over, such as --mission-class {known[0]!r}; "
+            "--avoid-class names those it keeps out of"
+        )
 
 
 def asked_ranges(options: dict[str, Any]) -> IntensityRange | ValueClasses:
@@ -69,3 +127,17 @@ def asked_ranges(options: dict[str, Any]) -> IntensityRange | ValueClasses:
     if texts:
         return classes_of_texts(texts)
     return classes_of_ranges([parsed_range(text) for text in ranges])
+
+
+_LISTED = 12  # classes in the table at the end
+
+
+def class_rows(found: Extraction, request: Any) -> dict[str, str]:
+    """The row of classes in the table at the end, with the regions of each; empty without classes."""
+    classes = getattr(request, "classes", None)
+    if classes is None:
+        return {}
+    names = found.regions.columns["class"].tolist()
+    counts = [f"{one.name} {names.count(one.name):,}" for one in classes.classes]
+    more = f" and {len(counts) - _LISTED} more" if len(counts) > _LISTED else ""
+    return {"classes": ", ".join(counts[:_LISTED]) + more}

@@ -200,7 +200,8 @@ def _class_of_row(row: Mapping[Any, Any]) -> ValueClass:
         ends = ends.split(",")
     if not isinstance(ends, list) or len(ends) != 2:
         raise ParameterError(f"the class {name} has no range of two numbers; expected {_EXPECTED}")
-    return _class(str(name), *ends, named.get("color") or None)
+    low, high = ends
+    return _class(str(name), low, high, named.get("color") or None)
 
 
 def _class(name: str, low: Any, high: Any, color: Any) -> ValueClass:

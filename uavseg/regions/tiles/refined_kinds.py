@@ -1,6 +1,6 @@
 """Segments of several kinds, refined to the pixel: tiles are refined, labelled and traced, then stitched."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -95,7 +95,7 @@ class _KindOutlines:
 
 
 def _outlines(
-    tiles: Sequence[_KindOutlines | None], found: list[tuple[Firsts, NDArray[np.uint8]]]
+    tiles: Iterable[_KindOutlines | None], found: list[tuple[Firsts, NDArray[np.uint8]]]
 ) -> Iterator[TileOutlines | None]:
     """The outlines of tiles; the first pixels and kinds of their components are appended to `found`."""
     for tile in tiles:

@@ -101,13 +101,13 @@ class _Panel(NamedTuple):
         """The panel of some columns; None where no cell is active."""
         first, last = max(begin - TV_HALO, 0), min(end + TV_HALO, cols)
         column_weights = weights[:, first // 8 : last // 8].repeat(4, axis=1)
-        active = column_weights.any(axis=1).view(np.uint8)
+        active = np.asarray(column_weights.any(axis=1)).view(np.uint8)
         return cls(column_weights, active, np.array([first, begin, end])) if active.any() else None
 
     @property
     def half(self) -> int:
         """Number of the even columns."""
-        return self.weights.shape[1]
+        return int(self.weights.shape[1])
 
 
 def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
