@@ -197,7 +197,7 @@ def test_a_run_goes_on_where_it_stopped() -> None:
     how = ("a.tif", "--width", 0.1, "-o", "a.fgb", "--tile", 64, "--resume", "kept")
     done(*how)
     wanted = Path("a.fgb").read_bytes()
-    assert "resumed: 12 of 12 tiles were done (outline_tile)" in done(*how, "--overwrite").stderr
+    assert "resumed: 12 of 12 tiles were done (outline)" in done(*how, "--overwrite").stderr
     assert Path("a.fgb").read_bytes() == wanted
 
 

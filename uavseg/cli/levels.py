@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
     from uavseg.jobs.result import Extraction
 
+_LISTED = 8  # levels in the table at the end
+
 
 @click.command("levels", short_help="Divide a raster into levels of v, and each into segments.")
 @reading_options
@@ -148,7 +150,11 @@ def _levels_row(found: Extraction, request: LevelsRequest) -> str:
     wanted = request.levels
     if isinstance(wanted, BreakChoice):
         columns = found.regions.columns
-        ends = {*columns["range_low"].tolist(), *columns["range_high"].tolist()} - {0.0, 1.0}
-        return f"{there:,} by {wanted.rule}, with breaks at {', '.join(f'{end:.7g}' for end in sorted(ends))}"
+        intervals = sorted(
+            set(zip(columns["range_low"].tolist(), columns["range_high"].tolist(), strict=True))
+        )
+        shown_ends = [f"{low:.7g}..{high:.7g}" for low, high in intervals[:_LISTED]]
+        more = f" and {len(intervals) - _LISTED} more" if len(intervals) > _LISTED else ""
+        return f"{there:,} by {wanted.rule}: {', '.join(shown_ends)}{more}"
     each = f", each {wanted.width:g} of v wide" if isinstance(wanted, Levels) else ""
     return f"{there:,} of {wanted.count:,} are there{each}"

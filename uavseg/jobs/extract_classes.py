@@ -76,8 +76,9 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
         columns["color"] = np.array([one.color or "" for one in classes], object)[kind]
     empty = [str(one) for n, one in enumerate(classes) if not (kind == n).any()]
     if empty:
-        small = " or all are smaller than the minimum area" if request.min_area is not None else ""
-        hints.append(f"no region is of {', '.join(empty)}{small}; uavseg info shows which v there are")
+        edited = request.fill_holes is not None or request.min_area is not None
+        left = "is left once holes are filled and small regions dropped" if edited else "is there"
+        hints.append(f"no region of {', '.join(empty)} {left}; uavseg info shows which v there are")
     return work.finished(
         measured(outlined, found.info, (low[kind], high[kind]), request.drawing, columns), *hints
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip, mean_v
 from uavseg.segmentation.params import DivisionParams, IntensityRange, Levels, StateLimits
-from uavseg.segmentation.partition import Breaks, Partition
+from uavseg.segmentation.partition import Breaks, Partition, partition_of_levels
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 
@@ -47,8 +47,7 @@ def cell_levels(
     levels : (8 B, 8 C) array
         0 where the leaf has no valid pixel; uint8 up to 255 levels, else uint32.
     """
-    dtype = np.uint8 if levels.count < 256 else np.uint32
-    return cell_intervals(blocks, levels.edges, division, dtype)
+    return cell_kinds(blocks, partition_of_levels(levels), division)
 
 
 def cell_intervals(
