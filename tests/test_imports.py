@@ -174,6 +174,7 @@ ON_RASTERS = {  # these may import raster, and all phases
     "states.classify_strips",
     "states.thin_structures",
     "range_candidates",
+    "typical_noise",
 }
 
 # Packages, and the only places that import them (for more than types).

@@ -28,7 +28,7 @@ class Terminal(io.StringIO):
 
 def test_a_terminal_sees_tiles_speed_and_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     seconds = itertools.count(step=10)
-    monkeypatch.setattr(_run.time, "perf_counter", lambda: float(next(seconds)))
+    monkeypatch.setattr(_run, "_seconds", lambda: float(next(seconds)))
     monkeypatch.setattr(sys, "stderr", screen := Terminal())
     reporter = Reporter(False, False, "auto")
     reporter.begin(Dataset.open(QUARRY).windows(64))  # 9 x 10 tiles of 560 x 640 pixels; ten seconds in

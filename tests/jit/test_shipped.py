@@ -175,22 +175,27 @@ def test_a_damaged_library_is_not_loaded(
 
 
 @here
-def test_a_processor_without_avx2_gets_the_baseline(
+def test_a_processor_gets_the_best_level_whose_features_it_has(
     libraries: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, twice_module: ModuleType
 ) -> None:
     for level in shipped.LEVELS:
         ship(twice_module.twice, libraries, level)
-    flags = sorted(shipped._V3)
-    for listed, level in ((flags, "x86-64-v3"), (flags[1:], "x86-64"), ([], "x86-64"), (None, "x86-64")):
+    v3, v4 = sorted(shipped._V3), sorted(shipped._V4)
+    without_bmi2 = [flag for flag in v4 if flag != "bmi2"]
+    cases = (
+        *((v4, "x86-64-v4"), (v4[:-1], "x86-64"), ([*v3, "avx512f"], "x86-64-v3"), (v3, "x86-64-v3")),
+        *((v3[1:], "x86-64"), (without_bmi2, "x86-64"), ([], "x86-64"), (None, "x86-64")),
+    )
+    for listed, level in cases:
         cpuinfo = tmp_path / "cpuinfo"
         cpuinfo.unlink(missing_ok=True)
         if listed is not None:
             cpuinfo.write_text(f"processor\t: 0\nflags\t\t: fpu {' '.join(listed)} sse\nbugs\t\t:\n")
         monkeypatch.setattr(shipped, "_CPUINFO", cpuinfo)
-        shipped._is_v3.cache_clear()
+        shipped._levels_here.cache_clear()
         found = shipped.load(twice_module.twice)
         assert found is not None and Path(found[0]._name).parent.name == level
-    shipped._is_v3.cache_clear()
+    shipped._levels_here.cache_clear()
 
 
 @here

@@ -66,24 +66,28 @@ class Kernel(LoopNest):
 
     def load(self) -> None:
         """Get the machine code: what came with the package, or else what is compiled on this machine."""
-        global _object_files_failed
         with _compiling:
             if self._native is not None or self._dispatcher is not None:
                 return
             if self._use_shipped():
                 return
             _require_compiler(self.__name__)
-            if _object_files_wanted():
-                try:
-                    self._use(*compiling.machine_code(self))
-                    return
-                except Exception as error:  # private parts of two libraries: anything may be missing
-                    _object_files_failed = True
-                    reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
-                    messages.note(
-                        f"{_SLOWER}, because no object file could be made of {self.__name__} ({reason})"
-                    )
-            self._dispatcher = fallback.dispatcher(self)
+            with messages.timing_compilation():
+                self._compile()
+
+    def _compile(self) -> None:
+        global _object_files_failed
+        if _object_files_wanted():
+            try:
+                self._use(*compiling.machine_code(self))
+                return
+            except Exception as error:  # private parts of two libraries: anything may be missing
+                _object_files_failed = True
+                reason = f"{type(error).__name__}: {error}".splitlines()[0][:200]
+                messages.note(
+                    f"{_SLOWER}, because no object file could be made of {self.__name__} ({reason})"
+                )
+        self._dispatcher = fallback.dispatcher(self)
 
     def load_shipped(self) -> bool:
         """Load the machine code that came with the package; whether there is some for this machine."""

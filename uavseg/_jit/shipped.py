@@ -21,26 +21,18 @@ from uavseg._jit.object_cache import checksum
 
 FOLDER = Path(__file__).with_name("libraries")
 BASELINE = "x86-64"
-LEVELS = ("x86-64-v3", BASELINE)
+LEVELS = ("x86-64-v4", "x86-64-v3", BASELINE)
 """The best level first; names of processors in LLVM and folders of libraries."""
 ENTRY = "kernel"
 _FORMAT = "uavseg shipped kernel, version 1"
 _CPUINFO = Path("/proc/cpuinfo")
-_V3 = {
-    "avx",
-    "avx2",
-    "bmi1",
-    "bmi2",
-    "f16c",
-    "fma",
-    "abm",
-    "movbe",
-    "xsave",
-    "popcnt",
-    "sse4_2",
-    "ssse3",
-    "cx16",
-}
+# fmt: off
+_V3 = frozenset({
+    "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe", "xsave", "popcnt", "sse4_2", "ssse3", "cx16"
+})
+_V4 = _V3 | {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}
+# fmt: on
+_NEEDED = dict(zip(LEVELS, (_V4, _V3, frozenset[str]()), strict=True))
 
 
 def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
@@ -57,7 +49,7 @@ def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return None
     name = library_name(kernel)
-    for level in (BASELINE,) if baseline or not _is_v3() else LEVELS:
+    for level in (BASELINE,) if baseline else _levels_here():
         path = FOLDER / level / name
         if name and _intact(path):
             try:
@@ -120,11 +112,12 @@ def sealed(name: str, library: bytes) -> bytes:
 
 
 @cache
-def _is_v3() -> bool:
-    """Whether the processor has what x86-64-v3 asks for, from the system's list of its features."""
+def _levels_here() -> tuple[str, ...]:
+    """The levels whose features this processor has by the system's list of them, the best first."""
     try:
         with _CPUINFO.open(encoding="ascii", errors="replace") as lines:
             flags = next((line for line in lines if line.startswith("flags")), "")
     except OSError:
-        return False
-    return set(flags.partition(":")[2].split()) >= _V3
+        flags = ""
+    present = set(flags.partition(":")[2].split())
+    return tuple(level for level in LEVELS if present >= _NEEDED[level])

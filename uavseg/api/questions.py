@@ -145,7 +145,7 @@ def suggest(
     -------
     ranges : list of Suggestion
         The darkest first: `low` and `high`, together `range`; valid `pixels` and their `share` of all;
-        `regions`, their number before boundaries are refined. Empty where all leaves have one mean. What
+        `regions`, the number that `extract` gives; where `exact` is false, an estimate of it. Empty where all leaves have one mean. What
         makes the ranges doubtful is a warning.
 
     Raises
@@ -164,7 +164,7 @@ def suggest(
     (0.0, 0.51) 0.875 1
     (0.51, 1.0) 0.125 1
     """
-    segment = SegmentParams.from_words(method, threshold, intensity_step, "none")
+    segment = SegmentParams.from_words(method, threshold, intensity_step, None)
     request = SuggestRequest(_number_of(classes), segment)
     with allowing(allow_path, allow_network):
         opened = open_source(source, ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles))

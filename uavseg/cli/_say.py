@@ -69,6 +69,21 @@ def _written_out() -> Iterator[None]:
         raise OutputError(f"the standard output cannot be written to: {reason}") from error
 
 
+def saying_decisions() -> None:
+    """Print what jobs log ("uavseg" and its children, at INFO) until the command ends."""
+    logger, handler = logging.getLogger("uavseg"), logging.Handler(logging.INFO)
+    handler.emit = lambda record: say(f"uavseg: {record.getMessage()}")  # type: ignore[method-assign]
+    before = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+
+    def end() -> None:
+        logger.removeHandler(handler)
+        logger.setLevel(before)
+
+    click.get_current_context().call_on_close(end)
+
+
 @contextmanager
 def library_messages() -> Iterator[None]:
     """Context manager in which warnings and logs of libraries are single lines, marked as theirs."""

@@ -88,7 +88,8 @@ def _lines(found: MissionCheck) -> list[str]:
 
 
 def _rows(about: dict[str, Any]) -> dict[str, str]:
-    minutes, seconds = divmod(round(about["duration_s"]), 60)
+    from uavseg.flight.estimate.words import duration_text
+
     fence, home = about["fence"], about["home"]
     slowest, fastest = f"{about['slowest_m_s']:.4g}", f"{about['fastest_m_s']:.4g}"
     speed = fastest if slowest == fastest else f"{slowest} to {fastest}"
@@ -98,7 +99,7 @@ def _rows(about: dict[str, Any]) -> dict[str, str]:
         "home": f"{home['lat']:.7f},{home['lon']:.7f}, {home['altitude_m']:g} m above the sea",
         "heights": f"{about['lowest_m']:g} to {about['highest_m']:g} m above home",
         "distance": f"{about['distance_m'] / 1000:.2f} km at {speed} m/s",
-        "time": f"about {minutes} min {seconds:02d} s",
+        "time": f"about {duration_text(about['duration_s'])}",
         "photographs": f"{about['photographs']:,}",
         "fence": f"{fence['inclusions']} to stay inside, {fence['exclusions']} to keep out of",
         "rally points": f"{about['rally_points']}",

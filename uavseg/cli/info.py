@@ -26,7 +26,7 @@ def command(**options: Any) -> None:
     from uavseg.jobs.work import Work
 
     source = open_pixels(options["rasters"], read_options(options))
-    summary = info(source, Work(executor=threads(options["threads"])))
+    summary = info(source, Work(executor=threads(options["threads"])), options["rasters"])
     if options["as_json"]:
         import json
 

@@ -18,8 +18,7 @@ from uavseg.cli.options.running import Reporter, RunOptions, running_options
 if TYPE_CHECKING:
     from uavseg.jobs.suggest import Suggestion, Suggestions
 
-_MOST_NAMED = 8  # rasters of a command that is printed
-_PASSED_ON = {"band", "rgb", "nodata", "stretch", "skip_bad_tiles", "method", "threshold", "intensity_step"}
+_PASSED_ON = {"method", "threshold", "intensity_step"}
 
 
 def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | None:
@@ -48,7 +47,8 @@ def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | Non
 @running_options
 def command(**options: Any) -> None:
     """Propose ranges of v for RASTER... (many are one mosaic), each with its share of the area, the number of
-    regions that it gives before their boundaries are refined, and the command to type next.
+    regions that extracting it gives, and the command to type next. Of rasters of more than 400 megapixels, the
+    number is estimated ("about").
 
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
     thresholds). RASTER may also be a block map from `uavseg divide`, which answers by itself.
@@ -59,7 +59,7 @@ def command(**options: Any) -> None:
 
     run = RunOptions.of(options)
     output, rasters = options["output"], options["rasters"]
-    request = SuggestRequest(options["classes"], segment_params(options, "none"))
+    request = SuggestRequest(options["classes"], segment_params(options, None))
     read = read_options(options)
     if output is not None:
         from uavseg.plot.page import check_png_target
@@ -77,19 +77,19 @@ def command(**options: Any) -> None:
             draw_suggestions(found, output, dataset, run.overwrite)
         run.reporter.finish(found.warnings)
         show(_as_json(found, commands) if options["as_json"] else _table(found, commands))
-    _report(found, output, len(rasters), run.reporter)
+    _report(found, output, run.reporter)
 
 
 def _command(
     chosen: Suggestion, rasters: tuple[str, ...], found: Suggestions, options: dict[str, Any]
 ) -> str:
     """The line that extracts a range, from the same rasters in the same way."""
+    from uavseg.jobs.command_line import extract_line
     from uavseg.raster.source_list import stem_of
 
-    named = rasters if len(rasters) <= _MOST_NAMED else (rasters[0], "...")
     target = f"{stem_of(rasters[0])}.{str(chosen).replace(',', '-')}{_suffix(found)}"
-    words = ["uavseg", "extract", *named, "--range", str(chosen), *_chosen(options), "-o", target]
-    return shlex.join(words)
+    line = extract_line(rasters, read_options(options), str(chosen))
+    return f"{line} {shlex.join([*_chosen(options), '-o', target])}"
 
 
 def _suffix(found: Suggestions) -> str:
@@ -105,7 +105,7 @@ def _suffix(found: Suggestions) -> str:
 
 
 def _chosen(options: dict[str, Any]) -> list[str]:
-    """Options of reading and segmenting as the user gave them."""
+    """Options of segmenting as the user gave them."""
     context = click.get_current_context()
     words: list[str] = []
     for parameter in context.command.params:
@@ -134,20 +134,17 @@ def _table(found: Suggestions, commands: list[str]) -> str:
     """The ranges in columns; the line to type next stands whole below its range, to be copied."""
     if not found.ranges:
         return "one class: there is no range to choose"
-    lines = [f"{'v':<20}{'area':>8}{'regions':>12}"]
+    lines = [f"{'v':<20}{'area':>8}{'regions':>14}"]
     for chosen, line in zip(found.ranges, commands, strict=True):
         interval = str(chosen).replace(",", " to ")
-        lines.append(f"{interval:<20}{100 * chosen.share:>6.1f} %{chosen.regions:>12,}")
+        lines.append(f"{interval:<20}{100 * chosen.share:>6.1f} %{chosen.regions_text:>14}")
         lines.append(f"    {line}")
     return "\n".join(lines)
 
 
-def _report(found: Suggestions, output: str | None, rasters: int, reporter: Reporter) -> None:
+def _report(found: Suggestions, output: str | None, reporter: Reporter) -> None:
     """What else is to be said, on stderr."""
-    if rasters > _MOST_NAMED and found.ranges:
-        reporter.say(f"in the commands, ... stands for the other {rasters - 1} rasters")
     if output is not None:
         reporter.say(f"wrote {output}")
     reporter.detail(f"{found.explained:.1%} of the variance of the means lies between the ranges")
-    reporter.detail(f"stretch {found.source.stretch.name}, {found.source.band_names}")
     reporter.detail(f"{reporter.seconds:.2f} seconds")

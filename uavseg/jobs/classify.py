@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import trim_heap
+from uavseg.execution.phases import decided, phase
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
@@ -179,13 +180,16 @@ def classify(
     tile_pass = replace(tile_pass, windows=[tile for strip in strips for tile in strip])
     dividing, deciding, *outlining = tile_pass.stages(2 + request.objects)
     segment = request.segment
-    blocks = measure_block_map_for(grey, request.limits, segment, dividing)
+    with phase("division"):
+        blocks = measure_block_map_for(grey, request.limits, segment, dividing)
+    decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
     cells = cell_states(blocks, request.limits, segment.division)
     del blocks
     trim_heap()
     if not cells.any():
         raise MapError(f"{source.name} has no valid cell: all of it is nodata or NaN")
-    found = classify_states(grey, cells, request.limits, request.refine, deciding, request.restores)
+    with phase("states"):
+        found = classify_states(grey, cells, request.limits, request.refine, deciding, request.restores)
     hints = _warnings(source.name, found, request)
     leaves = cells if request.refine == "none" else None
     objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+from uavseg.execution.phases import decided, phase
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.tiling import TilePass
 from uavseg.segmentation.blocks.block_file import SavedBlocks
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map
@@ -56,15 +58,17 @@ def divide(source: Source, request: DivideRequest = DivideRequest(), work: Work 
     """
     work = work.begun()
     raster = raster_of(source, "a block map is divided already; name the raster itself")
-    saved, info = block_map_of(raster, work)
+    saved, info = block_map_of(raster, work.over(raster))
     return work.finished(Division(saved, request.segment, info.warnings))
 
 
-def block_map_of(source: Pixels, work: Work) -> tuple[SavedBlocks, SourceInfo]:
+def block_map_of(source: Pixels, tile_pass: TilePass) -> tuple[SavedBlocks, SourceInfo]:
     """The block map of a raster or a map of probabilities, and what there is to say of the source."""
-    stretching, dividing = work.over(source).stages(2)
+    stretching, dividing = tile_pass.stages(2)
     grey = source.grey(stretching)
-    blocks = measure_block_map(grey, dividing)
+    with phase("division"):
+        blocks = measure_block_map(grey, dividing)
+    decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
     dataset = source.dataset
     saved = SavedBlocks(blocks, dataset.geobox, grey.stretch, dataset.band_names, source.origin)
     return saved, SourceInfo.of(grey)

@@ -1,5 +1,6 @@
 """Extraction of the regions of a raster whose mean intensity lies in a range: the main job."""
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
+from uavseg.execution.phases import decided, logger, phase
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
@@ -18,8 +20,15 @@ from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams
-from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
+from uavseg.segmentation.pipeline import (
+    IN_RANGE,
+    MIXED,
+    cells_to_refine,
+    measure_block_map_for,
+)
 from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.typical_noise import typical_noise
+from uavseg.units import CELLS
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +104,29 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
     stretching, dividing, outlining = work.over(source).stages(3)
     grey = source.grey(stretching)  # intensity -> v
     # texture, division of blocks
-    blocks = measure_block_map_for(grey, request.interval, request.segment, dividing)
-    cells = cells_to_refine(blocks, request.interval, request.segment)  # segments of leaves in range
+    with phase("division"):
+        blocks = measure_block_map_for(grey, request.interval, request.segment, dividing)
+        cells = cells_to_refine(blocks, request.interval, request.segment)  # segments of leaves in range
     del blocks
     trim_heap()
-    outlined = _outlined(grey, cells, request, outlining)  # refinement to the pixel, outlines, small holes
-    return _measured(outlined, SourceInfo.of(grey), request)  # small regions, attributes, drawing
+    _log_cells(grey, cells)
+    with phase("refinement and outlines"):  # to the pixel; small holes
+        outlined = _outlined(grey, cells, request, outlining)
+    with phase("attributes and drawing"):  # small regions too
+        return _measured(outlined, SourceInfo.of(grey), request)
+
+
+def _log_cells(grey: GreySource, cells: NDArray[np.uint8]) -> None:
+    """Log how many cells are in range and mixed, and the noise that the refinement allows for."""
+    if not logger.isEnabledFor(logging.INFO):
+        return
+    in_range, mixed = (int(np.count_nonzero(cells & bit)) for bit in (IN_RANGE, MIXED))
+    blocks = cells.shape[0] // CELLS, cells.shape[1] // CELLS
+    decided("%d x %d blocks of 64 x 64 pixels", *blocks)
+    decided("of %d cells of 8 x 8 pixels %d are in range and %d are mixed", cells.size, in_range, mixed)
+    if mixed:
+        noise = typical_noise(grey, cells & MIXED > 0)
+        decided("noise has a standard deviation of %.4f in v (median where most cells are mixed)", noise)
 
 
 def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work) -> Extraction:
@@ -110,7 +136,8 @@ def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work
     outlining = work.over(raster)
     grey = GreySource(raster.dataset, source.saved.stretch)
     cells = cells_to_refine(source.saved.blocks, request.interval, request.segment)
-    outlined = _outlined(grey, cells, request, outlining, source.saved.blocks)
+    with phase("refinement and outlines"):
+        outlined = _outlined(grey, cells, request, outlining, source.saved.blocks)
     return _measured(outlined, SourceInfo.of(grey), request)
 
 

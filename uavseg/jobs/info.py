@@ -1,17 +1,24 @@
 """Summary of a raster: what it is, what intensity it holds, and a command to try next."""
 
-from uavseg.jobs.source import Pixels
+from collections.abc import Sequence
+from dataclasses import replace
+
+from uavseg.execution.phases import phase
+from uavseg.jobs.command_line import extract_line
+from uavseg.jobs.source import Pixels, Raster, ReadOptions
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.summary import Summary, summarize
 
 
-def info(source: Pixels, work: Work = SERIAL) -> Summary:
+def info(source: Pixels, work: Work = SERIAL, named: Sequence[str] = ()) -> Summary:
     """What a raster is, with the blocks of it that could not be read.
 
     Parameters
     ----------
     source : Raster or ProbabilityMap
     work : Work
+    named : sequence of str
+        The sources as they were named, for the command to try next; by default the files.
 
     Raises
     ------
@@ -19,5 +26,8 @@ def info(source: Pixels, work: Work = SERIAL) -> Summary:
         If the raster cannot be read.
     """
     work = work.begun()
-    with work.reading_here():
-        return work.finished(summarize(source.dataset, source.stretch, work.map, work.progress))
+    with work.reading_here(), phase("count"):
+        found = summarize(source.dataset, source.stretch, work.map, work.progress)
+    options = source.options if isinstance(source, Raster) else ReadOptions()
+    line = extract_line(named or found.paths, options, found.interval)
+    return work.finished(replace(found, command=line))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
+from uavseg.execution.phases import phase
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
@@ -144,17 +145,21 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     passes = work.over(raster).stages(5)
     run = passes[0].map
     grey = raster.grey(passes[0])
-    known = measure_cells(grey, passes[1])
-    sample = fit_sample(grey, known.bin_edges, place, request.side, run)
+    with phase("cells and the sample"):
+        known = measure_cells(grey, passes[1])
+        sample = fit_sample(grey, known.bin_edges, place, request.side, run)
     criterion = Criterion.of(sample, known.bin_edges, request.side, request.similarity, request.intensity)
-    scores = score_cells(grey, criterion, passes[2])
-    evidence = fit_weights(grey, known.bin_edges, place, scores.whole, request.side, run)
-    least = evidence.threshold(request.similarity)
-    scores = reject_unlike(grey, criterion, scores, evidence.weights, least, passes[3])
+    with phase("scores"):
+        scores = score_cells(grey, criterion, passes[2])
+    with phase("comparison with the background"):
+        evidence = fit_weights(grey, known.bin_edges, place, scores.whole, request.side, run)
+        least = evidence.threshold(request.similarity)
+        scores = reject_unlike(grey, criterion, scores, evidence.weights, least, passes[3])
     valid = known.blocks.counts > 0
     del known
     trim_heap()
-    outlined = _outlined(grey, scores, valid, criterion, request, passes[4])
+    with phase("outlines"):
+        outlined = _outlined(grey, scores, valid, criterion, request, passes[4])
     trim_heap()
     found = _measured(grey, outlined, scores, sample, request, passes[4])
     hint = "nothing is like the sample; a smaller similarity or a larger intensity finds more"

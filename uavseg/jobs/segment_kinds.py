@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
+from uavseg.execution.phases import decided, phase
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Raster, Source
@@ -108,17 +109,21 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
     if not isinstance(source, Blocks):
         stretching, dividing, outlining = work.over(source).stages(3)
         grey = source.grey(stretching)
-        if isinstance(request.partition, Partition):
-            partition = request.partition
-            blocks = measure_block_map_for(grey, partition, request.segment, dividing)
-        else:
-            blocks = measure_block_map(grey, dividing)
-            partition = request.partition(blocks)
-        _check_count(partition, request.segment)
-        cells = kinds_to_refine(blocks, partition, request.segment)
+        with phase("division"):
+            if isinstance(request.partition, Partition):
+                partition = request.partition
+                blocks = measure_block_map_for(grey, partition, request.segment, dividing)
+            else:
+                blocks = measure_block_map(grey, dividing)
+                partition = request.partition(blocks)
+            _check_count(partition, request.segment)
+            cells = kinds_to_refine(blocks, partition, request.segment)
+        decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
+        decided("intervals of v end at %s", ", ".join(f"{bound:.7g}" for bound in partition.bounds))
         del blocks
         trim_heap()
-        return _outlined(grey, cells, partition, request, outlining)
+        with phase("refinement and outlines"):
+            return _outlined(grey, cells, partition, request, outlining)
     blocks = source.saved.blocks
     partition = request.partition if isinstance(request.partition, Partition) else request.partition(blocks)
     _check_count(partition, request.segment)

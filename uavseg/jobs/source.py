@@ -5,6 +5,7 @@ from functools import cached_property
 from pathlib import Path
 
 from uavseg.errors import ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
@@ -115,7 +116,10 @@ class Pixels:
 
     def grey(self, tile_pass: TilePass) -> GreySource:
         """The pixels through their stretch, which is fitted in a pass where it follows from them."""
-        return GreySource(self.dataset, fit_stretch(self.dataset, self.stretch, tile_pass))
+        with phase("stretch"):
+            fitted = fit_stretch(self.dataset, self.stretch, tile_pass)
+        decided("%s, stretch %s", self.dataset.band_names, fitted.name)
+        return GreySource(self.dataset, fitted)
 
 
 @dataclass(frozen=True)

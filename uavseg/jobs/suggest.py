@@ -1,25 +1,33 @@
 """Suggestion of ranges: classes of the means of a raster's leaves, and what each range would give."""
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError
+from uavseg.execution.phases import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Source
 from uavseg.jobs.work import SERIAL, Work
+from uavseg.raster.tiling import TilePass
 from uavseg.regions.tiles.block_map_regions import count_segments
+from uavseg.regions.tiles.count_regions import count_regions, estimate_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cell_intervals, histogram_of_means, means_among
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.pipeline import cells_to_refine
 from uavseg.segmentation.range_candidates import (
     MAX_CLASSES,
     RangeCandidates,
     edge_beside_means,
     propose_ranges,
 )
+from uavseg.segmentation.source import GreySource
+
+EXACT_PIXELS = 400_000_000  # of larger rasters, the number of regions is estimated
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +39,7 @@ class SuggestRequest:
     classes : int, optional
         Number of ranges, 2 to 8; by default as many as the histogram of means has.
     segment : SegmentParams
+        That regions are counted with; with refine "none", those of cells of the block map.
 
     Raises
     ------
@@ -39,7 +48,7 @@ class SuggestRequest:
     """
 
     classes: int | None = None
-    segment: SegmentParams = SegmentParams(refine="none")
+    segment: SegmentParams = SegmentParams()
 
     def __post_init__(self) -> None:
         if self.classes is not None and not 2 <= self.classes <= MAX_CLASSES:
@@ -59,7 +68,9 @@ class Suggestion:
     share : float
         Of all valid pixels, 0 to 1.
     regions : int
-        How many regions it gives before their boundaries are refined.
+        How many regions extracting it gives.
+    exact : bool
+        Whether they were counted; otherwise their number is an estimate, see `estimate_regions`.
     """
 
     low: float
@@ -67,6 +78,7 @@ class Suggestion:
     pixels: int
     share: float
     regions: int
+    exact: bool = True
 
     @property
     def range(self) -> tuple[float, float]:
@@ -76,6 +88,11 @@ class Suggestion:
     def __str__(self) -> str:
         """As --range takes it."""
         return f"{self.low:.7g},{self.high:.7g}"
+
+    @property
+    def regions_text(self) -> str:
+        """The number of regions for people."""
+        return f"{self.regions:,}" if self.exact else f"about {float(f'{self.regions:.2g}'):,.0f}"
 
 
 @dataclass(frozen=True)
@@ -124,9 +141,19 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
     work = work.begun()
     if isinstance(source, Blocks):
         saved, info = source.saved, SourceInfo.of(source)
+        pixels = source.raster if request.segment.refine != "none" else None
+        tile_pass = None if pixels is None else work.over(pixels)
     else:
-        saved, info = block_map_of(source, work)
-    return work.finished(_suggestions(saved.blocks, info, request))
+        pixels = source
+        dividing, tile_pass = work.over(source).stages(2)
+        saved, info = block_map_of(source, dividing)
+    found = _suggestions(saved.blocks, info, request)
+    if pixels is None or tile_pass is None or request.segment.refine == "none":
+        return work.finished(found)
+    grey = GreySource(pixels.dataset, saved.stretch)
+    with phase("count of regions"):
+        ranges = _refined(found.ranges, saved.blocks, grey, request.segment, tile_pass)
+    return work.finished(replace(found, ranges=ranges))
 
 
 def _suggestions(blocks: BlockMap, source: SourceInfo, request: SuggestRequest) -> Suggestions:
@@ -149,7 +176,7 @@ def _suggestions(blocks: BlockMap, source: SourceInfo, request: SuggestRequest) 
 def _ranges(
     blocks: BlockMap, edges: tuple[float, ...], intervals: NDArray[np.uint8]
 ) -> tuple[Suggestion, ...]:
-    """Each range between two edges, with what it gives."""
+    """Each range between two edges, with what it gives at the edges of cells."""
     bounds = (0.0, *edges, 1.0)
     pixels = np.bincount(intervals.reshape(-1), blocks.counts.reshape(-1), len(bounds))[1:]
     regions = count_segments(blocks, intervals, len(bounds) - 1)
@@ -158,6 +185,27 @@ def _ranges(
         Suggestion(bounds[k], bounds[k + 1], int(pixels[k]), float(pixels[k] / total), int(regions[k]))
         for k in range(len(pixels))
     )
+
+
+def _refined(
+    ranges: tuple[Suggestion, ...],
+    blocks: BlockMap,
+    grey: GreySource,
+    segment: SegmentParams,
+    tile_pass: TilePass,
+) -> tuple[Suggestion, ...]:
+    """The ranges with their numbers of regions after refinement."""
+    exact = math.prod(grey.shape) <= EXACT_PIXELS
+    found = []
+    for one, counting in zip(ranges, tile_pass.stages(len(ranges)), strict=True):
+        interval = IntensityRange(one.low, one.high)
+        cells = cells_to_refine(blocks, interval, segment)
+        if exact:
+            number = count_regions(grey, cells, interval, segment.refine, counting, blocks)
+        else:
+            number = estimate_regions(grey, cells, interval, segment.refine, counting)
+        found.append(replace(one, regions=number, exact=exact))
+    return tuple(found)
 
 
 def _doubts(cuts: RangeCandidates, wanted: int | None, histogram: NDArray[np.int64]) -> tuple[str, ...]:

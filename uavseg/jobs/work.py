@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from uavseg.execution.executors import Map, Progress, serial
+from uavseg.execution.phases import decided
 from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.tiling import TilePass, Window
 from uavseg.segmentation.blocks.memory import check_memory
@@ -71,6 +72,8 @@ class Work:
             source.check_resumable()
         check_memory(source.geobox.shape)
         tile_pass = TilePass(source.dataset.windows(self.tile), self.map, self.progress)
+        sides = max((window.rows, window.cols) for window in tile_pass.windows)
+        decided("%d tiles of %d x %d pixels at most", len(tile_pass.windows), *sides)
         if self.started is not None:
             self.started(tile_pass.windows)
         return tile_pass

@@ -148,7 +148,7 @@ def _write_legend(figure: Any, x: float, found: Suggestions) -> None:
 
 def _columns(chosen: Suggestion) -> list[tuple[float, str, str]]:
     """Inches from the left, text, and alignment of each column."""
-    count = f"{chosen.regions:,} region{'s' if chosen.regions != 1 else ''}"
+    count = f"{chosen.regions_text} region{'s' if chosen.regions != 1 else ''}"
     return [
         (0.2, str(chosen).replace(",", " to "), "left"),
         (1.65, f"{chosen.share:.1%}", "right"),

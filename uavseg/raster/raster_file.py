@@ -13,8 +13,6 @@ from rasterio.io import DatasetReader
 from uavseg.errors import RasterReadError
 from uavseg.plain_text import cause_of
 from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
-from uavseg.raster.deflate import check_deflate_blocks
-from uavseg.raster.jpeg import check_jpeg_blocks
 from uavseg.raster.opening import (
     GDAL_ERRORS,
     OpenFiles,
@@ -24,7 +22,9 @@ from uavseg.raster.opening import (
     quiet_open,
     rasterio_window,
 )
-from uavseg.raster.sparse import SparseBlocks
+from uavseg.raster.tiff.deflate import check_deflate_blocks
+from uavseg.raster.tiff.jpeg import check_jpeg_blocks
+from uavseg.raster.tiff.sparse import SparseBlocks
 from uavseg.raster.tiling import Window
 
 FileState = tuple[str, int, int]

@@ -1,7 +1,6 @@
 """Raster summary: metadata, histogram and moments of intensity, and a command to try."""
 
 import math
-import shlex
 from dataclasses import asdict, dataclass
 from functools import partial, reduce
 from typing import Any
@@ -65,6 +64,8 @@ class Summary:
     in_metres : bool
         Whether `resolution` is in metres rather than in units of the map.
     warnings : tuple of str
+    command : str
+        A command to try next: it extracts the rarer of dark and bright, see `interval`.
     """
 
     paths: tuple[str, ...]
@@ -90,6 +91,7 @@ class Summary:
     overviews: tuple[int, ...]
     in_metres: bool
     warnings: tuple[str, ...]
+    command: str = ""
 
     @property
     def nodata_share(self) -> float:
@@ -97,16 +99,15 @@ class Summary:
         return 1 - self.valid / self.counted
 
     @property
-    def command(self) -> str:
-        """A command to try next: the rarer of dark and bright.
+    def interval(self) -> str:
+        """The rarer of dark and bright, as --range takes it.
 
         It uses Otsu's threshold of the pixels, in steps of 0.05. `suggest` partitions the leaf means instead,
         which noise hardly affects, into as many ranges as they have classes.
         """
         edge = round(self.cut * HISTOGRAM_BINS)
         bright = 0 < 2 * sum(self.histogram[edge:]) <= self.valid
-        interval = f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
-        return f"uavseg extract {shlex.join(self.paths[:3])} --range {interval}"
+        return f"{self.cut:g},1" if bright else f"0,{self.cut:g}"
 
     def as_dict(self) -> dict[str, Any]:
         """All fields as plain values for JSON, with None instead of NaN."""
@@ -114,7 +115,7 @@ class Summary:
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
         ]
-        more = {"nodata_share": self.nodata_share, "command": self.command}
+        more = {"nodata_share": self.nodata_share, "command": found.pop("command")}
         return {key: _plain(value) for key, value in (found | more).items()}
 
 

@@ -13,7 +13,7 @@ from uavseg.cli.options.files import file_options
 from uavseg.cli.options.limits import limit_options, limits_of, safety_of
 from uavseg.cli.options.pattern import pattern_options, pattern_words, photo_options, photo_words
 from uavseg.cli.options.terrain import terrain_of, terrain_options
-from uavseg.cli.options.vehicle import duration_text, flight_table, vehicle_options
+from uavseg.cli.options.vehicle import flight_table, vehicle_options
 from uavseg.errors import ParameterError, RegionError
 
 if TYPE_CHECKING:
@@ -191,11 +191,13 @@ def report(
     missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], notes: Sequence[str]
 ) -> None:
     """Print estimates of missions on stderr, and notes on them."""
+    from uavseg.flight.estimate.words import estimate_text
+
     flights = [(Path(path).stem, mission.estimate) for mission, path in zip(missions, paths, strict=True)]
     for mission, path, (_, found) in zip(missions, paths, flights, strict=True):
         over = f"{regions} region{'s' * (regions != 1)}, " if len(paths) == 1 else ""
-        flown = f"{path}: {over}{len(mission.items)} items, {found.distance_m / 1000:.2f} km"
-        say(f"{flown}, about {duration_text(found.duration_s)}")
+        estimate = estimate_text(found.distance_m, found.duration_s)
+        say(f"{path}: {over}{len(mission.items)} items, {estimate}")
     for line in flight_table(flights):
         say(line)
     if missions[0].autopilot != "ardupilot" and str(paths[0]).lower().endswith(".waypoints"):

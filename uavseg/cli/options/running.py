@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import say
+from uavseg.cli._say import say, saying_decisions
 
 if TYPE_CHECKING:
     from uavseg.execution.executors import Map
@@ -67,11 +66,12 @@ class RunOptions:
         ClusterError
             If the scheduler does not answer or its workers do not fit.
         """
-        from uavseg.execution import executors
+        from uavseg.execution import executors, phases
         from uavseg.jobs.work import Work
 
         cluster = self._cluster()
         local = executors.threads(self.threads)
+        phases.decided("%s", self.scheduler or f"{self.threads or executors.usable_cores()} threads")
         return Work(
             self.tile,
             cluster or local,
@@ -126,7 +126,7 @@ def running_options(command: Command) -> Command:
             ),
             click.option("--overwrite", is_flag=True, help="Replace files that are there."),
             click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
-            click.option("-v", "--verbose", is_flag=True, help="Say more."),
+            click.option("-v", "--verbose", is_flag=True, help="Say what was decided, and how long it took."),
             click.option(
                 "--progress",
                 type=click.Choice(["auto", "plain", "none"]),
@@ -149,27 +149,29 @@ class Reporter:
         self._plain = progress == "plain"
         self._bar = progress == "auto" and not quiet and sys.stderr.isatty()
         self._percent = -1
-        self._start = time.perf_counter()
+        self._start = _seconds()
         self._begun = self._drawn = self._start
+        if verbose and not quiet:
+            saying_decisions()
         self._amount: Amount | None = None
 
     @property
     def seconds(self) -> float:
-        """Since the command began."""
-        return time.perf_counter() - self._start
+        """Since the command began, without the time in which kernels were compiled."""
+        return _seconds() - self._start
 
     def begin(self, windows: Sequence[Window]) -> None:
         """The work on the tiles of a source begins."""
         if self._bar:
             pixels = sum(window.rows * window.cols for window in windows)
             self._amount = Amount(len(windows), pixels)
-            self._begun = time.perf_counter()
+            self._begun = _seconds()
 
     def begin_each(self, count: int) -> None:
         """The work on many rasters begins."""
         if self._bar:
             self._amount = Amount(count, 0, "rasters")
-            self._begun = time.perf_counter()
+            self._begun = _seconds()
 
     def progress(self, done: int, total: int) -> None:
         """Take in that `done` of `total` steps are done."""
@@ -183,7 +185,7 @@ class Reporter:
             click.echo(f"progress {percent}", err=True)
 
     def _draw(self, share: float) -> None:
-        now = time.perf_counter()
+        now = _seconds()
         if now - self._drawn >= _REDRAW_S or share == 1:
             self._drawn = now
             click.echo(f"\r{bar(share, now - self._begun, self._amount)}\x1b[K", err=True, nl=False)
@@ -220,6 +222,13 @@ class Reporter:
         """A line where the command is verbose."""
         if self.verbose and not self.quiet:
             say(f"uavseg: {text}")
+
+
+def _seconds() -> float:
+    """A clock that stands still while kernels are compiled."""
+    from uavseg.execution.phases import working_seconds
+
+    return working_seconds()
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,12 +25,6 @@ def vehicle_options(command: F) -> F:
     )(command)
 
 
-def duration_text(seconds: float) -> str:
-    """A duration in words: 7 min 05 s."""
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes} min {rest:02d} s"
-
-
 def flight_table(flights: Sequence[tuple[str, Estimate]]) -> list[str]:
     """Lines of a table: what each flight takes and gives; without the columns that no flight has.
 

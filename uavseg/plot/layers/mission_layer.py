@@ -218,12 +218,13 @@ def read_missions(given: Any) -> list[tuple[str, "Mission"]]:
 
 def mission_title(layers: Sequence[MissionLayer]) -> list[str]:
     """What flights take together: items, length, duration, photographs."""
+    from uavseg.flight.estimate.words import estimate_text
+
     items, shots = sum(one.items for one in layers), sum(one.photographs for one in layers)
-    minutes = max(round(sum(one.duration_s for one in layers) / 60), 1)
     what = "mission" if len(layers) == 1 else f"{len(layers)} flights"
-    km = sum(one.distance_m for one in layers) / 1000
+    estimate = estimate_text(sum(one.distance_m for one in layers), sum(one.duration_s for one in layers))
     photographs = [f"{shots:,} photograph{'s' * (shots != 1)}"] if shots else []
-    return [", ".join([f"{what} of {items} items, {km:.2g} km, about {minutes} min", *photographs])]
+    return [", ".join([f"{what} of {items} items, {estimate}", *photographs])]
 
 
 def arrow_heads(path: Floats, min_leg: float, size: float) -> Floats:

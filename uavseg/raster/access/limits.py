@@ -10,7 +10,7 @@ import numpy as np
 from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterError
-from uavseg.raster.tiff_index import stored_blocks
+from uavseg.raster.tiff.index import stored_blocks
 
 MAX_BANDS = 4096  # satellite images with most bands have a few hundred
 MAX_RATIO = 2000  # bytes of pixels for each byte of a compressed file

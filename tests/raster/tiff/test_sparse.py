@@ -14,7 +14,7 @@ from rasterio.windows import Window as FileWindow
 from uavseg.errors import RasterError, RasterReadError
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.opening import quiet_open
-from uavseg.raster.tiff_index import stored_blocks
+from uavseg.raster.tiff.index import stored_blocks
 from uavseg.raster.tiling import Window
 
 

@@ -12,9 +12,9 @@ import pytest
 import rasterio
 
 from uavseg.errors import RasterReadError
-from uavseg.raster import deflate
 from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.tiff import deflate
 from uavseg.raster.tiling import Window
 
 SIDE = 64

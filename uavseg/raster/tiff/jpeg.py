@@ -13,7 +13,7 @@ from rasterio.enums import Compression, PhotometricInterp
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
-from uavseg.raster.block_stream import BlockStream, checked_blocks
+from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks
 from uavseg.raster.tiling import Window
 
 HEADER_BYTES = 4096  # in which the frame header usually lies

@@ -18,7 +18,7 @@ from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import Values
-from uavseg.raster.block_stream import BlockStream, checked_blocks
+from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks
 from uavseg.raster.tiling import Window
 
 _known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file

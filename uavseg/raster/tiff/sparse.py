@@ -9,7 +9,7 @@ from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import Values
-from uavseg.raster.tiff_index import Stored, stored_blocks
+from uavseg.raster.tiff.index import Stored, stored_blocks
 from uavseg.raster.tiling import Window, sample_positions
 
 Indices = NDArray[np.int64]

@@ -1,0 +1,80 @@
+"""Number of regions of an intensity range after refinement: counted, or estimated from parts of a raster."""
+
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.raster.tiling import TilePass, Window, cells_around, sample_positions, window_cells
+from uavseg.regions.tiles.range_tiles import outline_regions
+from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.components import label_components, label_equal_values
+from uavseg.segmentation.params import IntensityRange, Refinement
+from uavseg.segmentation.pipeline import IN_RANGE, refine_tile
+from uavseg.segmentation.refine.range_scans import REFINE_HALO
+from uavseg.segmentation.source import GreySource
+from uavseg.units import BLOCK
+
+PART_SIDE = 16 * BLOCK  # of a part that is looked at
+_PARTS = 5  # along each side of the raster, at most
+
+
+def count_regions(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    interval: IntensityRange,
+    refine: Refinement,
+    tile_pass: TilePass,
+    expected: BlockMap | None = None,
+) -> int:
+    """How many regions `outline_regions` finds; the parameters are its own."""
+    return len(outline_regions(source, cells, interval, refine, tile_pass, expected).sums.counts)
+
+
+def estimate_regions(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    interval: IntensityRange,
+    refine: Refinement,
+    tile_pass: TilePass,
+) -> int:
+    """About how many regions `outline_regions` would find.
+
+    A ratio estimate: regions of cells are counted over the whole raster, and multiplied by what refinement
+    makes of their number in 5 x 5 evenly spaced parts of 1024 x 1024 pixels.
+
+    Parameters
+    ----------
+    source, cells, interval, refine
+        As of `outline_regions`.
+    tile_pass : TilePass
+        Its executor and its progress are used.
+    """
+    whole = label_equal_values(np.ascontiguousarray(cells & IN_RANGE))[1] if cells.any() else 0
+    count_part = partial(_count_part, source, cells, interval, refine)
+    found = list(tile_pass.run(count_part, sample_parts(source.shape)))
+    of_cells, refined = (sum(counts) for counts in zip(*found, strict=True))
+    return whole if not of_cells else max(round(whole * refined / of_cells), 1)
+
+
+def sample_parts(shape: tuple[int, int]) -> list[Window]:
+    """Evenly spaced parts of a raster, none beside another where it is large enough."""
+    blocks = [-(-length // PART_SIDE) for length in shape]
+    rows, cols = (sample_positions(0, count, min(count, _PARTS)).tolist() for count in blocks)
+    corners = [(row * PART_SIDE, col * PART_SIDE) for row in rows for col in cols]
+    return [Window(row, col, PART_SIDE, PART_SIDE).clipped(shape) for row, col in corners]
+
+
+def _count_part(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    interval: IntensityRange,
+    refine: Refinement,
+    window: Window,
+) -> tuple[int, int]:
+    """Regions of cells in a part of the raster, and regions after refinement."""
+    here = np.ascontiguousarray(cells[window_cells(window)] & IN_RANGE)
+    found = refine_tile(source, cells_around(cells, window, REFINE_HALO), interval, refine, window)
+    if found is None:
+        return 0, 0
+    return label_equal_values(here)[1], label_components(found[0], REFINE_HALO)[1]
