@@ -11,6 +11,7 @@ import shapely
 from affine import Affine
 from click.testing import CliRunner, Result
 from geopandas.testing import assert_geodataframe_equal
+from matplotlib.image import imread
 
 import uavseg
 from uavseg.cli import main
@@ -271,3 +272,55 @@ def test_a_plan_leads_over_one_class_and_keeps_out_of_another() -> None:
     )
     both = run("plan", "a.gpkg", "--class", "dark", "--avoid-class", "dark", "-o", "x.geojson", *HOW)
     assert both.exit_code == 1 and "the class dark is to be flown over and kept out of" in both.stderr
+
+
+def test_no_leg_enters_a_class_that_is_kept_out_of() -> None:
+    done("extract", "a.tif", *THREE, "-o", "a.gpkg", "--min-area", "2000px")
+    regions = places("a.gpkg")
+    water = shapely.union_all(regions[regions["class"] == "bright"].geometry)
+    home = regions[regions["class"] == "mid"].geometry.representative_point().iloc[0]
+    how = ("--home", f"{home.y},{home.x}", "--altitude", 40, "--allow-edge", "--avoid-margin", 1)
+    for name, words in (("free", ()), ("kept", ("--avoid-class", "bright"))):
+        found = run("plan", "a.gpkg", "--class", "mid", "-o", f"{name}.geojson", *how, *words)
+        if found.exit_code:  # a region with no way around the bright ones is refused, and named
+            assert words and "zone" in found.stderr
+            return
+        flown = geopandas.read_file(f"{name}.geojson")
+        lines = flown[flown.geometry.geom_type == "LineString"].geometry
+        assert shapely.intersects(shapely.union_all(lines), water) != bool(words)
+
+
+def test_a_mission_over_classes_is_over_the_class_that_is_named() -> None:
+    how = ("--min-area", "2000px", "--altitude", 40, "--home", "auto", "--allow-edge", "--overwrite")
+    asked = ("--class", "dark=0,0.3", "--class", "mid=0.3,0.55")
+    report = done(
+        "extract", "a.tif", *asked, *how, "-o", "a.gpkg", "--mission", "m.geojson", "--mission-class", "mid"
+    )
+    count = (places("a.gpkg")["class"] == "mid").sum()
+    assert f"m.geojson: {count} region" in report.stderr
+    one = done("extract", "a.tif", "--class", "mid=0.3,0.55", *how, "-o", "b.gpkg", "--mission", "n.geojson")
+    assert f"n.geojson: {count} region" in one.stderr  # of one class there is nothing to choose
+    again = run(
+        *(
+            "extract",
+            "a.tif",
+            *asked,
+            *how,
+            "-o",
+            "a.gpkg",
+            "--mission",
+            "m.geojson",
+            "--mission-class",
+            "mid",
+        ),
+        *("--avoid-class", "dark", "--avoid-margin", 0.5),
+    )
+    assert ("that --min-area drops" in again.stderr) == (again.exit_code == 0)
+
+
+def test_preview_draws_regions_in_the_colours_of_their_classes() -> None:
+    Path("c.csv").write_text("name,low,high,color\ndark,0,0.3,#0000ff\nbright,0.55,1,#ff0000\n")
+    done("extract", "a.tif", "--classes", "c.csv", "-o", "a.gpkg")
+    done("preview", "a.tif", "--regions", "a.gpkg", "-o", "a.png", "--width", 600)
+    red, _, blue = (255 * imread("a.png")[:, :, :3].transpose(2, 0, 1)).astype(int)
+    assert (red - blue > 100).sum() > 500 and (blue - red > 100).sum() > 500

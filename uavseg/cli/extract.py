@@ -18,6 +18,7 @@ from uavseg.cli._write import (
 )
 from uavseg.cli.options.classes import (
     asked_ranges,
+    avoid_notes,
     check_mission_classes,
     class_choice_options,
     class_options,
@@ -136,7 +137,9 @@ def command(**options: Any) -> None:
             paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite, files)
         write_regions_and_labels(found, target, labels, work, run.overwrite, form)
     if planned is not None and not run.reporter.quiet:
-        report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
+        report(
+            planned.missions, planned.regions, paths, [*planned.warnings, *unwritten, *avoid_notes(options)]
+        )
     rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **class_rows(found, request)}
     rows |= summary_rows(found)
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})

@@ -103,6 +103,16 @@ def check_mission_classes(options: dict[str, Any], asked: IntensityRange | Value
         )
 
 
+def avoid_notes(options: dict[str, Any]) -> list[str]:
+    """What a pilot should know of keep-out zones that are regions of classes."""
+    if not options["avoid_classes"] or (options["min_area"] is None and options["fill_holes"] is None):
+        return []
+    return [
+        f"regions of {', '.join(options['avoid_classes'])} that --min-area drops or --fill-holes fills are "
+        "not kept out of"
+    ]
+
+
 def asked_ranges(options: dict[str, Any]) -> IntensityRange | ValueClasses:
     """The one range, or the classes, that a command was given.
 

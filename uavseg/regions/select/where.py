@@ -93,7 +93,7 @@ def _parse(condition: str) -> ast.expr:
 
 
 _KEYWORD = re.compile(r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|\bclass\b""")
-_CLASS = "class_"  # the column class, which has the name of a keyword
+_CLASS = "class_column_"  # stands for the column class, which has the name of a keyword
 
 
 def _as_name(found: re.Match[str]) -> str:
@@ -142,7 +142,7 @@ class _Evaluator:
         return np.str_(part.value) if isinstance(part.value, str) else np.float64(part.value)
 
     def _name(self, part: ast.Name) -> Any:
-        name = "class" if part.id == _CLASS and _CLASS not in self.columns else part.id
+        name = "class" if part.id == _CLASS else part.id
         if name not in self.columns:
             known = ", ".join(self.columns)
             raise RegionError(f"these regions have no {name!r}; they have {known}")
