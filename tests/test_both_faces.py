@@ -348,7 +348,7 @@ def test_each_of_many(job: str, sources: Any, words: Words) -> None:
     ("words", "text"),
     [
         ({"rang": (0, 1)}, "uavseg.extract has no argument rang"),
-        ({}, "extract takes a range"),
+        ({}, "a range is one of range"),
         ({"range": (0, 1), "source": "tile.tif"}, "has no argument source"),
         ({"range": (0, 1), "resume": "kept"}, "resume is for one source"),
         ({"range": "wide"}, "range is"),

@@ -205,6 +205,7 @@ def test_a_block_map_and_a_raster_are_no_mosaic() -> None:
     [
         ("missing.tif -o b.tif", "missing.tif"),
         ("tile.tif -o tile.tif", "exists; give --overwrite"),
+        ("tile.tif -o b.yaml", "b.yaml: a block map is written as GeoTIFF; name a .tif"),
         ("tile.tif -o none/b.tif", "the folder none does not exist"),
         ("tile.tif -o b.tif --band 3", "band 3"),
         ("tile.tif -o b.tif --tile 70", "multiple of 64"),

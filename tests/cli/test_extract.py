@@ -348,7 +348,10 @@ REFUSALS: dict[str, tuple[str, str]] = {
     ),
     "no extension": ("tile.tif --range 0.5,1 -o out", "regions are written to"),
     "upside down": ("tile.tif --range 1,0.5", "0 <= low < high <= 1, got 1,0.5"),
-    "no number": ("tile.tif --range low,high", "two numbers between commas, such as 0.55,1, not 'low,high'"),
+    "no number": (
+        "tile.tif --range low,high",
+        "a comma between them, such as 0.55,1, not 'low,high'",
+    ),
     "one number": ("tile.tif --range 0.5", "--range is two numbers"),
     "three numbers": ("tile.tif --range 0,0.5,1", "--range is two numbers"),
     "beyond 1": ("tile.tif --range 0.5,1.2", "0 <= low < high <= 1, got 0.5,1.2"),

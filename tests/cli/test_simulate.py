@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 from PIL import Image
 
 from uavseg.cli import main
+from uavseg.occupancy.ros.ros_map import read_ros_map
 
 SCENE: dict[str, Any] = {
     "map": {"rows": 50, "cols": 70, "cell": 0.05, "origin": [-1, 2]},
@@ -68,6 +69,14 @@ def test_a_map_its_picture_and_its_truth(name: str) -> None:
     assert "320 x 320 cells of 0.01 m" in told and "map.tif, map.png, truth.tif" in told
 
 
+def test_a_ros_map_has_the_states_of_the_map_of_probabilities() -> None:
+    done("circles", "-o", "map.tif")
+    done("circles", "-o", "map.yaml")
+    found = read("map.tif")
+    states = np.where(found <= 0.25, 0, np.where(found >= 0.65, 1, 0.5))
+    assert np.array_equal(read_ros_map("map.yaml").probabilities, states[0].astype(np.float32))
+
+
 def test_the_same_seed_writes_the_same_bytes() -> None:
     for name, seed in (("a.tif", "5"), ("b.tif", "5"), ("c.tif", "6")):
         done("lens", "-o", name, "--seed", seed, "-q")
@@ -121,14 +130,17 @@ def test_the_sensor_can_be_changed(scene: str) -> None:
         (["lens", "--fov", "400"], "field of view is more than 0 and at most 360 degrees, not 400"),
         (["lens", "--step", "0"], "angular step is a number above 0, not 0"),
         (["lens", "--poses", "9"], "lens has 5 poses, and 9 are asked for"),
-        (["lens", "--png", "map.tif"], "two outputs have the same name"),
+        (["lens", "--truth", "map.tif"], "two outputs have the same name"),
         (["lens", "--png", "nowhere/map.png"], "the folder nowhere does not exist"),
+        (["lens", "--png", "map.jpg"], "map.jpg: the picture of a map is a PNG; name a .png"),
+        (["lens", "--truth", "t.yaml"], "t.yaml: the truth of a scene is written as GeoTIFF; name a .tif"),
+        (["lens", "-o", "map.json"], "map.json: a map is written to .yaml for a ROS map, or to .tif"),
         (["lens", "--truth", "there.tif"], "there.tif exists; give --overwrite"),
     ],
 )
 def test_what_cannot_be_is_told_in_one_line_and_nothing_is_written(words: list[str], told: str) -> None:
     Path("there.tif").write_text("mine")
-    result = run(*words, "-o", "map.tif")
+    result = run("-o", "map.tif", *words)  # of two -o the last counts
     assert result.exit_code == 1
     assert result.stderr.startswith("uavseg: error: ") and told in result.stderr
     assert result.stderr.count("\n") == 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import Any
 
 from uavseg.access import Folders, allowing
@@ -16,12 +17,13 @@ from uavseg.jobs.classify import classify as run_classify
 from uavseg.jobs.open_source import open_probability_map
 from uavseg.jobs.path import PathRequest
 from uavseg.jobs.path import path as run_path
+from uavseg.jobs.range_words import range_of_words
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.bags.merge_bag import MergeParams
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
 from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params import IntensityRange, SegmentParams, StateLimits
+from uavseg.segmentation.params import SegmentParams, StateLimits
 
 
 @checked
@@ -117,10 +119,12 @@ def classify(
 @checked
 def path(
     source: Any,
-    range: tuple[float, float],
+    range: tuple[float, float] | str | None,
     start: tuple[float, float],
     goal: tuple[float, float],
     *,
+    values: Sequence[float | None] | str | None = None,
+    percentile: Sequence[float | None] | str | None = None,
     clearance: float = 0.0,
     smooth: bool = False,
     band: int | None = None,
@@ -146,8 +150,11 @@ def path(
     ----------
     source : path, DataArray, (rows, cols) array, OccupancyGrid or Dataset
         A map of probabilities, as of `classify`.
-    range : (float, float)
-        Of v in [0, 1], both ends in it: what is passable, such as (0, 0.45).
+    range : (float, float) or None
+        Of v in [0, 1], both ends in it: what is passable, such as (0, 0.45). None where `values` or
+        `percentile` is given.
+    values, percentile : (float or None, float or None), optional
+        As of `extract`.
     start, goal : (float, float)
         x and y in the map's coordinates.
     clearance : float
@@ -193,7 +200,7 @@ def path(
     [2.305, 0.705]
     """
     request = PathRequest(
-        IntensityRange(*range),
+        range_of_words(range, values, percentile),
         start,
         goal,
         PathParams(clearance, smooth),

@@ -20,12 +20,13 @@ from uavseg.jobs.level_breaks import breaks_of
 from uavseg.jobs.levels import LevelsRequest, Small, level_params
 from uavseg.jobs.levels import levels as run_levels
 from uavseg.jobs.open_source import open_source
+from uavseg.jobs.range_words import range_of_words
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.segment_kinds import joint_params
 from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.words.class_words import classes_of_words
 from uavseg.regions.edit.small import as_area
-from uavseg.segmentation.params import IntensityRange, Levels, SegmentParams
+from uavseg.segmentation.params import Levels, SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -36,8 +37,10 @@ if TYPE_CHECKING:
 @checked
 def extract(
     source: Any,
-    range: tuple[float, float] | None = None,
+    range: tuple[float, float] | str | None = None,
     *,
+    values: Sequence[float | None] | str | None = None,
+    percentile: Sequence[float | None] | str | None = None,
     classes: Mapping[str, Any] | str | os.PathLike[str] | None = None,
     band: int | None = None,
     rgb: tuple[int, int, int] | None = None,
@@ -69,9 +72,15 @@ def extract(
         answered from it, and refined with its raster where that is at hand. A DataArray needs rioxarray's
         `.rio`.
     range : (float, float), optional
-        Of v in [0, 1], both ends in it.
+        Of v in [0, 1], both ends in it. Exactly one of `range`, `values`, `percentile` and `classes` is
+        given; the first three may be texts, such as "0.55,1".
+    values : (float or None, float or None), optional
+        In the raster's own units, after its scale and offset; None for an open end. Of three bands, in the
+        units of their luminance.
+    percentile : (float or None, float or None), optional
+        Percentiles of all valid pixels, in 0..100.
     classes : mapping or path, optional
-        In place of a range: names with their ranges, ``{"water": (0, 0.2), "sand": (0.6, 0.8, "#e0c080")}``,
+        Names with their ranges of v, ``{"water": (0, 0.2), "sand": (0.6, 0.8, "#e0c080")}``,
         or a .csv or .yaml file of them. Each pixel is in one class at most; an end that two ranges share
         belongs to the lower one.
     band, rgb, nodata, stretch, method, refine, threshold, intensity_step
@@ -116,12 +125,12 @@ def extract(
     how = Drawing(smooth_outline, simplify), as_area(fill_holes), as_area(min_area)
     segment = SegmentParams.from_words(method, threshold, intensity_step, refine)
     read = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles)
-    if (range is None) == (classes is None):
-        raise ParameterError("extract takes a range, such as range=(0.55, 1), or classes; give one of them")
-    if range is not None:
-        request = ExtractRequest(IntensityRange(*range), segment, *how)
+    if classes is None:
+        request = ExtractRequest(range_of_words(range, values, percentile), segment, *how)
         job = RegionJob(read, lambda opened, work: run_extract(opened, request, work))
     else:
+        if not range is values is percentile is None:
+            raise ParameterError("extract takes a range or classes; give one of them")
         asked = ClassesRequest(classes_of_words(classes), joint_params(segment, refine), *how)
         job = RegionJob(read, lambda opened, work: extract_classes(opened, asked, work))
     with allowing(allow_path, allow_network):

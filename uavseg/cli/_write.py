@@ -140,11 +140,25 @@ def shown(target: str) -> str:
 def summary_rows(found: Extraction) -> dict[str, str]:
     """Total area, largest region, stretch and band, for the table at the end."""
     return {
+        **_range_row(found),
         "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {found.area_unit}",
         "largest": largest(found),
         "stretch": found.stretch.name,
         "band": found.band_names,
     }
+
+
+def _range_row(found: Extraction) -> dict[str, str]:
+    """The range that was asked for, in v and in values."""
+    if found.wanted is None:
+        return {}
+    from uavseg.raster.value_scale import values_text
+
+    interval, ends = found.wanted.interval, found.wanted.ends
+    text = f"v {interval.low:.6g} to {interval.high:.6g}"
+    if found.axis is None:
+        return {"range": text}
+    return {"range": f"{text}: {values_text(ends, found.axis.unit)}"}
 
 
 def largest(found: Extraction) -> str:

@@ -25,10 +25,11 @@ def command(**options: Any) -> None:
     from uavseg.atomic import check_target
     from uavseg.jobs.divide import DivideRequest, divide
     from uavseg.jobs.open_source import open_source
-    from uavseg.segmentation.blocks.block_file import write_block_map
+    from uavseg.segmentation.blocks.block_file import check_block_map_name, write_block_map
 
     run = RunOptions.of(options)
     output = options["output"]
+    check_block_map_name(output)
     check_target(output, run.overwrite)
     keep_inputs([output], options["rasters"])
     request = DivideRequest(segment_params(options, None))

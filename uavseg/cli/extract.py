@@ -29,6 +29,7 @@ from uavseg.cli.options.files import parse_file_options
 from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.limits import zone_files
 from uavseg.cli.options.mission import mission_options
+from uavseg.cli.options.ranges import range_options
 from uavseg.cli.options.raster import (
     area,
     drawing,
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
 
 @click.command("extract", cls=HomeCommand)
 @reading_options
+@range_options("The range of v, such as 0.55,1. Several are classes, named after their ranges.", many=True)
 @class_options
 @click.option(
     "-o",
@@ -146,12 +148,12 @@ def command(**options: Any) -> None:
 
 
 def _request(options: dict[str, Any]) -> ExtractRequest | ClassesRequest:
-    from uavseg.segmentation.params import IntensityRange
+    from uavseg.segmentation.partition import ValueClasses
 
     asked, refine = asked_ranges(options), options["refine"]
     check_mission_classes(options, asked)
     how = drawing(options), area(options["fill_holes"]), area(options["min_area"])
-    if isinstance(asked, IntensityRange):
+    if not isinstance(asked, ValueClasses):
         from uavseg.jobs.extract import ExtractRequest
 
         return ExtractRequest(asked, segment_params(options, refine), *how)

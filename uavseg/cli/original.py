@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import click
@@ -10,7 +9,6 @@ import click
 from uavseg.cli._write import keep_inputs
 from uavseg.cli.options.raster import read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
-from uavseg.errors import ParameterError
 
 
 @click.command("original")
@@ -56,7 +54,7 @@ def command(**options: Any) -> None:
     from uavseg.atomic import check_target
     from uavseg.jobs.open_source import open_source
     from uavseg.jobs.original import original
-    from uavseg.raster.formats.geotiff import write_label_geotiff
+    from uavseg.raster.formats.geotiff import check_geotiff_name, write_label_geotiff
     from uavseg.raster.tiling import Window
     from uavseg.segmentation.baseline.lbpc import LbpcParams
 
@@ -64,8 +62,7 @@ def command(**options: Any) -> None:
     output = options["output"]
     names = ("threshold", "merge_stop", "untested", "radius", "sweeps")
     request, read = LbpcParams(*(options[name] for name in names)), read_options(options)
-    if Path(output).suffix.lower() not in (".tif", ".tiff"):
-        raise ParameterError(f"labels are written as GeoTIFF; name a .tif, not {output}")
+    check_geotiff_name(output, "a label raster")
     check_target(output, run.overwrite)
     keep_inputs([output], options["rasters"])
     found = original(open_source(options["rasters"], read), request, run.work())

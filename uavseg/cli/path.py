@@ -12,9 +12,9 @@ from uavseg.cli._write import keep_inputs, shown
 from uavseg.cli.options.access import access_options
 from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.mission import parse_home
+from uavseg.cli.options.ranges import asked_range, range_options
 from uavseg.cli.options.raster import (
     map_stretch_option,
-    parsed_range,
     polarity_option,
     read_options,
     segment_params,
@@ -35,7 +35,7 @@ _LINES = (".geojson", ".json")
 
 @click.command("path", cls=HomeCommand)
 @click.argument("map_", metavar="MAP")
-@click.option("--range", "interval", required=True, metavar="LO,HI", help="What is passable, such as 0,0.45.")
+@range_options("What is passable in v, such as 0,0.45.")
 @click.option(
     "--start", required=True, metavar="X,Y", help="In the map's coordinates (lon,lat if those are)."
 )
@@ -108,7 +108,7 @@ def _request(options: dict[str, Any]) -> PathRequest:
 
     start, goal = (_parsed_place(f"--{name}", options[name]) for name in ("start", "goal"))
     return PathRequest(
-        parsed_range(options["interval"]),
+        asked_range(options),
         start,
         goal,
         PathParams(options["clearance"], options["smooth"]),

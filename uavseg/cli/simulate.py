@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from uavseg.cli._say import say
 from uavseg.cli._write import check_distinct, keep_inputs, transaction
+from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
@@ -18,7 +20,9 @@ _SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "st
 
 @click.command("simulate", short_help="Simulate a laser range finder and write the map that it makes.")
 @click.argument("scene", metavar="lens|circles|SCENE.json")
-@click.option("-o", "--output", required=True, metavar="MAP.tif", help="The map: probabilities, float32.")
+@click.option(
+    "-o", "--output", required=True, metavar="MAP", help="The map: .tif (probabilities), or .yaml (ROS map)."
+)
 @click.option(
     "--png", metavar="PATH.png", help="The map as a picture: free black, unknown grey, occupied white."
 )
@@ -50,22 +54,19 @@ def command(**options: Any) -> None:
     and visible (the sensor could see it, into what is solid as deep as 3 σ).
     """
     from uavseg.jobs.simulate import SimulateRequest, simulate
+    from uavseg.occupancy.map_file import write_map
     from uavseg.occupancy.mapping.grid import grey_picture
-    from uavseg.raster.formats.geotiff import write_geotiff
     from uavseg.raster.formats.png import write_png
 
     scene, overwrite = options["scene"], options["overwrite"]
-    outputs = [options[name] for name in ("output", "png", "truth") if options[name]]
-    _check_targets(outputs, overwrite)
+    outputs = _check_targets(options["output"], options["png"], options["truth"], overwrite)
     keep_inputs(outputs, scene)
     sensor = {name: options[option] for option, name in _SENSOR.items()}
     found = simulate(scene, SimulateRequest(options["seed"], options["poses"], **sensor))
     grid = found.grid
     tags = {"scene": scene, "seed": str(options["seed"])}
     with transaction():
-        write_geotiff(
-            options["output"], [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite=overwrite
-        )
+        write_map(options["output"], grid, overwrite, tags)
         if options["png"]:
             write_png(options["png"], grey_picture(grid.probabilities), overwrite)
         if options["truth"]:
@@ -74,12 +75,22 @@ def command(**options: Any) -> None:
         _report(found.simulation, grid, outputs)
 
 
-def _check_targets(paths: list[str], overwrite: bool) -> None:
+def _check_targets(output: str, png: str | None, truth: str | None, overwrite: bool) -> list[str]:
+    """Check that all can be written, before the work; returns the files that will be."""
     from uavseg.atomic import check_target
+    from uavseg.occupancy.map_file import check_map_path
+    from uavseg.raster.formats.geotiff import check_geotiff_name
 
-    for path in paths:
+    others = [path for path in (png, truth) if path]
+    if png and Path(png).suffix.lower() != ".png":
+        raise OutputError(f"{png}: the picture of a map is a PNG; name a .png")
+    if truth:
+        check_geotiff_name(truth, "the truth of a scene")
+    for path in others:
         check_target(path, overwrite)
+    paths = [*check_map_path(output, overwrite), *others]
     check_distinct(*paths)
+    return paths
 
 
 def _write_truth(path: str, simulation: Simulation, overwrite: bool) -> None:

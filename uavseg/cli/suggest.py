@@ -123,6 +123,7 @@ def _as_json(found: Suggestions, commands: list[str]) -> str:
     facts = {
         "source": found.source.name,
         "stretch": found.source.stretch.name,
+        "unit": "" if found.source.axis is None else found.source.axis.unit,
         "explained": found.explained,
         "ranges": ranges,
         "warnings": found.warnings,
@@ -134,10 +135,13 @@ def _table(found: Suggestions, commands: list[str]) -> str:
     """The ranges in columns; the line to type next stands whole below its range, to be copied."""
     if not found.ranges:
         return "one class: there is no range to choose"
-    lines = [f"{'v':<20}{'area':>8}{'regions':>14}"]
-    for chosen, line in zip(found.ranges, commands, strict=True):
+    values = [one.values_text for one in found.ranges]
+    width = max(map(len, values)) + 3 if any(values) else 0
+    title = "values" if width else ""
+    lines = [f"{'v':<20}{title:<{width}}{'area':>8}{'regions':>14}"]
+    for chosen, text, line in zip(found.ranges, values, commands, strict=True):
         interval = str(chosen).replace(",", " to ")
-        lines.append(f"{interval:<20}{100 * chosen.share:>6.1f} %{chosen.regions_text:>14}")
+        lines.append(f"{interval:<20}{text:<{width}}{100 * chosen.share:>6.1f} %{chosen.regions_text:>14}")
         lines.append(f"    {line}")
     return "\n".join(lines)
 

@@ -70,5 +70,6 @@ def block_map_of(source: Pixels, tile_pass: TilePass) -> tuple[SavedBlocks, Sour
         blocks = measure_block_map(grey, dividing)
     decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
     dataset = source.dataset
-    saved = SavedBlocks(blocks, dataset.geobox, grey.stretch, dataset.band_names, source.origin)
-    return saved, SourceInfo.of(grey)
+    info = SourceInfo.of(grey)
+    facts = grey.stretch, dataset.band_names, source.origin, info.axis
+    return SavedBlocks(blocks, dataset.geobox, *facts), info

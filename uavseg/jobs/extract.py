@@ -10,6 +10,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, logger, phase
 from uavseg.jobs.fill_holes import filled
+from uavseg.jobs.ranges import AnyRange, FoundRange, grey_for, range_of_blocks, range_text
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
@@ -37,8 +38,8 @@ class ExtractRequest:
 
     Parameters
     ----------
-    interval : IntensityRange
-        Of v, after the stretch.
+    interval : IntensityRange or ValueRange
+        Of v, after the stretch; or of values in the units of the raster, or of percentiles of them.
     segment : SegmentParams
     drawing : Drawing
         How outlines are drawn.
@@ -49,7 +50,7 @@ class ExtractRequest:
         Regions of less are dropped, after holes are filled.
     """
 
-    interval: IntensityRange
+    interval: AnyRange
     segment: SegmentParams = SegmentParams()
     drawing: Drawing = Drawing()
     fill_holes: Area | None = None
@@ -87,8 +88,9 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
         hints.append(f"{source.saved.origin.rasters[0]} is not where it was, so regions end at block edges")
         found = _at_block_edges(source, request)
     if len(found.regions) == 0:
-        low, high = request.interval.low, request.interval.high
-        hints.append(f"no region has a mean v in {low:g}..{high:g}; uavseg info shows which v there are")
+        sought = range_text(request.interval, found.axis)
+        kind = "v" if isinstance(request.interval, IntensityRange) else "values"
+        hints.append(f"no region has a mean {sought}; uavseg info shows which {kind} there are")
     return work.finished(found, *hints)
 
 
@@ -102,18 +104,18 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
     work : Work
     """
     stretching, dividing, outlining = work.over(source).stages(3)
-    grey = source.grey(stretching)  # intensity -> v
+    grey, wanted = grey_for(source, request.interval, stretching)  # intensity -> v
     # texture, division of blocks
     with phase("division"):
-        blocks = measure_block_map_for(grey, request.interval, request.segment, dividing)
-        cells = cells_to_refine(blocks, request.interval, request.segment)  # segments of leaves in range
+        blocks = measure_block_map_for(grey, wanted.interval, request.segment, dividing)
+        cells = cells_to_refine(blocks, wanted.interval, request.segment)  # segments of leaves in range
     del blocks
     trim_heap()
     _log_cells(grey, cells)
     with phase("refinement and outlines"):  # to the pixel; small holes
-        outlined = _outlined(grey, cells, request, outlining)
+        outlined = _outlined(grey, cells, wanted, request, outlining)
     with phase("attributes and drawing"):  # small regions too
-        return _measured(outlined, SourceInfo.of(grey), request)
+        return _measured(outlined, SourceInfo.of(grey), wanted, request)
 
 
 def _log_cells(grey: GreySource, cells: NDArray[np.uint8]) -> None:
@@ -135,10 +137,11 @@ def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work
         raise ParameterError(f"{raster.name} has not the size of the raster that the block map was made from")
     outlining = work.over(raster)
     grey = GreySource(raster.dataset, source.saved.stretch)
-    cells = cells_to_refine(source.saved.blocks, request.interval, request.segment)
+    wanted = range_of_blocks(source, request.interval)
+    cells = cells_to_refine(source.saved.blocks, wanted.interval, request.segment)
     with phase("refinement and outlines"):
-        outlined = _outlined(grey, cells, request, outlining, source.saved.blocks)
-    return _measured(outlined, SourceInfo.of(grey), request)
+        outlined = _outlined(grey, cells, wanted, request, outlining, source.saved.blocks)
+    return _measured(outlined, SourceInfo.of(grey), wanted, request)
 
 
 def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
@@ -146,28 +149,33 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 
     blocks, segment = source.saved.blocks, request.segment
-    outlined = outline_block_map(blocks, cells_in_range(blocks, request.interval, segment.division))
+    wanted = range_of_blocks(source, request.interval)
+    outlined = outline_block_map(blocks, cells_in_range(blocks, wanted.interval, segment.division))
     if request.fill_holes is not None:
         outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
-    return _measured(outlined, SourceInfo.of(source), request)
+    return _measured(outlined, SourceInfo.of(source), wanted, request)
 
 
 def _outlined(
     grey: GreySource,
     cells: NDArray[np.uint8],
+    wanted: FoundRange,
     request: ExtractRequest,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
 ) -> RegionOutlines:
     """Outlines of the regions, with small holes filled."""
-    outlined = outline_regions(grey, cells, request.interval, request.segment.refine, tile_pass, expected)
+    outlined = outline_regions(grey, cells, wanted.interval, request.segment.refine, tile_pass, expected)
     trim_heap()
     return filled(grey, outlined, request.fill_holes, tile_pass)
 
 
-def _measured(outlined: RegionOutlines, info: SourceInfo, request: ExtractRequest) -> Extraction:
+def _measured(
+    outlined: RegionOutlines, info: SourceInfo, wanted: FoundRange, request: ExtractRequest
+) -> Extraction:
     """Regions with their attributes, the small ones dropped."""
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
-    interval = request.interval
-    return measured(outlined, info, (interval.low, interval.high), request.drawing)
+    interval = wanted.interval
+    ends = interval.low, interval.high
+    return measured(outlined, info, ends, request.drawing, wanted=wanted)

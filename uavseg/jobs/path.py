@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, regions_of_pixels
+from uavseg.jobs.ranges import AnyRange
 from uavseg.jobs.source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath, find_path
 from uavseg.occupancy.paths.free_cells import FreeCells
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.source import GreySource
 
 
@@ -19,8 +20,8 @@ class PathRequest:
 
     Parameters
     ----------
-    interval : IntensityRange
-        The range of v that is passable.
+    interval : IntensityRange or ValueRange
+        The range of v that is passable; or of values in the map's own units, or of percentiles.
     start, goal : (float, float)
         x and y on the map.
     params : PathParams
@@ -28,7 +29,7 @@ class PathRequest:
     segment : SegmentParams
     """
 
-    interval: IntensityRange
+    interval: AnyRange
     start: tuple[float, float]
     goal: tuple[float, float]
     params: PathParams = PathParams()
@@ -86,5 +87,6 @@ def path(source: ProbabilityMap | Blocks, request: PathRequest, work: Work = SER
 def free_cells(source: ProbabilityMap, request: PathRequest, work: Work = SERIAL) -> FreeCells:
     """The cells that a path may enter: in a region as `extract` finds it, and their own value in range."""
     found = regions_of_pixels(source, ExtractRequest(request.interval, request.segment), work)
+    assert found.wanted is not None, "an extraction holds its range"
     grey = GreySource(source.dataset, found.stretch)
-    return FreeCells(grey, found.rings, request.interval, found.warnings)
+    return FreeCells(grey, found.rings, found.wanted.interval, found.warnings)

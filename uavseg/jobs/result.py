@@ -8,12 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import ParameterError
+from uavseg.jobs.ranges import FoundRange
 from uavseg.jobs.source import Blocks
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.intensity.value_range import axis_of
+from uavseg.raster.value_scale import ValueAxis
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.table import Regions, make_regions
+from uavseg.regions.values import with_values
 from uavseg.segmentation.source import GreySource
 
 
@@ -34,6 +38,10 @@ class Extraction:
     warnings : tuple of str
     in_metres : bool
         Whether lengths are metres rather than units of the map.
+    axis : ValueAxis or None
+        How v maps to values in the raster's own units, where that is known.
+    wanted : FoundRange or None
+        The range that was asked for, if it is one.
     """
 
     regions: Regions
@@ -43,6 +51,8 @@ class Extraction:
     band_names: str
     warnings: tuple[str, ...]
     in_metres: bool = True
+    axis: ValueAxis | None = None
+    wanted: FoundRange | None = None
 
     @property
     def area_unit(self) -> str:
@@ -66,6 +76,8 @@ class SourceInfo:
     warnings : tuple of str
     in_metres : bool
         Whether lengths are metres rather than units of the map.
+    axis : ValueAxis or None
+        How v maps to values in the raster's own units, where that is known.
     """
 
     name: str
@@ -74,19 +86,20 @@ class SourceInfo:
     band_names: str
     warnings: tuple[str, ...]
     in_metres: bool
+    axis: ValueAxis | None = None
 
     @classmethod
     def of(cls, source: GreySource | Blocks) -> "SourceInfo":
         """About pixels that were read, or about a block map."""
         if isinstance(source, Blocks):
             saved = source.saved
-            metres = saved.geobox.crs is not None
-            return cls(
-                source.name, saved.geobox, saved.stretch, saved.band_names, saved.stretch.warnings, metres
-            )
+            facts = saved.stretch, saved.band_names, saved.stretch.warnings
+            return cls(source.name, saved.geobox, *facts, saved.geobox.crs is not None, saved.axis)
         dataset, stretch = source.dataset, source.stretch
         warnings = dataset.warnings + stretch.warnings
-        return cls(dataset.source, dataset.geobox, stretch, dataset.band_names, warnings, dataset.in_metres)
+        facts = stretch, dataset.band_names, warnings
+        axis = axis_of(dataset, stretch)
+        return cls(dataset.source, dataset.geobox, *facts, dataset.in_metres, axis)
 
 
 _MAX_METRES = 1e8  # more than twice around the Earth
@@ -148,6 +161,7 @@ def measured(
     interval: tuple[ArrayLike, ArrayLike],
     drawing: Drawing = Drawing(),
     more: Mapping[str, NDArray[Any]] = {},
+    wanted: FoundRange | None = None,
 ) -> Extraction:
     """Regions with their attributes.
 
@@ -161,11 +175,14 @@ def measured(
         How their outlines are drawn.
     more : mapping of str to (n,) array
         Columns that come after the id.
+    wanted : FoundRange, optional
+        The range that was asked for, in both units; by default its values follow from `interval`.
     """
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
+    regions = with_values(regions, info.axis, None if wanted is None else wanted.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    facts = info.stretch, info.band_names, info.warnings, info.in_metres
+    facts = info.stretch, info.band_names, info.warnings, info.in_metres, info.axis, wanted
     return Extraction(regions, rings, info.geobox, *facts)

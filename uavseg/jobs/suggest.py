@@ -13,6 +13,7 @@ from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
+from uavseg.raster.value_scale import ValueAxis, values_text
 from uavseg.regions.tiles.block_map_regions import count_segments
 from uavseg.regions.tiles.count_regions import count_regions, estimate_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -71,6 +72,10 @@ class Suggestion:
         How many regions extracting it gives.
     exact : bool
         Whether they were counted; otherwise their number is an estimate, see `estimate_regions`.
+    value_low, value_high : float or None
+        The range in the units of the raster; None where it is open, or values are not known.
+    unit : str
+        Of the values; empty where it is not known.
     """
 
     low: float
@@ -79,6 +84,9 @@ class Suggestion:
     share: float
     regions: int
     exact: bool = True
+    value_low: float | None = None
+    value_high: float | None = None
+    unit: str = ""
 
     @property
     def range(self) -> tuple[float, float]:
@@ -88,6 +96,14 @@ class Suggestion:
     def __str__(self) -> str:
         """As --range takes it."""
         return f"{self.low:.7g},{self.high:.7g}"
+
+    @property
+    def values_text(self) -> str:
+        """The range in values for people; empty where they are not known."""
+        if self.value_low is None and self.value_high is None:
+            return ""
+        low, high = (math.nan if end is None else end for end in (self.value_low, self.value_high))
+        return values_text((low, high), self.unit)
 
     @property
     def regions_text(self) -> str:
@@ -168,7 +184,7 @@ def _suggestions(blocks: BlockMap, source: SourceInfo, request: SuggestRequest) 
     taken = means_among(blocks, cuts.edges, how.division)
     edges = tuple(edge_beside_means(edge) if edge in taken else edge for edge in cuts.edges)
     intervals = cell_intervals(blocks, edges, how.division)
-    ranges = _ranges(blocks, edges, intervals) if edges else ()
+    ranges = _in_values(_ranges(blocks, edges, intervals), source.axis) if edges else ()
     warnings = (*source.warnings, *_doubts(cuts, request.classes, histogram))
     return Suggestions(ranges, cuts.classes.explained, histogram, intervals, blocks, source, warnings)
 
@@ -185,6 +201,17 @@ def _ranges(
         Suggestion(bounds[k], bounds[k + 1], int(pixels[k]), float(pixels[k] / total), int(regions[k]))
         for k in range(len(pixels))
     )
+
+
+def _in_values(ranges: tuple[Suggestion, ...], axis: ValueAxis | None) -> tuple[Suggestion, ...]:
+    """The ranges with the values that they stand for."""
+    if axis is None:
+        return ranges
+    found = []
+    for one in ranges:
+        low, high = (None if np.isnan(end) else float(end) for end in axis.ends(one.low, one.high))
+        found.append(replace(one, value_low=low, value_high=high, unit=axis.unit))
+    return tuple(found)
 
 
 def _refined(

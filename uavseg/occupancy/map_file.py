@@ -1,6 +1,7 @@
 """Files of an occupancy grid as a map: a ROS map, or a GeoTIFF of probabilities."""
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -33,11 +34,25 @@ def check_map_path(path: str | os.PathLike[str], overwrite: bool = False) -> lis
     return files
 
 
-def write_map(path: str | os.PathLike[str], grid: OccupancyGrid, overwrite: bool = False) -> None:
+def write_map(
+    path: str | os.PathLike[str],
+    grid: OccupancyGrid,
+    overwrite: bool = False,
+    tags: Mapping[str, str] | None = None,
+) -> None:
     """Write a grid as a ROS map (.yaml and its .pgm, trinary), or as a GeoTIFF of probabilities (.tif).
 
     In a ROS map, cells are free up to a probability of 0.25 and occupied from 0.65 on, as Nav2's map_saver
     writes them.
+
+    Parameters
+    ----------
+    path : path
+    grid : OccupancyGrid
+    overwrite : bool
+        Whether to replace existing files.
+    tags : mapping of str to str, optional
+        Metadata items of a GeoTIFF.
 
     Raises
     ------
@@ -46,7 +61,7 @@ def write_map(path: str | os.PathLike[str], grid: OccupancyGrid, overwrite: bool
     """
     check_map_path(path, overwrite)
     if not is_ros_map(path):
-        write_geotiff(path, [grid.probabilities], grid.geobox, ["occupancy"], overwrite=overwrite)
+        write_geotiff(path, [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite)
         return
     check_ros_map(path, grid.geobox, overwrite)
     write_ros_map(path, trinary_states(grid.probabilities), grid.geobox, overwrite)

@@ -21,6 +21,11 @@ from uavseg.raster.tiling import TilePass
 class ProbabilityStretch(Stretch):
     """Floats that are probabilities already: v is what they are, and what leaves 0..1 is refused."""
 
+    @property
+    def clips(self) -> bool:
+        """False: nothing lies beyond its ends."""
+        return False
+
     def apply(self, values: Values, valid: Valid | None = None) -> Grey:
         """Grey of each pixel, 0 where it is invalid.
 

@@ -22,9 +22,12 @@ from uavseg.plot.page import (
     save_figure,
 )
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.value_scale import ValueAxis
 
 _WIDTH_IN, _MAP_IN, _PLOT_IN = 10.0, 6.3, 2.6  # the page, the raster and the histogram
+_VALUES_IN = 0.55  # the axis of values beside the histogram
 _HEAD_IN, _FOOT_IN, _MARGIN_IN, _LINE_IN = 0.42, 0.34, 0.15, 0.2
+_SMALL, _TITLE_IN = 0.8, 0.14  # a line of values, as a share of a line; the title of their axis
 _MIN_PLOT_IN, _MAX_HEIGHT_IN = 2.0, 11.0
 _WIDTH_PX = 1600
 _MAX_PIXELS = 2 * _WIDTH_PX
@@ -73,7 +76,7 @@ def _figure(found: Suggestions, dataset: Dataset | None) -> Any:
         (
             left / _WIDTH_IN,
             (_FOOT_IN + 0.1) / page,
-            _PLOT_IN / _WIDTH_IN,
+            (_PLOT_IN - (0 if found.source.axis is None else _VALUES_IN)) / _WIDTH_IN,
             (height - 0.1 - _legend_height(found)) / page,
         )
     )
@@ -125,12 +128,26 @@ def _draw_histogram(ax: Any, found: Suggestions) -> None:
     ax.tick_params(labelsize=7, colors=CAPTION_COLOR, length=2.5)
     ax.set_ylabel("v", size=8, color=CAPTION_COLOR, rotation=0, labelpad=6)
     ax.set_xlabel("area (root)", size=7, color=CAPTION_COLOR)
+    if found.source.axis is not None:
+        _draw_values(ax, found.source.axis)
     for side in ax.spines.values():
         side.set(color="#bbbbbb", lw=0.6)
 
 
+def _draw_values(ax: Any, axis: ValueAxis) -> None:
+    """The same axis in values, on the right."""
+    other = ax.twinx()
+    other.set_ylim(axis.values(ax.get_ylim()))
+    other.tick_params(labelsize=7, colors=CAPTION_COLOR, length=2.5)
+    other.ticklabel_format(useOffset=False)
+    other.set_title(axis.unit or "value", size=7, color=CAPTION_COLOR, loc="right", pad=3)
+    for side in other.spines.values():
+        side.set_visible(False)
+
+
 def _legend_height(found: Suggestions) -> float:
-    return _LINE_IN * max(len(found.ranges), 1) + 0.1
+    lines = sum(1 + bool(one.values_text) * _SMALL for one in found.ranges)
+    return _LINE_IN * max(lines, 1) + 0.1 + (0 if found.source.axis is None else _TITLE_IN)
 
 
 def _write_legend(figure: Any, x: float, found: Suggestions) -> None:
@@ -144,6 +161,9 @@ def _write_legend(figure: Any, x: float, found: Suggestions) -> None:
         for place, text, side in _columns(chosen):
             figure.text(x + place / _WIDTH_IN, y, text, size=8, color=TEXT_COLOR, va="top", ha=side)
         y -= _LINE_IN / page
+        if chosen.values_text:
+            figure.text(x + 0.2 / _WIDTH_IN, y, chosen.values_text, size=7, color=CAPTION_COLOR, va="top")
+            y -= _SMALL * _LINE_IN / page
 
 
 def _columns(chosen: Suggestion) -> list[tuple[float, str, str]]:

@@ -21,6 +21,7 @@ def summary_text(summary: Summary) -> str:
         ("intensity", f"{summary.used}, stretched by {summary.stretch}"),
         ("nodata", f"{_percent(summary.nodata_share)} of the pixels ({_counted(summary)})"),
         ("v", _moments(summary)),
+        ("values", _values(summary)),
     ]
     facts = [f"{name:<10} {text}" for name, text in rows if text]
     notes = [f"note       {warning}" for warning in summary.warnings]
@@ -42,11 +43,13 @@ def text_bar(share: float, width: int = _WIDTH) -> str:
 def _bars(summary: Summary) -> list[str]:
     """One line for each bin of v."""
     largest, total = max(*summary.histogram, 1), max(summary.valid, 1)
+    values = [_bin_values(summary, n) for n in range(HISTOGRAM_BINS)]
+    width = max(map(len, values))
     lines = []
     for n, count in enumerate(summary.histogram):
         drawn = text_bar(count / largest) or ("▏" if count else "")
         label = f"{n / HISTOGRAM_BINS:.2f}-{(n + 1) / HISTOGRAM_BINS:.2f}"
-        lines.append(f"{label:<10} {drawn:<{_WIDTH}} {100 * count / total:5.1f} %")
+        lines.append(f"{label:<10} {values[n]:<{width}}{drawn:<{_WIDTH}} {100 * count / total:5.1f} %")
     return lines
 
 
@@ -103,6 +106,26 @@ def _moments(summary: Summary) -> str:
     if summary.valid == 0:
         return "there is no valid pixel"
     return f"mean {summary.mean:.3f}, standard deviation {summary.std:.3f}"
+
+
+def _values(summary: Summary) -> str:
+    """The values of v = 0 and 1, and how they are stored where that is not as they are."""
+    axis = summary.axis
+    if axis is None or summary.valid == 0:
+        return ""
+    low, high, mean = axis.values([0, 1, summary.mean]).tolist()
+    unit, scale = f" {axis.unit}" if axis.unit else "", axis.scale
+    stored = f" = {scale.scale:.10g} x stored + {scale.offset:.10g}"
+    kept = "" if (scale.scale, scale.offset) == (1, 0) else stored
+    return f"v = 0 is {low:.6g}{unit}, v = 1 is {high:.6g}{unit}, the mean v is {mean:.6g}{unit}{kept}"
+
+
+def _bin_values(summary: Summary, n: int) -> str:
+    """The values of a bin of the histogram."""
+    if summary.axis is None or summary.valid == 0:
+        return ""
+    low, high = summary.axis.values([n / HISTOGRAM_BINS, (n + 1) / HISTOGRAM_BINS]).tolist()
+    return f"{low:.5g} to {high:.5g}  "
 
 
 def _number(value: float | None) -> str:

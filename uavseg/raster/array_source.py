@@ -11,6 +11,7 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.raster.bands import BandChoice, BandLayout, Valid, Values, valid_pixels
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, sample_positions
+from uavseg.raster.value_scale import AS_STORED, BandScale
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,11 +31,16 @@ class ArraySource:
     palette: None = None
     driver: str = "DataArray"
     overviews: tuple[int, ...] = ()
+    scale: BandScale = AS_STORED
 
     @property
     def name(self) -> str:
         """The name of the array."""
         return self.path
+
+    def scale_of(self, _band: int, _bits: int) -> BandScale:
+        """The scale of its numbers."""
+        return self.scale
 
     def fingerprint(self) -> object:
         """Refused: an array in memory cannot be recognised in another run.
@@ -105,6 +111,7 @@ def from_array(array: Any) -> ArraySource:
         nodatas=(array.rio.nodata,) * count,
         block=_chunk(array),
         warnings=() if crs else (f"{name}: it has no coordinate reference system: coordinates are local",),
+        scale=_scale(array),
     )
 
 
@@ -133,6 +140,13 @@ def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
         warnings=(),
         driver="array",
     )
+
+
+def _scale(array: Any) -> BandScale:
+    """The scale of a DataArray by its attributes (CF conventions)."""
+    attributes = getattr(array, "attrs", {})
+    names = ("scale_factor", "add_offset", "units")
+    return BandScale.of_tags(*(attributes.get(name) for name in names)) or AS_STORED
 
 
 def _chunk(array: Any) -> tuple[int, int]:

@@ -24,6 +24,7 @@ from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
 from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
+from uavseg.raster.value_scale import BandScale
 
 Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
@@ -140,6 +141,14 @@ class Dataset:
     def band_names(self) -> str:
         """Description of the bands that are used, for messages."""
         return self.choice.name
+
+    @property
+    def scale(self) -> BandScale | None:
+        """Scale, offset and unit of the bands that are used; None if bands or files have different ones."""
+        found = {file.scale_of(band, self.bits) for file in self.mosaic.files for band in self.bands}
+        if self.choice.expanded:
+            return BandScale()  # brightness of colours
+        return found.pop() if len(found) == 1 else None
 
     @property
     def file_block(self) -> tuple[int, int]:

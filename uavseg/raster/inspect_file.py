@@ -22,6 +22,7 @@ from uavseg.raster.bands import BandLayout
 from uavseg.raster.geobox import check_transform
 from uavseg.raster.opening import GDAL_ERRORS, file_exists, has_place, mask_kind, open_error_text
 from uavseg.raster.raster_file import RasterFile
+from uavseg.raster.value_scale import BandScale
 
 Answer = TypeVar("Answer")
 
@@ -80,8 +81,22 @@ def _metadata(path: str, source: DatasetReader) -> RasterFile:
         driver=source.driver,
         online=is_online(path),
         overviews=tuple(source.overviews(1)),
+        scales=_scales(source, warnings),
         warnings=tuple(f"{Path(path).name}: {text}" for text in warnings),
     )
+
+
+def _scales(source: DatasetReader, warnings: list[str]) -> tuple[BandScale, ...]:
+    """The scale, offset and unit of each band."""
+    found = []
+    for band, tags in enumerate(zip(source.scales, source.offsets, source.units, strict=True), start=1):
+        scale = BandScale.of_tags(*tags)
+        if scale is None:
+            warnings.append(
+                f"band {band} has the scale {tags[0]:g} and the offset {tags[1]:g}: both are ignored"
+            )
+        found.append(scale or BandScale())
+    return tuple(found)
 
 
 def _retry(query: Callable[[], Answer]) -> Answer:

@@ -26,6 +26,7 @@ from uavseg.raster.tiff.deflate import check_deflate_blocks
 from uavseg.raster.tiff.jpeg import check_jpeg_blocks
 from uavseg.raster.tiff.sparse import SparseBlocks
 from uavseg.raster.tiling import Window
+from uavseg.raster.value_scale import BandScale
 
 FileState = tuple[str, int, int]
 
@@ -57,6 +58,8 @@ class RasterFile:
     overviews : tuple of int
         Downsampling factors of the overviews in the file.
     warnings : tuple of str
+    scales : tuple of BandScale
+        The scale, offset and unit of each band.
     """
 
     path: str
@@ -74,6 +77,7 @@ class RasterFile:
     online: bool
     overviews: tuple[int, ...]
     warnings: tuple[str, ...]
+    scales: tuple[BandScale, ...] = ()
 
     def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
         # A relative path becomes absolute: another process may have another working directory.
@@ -88,6 +92,11 @@ class RasterFile:
     def name(self) -> str:
         """The last part of the path."""
         return Path(self.path).name
+
+    def scale_of(self, band: int, bits: int) -> BandScale:
+        """The scale of the numbers that are read of a band, counted from 1, of so many bits."""
+        scale = self.scales[band - 1] if self.scales else BandScale()
+        return scale.inverted((1 << bits) - 1) if self.white_is_zero else scale
 
     @property
     def fails_by_block(self) -> bool:

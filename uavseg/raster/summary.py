@@ -15,9 +15,11 @@ from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.geodesy.ground import ground_resolution
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
+from uavseg.raster.intensity.value_range import axis_of
 from uavseg.raster.mosaic import RasterSource
 from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tiling import TilePass, Window, tile_side, tiles
+from uavseg.raster.value_scale import ValueAxis
 from uavseg.units import GREY_LEVELS
 
 EXACT_PIXELS = 100_000_000  # larger rasters are downsampled before counting
@@ -66,6 +68,8 @@ class Summary:
     warnings : tuple of str
     command : str
         A command to try next: it extracts the rarer of dark and bright, see `interval`.
+    axis : ValueAxis or None
+        How v maps to values in the units of the raster; None if bands or files have different scales.
     """
 
     paths: tuple[str, ...]
@@ -92,6 +96,7 @@ class Summary:
     in_metres: bool
     warnings: tuple[str, ...]
     command: str = ""
+    axis: ValueAxis | None = None
 
     @property
     def nodata_share(self) -> float:
@@ -115,8 +120,16 @@ class Summary:
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
         ]
+        found["values"] = None if found.pop("axis") is None else self._values()
         more = {"nodata_share": self.nodata_share, "command": found.pop("command")}
         return {key: _plain(value) for key, value in (found | more).items()}
+
+    def _values(self) -> dict[str, Any]:
+        """The values at v = 0 and 1, their mean under the stretch, and how they are stored."""
+        assert self.axis is not None, "there are values"
+        low, high, mean = self.axis.values([0, 1, self.mean]).tolist()
+        scale = asdict(self.axis.scale)
+        return {"low": low, "high": high, "mean": _plain(mean), **scale}
 
 
 def summarize(
@@ -167,6 +180,7 @@ def summarize(
         overviews=first.overviews,
         in_metres=dataset.in_metres,
         warnings=(*dataset.warnings, *fitted.warnings),
+        axis=axis_of(dataset, fitted),
     )
 
 

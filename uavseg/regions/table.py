@@ -39,6 +39,14 @@ COLUMNS: dict[str, type] = {
 }
 """Columns of a region table, in order, with their types."""
 
+VALUE_COLUMNS: dict[str, type] = {
+    "mean_value": np.float64,
+    "value_low": np.float64,
+    "value_high": np.float64,
+    "unit": object,
+}
+"""Columns in the units of the raster, which follow `range_high`; see `regions.values`."""
+
 
 @dataclass(frozen=True)
 class Regions:

@@ -59,7 +59,7 @@ def test_a_file_is_replaced_only_if_that_is_asked_for(tmp_path: Path) -> None:
 
 
 def test_a_grid_is_saved_as_a_geotiff(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"name it \.tif"):
+    with pytest.raises(OutputError, match=r"name a \.tif"):
         merged(1).save(tmp_path / "map.npz")
 
 

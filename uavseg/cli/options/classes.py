@@ -8,24 +8,17 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
+    from uavseg.jobs.ranges import AnyRange
     from uavseg.jobs.result import Extraction
-    from uavseg.segmentation.params import IntensityRange
     from uavseg.segmentation.partition import ValueClasses
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def class_options(command: F) -> F:
-    """Give a command --range, --class and --classes; see `asked_ranges`."""
+    """Give a command --class and --classes; see `asked_ranges`."""
     for option in reversed(
         (
-            click.option(
-                "--range",
-                "ranges",
-                multiple=True,
-                metavar="LO,HI",
-                help="The range of v, such as 0.55,1. Several are classes, named after their ranges.",
-            ),
             click.option(
                 "--class",
                 "class_texts",
@@ -78,7 +71,7 @@ def class_choice_options(name: str) -> Callable[[F], F]:
     return wrap
 
 
-def check_mission_classes(options: dict[str, Any], asked: IntensityRange | ValueClasses) -> None:
+def check_mission_classes(options: dict[str, Any], asked: AnyRange | ValueClasses) -> None:
     """Check that a mission over classes names those that it flies over, and none that was not asked for.
 
     Raises
@@ -113,7 +106,7 @@ def avoid_notes(options: dict[str, Any]) -> list[str]:
     ]
 
 
-def asked_ranges(options: dict[str, Any]) -> IntensityRange | ValueClasses:
+def asked_ranges(options: dict[str, Any]) -> AnyRange | ValueClasses:
     """The one range, or the classes, that a command was given.
 
     Raises
@@ -123,20 +116,34 @@ def asked_ranges(options: dict[str, Any]) -> IntensityRange | ValueClasses:
     UavsegError
         If they are not understood, or classes overlap.
     """
-    from uavseg.cli.options.raster import parsed_range
+    from uavseg.cli.options.ranges import asked_range
 
-    ranges, texts, file = options["ranges"], options["class_texts"], options["class_file"]
-    if sum(map(bool, (ranges, texts, file is not None))) != 1:
-        raise click.UsageError("give --range LO,HI, or classes as --class NAME=LO,HI or --classes FILE")
-    if len(ranges) == 1:
-        return parsed_range(ranges[0])
+    ranges, texts, file = options["interval"], options["class_texts"], options["class_file"]
+    one = {
+        "--range": ranges,
+        "--values": options["values"],
+        "--percentile": options["percentile"],
+        "--class": texts,
+        "--classes": file,
+    }
+    given = [name for name, value in one.items() if value]
+    if not given:
+        raise click.UsageError(
+            "Missing option '--range' (v in 0..1), '--values' or '--percentile'; or '--class' or '--classes'."
+        )
+    if (len(given) > 1 and any(name in given for name in ("--class", "--classes"))) or len(ranges) > 1 < len(
+        given
+    ):
+        raise click.UsageError(
+            f"{' and '.join(given)} do not go together; give a range, or classes in one way"
+        )
+    if not texts and not file and len(ranges) < 2:
+        return asked_range(options | {"interval": ranges[0] if ranges else None})
     from uavseg.jobs.words.class_words import classes_of_ranges, classes_of_texts, read_classes
 
-    if file is not None:
+    if file:
         return read_classes(file)
-    if texts:
-        return classes_of_texts(texts)
-    return classes_of_ranges([parsed_range(text) for text in ranges])
+    return classes_of_texts(texts) if texts else classes_of_ranges(ranges)
 
 
 _LISTED = 12  # classes in the table at the end

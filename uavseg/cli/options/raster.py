@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli.options.access import access_options
-from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
     from uavseg.jobs.result import Drawing
     from uavseg.jobs.source import ReadOptions
     from uavseg.regions.edit.small import Area
-    from uavseg.segmentation.params import IntensityRange, SegmentParams
+    from uavseg.segmentation.params import SegmentParams
 
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -144,17 +143,6 @@ def area(text: str | None) -> Area | None:
     from uavseg.regions.edit.small import as_area
 
     return as_area(text)
-
-
-def parsed_range(text: str) -> IntensityRange:
-    """LO,HI of --range as a range of v."""
-    from uavseg.segmentation.params import IntensityRange
-
-    try:
-        low, high = (float(part) for part in text.split(","))
-    except ValueError:
-        raise ParameterError(f"--range is two numbers between commas, such as 0.55,1, not {text!r}") from None
-    return IntensityRange(low, high)
 
 
 def _with_options(command: Command, *options: Callable[[Command], Command]) -> Command:

@@ -22,7 +22,7 @@ _COLOR = re.compile(r"#[0-9a-fA-F]{6}\Z")
 _EXPECTED = "columns name and range (or low and high), and color if you like"
 
 
-def range_of_words(text: str, what: str = "a range") -> IntensityRange:
+def parse_class_range(text: str, what: str = "a range") -> IntensityRange:
     """LO,HI as a range of v; either end may be left out.
 
     Raises
@@ -32,7 +32,7 @@ def range_of_words(text: str, what: str = "a range") -> IntensityRange:
 
     Examples
     --------
-    >>> range_of_words("0.5,")
+    >>> parse_class_range("0.5,")
     IntensityRange(low=0.5, high=1.0)
     """
     try:
@@ -63,19 +63,25 @@ def classes_of_texts(texts: Sequence[str]) -> ValueClasses:
         name, equals, ends = text.rpartition("=")
         if not equals:
             raise ParameterError(f"--class is NAME=LO,HI, such as water=0,0.2, not {text!r}")
-        found.append(ValueClass(name.strip(), range_of_words(ends, f"the range of the class {name}")))
+        found.append(ValueClass(name.strip(), parse_class_range(ends, f"the range of the class {name}")))
     return ValueClasses(tuple(found))
 
 
-def classes_of_ranges(ranges: Sequence[IntensityRange]) -> ValueClasses:
-    """Classes that are named after their ranges, such as 0.2,0.5.
+def classes_of_ranges(texts: Sequence[str]) -> ValueClasses:
+    """Classes from texts of ranges, after which they are named.
 
     Raises
     ------
     ParameterError
-        If two overlap.
+        If one is not a range, or two overlap.
+
+    Examples
+    --------
+    >>> [one.name for one in classes_of_ranges(["0,0.20", "0.5,1"]).classes]
+    ['0,0.2', '0.5,1']
     """
-    return ValueClasses(tuple(ValueClass(f"{one.low:g},{one.high:g}", one) for one in ranges))
+    found = [parse_class_range(text, "--range") for text in texts]
+    return ValueClasses(tuple(ValueClass(f"{one.low:g},{one.high:g}", one) for one in found))
 
 
 def classes_of_words(classes: Mapping[str, Any] | str | os.PathLike[str] | None) -> ValueClasses:

@@ -1,15 +1,14 @@
 """Files of occupancy grids: the log-odds of all cells as a GeoTIFF, so that merging can go on."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import MapError, OutputError
+from uavseg.errors import MapError
 from uavseg.occupancy.mapping.pending import MAX_LOG_ODDS
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff
+from uavseg.raster.formats.geotiff import check_geotiff_name, read_geotiff, write_geotiff
 from uavseg.raster.geobox import GeoBox
 
 Float32s = NDArray[np.float32]
@@ -46,8 +45,7 @@ def write_grid_file(
     OutputExistsError, OutputError
         If the file exists, has another extension, or cannot be written.
     """
-    if Path(path).suffix.lower() not in (".tif", ".tiff"):
-        raise OutputError(f"{os.fspath(path)}: a grid is saved as a GeoTIFF; name it .tif")
+    check_geotiff_name(path, "a grid")
     check_cells(log_odds.shape, "this grid")
     write_geotiff(path, [log_odds], geobox, ["log-odds of occupancy"], {_TAG: _CONTENT}, overwrite)
 

@@ -35,6 +35,18 @@ class LabelBand:
     description: str | None = None
 
 
+def check_geotiff_name(path: Path_, what: str) -> None:
+    """Check that a file has a name by which it is opened as what it is.
+
+    Raises
+    ------
+    OutputError
+        If its extension is neither .tif nor .tiff.
+    """
+    if Path(path).suffix.lower() not in (".tif", ".tiff"):
+        raise OutputError(f"{os.fspath(path)}: {what} is written as GeoTIFF; name a .tif")
+
+
 def write_label_geotiff(
     path: Path_,
     tiles: Iterable[tuple[Window, NDArray[Any]]],

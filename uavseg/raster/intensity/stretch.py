@@ -21,6 +21,25 @@ AUTO_PERCENTILES = (Fraction(2), Fraction(98))
 
 
 @dataclass(frozen=True, slots=True)
+class Border:
+    """A bound of a range of values, on which greys are decided by the values themselves.
+
+    Parameters
+    ----------
+    intensity : float
+        Stored intensity of the bound, which belongs to the range.
+    grey : int
+        Its grey. Intensities with this grey on the other side of the bound get the next grey outside.
+    is_low : bool
+        Whether the range lies above it.
+    """
+
+    intensity: float
+    grey: int
+    is_low: bool
+
+
+@dataclass(frozen=True, slots=True)
 class Stretch:
     """Linear map from intensity to grey.
 
@@ -35,6 +54,8 @@ class Stretch:
         Description for messages: "percentile:2,98 -> 113..2045".
     warnings : tuple of str
         For the user.
+    borders : tuple of Border
+        Bounds of ranges of values that greys alone would not decide exactly.
 
     Examples
     --------
@@ -46,6 +67,12 @@ class Stretch:
     high: float
     name: str
     warnings: tuple[str, ...] = ()
+    borders: tuple[Border, ...] = ()
+
+    @property
+    def clips(self) -> bool:
+        """Whether intensities beyond its ends become those of the ends."""
+        return True
 
     def apply(self, values: Values, valid: Valid | None = None) -> Grey:
         """Grey of each pixel, 0 where it is invalid.
@@ -61,9 +88,24 @@ class Stretch:
         grey : (rows, cols) uint16 array
         """
         grey = to_grey(values, self.low, self.high)
+        if self.borders:
+            _decide_borders(grey, values, self.borders)
         if valid is not None:
             grey *= valid
         return grey
+
+
+def _decide_borders(grey: Grey, values: Values, borders: Sequence[Border]) -> None:
+    """Move pixels whose grey is that of a bound and whose intensity is outside of it by a grey."""
+    flat, pixels = grey.reshape(-1), np.ascontiguousarray(values).reshape(len(values), -1)
+    at = {key: np.flatnonzero(flat == key) for key in {border.grey for border in borders}}
+    for border in borders:
+        near = at[border.grey]
+        here = luminance_f4(pixels[:, near]) if len(pixels) == 3 else pixels[0, near]
+        if border.is_low:
+            flat[near[here < border.intensity]] = border.grey - 1
+        else:
+            flat[near[here > border.intensity]] = border.grey + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,23 +189,39 @@ def fit_stretch(
     """
     if isinstance(spec, Stretch):
         return spec
-    spec = parse_stretch(spec) if isinstance(spec, str) else spec
-    if spec.form == "auto":
-        spec = StretchSpec("dtype") if _is_8_bit(dataset) else StretchSpec("percentile", AUTO_PERCENTILES)
+    spec = resolved_spec(dataset, parse_stretch(spec) if isinstance(spec, str) else spec)
+    percents = percents_of(spec)
+    return stretch_of(dataset, spec, order_statistics(dataset, percents, tile_pass) if percents else ())
+
+
+def resolved_spec(dataset: Dataset, spec: StretchSpec) -> StretchSpec:
+    """A requested stretch, with what `auto` stands for."""
+    if spec.form != "auto":
+        return spec
+    return StretchSpec("dtype") if _is_8_bit(dataset) else StretchSpec("percentile", AUTO_PERCENTILES)
+
+
+def percents_of(spec: StretchSpec) -> tuple[Fraction, ...]:
+    """The percentiles that a resolved stretch is fitted to; none where no pixel is read."""
+    if spec.form not in ("minmax", "percentile"):
+        return ()
+    return spec.bounds or (Fraction(0), Fraction(100))
+
+
+def stretch_of(dataset: Dataset, spec: StretchSpec, found: Sequence[float] | None) -> Stretch:
+    """A resolved stretch with the intensities at its percentiles; None if no pixel is valid."""
     if spec.form == "none":
         return Stretch(0.0, 1.0, "none -> 0..1")
     if spec.form == "given" and spec.bounds is not None:
-        return _stretch_of(spec, float(spec.bounds[0]), float(spec.bounds[1]))
+        return _stretch_between(spec, float(spec.bounds[0]), float(spec.bounds[1]))
     if spec.form == "dtype":
-        return _stretch_of(spec, 0.0, _maximum(dataset))
-    percents = spec.bounds or (Fraction(0), Fraction(100))
-    found = _order_statistics(dataset, percents, tile_pass)
+        return _stretch_between(spec, 0.0, _maximum(dataset))
     if found is None:
         return Stretch(0.0, 1.0, f"{spec} -> nothing", ("no pixel is valid, so there is nothing to stretch",))
-    return _stretch_of(spec, *found)
+    return _stretch_between(spec, *found)
 
 
-def _stretch_of(spec: StretchSpec, low: float, high: float) -> Stretch:
+def _stretch_between(spec: StretchSpec, low: float, high: float) -> Stretch:
     warnings: tuple[str, ...] = ()
     if low == high:
         warnings = (f"the stretch {spec} finds one intensity, {low:g}: it becomes v = 0.5, less 0, more 1",)
@@ -183,13 +241,13 @@ def _maximum(dataset: Dataset) -> float:
     return math.ldexp(1.0, dataset.bits - (dataset.dtype.kind == "i")) - 1
 
 
-def _order_statistics(
+def order_statistics(
     dataset: Dataset,
     percents: Sequence[Fraction],
     tile_pass: TilePass,
 ) -> list[float] | None:
     """The intensities at some percentiles of all valid pixels; None if there are none."""
-    integers = _is_counted_exactly(dataset)
+    integers = counts_exactly(dataset)
     counts = reduce(np.add, tile_pass.run(partial(_count_upper, dataset)))
     total = int(counts.sum())
     if total == 0:
@@ -208,7 +266,7 @@ def _value_of_rank(upper: int, rank: int, lowers: NDArray[np.int64]) -> float:
     return histogram.value_of_key(upper, lower)
 
 
-def _is_counted_exactly(dataset: Dataset) -> bool:
+def counts_exactly(dataset: Dataset) -> bool:
     """Whether one histogram has a bin for each possible value."""
     single = len(dataset.bands) == 1 and not dataset.choice.expanded
     return single and dataset.dtype.kind in "iu" and dataset.dtype.itemsize <= 2
@@ -216,9 +274,9 @@ def _is_counted_exactly(dataset: Dataset) -> bool:
 
 def _count_upper(dataset: Dataset, window: Window) -> NDArray[np.int64]:
     if dataset.is_empty(window):
-        return np.zeros(1 << (8 * dataset.dtype.itemsize if _is_counted_exactly(dataset) else 16), np.int64)
+        return np.zeros(1 << (8 * dataset.dtype.itemsize if counts_exactly(dataset) else 16), np.int64)
     values, valid = dataset.read(window)
-    if _is_counted_exactly(dataset):
+    if counts_exactly(dataset):
         return histogram.count_integers(values[0], valid)
     return histogram.count_upper_halves(_floats(values), valid)
 

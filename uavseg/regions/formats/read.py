@@ -24,7 +24,7 @@ from uavseg.regions.formats.vector_files import (
     check_vector,
     reading_vectors,
 )
-from uavseg.regions.table import COLUMNS, Regions
+from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
 from uavseg.warning_filters import changing_filters
 
 if TYPE_CHECKING:
@@ -236,7 +236,8 @@ def _restore_names(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         columns = {name: values for name, values in columns.items() if name not in KML_FIELDS}
     if "id2" in columns and _integers(columns.get("id")) is None:  # KML has an id of its own
         columns["id"] = columns.pop("id2")
-    for name in columns.keys() & {name for name, kind in COLUMNS.items() if kind is not object}:
+    known = COLUMNS | VALUE_COLUMNS
+    for name in columns.keys() & {name for name, kind in known.items() if kind is not object}:
         columns[name] = _numbers(columns[name])
     return columns
 

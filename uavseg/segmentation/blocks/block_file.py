@@ -16,10 +16,11 @@ from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.inputs import check_not_inputs
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.formats.geotiff import Page, read_geotiff, write_geotiff_pages
+from uavseg.raster.formats.geotiff import Page, check_geotiff_name, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.opening import GDAL_ERRORS, file_exists
+from uavseg.raster.value_scale import BandScale, ValueAxis
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.params import DivisionParams
 from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
@@ -74,13 +75,14 @@ class Origin:
 
 @dataclass(frozen=True)
 class SavedBlocks:
-    """A block map with its georeference, the stretch that made its grey, and its origin."""
+    """A block map with its georeference, the stretch that made its grey, its origin and its values."""
 
     blocks: BlockMap
     geobox: GeoBox
     stretch: Stretch
     band_names: str
     origin: Origin
+    axis: ValueAxis | None = None
 
 
 def is_block_map(path: str | os.PathLike[str]) -> bool:
@@ -100,6 +102,11 @@ def rasters_of(path: str | os.PathLike[str]) -> list[str]:
         return Origin(tuple(header["rasters"]), header["folder"]).find_rasters(path) or []
     except (*GDAL_ERRORS, UavsegError, KeyError, ValueError, TypeError):
         return []  # the error is reported when the file is opened
+
+
+def check_block_map_name(path: str | os.PathLike[str]) -> None:
+    """Check that a block map may have a name, before the work; OutputError if not."""
+    check_geotiff_name(path, "a block map")
 
 
 def write_block_map(
@@ -123,8 +130,10 @@ def write_block_map(
     Raises
     ------
     OutputExistsError, OutputError
-        If the file exists, cannot be written, or is one of the rasters that the block map was made from.
+        If the file exists, is not named .tif, cannot be written, or is one of the rasters that the block map
+        was made from.
     """
+    check_block_map_name(path)
     check_not_inputs([path], saved.origin.find_rasters(path) or [])
     blocks, cells = saved.blocks, saved.geobox.coarsen(CELL)
     side, mean = find_leaves(blocks, division)
@@ -171,7 +180,18 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     nodata = None if header["nodata"] is None else float(header["nodata"])
     origin = Origin(tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata)
     stretch = Stretch(header["low"], header["high"], header["stretch"])
-    return SavedBlocks(blocks, geobox, stretch, header["bands"], origin)
+    return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, _axis(header, stretch))
+
+
+def _axis(header: dict[str, Any], stretch: Stretch) -> ValueAxis | None:
+    """How v maps to values; unknown in block maps of earlier versions."""
+    found = header.get("values")
+    if found is None:
+        return None
+    scale = BandScale.of_tags(found["scale"], found["offset"], found["unit"])
+    low, high = (None if end is None else float(end) for end in found["limits"])
+    limits = -math.inf if low is None else low, math.inf if high is None else high
+    return None if scale is None else ValueAxis(stretch.low, stretch.high, scale, limits)
 
 
 def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tuple[int, int]) -> BlockMap:
@@ -220,11 +240,28 @@ def _is_number(value: Any) -> bool:
     return True
 
 
+def _is_finite(value: Any) -> bool:
+    return not isinstance(value, str) and _is_number(value) and math.isfinite(value)
+
+
+def _is_values(value: Any) -> bool:
+    """Whether a description of values is one, or missing."""
+    if value is None:
+        return True
+    if not isinstance(value, dict) or not {"scale", "offset", "unit", "limits"} <= value.keys():
+        return False
+    limits = value["limits"]
+    ends = isinstance(limits, list) and len(limits) == 2 and all(x is None or _is_finite(x) for x in limits)
+    return (
+        ends and _is_finite(value["scale"]) and _is_finite(value["offset"]) and isinstance(value["unit"], str)
+    )
+
+
 _SCHEMA: dict[str, Callable[[Any], bool]] = {
     "rows": _is_whole,
     "cols": _is_whole,
-    "low": lambda value: not isinstance(value, str) and _is_number(value) and math.isfinite(value),
-    "high": lambda value: not isinstance(value, str) and _is_number(value) and math.isfinite(value),
+    "low": _is_finite,
+    "high": _is_finite,
     "stretch": lambda value: isinstance(value, str),
     "bands": lambda value: isinstance(value, str),
     "rasters": lambda value: _is_list(value, _is_name),
@@ -245,6 +282,8 @@ def _checked_header(header: Any) -> dict[str, Any]:
     """
     if not isinstance(header, dict):
         raise ValueError("its description is not an object")
+    if not _is_values(header.get("values")):
+        raise ValueError(f"its values are {shown(header['values'])}")
     for name, fits in _SCHEMA.items():
         if name not in header or not fits(header[name]):
             raise ValueError(f"its {name} are {shown(header.get(name))}")
@@ -273,4 +312,9 @@ def _tags(saved: SavedBlocks) -> dict[str, str]:
         "rgb": origin.rgb,
         "nodata": None if origin.nodata is None else repr(origin.nodata),
     }
+    if saved.axis is not None:
+        scale = saved.axis.scale
+        limits = [end if math.isfinite(end) else None for end in saved.axis.limits]
+        numbers = {"scale": scale.scale, "offset": scale.offset}
+        header["values"] = {**numbers, "unit": scale.unit, "limits": limits}
     return {_TAG: json.dumps(header)}

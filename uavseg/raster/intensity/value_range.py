@@ -1,0 +1,236 @@
+"""Ranges of values or of percentiles as they are asked for, and as intensities that a raster stores."""
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from math import inf
+
+import numpy as np
+
+from uavseg.errors import ParameterError
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity.grey import to_grey
+from uavseg.raster.intensity.stretch import Stretch, counts_exactly
+from uavseg.raster.value_scale import BandScale, ValueAxis
+from uavseg.units import GREY_MAX
+
+_ROUNDING = 1e-6  # of a step between stored integers
+
+Statistics = dict[Fraction, float]
+"""Intensities at percentiles."""
+
+
+@dataclass(frozen=True, slots=True)
+class ValueRange:
+    """A closed range of values in the units of a raster, or of percentiles of them.
+
+    Parameters
+    ----------
+    low, high : float or None
+        None for an open end.
+    by_rank : bool
+        Whether they are percentiles: the smallest value with at least so many per cent of all valid pixels at
+        or below it.
+
+    Raises
+    ------
+    ParameterError
+        If the ends are reversed or not finite, both are open, or a percentile is not in 0..100.
+    """
+
+    low: float | None
+    high: float | None
+    by_rank: bool = False
+
+    def __post_init__(self) -> None:
+        kind = "percentiles" if self.by_rank else "values"
+        given = [end for end in (self.low, self.high) if end is not None]
+        if not given:
+            raise ParameterError(f"a range of {kind} has at least one end, such as 20,40 or 300,")
+        if not all(map(math.isfinite, given)):
+            raise ParameterError(
+                f"a range of {kind} is two finite numbers; leave an end out to open it: 300,"
+            )
+        if given[0] > given[-1]:
+            raise ParameterError(f"the low end of a range of {kind} is above its high one: {self}")
+        if self.by_rank and not all(0 <= end <= 100 for end in given):
+            raise ParameterError(f"percentiles lie in 0..100, not {self}")
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The ends; NaN where they are open."""
+        low, high = (math.nan if end is None else end for end in (self.low, self.high))
+        return low, high
+
+    def __str__(self) -> str:
+        """As the options take it."""
+        return ",".join("" if end is None else f"{end:.12g}" for end in (self.low, self.high))
+
+
+@dataclass(frozen=True, slots=True)
+class FittedRange:
+    """A range of values under a stretch that was fitted for it.
+
+    Parameters
+    ----------
+    low, high : float
+        The same range of v; 0 or 1 at an open end.
+    ends : (float, float)
+        The values; NaN at an open end.
+    """
+
+    low: float
+    high: float
+    ends: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """A range of stored intensities: closed, infinite where it is open."""
+
+    low: float
+    high: float
+
+    @property
+    def finite(self) -> list[float]:
+        """The ends that are given."""
+        return [end for end in (self.low, self.high) if math.isfinite(end)]
+
+
+def scale_of(dataset: Dataset) -> BandScale:
+    """The scale of the bands that are used.
+
+    Raises
+    ------
+    ParameterError
+        If the bands or the files have different ones.
+    """
+    if dataset.scale is None:
+        raise ParameterError(
+            f"the bands or files of {dataset.source} have different scales, offsets or units, so they "
+            "share no values; name one band or file, or give a range of v"
+        )
+    return dataset.scale
+
+
+def axis_of(dataset: Dataset, stretch: Stretch) -> ValueAxis | None:
+    """How v maps to values; None if the bands or files share no scale."""
+    if dataset.scale is None:
+        return None
+    low, high = type_limits(dataset)
+    if not stretch.clips:
+        low, high = max(low, stretch.low), min(high, stretch.high)
+    return ValueAxis(stretch.low, stretch.high, dataset.scale, (low, high))
+
+
+def type_limits(dataset: Dataset) -> tuple[float, float]:
+    """The smallest and the largest intensity that the type of a dataset holds."""
+    if dataset.dtype.kind == "f":
+        return -inf, inf
+    if dataset.dtype.kind == "i":
+        kept = np.iinfo(dataset.dtype.name)
+        return float(kept.min), float(kept.max)
+    return 0.0, math.ldexp(1.0, dataset.bits) - 1
+
+
+def percents_asked(asked: ValueRange, scale: BandScale) -> list[Fraction]:
+    """The percentiles of stored intensities that a range asks for."""
+    if not asked.by_rank:
+        return []
+    return [_percent(end, scale) for end in (asked.low, asked.high) if end is not None]
+
+
+def _percent(percent: float, scale: BandScale) -> Fraction:
+    """A percentile of stored intensities; they fall where values rise if the scale is negative."""
+    exact = Fraction(repr(float(percent)))
+    if scale.scale > 0:
+        return exact
+    return min(100 - exact + Fraction(1, 10**15), Fraction(100))  # the rank counted from the other end
+
+
+def stored_range(asked: ValueRange, scale: BandScale, dataset: Dataset, statistics: Statistics) -> Bounds:
+    """A range as intensities that are stored."""
+    if asked.by_rank:
+        ends = [None if end is None else statistics[_percent(end, scale)] for end in (asked.low, asked.high)]
+    else:
+        ends = [
+            None if end is None else _nearest(scale.stored(end), dataset) for end in (asked.low, asked.high)
+        ]
+    low, high = ends if scale.scale > 0 else ends[::-1]
+    low, high = -inf if low is None else low, inf if high is None else high
+    if asked.by_rank and is_wide(dataset):  # percentiles are rounded to float32
+        low, high = (
+            float(np.nextafter(np.float32(end), np.float32(way))) for end, way in ((low, -inf), (high, inf))
+        )
+    return Bounds(low, high)
+
+
+def _nearest(stored: float, dataset: Dataset) -> float:
+    """A bound as the type of a dataset holds it, if it is so close to it that it is meant."""
+    if len(dataset.bands) == 3 or dataset.choice.expanded or dataset.dtype == np.float32:
+        with np.errstate(over="ignore"):
+            return float(np.float32(stored))
+    if dataset.dtype.kind in "iu" and abs(stored - round(stored)) <= _ROUNDING:
+        return float(round(stored))
+    return stored
+
+
+def is_wide(dataset: Dataset) -> bool:
+    """Whether intensities are compared in more precision than float32 has."""
+    single = len(dataset.bands) == 1 and not dataset.choice.expanded
+    return single and not counts_exactly(dataset) and dataset.dtype != np.float32
+
+
+def check_type(asked: ValueRange, bounds: Bounds, dataset: Dataset, scale: BandScale) -> None:
+    """A range holds values that the type can hold."""
+    limits = type_limits(dataset)
+    if bounds.low > limits[1] or bounds.high < limits[0]:
+        first, last = sorted(scale.values(limits).tolist())
+        unit = f" {scale.unit}" if scale.unit else ""
+        raise ParameterError(
+            f"the values {asked} lie outside of what {dataset.source} can hold: {first:.6g} to "
+            f"{last:.6g}{unit} ({dataset.dtype})"
+        )
+
+
+def asked_ends(asked: ValueRange, bounds: Bounds, scale: BandScale) -> tuple[float, float]:
+    """A range in values: as it was asked for, or at its percentiles; NaN at an open end."""
+    if not asked.by_rank:
+        return asked.ends
+    first, last = (
+        scale.values(end).item() if math.isfinite(end) else math.nan for end in (bounds.low, bounds.high)
+    )
+    return (first, last) if scale.scale > 0 else (last, first)
+
+
+def range_on_axis(asked: ValueRange, axis: ValueAxis | None, name: str) -> FittedRange:
+    """A range of values in v, where greys are all that is known: to half a grey.
+
+    Raises
+    ------
+    ParameterError
+        If it is of percentiles, or a bound is at an end of the stretch or beyond, where values are alike.
+    """
+    if axis is None:
+        raise ParameterError(f"the bands or files of {name} share no values; give a range of v")
+    if asked.by_rank:
+        raise ParameterError(
+            f"the percentiles {asked} are those of pixels, which a block map has not; name the raster itself"
+        )
+    ends = [None if end is None else axis.scale.stored(end) for end in (asked.low, asked.high)]
+    low, high = ends if axis.scale.scale > 0 else ends[::-1]
+    first = 0.0 if low is None or low <= axis.limits[0] else _v_inside(low, asked, axis)
+    last = 1.0 if high is None or high >= axis.limits[1] else _v_inside(high, asked, axis)
+    if first >= last:
+        first, last = max(first - 0.25 / GREY_MAX, 0.0), min(last + 0.25 / GREY_MAX, 1.0)
+    return FittedRange(first, last, asked.ends)
+
+
+def _v_inside(stored: float, asked: ValueRange, axis: ValueAxis) -> float:
+    if not axis.low < stored < axis.high:
+        first, last = sorted(axis.values([0, 1]).tolist())
+        raise ParameterError(
+            f"the range {asked} does not lie inside of the stretch of the block map, {first:g} to {last:g}, "
+            "beyond which all values are alike; make it again with a wider stretch, or name the raster"
+        )
+    return int(to_grey(np.array([[[stored]]], np.float64), axis.low, axis.high)[0, 0]) / GREY_MAX

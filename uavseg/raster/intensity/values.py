@@ -1,0 +1,220 @@
+"""Ranges in the values of a raster, or by rank among them: the stretch that decides them exactly."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from math import inf
+
+import numpy as np
+
+from uavseg.errors import ParameterError
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity.grey import to_grey
+from uavseg.raster.intensity.stretch import (
+    Border,
+    Stretch,
+    StretchSpec,
+    counts_exactly,
+    order_statistics,
+    percents_of,
+    resolved_spec,
+    stretch_of,
+)
+from uavseg.raster.intensity.value_range import (
+    Bounds,
+    FittedRange,
+    Statistics,
+    ValueRange,
+    asked_ends,
+    check_type,
+    is_wide,
+    percents_asked,
+    scale_of,
+    stored_range,
+    type_limits,
+)
+from uavseg.raster.tiling import TilePass
+from uavseg.units import GREY_MAX
+
+_MARGIN = 1 / 8  # of the span of an automatic stretch: its ends stay so far from each bound
+_GREYS = 1.25  # greys between a bound and the end of a stretch: one for what lies beyond, and for rounding
+
+
+def fit_values(
+    dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[ValueRange], tile_pass: TilePass
+) -> tuple[Stretch, list[FittedRange]]:
+    """Fit a stretch under which ranges of values are decided exactly, and express them in v.
+
+    An automatic stretch is widened until each bound lies inside it, an eighth of its span from its ends (but
+    no further than values go), because values beyond the ends of a stretch have the same v. A stretch that
+    the user chose keeps its ends; a bound at one of them moves it outwards by a grey. Pixels whose grey is
+    that of a bound and whose value lies on its other side get the next grey, so that 16-bit greys move no
+    bound.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    spec : Stretch or StretchSpec
+        A fitted stretch keeps its ends.
+    asked : sequence of ValueRange
+        At least one.
+    tile_pass : TilePass
+        The result does not depend on it. Pixels are read only where percentiles or the stretch need them.
+
+    Returns
+    -------
+    stretch : Stretch
+    fitted : list of FittedRange
+        One for each range, in v of that stretch.
+
+    Raises
+    ------
+    ParameterError
+        If a bound lies outside of a stretch that the user chose, or the files have different scales.
+    """
+    scale = scale_of(dataset)
+    found, statistics = _fit(dataset, spec, asked, tile_pass)
+    if statistics is None:
+        return found, [FittedRange(0.0, 1.0, (math.nan, math.nan)) for _ in asked]
+    bounds = [stored_range(one, scale, dataset, statistics) for one in asked]
+    for one, own in zip(asked, bounds, strict=True):
+        check_type(one, own, dataset, scale)
+    limits = _limits(dataset, found, statistics)
+    inner = [_within(one, limits) for one in bounds]
+    ends = sorted({end for one in inner for end in one.finite})
+    if isinstance(spec, StretchSpec) and spec.form == "auto":
+        found = _widened(found, ends, limits)
+    _check_inside(found, ends, asked, isinstance(spec, Stretch))
+    if not isinstance(spec, Stretch):
+        found = _with_guard(found, ends)
+    found = replace(found, borders=_borders(dataset, found, inner))
+    return found, [
+        FittedRange(*_in_v(dataset, found, inside), asked_ends(one, own, scale))
+        for one, own, inside in zip(asked, bounds, inner, strict=True)
+    ]
+
+
+def _fit(
+    dataset: Dataset, spec: Stretch | StretchSpec, asked: Sequence[ValueRange], tile_pass: TilePass
+) -> tuple[Stretch, Statistics | None]:
+    """The stretch as it is without ranges, and the intensities at all percentiles that are needed.
+
+    These are those of the stretch, those that are asked for, and 0 and 100; none where no pixel is read, and
+    None if no pixel is valid.
+    """
+    resolved = spec if isinstance(spec, Stretch) else resolved_spec(dataset, spec)
+    own = () if isinstance(resolved, Stretch) else percents_of(resolved)
+    percents = {*own, *(percent for one in asked for percent in percents_asked(one, scale_of(dataset)))}
+    statistics: Statistics | None = {}
+    if percents:
+        every = sorted({*percents, Fraction(0), Fraction(100)})
+        found = order_statistics(dataset, every, tile_pass)
+        statistics = None if found is None else dict(zip(every, found, strict=True))
+    if isinstance(resolved, Stretch):
+        return resolved, statistics
+    ends = None if statistics is None else [statistics[percent] for percent in own]
+    return stretch_of(dataset, resolved, ends), statistics
+
+
+def _limits(dataset: Dataset, stretch: Stretch, statistics: Statistics) -> tuple[float, float]:
+    """Intensities between which all pixels lie, as far as it is known."""
+    low, high = type_limits(dataset)
+    if not stretch.clips:
+        low, high = max(low, stretch.low), min(high, stretch.high)
+    if statistics:
+        first, last = statistics[Fraction(0)], statistics[Fraction(100)]
+        if is_wide(dataset):
+            first = float(np.nextafter(np.float32(first), np.float32(-inf)))
+            last = float(np.nextafter(np.float32(last), np.float32(inf)))
+        low, high = max(low, first), min(high, last)
+    return low, high
+
+
+def _within(bounds: Bounds, limits: tuple[float, float]) -> Bounds:
+    """The range, open where nothing lies beyond."""
+    low = -inf if bounds.low <= limits[0] else bounds.low
+    return Bounds(low, inf if bounds.high >= limits[1] else bounds.high)
+
+
+def _widened(stretch: Stretch, ends: Sequence[float], limits: tuple[float, float]) -> Stretch:
+    """An automatic stretch with each bound well inside it."""
+    if not ends:
+        return stretch
+    first, last = min(stretch.low, ends[0]), max(stretch.high, ends[-1])
+    margin = _MARGIN * (last - first)
+    low = min(stretch.low, max(ends[0] - margin, min(limits[0], ends[0])))
+    high = max(stretch.high, min(ends[-1] + margin, max(limits[1], ends[-1])))
+    if (low, high) == (stretch.low, stretch.high):
+        return stretch
+    return Stretch(low, high, f"{stretch.name}, widened to {low:g}..{high:g} for the range")
+
+
+def _check_inside(
+    stretch: Stretch, ends: Sequence[float], asked: Sequence[ValueRange], is_fitted: bool
+) -> None:
+    """Each bound lies inside a stretch that cannot be widened."""
+    for end in ends:
+        inside = stretch.low < end < stretch.high if is_fitted else stretch.low <= end <= stretch.high
+        if not inside:
+            first, last = min(ends[0], stretch.low), max(ends[-1], stretch.high)
+            more = (last - first) / 8
+            raise ParameterError(
+                f"the range {', '.join(map(str, asked))} reaches to {end:g} or beyond, outside of the "
+                f"stretch {stretch.name}, which makes all values there alike; use the stretch auto, or "
+                f"{first - more:g},{last + more:g}"
+            )
+
+
+def _with_guard(stretch: Stretch, ends: Sequence[float]) -> Stretch:
+    """A stretch whose ends have other greys than the bounds."""
+    if not ends:
+        return stretch
+    low, high = stretch.low, stretch.high
+    grey = (high - low or 1e-6 * abs(low) or 1e-30) / GREY_MAX  # any span, if all pixels are one intensity
+    low, high = min(low, ends[0] - _GREYS * grey), max(high, ends[-1] + _GREYS * grey)
+    return stretch if (low, high) == (stretch.low, stretch.high) else replace(stretch, low=low, high=high)
+
+
+def _grey(stretch: Stretch, intensity: float) -> int:
+    return int(to_grey(np.array([[[intensity]]], np.float64), stretch.low, stretch.high)[0, 0])
+
+
+def _steps_are_greys(dataset: Dataset, stretch: Stretch) -> bool:
+    """Whether all intensities are integers with different greys, as far as the stretch reaches."""
+    return counts_exactly(dataset) and stretch.high - stretch.low <= GREY_MAX
+
+
+def _borders(dataset: Dataset, stretch: Stretch, inner: Sequence[Bounds]) -> tuple[Border, ...]:
+    """The bounds that greys alone do not decide."""
+    if _steps_are_greys(dataset, stretch):
+        return ()
+    found = [Border(one.low, _grey(stretch, one.low), True) for one in inner if math.isfinite(one.low)]
+    found += [Border(one.high, _grey(stretch, one.high), False) for one in inner if math.isfinite(one.high)]
+    return tuple(dict.fromkeys(found))
+
+
+def _in_v(dataset: Dataset, stretch: Stretch, inner: Bounds) -> tuple[float, float]:
+    """A range in v that holds the greys of its intensities and no other; its ends differ."""
+    exact = _steps_are_greys(dataset, stretch)
+    low = _low_v(stretch, inner.low, exact) if math.isfinite(inner.low) else 0.0
+    high = _high_v(stretch, inner.high, exact) if math.isfinite(inner.high) else 1.0
+    if low >= high:
+        low, high = max(low - 0.25 / GREY_MAX, 0.0), min(high + 0.25 / GREY_MAX, 1.0)
+    return low, high
+
+
+def _low_v(stretch: Stretch, bound: float, in_steps: bool) -> float:
+    if not in_steps:
+        return _grey(stretch, bound) / GREY_MAX
+    v = (bound - stretch.low) / (stretch.high - stretch.low)
+    first = math.ceil(bound)  # the smallest integer in the range
+    return min(max(v, (_grey(stretch, first - 1) + 0.5) / GREY_MAX), _grey(stretch, first) / GREY_MAX)
+
+
+def _high_v(stretch: Stretch, bound: float, in_steps: bool) -> float:
+    if not in_steps:
+        return _grey(stretch, bound) / GREY_MAX
+    v = (bound - stretch.low) / (stretch.high - stretch.low)
+    last = math.floor(bound)  # the largest integer in the range
+    return max(min(v, (_grey(stretch, last + 1) - 0.5) / GREY_MAX), _grey(stretch, last) / GREY_MAX)
