@@ -28,8 +28,7 @@ from uavseg.flight import files
 from uavseg.flight.link import link
 from uavseg.flight.mission import Mission
 from uavseg.jobs.divide import divide as divide_job
-from uavseg.jobs.info import info as info_job
-from uavseg.jobs.open_source import open_pixels, open_source
+from uavseg.jobs.open_source import open_source
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.simulate import SimulateRequest
 from uavseg.jobs.simulate import simulate as simulate_job
@@ -37,7 +36,6 @@ from uavseg.jobs.source import ReadOptions
 from uavseg.occupancy.paths.path_geojson import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.state_file import write_states
-from uavseg.plot.preview_missions import preview_missions
 from uavseg.raster.formats.geotiff import write_geotiff, write_label_geotiff
 from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tiling import Window
@@ -137,7 +135,7 @@ def options(words: Words) -> list[str]:
         elif isinstance(value, list) and value and isinstance(value[0], tuple):
             found += [part for one in value for part in (option, ",".join(map(repr, one)))]
         elif isinstance(value, tuple | list):
-            found += [option, ",".join(map(repr, value))]
+            found += [option, ",".join("" if one is None else repr(one) for one in value)]
         else:
             found += [option, str(value)]
     return found
@@ -176,7 +174,9 @@ def in_python(call: Callable[[], bytes]) -> Answer:
 
 def regions_of(frame: geopandas.GeoDataFrame) -> Regions:
     columns = {name: frame[name].to_numpy() for name in frame.columns if name != "geometry"}
-    return Regions(columns, np.array(frame.geometry, object), frame.crs and frame.crs.to_wkt())
+    return Regions(
+        columns, np.array(frame.geometry, object), frame.crs and frame.crs.to_wkt(), frame.attrs["uavseg"]
+    )
 
 
 def written(write_to: Callable[[str], object], name: str) -> bytes:
@@ -203,6 +203,19 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("tile.tif", {"range": (0.5, 1), "smooth_outline": 1.0, "simplify": 3.0, "refine": "smooth"}),
     ("tile.tif", {"range": (0.5, 1), "stretch": "percentile:5,95", "nodata": 5, "threshold": 1.5}),
     ("tile.tif", {"range": (0.9999, 1)}),
+    ("tile.tif", {"range": "0.55,1"}),
+    ("tile.tif", {"values": (100, None)}),
+    ("tile.tif", {"values": "60,120", "stretch": "percentile:5,95", "refine": "none"}),
+    ("tile.tif", {"values": (60, 120), "stretch": "80,100"}),
+    ("tile.tif", {"values": (300, None)}),
+    ("tile.tif", {"values": (9, 3)}),
+    ("tile.tif", {"percentile": (80, 100), "tile": 64, "threads": 2}),
+    ("deep.tif", {"values": (None, 9000)}),
+    ("deep.tif", {"values": (45000, 1e9)}),
+    ("deep.tif", {"percentile": "10,"}),
+    ("blocks.tif", {"values": (100, 200)}),
+    ("blocks.tif", {"percentile": (90, 100)}),
+    ("lost.tif", {"values": (100, None)}),
     ("deep.tif", {"range": (0.4, 0.8), "band": 1, "intensity_step": 0.2}),
     ("deep.tif", {"range": (0.4, 0.8), "min_area": 50.0}),
     (["west.tif", "east.tif"], {"range": (0.3, 0.7)}),
@@ -378,7 +391,16 @@ def test_pictures_of_missions(missions: list[str], words: Words) -> None:
     assert CliRunner().invoke(main, [*PLAN_LINE, "-o", "fly.kmz", "--overwrite"]).exit_code == 0
     named = {word.removesuffix("_px"): value for word, value in words.items()}
     expected = on_the_command_line("preview", [*missions, *options(named), "-o", "out.png"], "out.png")
-    call = in_python(lambda: written(lambda name: preview_missions(missions, name, **words), "out.png"))
+    call = in_python(
+        lambda: written(
+            lambda name: uavseg.preview(
+                mission=missions,
+                output=name,
+                **{"width" if k == "width_px" else k: v for k, v in words.items()},
+            ),
+            "out.png",
+        )
+    )
     assert_equal(call, expected)
 
 
@@ -748,7 +770,7 @@ def test_summaries(source: Any, words: Words) -> None:
     expected = on_the_command_line("info", [*rasters, *options(words), "--json"], "")
 
     def summary() -> bytes:
-        found = info_job(open_pixels(source, ReadOptions(**words)))
+        found = uavseg.info(source, **words)
         return (json.dumps(found.as_dict(), indent=2) + "\n").encode()
 
     assert_equal(in_python(summary), expected)

@@ -183,6 +183,7 @@ ONLY_IN = {
     "rasterio": {"raster"},
     "pyproj": {  # CRS, zeros of heights; a local plane, an exception
         *("raster.geodesy.globe", "raster.geodesy.vertical", "flight.plane", "regions.formats.read"),
+        "regions.formats.about_file",  # CRS in other words than WKT
     },
     "numba": {"_jit.compiling", "_jit.fallback"},
     "llvmlite": {"_jit.compiling", "_jit.fallback"},

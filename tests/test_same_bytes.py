@@ -85,11 +85,11 @@ def outputs(raster: Path, folder: Path, *options: object) -> dict[str, bytes]:
         if word in ("--tile", "--threads")
         for value in options[k : k + 2]
     ]
-    with chdir(folder):
+    with chdir(raster.parent):  # regions and block maps hold the path of their raster
         for extension in FORMATS:
-            labels = ["--labels", "labels.tif"] if extension == "kml" else []
-            run("extract", raster, *RANGE, "-o", f"out.{extension}", "-q", *labels, *options)
-    with chdir(raster.parent):  # a block map holds the path of its raster
+            labels = ["--labels", folder / "labels.tif"] if extension == "kml" else []
+            target = folder / f"out.{extension}"
+            run("extract", raster.name, *RANGE, "-o", target, "-q", *labels, *options)
         run("divide", raster.name, "-o", folder / "blocks.tif", "-q", *running)
     return contents(folder)
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from uavseg.api.each import each as each
     from uavseg.api.link import download as download
     from uavseg.api.link import upload as upload
+    from uavseg.api.look import info as info
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import path as path
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
     from uavseg.occupancy.mapping.scan import Pose as Pose
     from uavseg.occupancy.mapping.scan import Scan as Scan
+    from uavseg.plot.words import preview as preview
     from uavseg.raster.dataset import Dataset as Dataset
     from uavseg.raster.geobox import GeoBox as GeoBox
     from uavseg.regions.outline.trace import trace as trace
@@ -42,10 +44,12 @@ _HOMES = {
     "classify": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",
     "each": "uavseg.api.each",
+    "info": "uavseg.api.look",
     "match": "uavseg.api.questions",
     "path": "uavseg.api.maps",
     "suggest": "uavseg.api.questions",
     "plan": "uavseg.api.missions",
+    "preview": "uavseg.plot.words",
     "check": "uavseg.api.check",
     "upload": "uavseg.api.link",
     "download": "uavseg.api.link",

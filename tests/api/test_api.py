@@ -19,7 +19,7 @@ from uavseg.errors import IntensityRangeError, ParameterError, RasterReadError
 from uavseg.flight import planner
 
 COLUMNS = ["id", "area_m2", "perimeter_m", "mean", "std", "pixels", "holes", "lon", "lat"]
-COLUMNS += ["range_low", "range_high", "source", "geometry"]
+COLUMNS += ["range_low", "range_high", "mean_value", "value_low", "value_high", "unit", "source", "geometry"]
 RANGE = (0.55, 1)
 
 

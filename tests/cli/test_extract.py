@@ -244,7 +244,33 @@ def test_the_table_at_the_end() -> None:
     assert rows["largest"].startswith("2,04") and rows["largest"].endswith("m2 (512 pixels)")
     assert rows["stretch"] == "dtype -> 0..255" and rows["band"] == "band 1"
     assert float(rows["seconds"]) >= 0
-    assert len(result.stderr.splitlines()) == 6 and result.stdout == ""
+    assert rows["range"] == "v 0.55 to 1: 140.25 to 255"
+    assert len(result.stderr.splitlines()) == 7 and result.stdout == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("--range 140,255", "for values in the units of the raster give --values 140,255"),
+        ("--range 55,100", "for per cent of its pixels --percentile 55,100"),
+        ("--values 300,", "lie outside of what tile.tif can hold: 0 to 255 (uint8)"),
+        ("--values 20,40,60", "--values is two numbers with a comma between them"),
+        ("--values ,", "a range of values has at least one end"),
+        ("--values 3,2", "the low end of a range of values is above its high one: 3,2"),
+        ("--percentile 90,101", "percentiles lie in 0..100, not 90,101"),
+        ("--values 20,60 --stretch 0,50", "use the stretch auto, or"),
+    ],
+)
+def test_what_is_no_range_of_values_is_refused_in_one_line(words: str, text: str, folder: Path) -> None:
+    result = run("tile.tif", *words.split(), "-o", "not.geojson")
+    assert result.exit_code == 1 and text in result.stderr, result.output
+    assert len(result.stderr.splitlines()) == 1 and not (folder / "not.geojson").exists()
+
+
+def test_ranges_of_two_kinds_are_wrong_usage() -> None:
+    for words in ((), ("--range", "0,1", "--values", "3,")):
+        result = run("tile.tif", *words)
+        assert result.exit_code == 2 and "--values" in result.stderr
 
 
 def test_without_a_crs_there_are_no_square_metres_and_one_warning(folder: Path) -> None:

@@ -77,9 +77,7 @@ def test_every_valid_pixel_is_in_one_segment_and_each_has_its_level() -> None:
     for row in segments.head(20).itertuples():
         own = image[labels == row.id] / 255
         assert (own.mean(), own.std()) == pytest.approx((row.mean, row.std), abs=1e-5)
-    assert (
-        f"  segments    {len(segments)} -> a.gpkg" in told and "of 10 are there, each 0.1 of v wide" in told
-    )
+    assert f"  segments    {len(segments)} -> a.gpkg" in told and "of 10 are there, each 0.1 of v (" in told
 
 
 def test_the_default_name_and_stdout() -> None:

@@ -15,7 +15,8 @@ from click.testing import CliRunner
 
 from uavseg.cli import main
 from uavseg.cli.options import running as _run
-from uavseg.cli.options.running import Amount, Reporter, bar
+from uavseg.cli.options.running import Reporter
+from uavseg.execution.progress_bar import Amount, bar
 from uavseg.raster.dataset import Dataset
 
 QUARRY = Path(__file__).resolve().parents[2] / "samples" / "quarry.tif"

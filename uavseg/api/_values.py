@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from uavseg.execution.executors import Progress, usable_cores
 from uavseg.execution.executors import threads as thread_pool
 from uavseg.execution.phases import decided
+from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.work import Work
 
@@ -25,13 +26,20 @@ if TYPE_CHECKING:
 def work(
     threads: int | None,
     tile: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
 ) -> Work:
     """How the job is run: by threads, with finished tiles kept in a folder if one is given."""
     run = thread_pool(threads)
     decided("%d threads", threads or usable_cores())
-    return Work(tile, run, run, progress, resume)
+    return Work(tile, run, run, progress_of(progress), resume)
+
+
+def progress_of(progress: Progress | bool | None) -> Progress | None:
+    """What is called with the progress: a bar where it is True."""
+    if progress is True:
+        return ProgressLine()
+    return None if progress is False else progress
 
 
 def warn(messages: Iterable[str], level: int = 4) -> None:

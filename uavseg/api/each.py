@@ -31,7 +31,7 @@ def each(
     overwrite: bool = False,
     skip_existing: bool = False,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
     **words: Any,

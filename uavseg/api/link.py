@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 
-from uavseg.api._values import warn
+from uavseg.api._values import progress_of, warn
 from uavseg.arguments import checked
 from uavseg.flight.mission import Mission
 from uavseg.jobs.link import LinkRequest, Progress
@@ -18,7 +18,7 @@ def upload(
     *,
     connect: str,
     timeout: float = 10.0,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
 ) -> None:
     """Send a mission to a vehicle with its fence and rally points, read them back and compare.
 
@@ -50,11 +50,11 @@ def upload(
     >>> import uavseg
     >>> uavseg.upload("fly.plan", connect="udpout:192.168.4.1:14550")  # doctest: +SKIP
     """
-    warn(run_upload(mission, LinkRequest(connect, timeout), progress).warnings)
+    warn(run_upload(mission, LinkRequest(connect, timeout), progress_of(progress)).warnings)
 
 
 @checked
-def download(*, connect: str, timeout: float = 10.0, progress: Progress | None = None) -> Mission:
+def download(*, connect: str, timeout: float = 10.0, progress: Progress | bool | None = None) -> Mission:
     """The mission that a vehicle holds, with its fence and rally points.
 
     Parameters
@@ -78,6 +78,6 @@ def download(*, connect: str, timeout: float = 10.0, progress: Progress | None =
     LinkError
         If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
     """
-    found = run_download(LinkRequest(connect, timeout), progress)
+    found = run_download(LinkRequest(connect, timeout), progress_of(progress))
     warn(found.warnings)
     return found.mission

@@ -45,7 +45,7 @@ def classify(
     allow_lost_obstacles: bool = False,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
@@ -136,7 +136,7 @@ def path(
     intensity_step: float = 0.05,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
@@ -172,8 +172,8 @@ def path(
         As of `extract`.
     tile, threads : int, optional
         Change no result.
-    progress : callable, optional
-        Called with (done, total).
+    progress : callable or bool, optional
+        Called with (done, total); True draws a bar on stderr, in notebooks too.
     resume : path, optional
         As of `extract`.
 

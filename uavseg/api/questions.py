@@ -44,7 +44,7 @@ def match(
     simplify: float | None = None,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     allow_path: Folders = (),
@@ -124,7 +124,7 @@ def suggest(
     intensity_step: float = 0.05,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     allow_path: Folders = (),
@@ -145,8 +145,8 @@ def suggest(
     -------
     ranges : list of Suggestion
         The darkest first: `low` and `high`, together `range`; valid `pixels` and their `share` of all;
-        `regions`, the number that `extract` gives; where `exact` is false, an estimate of it. Empty where all leaves have one mean. What
-        makes the ranges doubtful is a warning.
+        `regions`, the number that `extract` gives; where `exact` is false, an estimate of it. Empty where all
+        leaves have one mean. What makes the ranges doubtful is a warning.
 
     Raises
     ------

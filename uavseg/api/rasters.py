@@ -56,7 +56,7 @@ def extract(
     simplify: float | None = None,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     allow_path: Folders = (),
@@ -93,8 +93,8 @@ def extract(
         Metres; smoothed outlines are simplified. Columns stay those of the pixels.
     tile, threads : int, optional
         Change no result.
-    progress : callable, optional
-        Called with (done, total).
+    progress : callable or bool, optional
+        Called with (done, total); True draws a bar on stderr, in notebooks too.
     resume : path, optional
         A folder in which finished tiles are kept, so that a run that was stopped goes on where it stopped. It
         stays there in the end, and may be removed.
@@ -157,7 +157,7 @@ def levels(
     simplify: float | None = None,
     tile: int | None = None,
     threads: int | None = None,
-    progress: Progress | None = None,
+    progress: Progress | bool | None = None,
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     allow_path: Folders = (),

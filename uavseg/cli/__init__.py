@@ -28,7 +28,7 @@ _COMMANDS = {
     "download": "Read the mission of a vehicle.",
     "path": "Find the shortest path between two places of one region.",
     "original": "Segment by texture as LBP/C did, for comparison.",
-    "info": "Tell what a raster is and what its intensity looks like.",
+    "info": "Tell what a raster is and what its intensity looks like, or how regions were made.",
     "build-map": "Merge the scans of a recorded bag into a map.",
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",

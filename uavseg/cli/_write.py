@@ -89,10 +89,15 @@ def write_regions_and_labels(
     work: Work,
     overwrite: bool,
     form: GeoJsonForm | None = None,
+    style: str | None = None,
 ) -> None:
-    """Write regions and their labels; what goes to stdout comes after all that can fail."""
+    """Write regions, their style and labels; what goes to stdout comes after all that can fail."""
     if target != "-":
         write_region_output(found, target, overwrite)
+    if style is not None:
+        from uavseg.regions.formats.style_files import write_style
+
+        write_style(found.regions, target, style, overwrite)
     if labels is not None:
         write_label_output(found, labels, work, overwrite)
     if target == "-":

@@ -41,6 +41,7 @@ from uavseg.cli.options.raster import (
 )
 from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
+from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
@@ -84,6 +85,7 @@ if TYPE_CHECKING:
 )
 @class_choice_options("--mission-class")
 @mission_options
+@style_option
 @stream_options
 @each_options
 @running_options
@@ -117,6 +119,7 @@ def command(**options: Any) -> None:
     flight = None if mission is None else _flight(options)
     files = parse_file_options(options)
     check_targets(target, labels, run.overwrite)
+    style = style_kind(options, target)
     _check_mission_target(mission, run.overwrite)
     keep_inputs([target, labels, mission], options["rasters"], zone_files(options), options["dem"])
     source = open_source(options["rasters"], read)
@@ -137,7 +140,7 @@ def command(**options: Any) -> None:
     with transaction():
         if planned is not None:
             paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite, files)
-        write_regions_and_labels(found, target, labels, work, run.overwrite, form)
+        write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
     if planned is not None and not run.reporter.quiet:
         report(
             planned.missions, planned.regions, paths, [*planned.warnings, *unwritten, *avoid_notes(options)]

@@ -1,4 +1,4 @@
-"""`uavseg info`: what a raster is, and what to try with it."""
+"""`uavseg info`: what a raster is and what to try with it, or what a file of regions holds."""
 
 import sys
 from typing import Any
@@ -9,32 +9,55 @@ from uavseg.cli._say import show
 from uavseg.cli.options.raster import read_options, reading_options
 
 
-@click.command("info", short_help="Tell what a raster is and what its intensity looks like.")
+@click.command("info", short_help="Tell what a raster, or a file of regions, is and holds.")
 @reading_options
 @click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
 @click.option("--threads", type=click.IntRange(min=1), help="Threads to count with.  [default: all cores]")
+@click.option("-v", "--verbose", is_flag=True, help="Say what was decided, and how long it took.")
 def command(**options: Any) -> None:
     """Tell the size, place, bands, nodata and intensity of RASTER (many are one mosaic), how that intensity
     is stretched, and a command to try next: the rarer of dark and bright pixels. `uavseg suggest` takes
     longer and proposes ranges from the means of leaves, with what each would give.
 
     Every pixel is counted up to 100 megapixels; a larger raster is looked at from afar, and it is said so.
+
+    RASTER may also be a file of regions (.geojson, .gpkg, .fgb, .parquet, .shp, .kml): then its format, CRS,
+    extent and columns are told, and from what and how the regions were made, where the file says so.
     """
+    from uavseg.cli._say import saying_decisions
+    from uavseg.jobs.info_regions import names_regions
+
+    if options["verbose"]:
+        saying_decisions()
+    text, facts = _regions(options) if names_regions(options["rasters"]) else _raster(options)
+    if options["as_json"]:
+        import json
+
+        show(json.dumps(facts, indent=2, allow_nan=False))
+    else:
+        show(_printable(text))
+
+
+def _raster(options: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """What there is to say of a raster, as text and as plain values."""
     from uavseg.execution.executors import threads
     from uavseg.jobs.info import info
     from uavseg.jobs.open_source import open_pixels
     from uavseg.jobs.work import Work
+    from uavseg.plot.summary_text import summary_text
 
     source = open_pixels(options["rasters"], read_options(options))
     summary = info(source, Work(executor=threads(options["threads"])), options["rasters"])
-    if options["as_json"]:
-        import json
+    return summary_text(summary), summary.as_dict()
 
-        show(json.dumps(summary.as_dict(), indent=2, allow_nan=False))
-        return
-    from uavseg.plot.summary_text import summary_text
 
-    show(_printable(summary_text(summary)))
+def _regions(options: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """The same of a file of regions."""
+    from uavseg.jobs.info_regions import info_regions
+    from uavseg.plot.region_file_text import region_file_text
+
+    found = info_regions(options["rasters"], read_options(options))
+    return region_file_text(found), found.as_dict()
 
 
 def _printable(text: str) -> str:

@@ -26,6 +26,7 @@ from uavseg.cli.options.raster import (
 )
 from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
+from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
@@ -74,6 +75,7 @@ _LISTED = 8  # levels in the table at the end
     "the neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
 )
 @drawing_options
+@style_option
 @stream_options
 @each_options
 @running_options
@@ -106,6 +108,7 @@ def command(**options: Any) -> None:
     form = geojson_form(options, target)
     labels = options["labels"]
     check_targets(target, labels, run.overwrite)
+    style = style_kind(options, target)
     keep_inputs([target, labels], options["rasters"])
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt, form)
@@ -113,7 +116,7 @@ def command(**options: Any) -> None:
     found = levels(source, request, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found, target, labels, work, run.overwrite, form)
+        write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
     rows = {
         "segments": f"{len(found.regions):,} -> {shown(target)}",
         "levels": _levels_row(found, request),
@@ -121,6 +124,15 @@ def command(**options: Any) -> None:
         "seconds": f"{run.reporter.seconds:.2f}",
     }
     run.reporter.table(rows)
+
+
+def _width(found: Extraction, width: float) -> str:
+    """The width of a level in v, and in values where they are known."""
+    if found.axis is None:
+        return f"{width:g} of v"
+    first, last = found.axis.values([0, width]).tolist()
+    unit = f" {found.axis.unit}" if found.axis.unit else " in values"
+    return f"{width:g} of v ({abs(last - first):.6g}{unit})"
 
 
 def _request(options: dict[str, Any]) -> LevelsRequest:
@@ -156,5 +168,5 @@ def _levels_row(found: Extraction, request: LevelsRequest) -> str:
         shown_ends = [f"{low:.7g}..{high:.7g}" for low, high in intervals[:_LISTED]]
         more = f" and {len(intervals) - _LISTED} more" if len(intervals) > _LISTED else ""
         return f"{there:,} by {wanted.rule}: {', '.join(shown_ends)}{more}"
-    each = f", each {wanted.width:g} of v wide" if isinstance(wanted, Levels) else ""
+    each = f", each {_width(found, wanted.width)} wide" if isinstance(wanted, Levels) else ""
     return f"{there:,} of {wanted.count:,} are there{each}"

@@ -18,6 +18,7 @@ from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.raster import area, drawing, read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
+from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
     from uavseg.jobs.match import Match, MatchRequest
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
 @click.option(
     "--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared."
 )
+@style_option
 @stream_options
 @each_options
 @running_options
@@ -115,6 +117,7 @@ def command(**options: Any) -> None:
     form = geojson_form(options, target)
     labels = options["labels"]
     check_targets(target, labels, run.overwrite)
+    style = style_kind(options, target)
     keep_inputs([target, labels], options["rasters"], options["like"])
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt, form)
@@ -122,7 +125,7 @@ def command(**options: Any) -> None:
     found = match(source, request, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found.found, target, labels, work, run.overwrite, form)
+        write_regions_and_labels(found.found, target, labels, work, run.overwrite, form, style)
     run.reporter.table(_rows(found, target) | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 

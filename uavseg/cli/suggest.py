@@ -47,8 +47,8 @@ def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | Non
 @running_options
 def command(**options: Any) -> None:
     """Propose ranges of v for RASTER... (many are one mosaic), each with its share of the area, the number of
-    regions that extracting it gives, and the command to type next. Of rasters of more than 400 megapixels, the
-    number is estimated ("about").
+    regions that extracting it gives, and the command to type next. Of rasters of more than 400 megapixels,
+    the number is estimated ("about").
 
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
     thresholds). RASTER may also be a block map from `uavseg divide`, which answers by itself.

@@ -5,8 +5,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from uavseg._jit import messages
-
 logger = logging.getLogger("uavseg.jobs")
 
 
@@ -25,4 +23,6 @@ def phase(name: str) -> Iterator[None]:
 
 def working_seconds() -> float:
     """Seconds of a clock that stands still while kernels are compiled."""
+    from uavseg._jit import messages
+
     return time.perf_counter() - messages.compiling_seconds()

@@ -1,7 +1,7 @@
 """Classification of a map of probabilities: free, unknown and occupied cells, and occupied objects."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, phase
+from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
@@ -193,6 +194,8 @@ def classify(
     hints = _warnings(source.name, found, request)
     leaves = cells if request.refine == "none" else None
     objects = _objects(grey, found, leaves, request, outlining[0]) if request.objects else None
+    if objects is not None:
+        objects = with_metadata(objects, source, "classify", _facts(request))
     hazard = found.occupied_in_free, found.occupied_by_value, found.unknown_in_free
     thin = sum(found.thin.restored.values()), found.thin.lost
     info = SourceInfo.of(grey)
@@ -234,6 +237,13 @@ def _objects(
     interval = request.limits.occupied_above, 1.0
     bounds = _bounds(outlined.rings, geobox)
     return measured(outlined, SourceInfo.of(grey), interval, request.drawing, bounds)
+
+
+def _facts(request: ClassifyRequest) -> dict[str, Any]:
+    """The parameters, for the metadata of the objects."""
+    limits = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
+    facts = limits | segment_facts(request.segment) | {"refine": request.refine}
+    return facts | drawing_facts(request.drawing, None, request.min_area)
 
 
 def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:

@@ -10,6 +10,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, logger, phase
 from uavseg.jobs.fill_holes import filled
+from uavseg.jobs.metadata import drawing_facts, range_facts, segment_facts, with_metadata
 from uavseg.jobs.ranges import AnyRange, FoundRange, grey_for, range_of_blocks, range_text
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
@@ -91,7 +92,9 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
         sought = range_text(request.interval, found.axis)
         kind = "v" if isinstance(request.interval, IntensityRange) else "values"
         hints.append(f"no region has a mean {sought}; uavseg info shows which {kind} there are")
-    return work.finished(found, *hints)
+    how = range_facts(found.wanted, found.axis) | segment_facts(request.segment)
+    how |= drawing_facts(request.drawing, request.fill_holes, request.min_area)
+    return work.finished(with_metadata(found, source, "extract", how), *hints)
 
 
 def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Extraction:

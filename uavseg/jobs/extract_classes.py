@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import KindsRequest, segment_kinds
 from uavseg.jobs.source import Source
@@ -79,6 +80,9 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
         edited = request.fill_holes is not None or request.min_area is not None
         left = "is left once holes are filled and small regions dropped" if edited else "is there"
         hints.append(f"no region of {', '.join(empty)} {left}; uavseg info shows which v there are")
-    return work.finished(
-        measured(outlined, found.info, (low[kind], high[kind]), request.drawing, columns), *hints
+    result = measured(outlined, found.info, (low[kind], high[kind]), request.drawing, columns)
+    how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}
+    facts = segment_facts(request.segment) | drawing_facts(
+        request.drawing, request.fill_holes, request.min_area
     )
+    return work.finished(with_metadata(result, source, "extract", how | facts), *hints)

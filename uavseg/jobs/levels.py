@@ -7,6 +7,7 @@ import numpy as np
 
 from uavseg.errors import ParameterError
 from uavseg.jobs.level_breaks import BreakChoice
+from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import ChoosePartition, KindsRequest, Segmented, joint_params, segment_kinds
 from uavseg.jobs.source import Source
@@ -94,7 +95,10 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     work = work.begun()
     found = segment_kinds(source, KindsRequest(_partition(request), request.segment), work)
     notes = [*found.notes, *_notes(found.partition, request)]
-    result = _measured(found, request)
+    small = {"small": request.small} if request.min_area is not None else {}
+    how = {"levels": [0.0, *found.partition.edges, 1.0]} | segment_facts(request.segment)
+    how |= drawing_facts(request.drawing, None, request.min_area) | small
+    result = with_metadata(_measured(found, request), source, "levels", how)
     if not len(result.regions):
         notes.append(
             "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"

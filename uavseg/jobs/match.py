@@ -10,6 +10,7 @@ stretch -> measured: bin edges of contrast  (one pass over all tiles)
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import phase
 from uavseg.jobs.fill_holes import filled
+from uavseg.jobs.metadata import drawing_facts, with_metadata
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Source
@@ -162,9 +164,24 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
         outlined = _outlined(grey, scores, valid, criterion, request, passes[4])
     trim_heap()
     found = _measured(grey, outlined, scores, sample, request, passes[4])
+    found = with_metadata(found, raster, "match", _facts(request))
     hint = "nothing is like the sample; a smaller similarity or a larger intensity finds more"
     hints = () if len(found.regions) else (hint,)
     return Match(work.finished(found, *hints), sample, (criterion.limit - NULL_SCORE) / SCORE_UNITS)
+
+
+def _facts(request: MatchRequest) -> dict[str, Any]:
+    """The parameters, for the metadata of the regions."""
+    like = request.like
+    disc = [like.x, like.y, like.radius] if isinstance(like, Disc) else None
+    facts = {
+        "like": like if isinstance(like, str) else disc,
+        "window": request.window,
+        "similarity": request.similarity,
+        "intensity": request.intensity if np.isfinite(request.intensity) else "any",
+        "refine": request.refine,
+    }
+    return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area)
 
 
 def _outlined(

@@ -181,7 +181,7 @@ def measured(
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
-    regions = with_values(regions, info.axis, None if wanted is None else wanted.ends)
+    regions = with_values(regions, sums, info.axis, None if wanted is None else wanted.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
     facts = info.stretch, info.band_names, info.warnings, info.in_metres, info.axis, wanted

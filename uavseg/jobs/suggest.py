@@ -10,7 +10,7 @@ from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.phases import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Blocks, Source
+from uavseg.jobs.source import Blocks, Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.raster.value_scale import ValueAxis, values_text
@@ -155,6 +155,7 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
         If the raster cannot be read or has no valid pixel.
     """
     work = work.begun()
+    pixels: Pixels | None
     if isinstance(source, Blocks):
         saved, info = source.saved, SourceInfo.of(source)
         pixels = source.raster if request.segment.refine != "none" else None

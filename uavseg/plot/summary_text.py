@@ -25,7 +25,8 @@ def summary_text(summary: Summary) -> str:
     ]
     facts = [f"{name:<10} {text}" for name, text in rows if text]
     notes = [f"note       {warning}" for warning in summary.warnings]
-    return "\n".join([*facts, *notes, "", *_bars(summary), "", f"try        {summary.command}"])
+    line = ["", f"try        {summary.command}"] if summary.command else []
+    return "\n".join([*facts, *notes, "", *_bars(summary), *line])
 
 
 def text_bar(share: float, width: int = _WIDTH) -> str:
@@ -113,11 +114,11 @@ def _values(summary: Summary) -> str:
     axis = summary.axis
     if axis is None or summary.valid == 0:
         return ""
-    low, high, mean = axis.values([0, 1, summary.mean]).tolist()
+    low, high = axis.values([0, 1]).tolist()
     unit, scale = f" {axis.unit}" if axis.unit else "", axis.scale
     stored = f" = {scale.scale:.10g} x stored + {scale.offset:.10g}"
     kept = "" if (scale.scale, scale.offset) == (1, 0) else stored
-    return f"v = 0 is {low:.6g}{unit}, v = 1 is {high:.6g}{unit}, the mean v is {mean:.6g}{unit}{kept}"
+    return f"v = 0 is {low:.6g}{unit}, v = 1 is {high:.6g}{unit}, mean {summary.mean_value:.6g}{unit}{kept}"
 
 
 def _bin_values(summary: Summary, n: int) -> str:

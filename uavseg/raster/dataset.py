@@ -26,6 +26,9 @@ from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, in_panels, tile_side, tiles
 from uavseg.raster.value_scale import BandScale
 
+_NO_SCALE = (
+    "its bands or files have different scales, offsets or units: stored numbers are compared as they are"
+)
 Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 
@@ -99,7 +102,8 @@ class Dataset:
                 *warnings,
                 "the palette is expanded to luminance; name --band 1 to use its indices themselves",
             )
-        return cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles)
+        found = cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles)
+        return found if found.scale is not None else replace(found, warnings=(*warnings, _NO_SCALE))
 
     @classmethod
     @checked

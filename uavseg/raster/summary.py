@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass
-from functools import partial, reduce
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import crs_name
 from uavseg.raster.geodesy.ground import ground_resolution
+from uavseg.raster.intensity.beyond import greys_beyond
 from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.intensity.value_range import axis_of
@@ -70,6 +71,8 @@ class Summary:
         A command to try next: it extracts the rarer of dark and bright, see `interval`.
     axis : ValueAxis or None
         How v maps to values in the units of the raster; None if bands or files have different scales.
+    mean_beyond : float
+        How much larger the mean of v would be if v were not clipped to 0..1.
     """
 
     paths: tuple[str, ...]
@@ -97,6 +100,14 @@ class Summary:
     warnings: tuple[str, ...]
     command: str = ""
     axis: ValueAxis | None = None
+    mean_beyond: float = 0.0
+
+    @property
+    def mean_value(self) -> float:
+        """Mean of the values of all valid pixels that were counted; NaN if there is none."""
+        if self.axis is None or self.axis.low == self.axis.high:
+            return math.nan
+        return float(self.axis.values(self.mean + self.mean_beyond))
 
     @property
     def nodata_share(self) -> float:
@@ -120,16 +131,16 @@ class Summary:
         found["bands"] = [
             dict(zip(("dtype", "color", "nodata"), map(_plain, b), strict=True)) for b in self.bands
         ]
+        found.pop("mean_beyond")
         found["values"] = None if found.pop("axis") is None else self._values()
         more = {"nodata_share": self.nodata_share, "command": found.pop("command")}
         return {key: _plain(value) for key, value in (found | more).items()}
 
     def _values(self) -> dict[str, Any]:
-        """The values at v = 0 and 1, their mean under the stretch, and how they are stored."""
+        """The values at v = 0 and 1, their mean, and how they are stored."""
         assert self.axis is not None, "there are values"
-        low, high, mean = self.axis.values([0, 1, self.mean]).tolist()
-        scale = asdict(self.axis.scale)
-        return {"low": low, "high": high, "mean": _plain(mean), **scale}
+        low, high = self.axis.values([0, 1]).tolist()
+        return {"low": low, "high": high, "mean": _plain(self.mean_value), **asdict(self.axis.scale)}
 
 
 def summarize(
@@ -154,7 +165,7 @@ def summarize(
     box, first = dataset.geobox, dataset.mosaic.files[0]
     exact = math.prod(box.shape) <= EXACT_PIXELS
     seen = dataset if exact else DatasetOverview.of(dataset, COARSE_SIDE)
-    fitted, greys = _count(seen, stretch, map, progress)
+    fitted, greys, beyond = _count(seen, stretch, map, progress)
     mean, std = _moments(greys)
     return Summary(
         paths=dataset.paths,
@@ -181,6 +192,7 @@ def summarize(
         in_metres=dataset.in_metres,
         warnings=(*dataset.warnings, *fitted.warnings),
         axis=axis_of(dataset, fitted),
+        mean_beyond=beyond / max(int(greys.sum()), 1) / (GREY_LEVELS - 1),
     )
 
 
@@ -189,19 +201,24 @@ def _count(
     stretch: Stretch | StretchSpec | str,
     map: Map,
     progress: Progress | None,
-) -> tuple[Stretch, NDArray[np.int64]]:
-    """The stretch, and the histogram of grey levels under it."""
+) -> tuple[Stretch, NDArray[np.int64], int]:
+    """The stretch, the histogram of grey levels under it, and the sum of greys beyond it."""
     shape = dataset.geobox.shape
     windows = tiles(shape, tile_side(shape, dataset.file_block))
     fitted = fit_stretch(dataset, stretch, TilePass(windows, map))
-    counts = map(partial(_grey_histogram, dataset, fitted), windows, progress)
-    return fitted, reduce(np.add, counts, np.zeros(GREY_LEVELS, np.int64))
+    greys, beyond = np.zeros(GREY_LEVELS, np.int64), 0
+    for counts, more in map(partial(_grey_histogram, dataset, fitted), windows, progress):
+        greys += counts
+        beyond += more
+    return fitted, greys, beyond
 
 
-def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> NDArray[np.int64]:
+def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> tuple[NDArray[np.int64], int]:
     values, valid = dataset.read(window)
-    grey = stretch.apply(values, valid)
-    return np.bincount((grey if valid is None else grey[valid]).reshape(-1), minlength=GREY_LEVELS)
+    grey, beyond = stretch.apply(values, valid), greys_beyond(values, valid, stretch)
+    more = 0 if beyond is None else int(beyond.sum(dtype=np.int64))
+    shown = (grey if valid is None else grey[valid]).reshape(-1)
+    return np.bincount(shown, minlength=GREY_LEVELS), more
 
 
 def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -96,6 +96,11 @@ class ValueAxis:
         """Unit of the values; empty where it is not known."""
         return self.scale.unit
 
+    @property
+    def clips(self) -> bool:
+        """Whether intensities may lie beyond the ends."""
+        return self.low > self.limits[0] or self.high < self.limits[1]
+
     def values(self, v: ArrayLike) -> Floats:
         """The value of each v."""
         return self.scale.values(self.low + np.asarray(v, np.float64) * (self.high - self.low))

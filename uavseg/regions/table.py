@@ -1,6 +1,7 @@
 """Region table: polygons in the raster's CRS with measured attributes (area, perimeter, mean, ...)."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,11 +64,14 @@ class Regions:
         of a region do not all share edges.
     wkt : str or None
         The CRS; None for local coordinates.
+    metadata : mapping
+        What they were made from and how, as JSON has it; files keep it.
     """
 
     columns: dict[str, NDArray[Any]]
     polygons: PolygonArray
     wkt: str | None
+    metadata: Mapping[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.polygons)
@@ -75,13 +79,15 @@ class Regions:
     def select(self, which: NDArray[Any]) -> "Regions":
         """Some of the regions, by index or mask, in that order."""
         columns = {name: column[which] for name, column in self.columns.items()}
-        return Regions(columns, self.polygons[which], self.wkt)
+        return Regions(columns, self.polygons[which], self.wkt, self.metadata)
 
     def frame(self) -> "GeoDataFrame":
-        """The regions as a GeoDataFrame with the raster's CRS."""
-        import geopandas
+        """The regions as a GeoDataFrame with the raster's CRS; its `attrs` have the metadata as "uavseg"."""
+        from uavseg.regions.frame import RegionFrame
 
-        return geopandas.GeoDataFrame(dict(self.columns), geometry=list(self.polygons), crs=self.wkt)
+        frame = RegionFrame(dict(self.columns), geometry=list(self.polygons), crs=self.wkt)
+        frame.attrs["uavseg"] = dict(self.metadata)
+        return frame
 
 
 def make_regions(

@@ -1,6 +1,6 @@
 """Connected components of pixels that share edges, and sums over them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -223,12 +223,24 @@ class Sums:
         Sum of g * g; does not overflow up to 4e9 pixels.
     firsts : (n, 2) int64 array
         Row and column of the first pixel in raster order; pixels also where components are whole cells.
+    beyond : (n,) int64 array, optional
+        Sum of greys beyond the ends of the stretch, see `greys_beyond`; None if it is 0.
     """
 
     counts: NDArray[np.int64]
     greys: NDArray[np.uint64]
     squares: NDArray[np.uint64]
     firsts: NDArray[np.int64]
+    beyond: NDArray[np.int64] | None = None
+
+
+def with_beyond(sums: Sums, labels: NDArray[np.uint32], beyond: NDArray[np.int32] | None) -> Sums:
+    """Sums with those of greys beyond the ends of the stretch, by an image of the shape of `labels`."""
+    if beyond is None:
+        return sums
+    at = beyond.nonzero()
+    total = np.bincount(labels[at], beyond[at], len(sums.counts) + 1)[1:]  # integers, exact in float64
+    return replace(sums, beyond=total.astype(np.int64))
 
 
 def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16], margin: int = 0) -> Sums:

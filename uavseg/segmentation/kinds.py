@@ -63,7 +63,7 @@ def refine_kinds_of_tile(
     """
     if not cells.any():
         return None
-    tile = source.read(window, REFINE_HALO)
+    tile = source.read(window, REFINE_HALO, beyond=True)
     kinds = cells_to_pixels(cells & _KIND, tile.valid)
     refine_kinds_by_tv(kinds, cells & _MIXED, tile.valid, tile.grey, table)
     return kinds, tile

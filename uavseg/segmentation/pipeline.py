@@ -209,7 +209,7 @@ def refine_tile(
     """
     if not cells.any():
         return None
-    tile = source.read(window, REFINE_HALO)
+    tile = source.read(window, REFINE_HALO, beyond=True)
     pixels = cells_to_pixels(cells & IN_RANGE, tile.valid)
     if refine == "scan" and not cells.all():
         refine_by_scans(pixels, tile.valid, pixels_in_range(tile.grey, tile.valid, *interval.greys))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.intensity.beyond import greys_beyond
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import Window, whole_blocks
 from uavseg.units import BLOCK
@@ -25,11 +26,15 @@ class GreyTile:
         1 where a pixel is valid.
     all_valid : bool
         Whether every pixel of the array is valid.
+    beyond : (M + 2 m, N + 2 m) int32 array, optional
+        By how many greys pixels lie beyond the ends of the stretch, see `greys_beyond`; None if none does, or
+        it was not asked for.
     """
 
     grey: NDArray[np.uint16]
     valid: NDArray[np.uint8]
     all_valid: bool
+    beyond: NDArray[np.int32] | None = None
 
     @property
     def mask(self) -> NDArray[np.uint8] | None:
@@ -49,20 +54,27 @@ class GreySource:
         """Rows and columns."""
         return self.dataset.geobox.shape
 
-    def read(self, window: Window, margin: int) -> GreyTile:
-        """Read the grey of a window with `margin` more pixels on every side."""
+    def read(self, window: Window, margin: int, beyond: bool = False) -> GreyTile:
+        """Read the grey of a window with `margin` more pixels on every side.
+
+        With `beyond`, also by how much pixels lie beyond the ends of the stretch.
+        """
         shape = (whole_blocks(window.rows) + 2 * margin, whole_blocks(window.cols) + 2 * margin)
         part = window.grown(margin).clipped(self.shape)
         values, mask = self.dataset.read(part)
         pixels = self.stretch.apply(values, mask)
+        more = greys_beyond(values, mask, self.stretch) if beyond else None
         if part.rows == shape[0] and part.cols == shape[1]:
             valid = np.ones(shape, np.uint8) if mask is None else mask.view(np.uint8)
-            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None)
+            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None, more)
         grey, valid = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
         inner = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
         grey[inner.slices] = pixels
         valid[inner.slices] = 1 if mask is None else mask
-        return GreyTile(grey, valid, False)
+        if more is not None:
+            more, read = np.zeros(shape, np.int32), more
+            more[inner.slices] = read
+        return GreyTile(grey, valid, False, more)
 
 
 CAPACITY = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels

@@ -10,6 +10,7 @@ from uavseg.raster.tiling import Window, tiles
 from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.components import component_sums, label_components, label_equal_values
+from uavseg.segmentation.source import GreyTile
 
 MARGIN = 8
 Image = NDArray[np.uint8]
@@ -26,13 +27,26 @@ def images(seed: int) -> tuple[Image, Grey]:
     return mask, rng.integers(0, 65536, shape).astype(np.uint16)
 
 
+def has_beyond(window: Window) -> bool:
+    """Whether pixels of a tile lie beyond the stretch: not in the first."""
+    return (window.row, window.col) != (0, 0)
+
+
+def beyond_of(grey: Grey) -> NDArray[np.int32]:
+    """Greys beyond the stretch of some pixels."""
+    found: NDArray[np.int32] = (grey.astype(np.int32) - 32768) * (grey % 7 == 1)
+    return found
+
+
 def outline(mask: Image, grey: Grey, window: Window) -> TileOutlines | None:
     """One tile with its halo; whole blocks of 64 may reach beyond the image."""
     rows, cols = -(-window.rows // 64) * 64, -(-window.cols // 64) * 64
     room = ((MARGIN, MARGIN + 64), (MARGIN, MARGIN + 64))
     near = np.s_[window.row : window.row + rows + 2 * MARGIN, window.col : window.col + cols + 2 * MARGIN]
     pixels, greys = (np.ascontiguousarray(np.pad(image, room)[near]) for image in (mask, grey))
-    return outline_tile(pixels, *label_components(pixels, MARGIN), greys, window, mask.shape[1])
+    beyond = beyond_of(greys) if has_beyond(window) else None
+    tile = GreyTile(greys, pixels, False, beyond)
+    return outline_tile(pixels, *label_components(pixels, MARGIN), tile, window, mask.shape[1])
 
 
 def by_size(mask: Image) -> NDArray[np.uint32]:
@@ -56,6 +70,11 @@ def test_stitched_tiles_are_the_components_of_the_whole(seed: int, side: int) ->
     sums = component_sums(expected, int(expected.max()), grey)
     for name in ("counts", "greys", "squares", "firsts"):
         assert np.array_equal(getattr(found.sums, name), getattr(sums, name)), name
+    beyond = np.zeros(int(expected.max()) + 1, np.int64)
+    for window in filter(has_beyond, windows):
+        np.add.at(beyond, expected[window.slices], beyond_of(grey[window.slices]))
+    known = np.zeros_like(beyond[1:]) if found.sums.beyond is None else found.sums.beyond
+    assert np.array_equal(known, beyond[1:])
 
 
 def test_cells_that_share_an_edge_are_one_region_though_no_pixels_touch() -> None:
@@ -65,7 +84,8 @@ def test_cells_that_share_an_edge_are_one_region_though_no_pixels_touch() -> Non
     mask = valid * leaves.repeat(8, 0).repeat(8, 1)
     pixels = np.pad(mask, ((MARGIN, MARGIN + 56), (MARGIN, MARGIN + 40)))
     grey = np.zeros(pixels.shape, np.uint16)
-    tile = outline_tile(pixels, *label_equal_values(pixels, MARGIN), grey, Window(0, 0, 8, 24), 24)
+    labels, count = label_equal_values(pixels, MARGIN)
+    tile = outline_tile(pixels, labels, count, GreyTile(grey, pixels, False), Window(0, 0, 8, 24), 24)
     found = stitch_tiles((8, 24), [Window(0, 0, 8, 24)], [tile]).finish(leaves)
     assert found.sums.counts.tolist() == [64 + 56, 64]
     assert found.rings.labels.tolist() == [1, 1, 2] and found.rings.parts.tolist() == [0, 1, 2]

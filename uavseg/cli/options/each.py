@@ -98,6 +98,7 @@ def answer_each(options: dict[str, Any], job: RegionJob, ending: str, run: RunOp
 def _check_options(options: dict[str, Any]) -> None:
     """Options that do not go with --each, each with what to do instead."""
     refused = {
+        "style": "--style is for one source; a .gpkg carries its style, so give it as the output",
         "mission": "--mission is for one source; plan over each output with uavseg plan",
         "resume": "--resume is for one source; --skip-existing leaves out what is done",
         "scheduler": "--scheduler is for one source; --each uses the threads of this machine",

@@ -13,13 +13,13 @@ from uavseg.cli._say import say, saying_decisions
 
 if TYPE_CHECKING:
     from uavseg.execution.executors import Map
+    from uavseg.execution.progress_bar import Amount
     from uavseg.jobs.work import Work
     from uavseg.raster.tiling import Window
 
 Command = Callable[..., Any]
 
 _REDRAW_S = 0.1
-_WIDTH = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +163,8 @@ class Reporter:
     def begin(self, windows: Sequence[Window]) -> None:
         """The work on the tiles of a source begins."""
         if self._bar:
+            from uavseg.execution.progress_bar import Amount
+
             pixels = sum(window.rows * window.cols for window in windows)
             self._amount = Amount(len(windows), pixels)
             self._begun = _seconds()
@@ -170,6 +172,8 @@ class Reporter:
     def begin_each(self, count: int) -> None:
         """The work on many rasters begins."""
         if self._bar:
+            from uavseg.execution.progress_bar import Amount
+
             self._amount = Amount(count, 0, "rasters")
             self._begun = _seconds()
 
@@ -185,6 +189,8 @@ class Reporter:
             click.echo(f"progress {percent}", err=True)
 
     def _draw(self, share: float) -> None:
+        from uavseg.execution.progress_bar import bar
+
         now = _seconds()
         if now - self._drawn >= _REDRAW_S or share == 1:
             self._drawn = now
@@ -229,72 +235,3 @@ def _seconds() -> float:
     from uavseg.execution.phases import working_seconds
 
     return working_seconds()
-
-
-@dataclass(frozen=True, slots=True)
-class Amount:
-    """How much there is to do.
-
-    Parameters
-    ----------
-    tiles : int
-    pixels : int
-        0 if they are not known.
-    unit : str
-        What is counted as tiles.
-    """
-
-    tiles: int
-    pixels: int
-    unit: str = "tiles"
-
-
-def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
-    """One line: how much is done, tiles, pixels per second and the time left.
-
-    A tile is passed several times, and counts by the share of all passes that is done.
-
-    Parameters
-    ----------
-    share : float
-        How much of the work is done, 0 to 1.
-    seconds : float
-        That the work took so far.
-    amount : Amount, optional
-
-    Examples
-    --------
-    >>> bar(0.25, 60, Amount(80, 240_000_000))
-    '[######..................]  25 %  20/80 tiles  1.0 Mpx/s  3:00 left'
-    >>> bar(0, 0.1)
-    '[........................]   0 %'
-    """
-    filled = int(share * _WIDTH)
-    parts = [f"[{'#' * filled}{'.' * (_WIDTH - filled)}] {int(100 * share):3d} %"]
-    if amount is not None:
-        parts.append(f"{int(share * amount.tiles):,}/{amount.tiles:,} {amount.unit}")
-    if share > 0 and seconds > 0:
-        if amount is not None and amount.pixels:
-            parts.append(f"{_si(share * amount.pixels / seconds)}px/s")
-        parts.append(f"{clock(seconds * (1 - share) / share)} left")
-    return "  ".join(parts)
-
-
-def clock(seconds: float) -> str:
-    """A time as one reads it.
-
-    Examples
-    --------
-    >>> clock(59.6), clock(3 * 3600 + 62)
-    ('1:00', '3:01:02')
-    """
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
-
-
-def _si(number: float) -> str:
-    for size, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
-        if number >= size:
-            return f"{number / size:.1f} {prefix}"
-    return f"{number:.0f} "

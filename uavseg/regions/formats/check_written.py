@@ -35,8 +35,12 @@ def _geopackage(path: Path, count: int) -> bool:
     if len(list(path.parent.iterdir())) > 1:  # a journal of an unfinished transaction
         return False
     with closing(sqlite3.connect(f"file:{path.as_posix()}?mode=ro&immutable=1", uri=True)) as base:
-        [(table, min_x)] = base.execute("SELECT table_name, min_x FROM gpkg_contents").fetchall()
-        [(stated,)] = base.execute("SELECT feature_count FROM gpkg_ogr_contents").fetchall()
+        [(table, min_x)] = base.execute(
+            "SELECT table_name, min_x FROM gpkg_contents WHERE data_type = 'features'"
+        ).fetchall()
+        [(stated,)] = base.execute(
+            "SELECT feature_count FROM gpkg_ogr_contents WHERE table_name = ?", [table]
+        ).fetchall()
         [(rows,)] = base.execute(f'SELECT count(*) FROM "{table}"').fetchall()
         [(indexed,)] = base.execute(f'SELECT count(*) FROM "rtree_{table}_geom_rowid"').fetchall()
         [(integrity,), *_] = base.execute("PRAGMA quick_check(1)").fetchall()
@@ -46,12 +50,14 @@ def _geopackage(path: Path, count: int) -> bool:
         [(crs,)] = base.execute(
             "SELECT count(*) FROM gpkg_geometry_columns JOIN gpkg_spatial_ref_sys USING (srs_id)"
         ).fetchall()
+        pages, page_bytes = (base.execute(f"PRAGMA page_{it}").fetchone()[0] for it in ("count", "size"))
         triggers = {name for (name,) in base.execute("SELECT name FROM sqlite_master WHERE type = 'trigger'")}
     has_extent = count == 0 or min_x is not None  # the extent is written last
     has_header = kind == _GEOPACKAGE and version >= _OLDEST and crs == 1
     has_triggers = triggers >= {name.format(table) for name in _TRIGGERS}
     is_whole = stated == rows == indexed == count and has_extent and integrity == "ok"
-    return bool(is_whole and has_header and has_triggers)
+    has_all_bytes = pages * page_bytes == path.stat().st_size
+    return bool(is_whole and has_header and has_triggers and has_all_bytes)
 
 
 def _flatgeobuf(path: Path, count: int) -> bool:

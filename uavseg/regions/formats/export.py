@@ -19,7 +19,9 @@ from uavseg.regions.formats import geojson, kml
 from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream, batches
 from uavseg.regions.formats.check_written import is_complete
 from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
+from uavseg.regions.formats.metadata import metadata_items
 from uavseg.regions.formats.parquet import import_pyarrow
+from uavseg.regions.formats.style_files import add_style
 from uavseg.regions.shapes import has_multipolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
@@ -133,6 +135,7 @@ def _write_geojson(regions: Regions, path: Path) -> None:
 
 def _write_geopackage(regions: Regions, path: Path) -> None:
     _write_layer(regions, path, "GPKG")
+    add_style(path, regions, LAYER, _DATE)
 
 
 def _write_flatgeobuf(regions: Regions, path: Path) -> None:
@@ -141,7 +144,7 @@ def _write_flatgeobuf(regions: Regions, path: Path) -> None:
 
 def _write_shapefile(regions: Regions, path: Path) -> None:
     columns = {_SHORT_NAMES.get(name, name): column for name, column in regions.columns.items()}
-    renamed = Regions(columns, regions.polygons, regions.wkt)
+    renamed = Regions(columns, regions.polygons, regions.wkt)  # without metadata: a Shapefile has none
     _write_layer(renamed, path, "ESRI Shapefile", DBF_DATE_LAST_UPDATE=_DATE[:10])
 
 
@@ -169,6 +172,7 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
                 geometry_type="MultiPolygon" if promote else "Polygon",
                 crs=regions.wkt,
                 layer_options=options,
+                layer_metadata=metadata_items(regions.metadata) or None,
             )
         except (DataSourceError, DataLayerError) as error:
             reason = textwrap.shorten(str(error).rpartition("failed: ")[2], 200)  # GDAL quotes long SQL
@@ -206,7 +210,8 @@ def _write_parquet(regions: Regions, path: Path) -> None:
     types = {name: _ARROW_TYPES[column.dtype.kind] for name, column in regions.columns.items()}
     fields = [*((name, pyarrow.type_for_alias(kind)) for name, kind in types.items())]
     schema = pyarrow.schema([*fields, (GEOMETRY, pyarrow.binary())])
-    schema = schema.with_metadata({"geo": json.dumps(_geo_metadata(regions))})
+    geo = {"geo": json.dumps(_geo_metadata(regions))}
+    schema = schema.with_metadata(geo | metadata_items(regions.metadata))
     with pyarrow.parquet.ParquetWriter(path, schema, compression="zstd") as file:
         for length, columns in batches(regions):
             arrays = [

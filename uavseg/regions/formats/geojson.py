@@ -14,6 +14,7 @@ from shapely.geometry import mapping
 
 from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions.formats.decimal_text import pack_words, unpack_lines, write_degrees
+from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
@@ -46,7 +47,8 @@ def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLE
     """Write regions as a FeatureCollection, or as a sequence of features.
 
     Longitudes and latitudes are in WGS 84 with seven decimals, exteriors run counter-clockwise, and polygons
-    that cross the antimeridian are cut there. Without a CRS the local coordinates are written unchanged.
+    that cross the antimeridian are cut there. Without a CRS the local coordinates are written unchanged. A
+    collection has the metadata of the regions as its foreign member ``uavseg``.
 
     Parameters
     ----------
@@ -65,7 +67,9 @@ def write_geojson(regions: Regions, stream: IO[bytes], form: GeoJsonForm = COLLE
             stream.write(b"\x1e" * form.rs + feature + b"\n")
         return
     named = _crs_member(regions.wkt) if form.projected and regions.wkt is not None else b""
-    stream.write(b'{"type":"FeatureCollection",%b"features":[' % named)
+    about = metadata_text(regions.metadata)
+    member = b'"%b":%b,' % (METADATA_KEY.encode(), about.encode()) if about else b""
+    stream.write(b'{"type":"FeatureCollection",%b%b"features":[' % (member, named))
     separator = b"\n"
     for feature in features:
         stream.write(separator + feature)

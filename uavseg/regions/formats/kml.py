@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE, pack_words, unpack_lines, write_degrees
+from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
@@ -19,11 +20,12 @@ _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
 <Style id="region">
 <LineStyle><color>ff00a5ff</color><width>2</width></LineStyle><PolyStyle><fill>0</fill></PolyStyle>
 </Style>
-<Schema name="regions" id="regions">
+%s<Schema name="regions" id="regions">
 %s
 </Schema>
 <Folder><name>regions</name>
 """
+_METADATA = '<ExtendedData><Data name="%s"><value>%s</value></Data></ExtendedData>\n'
 _TAIL = "</Folder>\n</Document>\n</kml>\n"
 _TYPES = {"i": "int", "f": "double", "O": "string"}
 _RING = b"<LinearRing><coordinates>%b</coordinates></LinearRing>"
@@ -46,7 +48,9 @@ def write_kml(regions: Regions, stream: IO[bytes]) -> None:
         f'<SimpleField name="{name}" type="{_TYPES[column.dtype.kind]}"/>'
         for name, column in regions.columns.items()
     )
-    stream.write((_HEAD % "\n".join(fields)).encode())
+    about = metadata_text(regions.metadata)
+    about = about and _METADATA % (METADATA_KEY, escape(about, quote=False))
+    stream.write((_HEAD % (about, "\n".join(fields))).encode())
     ids = regions.columns["id"].tolist()
     for id_, attributes, geometry in zip(ids, _attributes(regions), _geometries(regions), strict=True):
         stream.write(

@@ -148,7 +148,7 @@ def _layers(source: Any, name: str, layer: str | None) -> Any:
         check_feature_count(source, name)
         source.seek(0)
         return geopandas.read_file(source)
-    layers = [str(known) for known in pyogrio.list_layers(source)[:, 0]]
+    layers = [known for known in map(str, pyogrio.list_layers(source)[:, 0]) if known != "layer_styles"]
     if not layers:
         raise RegionError(f"{name} holds no layer of regions")
     if layer is not None and layer not in layers:

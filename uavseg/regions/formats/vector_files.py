@@ -92,6 +92,11 @@ def check_vector(source: str | os.PathLike[str] | bytes, name: str) -> None:
                 read_start(current_policy().check_file(source, beside), error=RegionError)
 
 
+def vector_format(path: str | os.PathLike[str]) -> str | None:
+    """The format of a file of vectors by its first bytes; None if it is none of those that are read."""
+    return _kind(read_start(path, 1 << 16, RegionError))
+
+
 @contextmanager
 def reading_vectors() -> Iterator[None]:
     """GDAL without requests, and without code from databases, while vectors are read."""

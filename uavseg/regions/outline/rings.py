@@ -165,7 +165,8 @@ def size_order(sums: Sums) -> NDArray[np.int64]:
 
 def select_sums(sums: Sums, which: NDArray[np.int64] | NDArray[np.bool_]) -> Sums:
     """Sums of some regions, by index or mask."""
-    return Sums(sums.counts[which], sums.greys[which], sums.squares[which], sums.firsts[which])
+    beyond = None if sums.beyond is None else sums.beyond[which]
+    return Sums(sums.counts[which], sums.greys[which], sums.squares[which], sums.firsts[which], beyond)
 
 
 def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
@@ -184,7 +185,10 @@ def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
         np.zeros(count, np.uint64),
         np.zeros(count, sums.squares.dtype),  # NaN where they are not known
         np.zeros((count, 2), np.int64),
+        None if sums.beyond is None else np.zeros(count, np.int64),
     )
+    if merged.beyond is not None and sums.beyond is not None:
+        np.add.at(merged.beyond, group, sums.beyond)
     np.add.at(merged.counts, group, sums.counts)
     np.add.at(merged.greys, group, sums.greys)
     np.add.at(merged.squares, group, sums.squares)

@@ -11,7 +11,8 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, trace_tile
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
-from uavseg.segmentation.components import Sums, component_sums, label_equal_values, union_roots
+from uavseg.segmentation.components import Sums, component_sums, label_equal_values, union_roots, with_beyond
+from uavseg.segmentation.source import GreyTile
 from uavseg.units import CELL
 
 
@@ -40,7 +41,7 @@ def outline_tile(
     image: NDArray[Any],
     labels: NDArray[np.uint32],
     count: int,
-    grey: NDArray[np.uint16],
+    tile: GreyTile,
     window: Window,
     width: int,
 ) -> TileOutlines | None:
@@ -54,7 +55,7 @@ def outline_tile(
     labels : (M, N) uint32 array
         Connected components 1..count of the tile without its halo.
     count : int
-    grey : (M + 2 m, N + 2 m) uint16 array
+    tile : GreyTile
         Grey levels 0..65535 of the tile with its halo.
     window : Window
         The tile; M and N may exceed it, up to whole blocks.
@@ -69,7 +70,10 @@ def outline_tile(
     if count == 0:
         return None
     halo = (image.shape[0] - labels.shape[0]) // 2
-    sums = component_sums(labels, count, grey, halo)
+    rows, cols = labels.shape
+    inner = slice(halo, halo + rows), slice(halo, halo + cols)
+    beyond = None if tile.beyond is None else tile.beyond[inner]
+    sums = with_beyond(component_sums(labels, count, tile.grey, halo), labels, beyond)
     sums.firsts[:] += (window.row, window.col)
     chains = trace_tile(image, labels, halo, (window.row, window.col), width)
     own = labels[: window.rows, : window.cols]
@@ -192,4 +196,13 @@ def _concatenate_sums(parts: Sequence[Sums]) -> Sums:
         np.concatenate([np.empty(0, np.uint64), *(part.greys for part in parts)]),
         np.concatenate([np.empty(0, np.uint64), *(part.squares for part in parts)]),
         np.concatenate([np.empty((0, 2), np.int64), *(part.firsts for part in parts)]),
+        _concatenate_beyond(parts),
+    )
+
+
+def _concatenate_beyond(parts: Sequence[Sums]) -> NDArray[np.int64] | None:
+    if all(part.beyond is None for part in parts):
+        return None
+    return np.concatenate(
+        [np.zeros_like(part.counts) if part.beyond is None else part.beyond for part in parts]
     )

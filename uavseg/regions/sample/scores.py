@@ -218,11 +218,12 @@ def _outline_match(
     window, cells = job
     if not cells.any():
         return None
-    tile = source.read(window, DECISION_HALO)
+    tile = source.read(window, DECISION_HALO, beyond=True)
     if (cells == 2).any():
         known = tile.mask
         names = lbp_symbols(tile.grey, known, bin_edges), coarse_symbols(tile.grey, known, bin_edges)
         pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
-    return outline_tile(pixels, *label_components(pixels, DECISION_HALO), tile.grey, window, source.shape[1])
+    found = label_components(pixels, DECISION_HALO)
+    return outline_tile(pixels, *found, tile, window, source.shape[1])

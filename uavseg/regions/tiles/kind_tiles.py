@@ -97,15 +97,15 @@ def _outline_cells(source: GreySource, job: _Job) -> TileOutlines | None:
     window, cells = job
     if not cells.any():
         return None
-    tile = source.read(window, CELL)
+    tile = source.read(window, CELL, beyond=True)
     kinds = cells_to_pixels(cells, tile.valid)
-    return outline_tile(kinds, *label_equal_values(kinds, CELL), tile.grey, window, source.shape[1])
+    return outline_tile(kinds, *label_equal_values(kinds, CELL), tile, window, source.shape[1])
 
 
 def _outline_pixels(source: GreySource, job: _Job) -> TileOutlines | None:
     window, bits = job
     if not bits.any():
         return None
-    tile = source.read(window, CELL)
+    tile = source.read(window, CELL, beyond=True)
     pixels = np.unpackbits(bits, axis=1, count=tile.grey.shape[1])
-    return outline_tile(pixels, *label_components(pixels, CELL), tile.grey, window, source.shape[1])
+    return outline_tile(pixels, *label_components(pixels, CELL), tile, window, source.shape[1])

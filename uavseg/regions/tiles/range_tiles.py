@@ -15,7 +15,7 @@ from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
-from uavseg.segmentation.components import Sums, component_sums, label_components
+from uavseg.segmentation.components import Sums, component_sums, label_components, with_beyond
 from uavseg.segmentation.params import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
@@ -85,9 +85,7 @@ def _outline_tile(
         return None
     pixels, tile = found
     check_sums(source, job, tile)
-    return outline_tile(
-        pixels, *label_components(pixels, REFINE_HALO), tile.grey, job.window, source.shape[1]
-    )
+    return outline_tile(pixels, *label_components(pixels, REFINE_HALO), tile, job.window, source.shape[1])
 
 
 def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
@@ -113,7 +111,7 @@ def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePas
     """Sums of each region over all valid pixels that its outlines enclose, read again from the raster."""
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
-    counts = np.zeros_like(sums.counts)
+    counts, beyond = np.zeros_like(sums.counts), np.zeros_like(sums.counts)
     jobs = edge_tables(outlined.rings, tile_pass.windows)
     for found in tile_pass.silent.run(partial(_sum_tile, source), jobs):
         if found is not None:
@@ -121,7 +119,9 @@ def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePas
             counts[labels - 1] += parts.counts
             greys[labels - 1] += parts.greys
             squares[labels - 1] += parts.squares
-    return Sums(counts, greys, squares, sums.firsts)
+            if parts.beyond is not None:
+                beyond[labels - 1] += parts.beyond
+    return Sums(counts, greys, squares, sums.firsts, beyond if beyond.any() else None)
 
 
 def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], Sums] | None:
@@ -131,9 +131,11 @@ def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], 
     labels = labels[labels > 0]
     if len(labels) == 0:
         return None
-    tile = source.read(window, 0)
+    tile = source.read(window, 0, beyond=True)
     valid = tile.valid[: window.rows, : window.cols] > 0
     numbers = np.searchsorted(labels, image) + 1
     numbers[(image == 0) | ~valid] = 0
     grey = np.ascontiguousarray(tile.grey[: window.rows, : window.cols])
-    return labels, component_sums(numbers.astype(np.uint32), len(labels), grey)
+    names, inner = numbers.astype(np.uint32), (slice(window.rows), slice(window.cols))
+    beyond = None if tile.beyond is None else tile.beyond[inner]
+    return labels, with_beyond(component_sums(names, len(labels), grey), names, beyond)

@@ -113,7 +113,7 @@ def _outline_tile(source: GreySource, table: NDArray[np.uint8], job: TileJob) ->
     pixels, tile = refined
     check_sums(source, job, tile)
     labels, count = label_equal_values(pixels, REFINE_HALO)
-    outlines = outline_tile(pixels, labels, count, tile.grey, job.window, source.shape[1])
+    outlines = outline_tile(pixels, labels, count, tile, job.window, source.shape[1])
     if outlines is None:
         return None
     row, col = (outlines.sums.firsts - (job.window.row, job.window.col) + REFINE_HALO).T

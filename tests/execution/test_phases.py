@@ -1,0 +1,99 @@
+"""What jobs decide is logged, and printed with -v; times leave out the compiling of kernels."""
+
+import logging
+import re
+import time
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import uavseg
+from uavseg._jit import messages
+from uavseg.cli import main
+from uavseg.cli.options.running import Reporter
+from uavseg.execution.phases import phase, working_seconds
+from uavseg.execution.progress_bar import ProgressLine
+
+SAMPLES = Path(__file__).resolve().parents[2] / "samples"
+QUARRY = str(SAMPLES / "quarry.tif")
+
+
+def test_times_leave_out_compiling(caplog: pytest.LogCaptureFixture) -> None:
+    before, reporter = messages.compiling_seconds(), Reporter(True, False, "none")
+    with caplog.at_level(logging.INFO, "uavseg"), phase("slow"), messages.timing_compilation():
+        time.sleep(0.25)
+    assert messages.compiling_seconds() - before >= 0.25
+    assert reporter.seconds < 0.25
+    [text] = [record.getMessage() for record in caplog.records]
+    assert re.fullmatch(r"phase slow: 0\.[01]\d s", text)
+
+
+def test_the_clock_goes_on() -> None:
+    first = working_seconds()
+    time.sleep(0.01)
+    assert working_seconds() - first >= 0.009
+
+
+@pytest.mark.parametrize(
+    ("words", "facts"),
+    [
+        (
+            ("extract", QUARRY, "--range", "0.511,1"),
+            ("stretch dtype -> 0..255", "noise", "are mixed", "tiles of"),
+        ),
+        (("levels", QUARRY, "--width", "0.2"), ("stretch dtype -> 0..255", "phase outlines")),
+        (("suggest", QUARRY, "--threads", "1"), ("1 threads", "blocks of 64", "phase count of regions")),
+        (("divide", QUARRY, "-o", "blocks.tif"), ("phase division", "9 x 10 blocks")),
+        (("info", QUARRY), ("phase count",)),
+    ],
+)
+def test_verbose_says_what_was_decided(
+    tmp_path: Path, words: tuple[str, ...], facts: tuple[str, ...]
+) -> None:
+    with chdir(tmp_path):
+        done = CliRunner().invoke(main, [*words, "-v"])
+        assert done.exit_code == 0, done.output
+        quiet = CliRunner().invoke(
+            main, [*words, *(() if words[0] in ("info", "suggest") else ("--overwrite",))]
+        )
+    said = [line for line in done.stderr.splitlines() if line.startswith("uavseg: ")]
+    for fact in facts:
+        assert any(fact in line for line in said), (fact, said)
+    assert not [line for line in quiet.stderr.splitlines() if line.startswith("uavseg: ")]
+    assert done.stdout == quiet.stdout
+
+
+def test_python_logs_the_same(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.INFO, "uavseg"):
+        uavseg.extract(QUARRY, (0.511, 1), threads=1)
+    logged = [record.getMessage() for record in caplog.records if record.name.startswith("uavseg")]
+    done = CliRunner().invoke(
+        main, ["extract", QUARRY, "--range", "0.511,1", "-o", "-", "-v", "--threads", "1"]
+    )
+    times = re.compile(r"\d+\.\d+ s$")
+    printed = [
+        line.removeprefix("uavseg: ") for line in done.stderr.splitlines() if line.startswith("uavseg: ")
+    ]
+    assert [times.sub("", line) for line in printed] == [times.sub("", line) for line in logged]
+
+
+def test_python_is_silent_by_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    uavseg.extract(QUARRY, (0.511, 1))
+    assert capsys.readouterr() == ("", "")
+
+
+def test_true_draws_a_bar(capsys: pytest.CaptureFixture[str]) -> None:
+    uavseg.extract(QUARRY, "0.511,1", progress=True)
+    drawn = capsys.readouterr().err
+    assert drawn.endswith("\n") and "100 %" in drawn.rpartition("\r")[2]
+    uavseg.extract(QUARRY, "0.511,1", progress=False)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_bar_is_not_drawn_for_each_step(capsys: pytest.CaptureFixture[str]) -> None:
+    line = ProgressLine()
+    for done in range(1, 10_001):
+        line(done, 10_000)
+    assert capsys.readouterr().err.count("\r") < 100

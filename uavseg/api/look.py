@@ -1,0 +1,71 @@
+"""What a raster, or a file of regions, is and holds."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from uavseg.access import Folders, allowing
+from uavseg.api._values import work
+from uavseg.arguments import checked
+from uavseg.jobs.info import info as run_info
+from uavseg.jobs.info_regions import info_regions, names_regions
+from uavseg.jobs.open_source import open_pixels
+from uavseg.jobs.source import ReadOptions
+from uavseg.raster.summary import Summary
+from uavseg.regions.formats.about_file import RegionFile
+
+
+@checked
+def info(
+    source: Any,
+    *,
+    band: int | None = None,
+    rgb: tuple[int, int, int] | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    threads: int | None = None,
+    skip_bad_tiles: bool = False,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> Summary | RegionFile:
+    """What a raster is and what its intensity looks like, or what a file of regions holds.
+
+    Parameters
+    ----------
+    source
+        As of `extract`; or the path of a file of regions.
+    band, ..., allow_network
+        As of `extract`.
+
+    Returns
+    -------
+    found : Summary or RegionFile
+        Of a raster: size, CRS, resolution, bands, stretch and histogram of v; `command`, a command to try
+        next; `warnings`. Of a file of regions: its format, CRS, extent and columns, and `metadata`, what they
+        were made from and how. `as_dict()` is what ``uavseg info --json`` writes.
+
+    Raises
+    ------
+    UavsegError
+        If it cannot be read, or a parameter is wrong.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import uavseg
+    >>> found = uavseg.info(np.full((64, 80), 51, np.uint8))
+    >>> found.rows, found.cols, found.stretch, round(found.mean, 3)
+    (64, 80, 'dtype -> 0..255', 0.2)
+    """
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles)
+    with allowing(allow_path, allow_network):
+        if names_regions(source):
+            return info_regions(source, options)
+        return run_info(open_pixels(source, options), work(threads), _names(source))
+
+
+def _names(source: Any) -> list[str]:
+    """The source as it was named; empty where it is no file."""
+    parts = source if isinstance(source, list | tuple) else [source]
+    return [os.fspath(part) for part in parts if isinstance(part, str | os.PathLike)]

@@ -1,0 +1,96 @@
+"""Progress as a line of text, on a terminal or in a notebook."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+
+from uavseg.execution.phases import working_seconds
+
+_WIDTH = 24
+_REDRAW_S = 0.1
+
+
+class ProgressLine:
+    """Progress on stderr as one line that is drawn again and again; notebooks show it too."""
+
+    def __init__(self) -> None:
+        self._begun = self._drawn = working_seconds()
+
+    def __call__(self, done: int, total: int) -> None:
+        """Take in that `done` of `total` steps are done."""
+        now, share = working_seconds(), done / max(total, 1)
+        if sys.stderr is None or (now - self._drawn < _REDRAW_S and share < 1):
+            return
+        self._drawn = now
+        end = "\n" if share >= 1 else ""
+        print(f"\r{bar(share, now - self._begun):<60}", end=end, file=sys.stderr, flush=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """How much there is to do.
+
+    Parameters
+    ----------
+    tiles : int
+    pixels : int
+        0 if they are not known.
+    unit : str
+        What is counted as tiles.
+    """
+
+    tiles: int
+    pixels: int
+    unit: str = "tiles"
+
+
+def bar(share: float, seconds: float, amount: Amount | None = None) -> str:
+    """One line: how much is done, tiles, pixels per second and the time left.
+
+    A tile is passed several times, and counts by the share of all passes that is done.
+
+    Parameters
+    ----------
+    share : float
+        How much of the work is done, 0 to 1.
+    seconds : float
+        That the work took so far.
+    amount : Amount, optional
+
+    Examples
+    --------
+    >>> bar(0.25, 60, Amount(80, 240_000_000))
+    '[######..................]  25 %  20/80 tiles  1.0 Mpx/s  3:00 left'
+    >>> bar(0, 0.1)
+    '[........................]   0 %'
+    """
+    filled = int(share * _WIDTH)
+    parts = [f"[{'#' * filled}{'.' * (_WIDTH - filled)}] {int(100 * share):3d} %"]
+    if amount is not None:
+        parts.append(f"{int(share * amount.tiles):,}/{amount.tiles:,} {amount.unit}")
+    if share > 0 and seconds > 0:
+        if amount is not None and amount.pixels:
+            parts.append(f"{_si(share * amount.pixels / seconds)}px/s")
+        parts.append(f"{clock(seconds * (1 - share) / share)} left")
+    return "  ".join(parts)
+
+
+def clock(seconds: float) -> str:
+    """A time as one reads it.
+
+    Examples
+    --------
+    >>> clock(59.6), clock(3 * 3600 + 62)
+    ('1:00', '3:01:02')
+    """
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def _si(number: float) -> str:
+    for size, prefix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if number >= size:
+            return f"{number / size:.1f} {prefix}"
+    return f"{number:.0f} "

@@ -1,0 +1,119 @@
+"""Metadata of regions: from what, by which method and with which parameters they were made.
+
+It is the same for the same question on any day and machine: names are those that were given, and there is no
+time in it.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+from uavseg._version import __version__
+from uavseg.jobs.ranges import FoundRange
+from uavseg.jobs.result import Drawing, Extraction
+from uavseg.jobs.source import Blocks, Raster, Source
+from uavseg.plain_text import printable
+from uavseg.raster.value_scale import ValueAxis
+from uavseg.regions.edit.small import Area
+from uavseg.segmentation.params import SegmentParams
+
+_SAID_OTHERWISE = ("band", "rgb", "stretch", "skip_bad_tiles", "free_is_white")  # by what they result in
+
+
+def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
+    """A result whose regions say what they were made from, and how.
+
+    Parameters
+    ----------
+    found : Extraction
+    source : Source
+    job : str
+    how : mapping
+        The parameters of the job, as JSON has them; None is left out.
+    """
+    stretch = found.stretch
+    facts = {
+        "software": f"uavseg {__version__}",
+        "job": job,
+        "sources": _names(source),
+        "band": found.band_names,
+        **_reading(source),
+        "stretch": stretch.name,
+        "stretch_low": stretch.low,
+        "stretch_high": stretch.high,
+        **how,
+    }
+    known = {name: _plain(value) for name, value in facts.items() if value is not None}
+    return replace(found, regions=replace(found.regions, metadata=known))
+
+
+def range_facts(wanted: FoundRange | None, axis: ValueAxis | None) -> dict[str, Any]:
+    """A range of v, and of the values of the raster with their unit; None where it is open at that end."""
+    if wanted is None:
+        return {}
+    values = [None if math.isnan(end) else float(end) for end in wanted.ends]
+    facts: dict[str, Any] = {"range": [wanted.interval.low, wanted.interval.high]}
+    if axis is not None:
+        facts |= {"range_values": values, "unit": axis.unit or None}
+    return facts
+
+
+def segment_facts(segment: SegmentParams) -> dict[str, Any]:
+    """How blocks were divided and boundaries refined."""
+    step = segment.intensity_step if segment.method == "adaptive" else None
+    return {
+        "method": segment.method,
+        "threshold": segment.threshold,
+        "intensity_step": step,
+        "refine": segment.refine,
+    }
+
+
+def drawing_facts(
+    drawing: Drawing, fill_holes: Area | None = None, min_area: Area | None = None
+) -> dict[str, Any]:
+    """What was done to regions after they were outlined."""
+    return {
+        "fill_holes": _area(fill_holes),
+        "min_area": _area(min_area),
+        "smooth_outline_m": drawing.smooth_m,
+        "simplify_m": drawing.simplify_m,
+    }
+
+
+def _area(area: Area | None) -> str | None:
+    return None if area is None else f"{area.value:.12g} {'pixels' if area.in_pixels else 'm2'}"
+
+
+def _names(source: Source) -> tuple[str, ...]:
+    """The files as they were named; of a block map, those that it was made from."""
+    if isinstance(source, Blocks):
+        return source.saved.origin.rasters
+    given = source.given if isinstance(source, Raster) else ()
+    return given or (source.name,)
+
+
+def _reading(source: Source) -> dict[str, Any]:
+    """What was chosen in place of what the files say, such as another nodata value."""
+    if isinstance(source, Blocks):
+        return {"nodata": source.saved.origin.nodata}
+    if not isinstance(source, Raster):
+        return {}
+    chosen = {field.name: getattr(source.options, field.name) for field in fields(source.options)}
+    return {
+        name: value
+        for name, value in chosen.items()
+        if name not in _SAID_OTHERWISE and value not in (None, False, ())
+    }
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it: the same for 1 and 1.0, and text for what is not finite."""
+    if isinstance(value, tuple | list):
+        return list(map(_plain, value))
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return str(value)
+        return int(value) if value.is_integer() and abs(value) < 1e15 else float(value)
+    return value if value is None or isinstance(value, bool | int) else printable(str(value))
