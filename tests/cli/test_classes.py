@@ -326,3 +326,11 @@ def test_preview_draws_regions_in_the_colours_of_their_classes() -> None:
     done("preview", "a.tif", "--regions", "a.gpkg", "-o", "a.png", "--width", 600)
     red, _, blue = (255 * imread("a.png")[:, :, :3].transpose(2, 0, 1)).astype(int)
     assert (red - blue > 100).sum() > 500 and (blue - red > 100).sum() > 500
+
+
+def test_the_style_of_a_geopackage_has_the_colours_of_classes() -> None:
+    Path("c.csv").write_text("name,low,high,color\ndark,0,0.3,#0102ff\nbright,0.55,1,\n")
+    done("extract", "a.tif", "--classes", "c.csv", "-o", "a.gpkg")
+    style = geopandas.read_file("a.gpkg", layer="layer_styles")["styleQML"].iloc[0]
+    assert 'attr="class"' in style and 'value="dark"' in style and 'value="bright"' in style
+    assert "1,2,255" in style
