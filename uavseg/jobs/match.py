@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import phase
-from uavseg.jobs.extract import filled
+from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.metadata import drawing_facts, with_metadata
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
