@@ -192,6 +192,7 @@ def _facts(request: MatchRequest) -> dict[str, Any]:
         "similarity": request.similarity,
         "intensity": request.intensity if np.isfinite(request.intensity) else "any",
         "refine": request.refine,
+        "bands": request.bands or None,
     }
     return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area)
 
