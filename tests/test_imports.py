@@ -137,6 +137,7 @@ def actual_imports() -> dict[str, set[str]]:
 
 PHASES = {
     "params": set(),
+    "partition": {"params"},
     "components": set(),
     "dilation": set(),
     "blocks.lbp": set(),
@@ -144,10 +145,11 @@ PHASES = {
     "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
     "blocks.memory": {"blocks.division"},
     "blocks.block_map": {"blocks.division", "blocks.memory", "params"},
-    "blocks.leaves": {"blocks.block_map", "params"},
+    "blocks.leaves": {"blocks.block_map", "params", "partition"},
     "refine.noise": {"dilation"},
     "refine.total_variation": set(),
-    "refine.tv": {"dilation", "refine.noise", "refine.total_variation"},
+    "refine.specks": set(),
+    "refine.tv": {"dilation", "refine.noise", "refine.specks", "refine.total_variation"},
     "refine.range_scans": set(),
     "states.state_scans": set(),
     "states.value_statistics": set(),
@@ -167,6 +169,7 @@ PHASES["baseline.lbpc"] = EVERY_PHASE | {"in_memory", "baseline.merging"}  # a m
 ON_RASTERS = {  # these may import raster, and all phases
     "source",
     "pipeline",
+    "kinds",
     "blocks.block_file",
     "states.state_image",
     "states.classify_strips",

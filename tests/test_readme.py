@@ -62,6 +62,7 @@ def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
         "dark.tif",
         "survey.plan",
         "levels.gpkg",
+        "classes.gpkg",
         "p.gpkg",
         "q.gpkg",
         "report.csv",

@@ -37,6 +37,9 @@ def test_a_block_map_is_answered_as_its_raster() -> None:
         assert len(known) > 2
         assert_geodataframe_equal(found, known)
         segments, levels = (uavseg.levels(source, 0.25) for source in (one, other))
+        assert len(levels) > 9
+        assert_geodataframe_equal(segments, levels)
+        segments, levels = (uavseg.levels(source, 0.25, refine="none") for source in (one, other))
         assert len(levels) > 9 and segments["std"].isna().all()
         assert_geodataframe_equal(segments.drop(columns="std"), levels.drop(columns="std"))
 

@@ -114,6 +114,18 @@ def test_a_block_map_remembers_its_formula_and_is_refined_with_it() -> None:
     assert regions("other.tif").geometry.equals(regions("named.tif", "--band", "4").geometry)
 
 
+def test_regions_say_of_which_formula_and_bands_they_are() -> None:
+    words = ["--expr", "(nir - b1) / (nir + b1)", "--band-names", "nir=4"]
+    for line in (
+        ["extract", "plain.tif", "--range", "0.5,1"],
+        ["match", "plain.tif", "--like", "400100,4999920,60"],
+    ):
+        assert run(*line, *words, "-o", "out.geojson", "--overwrite").exit_code == 0
+        metadata = str(json.loads(Path("out.geojson").read_text()) | {"features": []})
+        assert "'expr': '(nir - b1) / (nir + b1)'" in metadata and "'band_names': 'nir=4'" in metadata
+        assert "'index'" not in metadata and "BandWords" not in metadata
+
+
 def test_info_shows_names_and_describes_a_raster_of_many_bands() -> None:
     assert "4: uint8 Band 4 - NIR, nir" in run("info", "named.tif").stdout
     names = [band["name"] for band in json.loads(run("info", "named.tif", "--json").stdout)["bands"]]

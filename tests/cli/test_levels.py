@@ -119,7 +119,7 @@ def test_the_segments_of_a_level_are_the_regions_of_its_range() -> None:
     """Without refinement, extracting (0.2, 0.3] finds what the third level is made of."""
     write("a.tif", scene(5, (200, 150)))
     above = float(np.nextafter(0.2, 1))
-    done("a.tif", "--width", 0.1, "-o", "a.gpkg", "-q")
+    done("a.tif", "--width", 0.1, "--refine", "none", "-o", "a.gpkg", "-q")
     how = ["extract", "a.tif", "--range", f"{above!r},0.3"]
     result = CliRunner().invoke(main, [*how, "--refine", "none", "-o", "b.gpkg", "-q"])
     assert result.exit_code == 0, result.output
@@ -195,7 +195,7 @@ def test_a_run_goes_on_where_it_stopped() -> None:
     how = ("a.tif", "--width", 0.1, "-o", "a.fgb", "--tile", 64, "--resume", "kept")
     done(*how)
     wanted = Path("a.fgb").read_bytes()
-    assert "resumed: 12 of 12 tiles were done (outline_cells)" in done(*how, "--overwrite").stderr
+    assert "resumed: 12 of 12 tiles were done (outline)" in done(*how, "--overwrite").stderr
     assert Path("a.fgb").read_bytes() == wanted
 
 

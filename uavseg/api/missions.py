@@ -42,6 +42,7 @@ def plan(
     ids: Sequence[int] | None = None,
     largest: int | None = None,
     where: str | None = None,
+    classes: str | Sequence[str] | None = None,
     layer: str | None = None,
     camera: str | os.PathLike[str] | Camera | None = None,
     gsd: float | None = None,
@@ -62,6 +63,7 @@ def plan(
     holes: str | None = None,
     hold: float | None = None,
     avoid: Any = (),
+    avoid_classes: str | Sequence[str] = (),
     avoid_margin: float = 10.0,
     raster: Any = None,
     allow_edge: bool = False,
@@ -111,6 +113,8 @@ def plan(
         Only so many, the largest.
     where : str, optional
         Only those that fulfil a condition, such as "mean > 0.7 and area_m2 > 500".
+    classes : str or sequence of str, optional
+        Only regions of these classes, see `extract`.
     layer : str, optional
         The layer of a file that has several.
     camera : str, path or Camera, optional
@@ -151,6 +155,8 @@ def plan(
         For a visit: seconds over each region.
     avoid : path, GeoDataFrame, (low, high), or a sequence of these
         Keep-out zones, which no leg enters: polygons, or a range of intensity that is looked for in `raster`.
+    avoid_classes : str or sequence of str
+        Regions of these classes are keep-out zones too.
     avoid_margin : float
         Least distance to keep-out zones in metres.
     raster : path, sequence of paths, array or DataArray, optional
@@ -231,12 +237,18 @@ def plan(
             ),
             terrain=terrain_params(dem, terrain, terrain_tolerance, climb, descent),
         )
-        request = PlanRequest(flight, _home(home), ids, largest, where, allow_edge)
+        named = None if classes is None else _names(classes)
+        choice = ids, largest, where, allow_edge, named, _names(avoid_classes)
+        request = PlanRequest(flight, _home(home), *choice)
         found = open_regions(regions, layer)
         source = None if raster is None else open_source(raster)
         planned = run_plan(found, request, zone_polygons(listed_zones(avoid), source), source)
     warn(planned.warnings)
     return planned
+
+
+def _names(given: str | Sequence[str]) -> tuple[str, ...]:
+    return (given,) if isinstance(given, str) else tuple(given)
 
 
 def _angle(given: float | str) -> float | None:

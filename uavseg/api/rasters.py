@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
+from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.divide import divide as run_divide
 from uavseg.jobs.each import RegionJob
 from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.extract import extract as run_extract
-from uavseg.jobs.levels import LevelsRequest, Small
+from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
+from uavseg.jobs.level_breaks import breaks_of
+from uavseg.jobs.levels import LevelsRequest, Small, level_params
 from uavseg.jobs.levels import levels as run_levels
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.range_words import range_of_words
 from uavseg.jobs.result import Drawing
+from uavseg.jobs.segment_kinds import joint_params
 from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.words.class_words import classes_of_words
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
 from uavseg.segmentation.params import Levels, SegmentParams
@@ -37,6 +42,7 @@ def extract(
     *,
     values: Sequence[float | None] | str | None = None,
     percentile: Sequence[float | None] | str | None = None,
+    classes: Mapping[str, Any] | str | os.PathLike[str] | None = None,
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
     index: str | None = None,
@@ -61,7 +67,7 @@ def extract(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """Regions of a raster whose mean intensity lies in a range.
+    """Regions of a raster whose mean intensity lies in a range, or of several classes.
 
     Parameters
     ----------
@@ -71,13 +77,17 @@ def extract(
         answered from it, and refined with its raster where that is at hand. A DataArray needs rioxarray's
         `.rio`.
     range : (float, float), optional
-        Of v in [0, 1], both ends in it. Exactly one of `range`, `values` and `percentile` is given; each may
-        be a text, such as "0.55,1".
+        Of v in [0, 1], both ends in it. Exactly one of `range`, `values`, `percentile` and `classes` is
+        given; the first three may be texts, such as "0.55,1".
     values : (float or None, float or None), optional
         In the raster's own units, after its scale and offset; None for an open end. Of three bands, in the
         units of their luminance.
     percentile : (float or None, float or None), optional
         Percentiles of all valid pixels, in 0..100.
+    classes : mapping or path, optional
+        Names with their ranges of v, ``{"water": (0, 0.2), "sand": (0.6, 0.8, "#e0c080")}``,
+        or a .csv or .yaml file of them. Each pixel is in one class at most; an end that two ranges share
+        belongs to the lower one.
     band : int or str, optional
         The band to use, counted from 1, or by its name in any case: its description in the file ("B8"), a
         colour or a common name ("nir").
@@ -119,7 +129,7 @@ def extract(
     -------
     regions : geopandas.GeoDataFrame
         In the raster's CRS, the region with most pixels first: id, area_m2, perimeter_m, mean, std, pixels,
-        holes, lon, lat, range_low, range_high, source.
+        holes, lon, lat, range_low, range_high, source. With classes also class, and color if one has a color.
 
     Raises
     ------
@@ -131,25 +141,18 @@ def extract(
     >>> import uavseg
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    request = ExtractRequest(
-        range_of_words(range, values, percentile),
-        SegmentParams.from_words(method, threshold, intensity_step, refine),
-        Drawing(smooth_outline, simplify),
-        as_area(fill_holes),
-        as_area(min_area),
-    )
-    job = RegionJob(
-        ReadOptions(
-            band,
-            rgb,
-            nodata,
-            stretch,
-            skip_bad_tiles,
-            words=BandWords(index, expr, band_names),
-            collar=collar,
-        ),
-        lambda opened, how: run_extract(opened, request, how),
-    )
+    how = Drawing(smooth_outline, simplify), as_area(fill_holes), as_area(min_area)
+    segment = SegmentParams.from_words(method, threshold, intensity_step, refine)
+    words = BandWords(index, expr, band_names)
+    read = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
+    if classes is None:
+        request = ExtractRequest(range_of_words(range, values, percentile), segment, *how)
+        job = RegionJob(read, lambda opened, work: run_extract(opened, request, work))
+    else:
+        if not range is values is percentile is None:
+            raise ParameterError("extract takes a range or classes; give one of them")
+        asked = ClassesRequest(classes_of_words(classes), joint_params(segment, refine), *how)
+        job = RegionJob(read, lambda opened, work: extract_classes(opened, asked, work))
     with allowing(allow_path, allow_network):
         return regions_of(source, job, work(threads, tile, progress, resume))
 
@@ -157,8 +160,9 @@ def extract(
 @checked
 def levels(
     source: Any,
-    width: float,
+    width: float | None = None,
     *,
+    breaks: Sequence[float] | str | None = None,
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
     index: str | None = None,
@@ -169,6 +173,7 @@ def levels(
     method: str = "adaptive",
     threshold: float = 1.2,
     intensity_step: float = 0.05,
+    refine: str | None = None,
     min_area: float | str | None = None,
     small: Small = "merge",
     smooth_outline: float | None = None,
@@ -182,15 +187,21 @@ def levels(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """A raster divided into levels of equal width, and each of them into segments of adjacent blocks.
+    """A raster divided into levels of v, and each of them into segments of adjacent pixels.
 
     Parameters
     ----------
     source
         As of `extract`; or the path of a ROS map's YAML file, which is never stretched. For another map of
         probabilities, give ``stretch="none"``.
-    width : float
+    width : float, optional
         Of a level, in v: above 0 and at most 1. A value on an edge belongs to the level below it.
+    breaks : sequence of float or str, optional
+        In place of a width: the values of v between levels, or "otsu" (levels with the smallest variance
+        within, as `suggest` has them), "otsu:K", "quantile" (as many pixels in each of 5) or "quantile:K".
+    refine : {"tv", "none"}, optional
+        By total variation to the pixel, or left at the edges of blocks, which is the default with
+        ``method="paper"`` and for more than 127 levels.
     small : {"merge", "drop"}
         What becomes of segments of less than `min_area`: the smallest first, each becomes part of the
         neighbour with the longest common border; or they are dropped.
@@ -213,9 +224,12 @@ def levels(
     >>> import uavseg
     >>> segments = uavseg.levels("tile.tif", width=0.1)  # doctest: +SKIP
     """
+    if (width is None) == (breaks is None):
+        raise ParameterError("levels takes a width, such as width=0.1, or breaks; give one of them")
+    wanted = breaks_of(breaks) if width is None else Levels(width)
     request = LevelsRequest(
-        Levels(width),
-        SegmentParams.from_words(method, threshold, intensity_step, "none"),
+        wanted,
+        level_params(SegmentParams.from_words(method, threshold, intensity_step), refine, wanted),
         Drawing(smooth_outline, simplify),
         as_area(min_area),
         small,

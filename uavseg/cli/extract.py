@@ -16,12 +16,20 @@ from uavseg.cli._write import (
     write_plan_output,
     write_regions_and_labels,
 )
+from uavseg.cli.options.classes import (
+    asked_ranges,
+    avoid_notes,
+    check_mission_classes,
+    class_choice_options,
+    class_options,
+    class_rows,
+)
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.files import parse_file_options
 from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.limits import zone_files
 from uavseg.cli.options.mission import mission_options
-from uavseg.cli.options.ranges import asked_range, range_options
+from uavseg.cli.options.ranges import range_options
 from uavseg.cli.options.raster import (
     area,
     drawing,
@@ -37,13 +45,18 @@ from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
     from uavseg.jobs.extract import ExtractRequest
+    from uavseg.jobs.extract_classes import ClassesRequest
     from uavseg.jobs.plan import PlanRequest
+    from uavseg.jobs.result import Extraction
+    from uavseg.jobs.source import Source
+    from uavseg.jobs.work import Work
     from uavseg.regions.formats.geojson import GeoJsonForm
 
 
 @click.command("extract", cls=HomeCommand)
 @reading_options
-@range_options("The range of v, such as 0.55,1.")
+@range_options("The range of v, such as 0.55,1. Several are classes, named after their ranges.", many=True)
+@class_options
 @click.option(
     "-o",
     "--output",
@@ -60,8 +73,9 @@ if TYPE_CHECKING:
 @click.option(
     "--refine",
     type=click.Choice(["tv", "scan", "none", "smooth"]),
-    show_default="tv; scan with --method paper",
-    help="How boundaries are found to the pixel: by total variation, four scans or a local mean.",
+    show_default="tv; with --method paper scan, and none for classes",
+    help="How boundaries are found to the pixel: by total variation, four scans or a local mean; those of "
+    "classes by tv or none.",
 )
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less, after holes are filled.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
@@ -69,6 +83,7 @@ if TYPE_CHECKING:
 @click.option(
     "--mission", metavar="PATH", help="Also plan a mission over the regions: a file as of uavseg plan."
 )
+@class_choice_options("--mission-class")
 @mission_options
 @style_option
 @stream_options
@@ -84,7 +99,6 @@ def command(**options: Any) -> None:
     too; see `uavseg plan --help` for how.
     """
     from uavseg.jobs.each import RegionJob
-    from uavseg.jobs.extract import extract
     from uavseg.jobs.open_source import open_source
     from uavseg.raster.source_list import stem_of
 
@@ -93,7 +107,7 @@ def command(**options: Any) -> None:
     if options["each"]:
         answer_each(
             options,
-            RegionJob(read, lambda source, how: extract(source, request, how)),
+            RegionJob(read, lambda source, how: _regions(source, request, how)),
             ".regions.geojson",
             run,
         )
@@ -111,7 +125,7 @@ def command(**options: Any) -> None:
     source = open_source(options["rasters"], read)
     _check_place(target, mission, source.geobox.wkt, form)
     work = run.work()
-    found = extract(source, request, work)
+    found = _regions(source, request, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     planned = None
     if flight is not None:
@@ -128,21 +142,38 @@ def command(**options: Any) -> None:
             paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite, files)
         write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
     if planned is not None and not run.reporter.quiet:
-        report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
-    rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **summary_rows(found)}
+        report(
+            planned.missions, planned.regions, paths, [*planned.warnings, *unwritten, *avoid_notes(options)]
+        )
+    rows = {"regions": f"{len(found.regions):,} -> {shown(target)}", **class_rows(found, request)}
+    rows |= summary_rows(found)
     run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 
-def _request(options: dict[str, Any]) -> ExtractRequest:
-    from uavseg.jobs.extract import ExtractRequest
+def _request(options: dict[str, Any]) -> ExtractRequest | ClassesRequest:
+    from uavseg.segmentation.partition import ValueClasses
 
-    return ExtractRequest(
-        asked_range(options),
-        segment_params(options, options["refine"]),
-        drawing(options),
-        area(options["fill_holes"]),
-        area(options["min_area"]),
-    )
+    asked, refine = asked_ranges(options), options["refine"]
+    check_mission_classes(options, asked)
+    how = drawing(options), area(options["fill_holes"]), area(options["min_area"])
+    if not isinstance(asked, ValueClasses):
+        from uavseg.jobs.extract import ExtractRequest
+
+        return ExtractRequest(asked, segment_params(options, refine), *how)
+    from uavseg.jobs.extract_classes import ClassesRequest
+    from uavseg.jobs.segment_kinds import joint_params
+
+    return ClassesRequest(asked, joint_params(segment_params(options, None), refine), *how)
+
+
+def _regions(source: Source, request: ExtractRequest | ClassesRequest, work: Work) -> Extraction:
+    from uavseg.jobs.extract import ExtractRequest, extract
+
+    if isinstance(request, ExtractRequest):
+        return extract(source, request, work)
+    from uavseg.jobs.extract_classes import extract_classes
+
+    return extract_classes(source, request, work)
 
 
 def _flight(options: dict[str, Any]) -> PlanRequest:

@@ -1,4 +1,4 @@
-"""`uavseg levels`: rasters, or a block map, divided into levels of equal width."""
+"""`uavseg levels`: rasters, or a block map, divided into levels between breaks of v."""
 
 from __future__ import annotations
 
@@ -32,10 +32,18 @@ if TYPE_CHECKING:
     from uavseg.jobs.levels import LevelsRequest
     from uavseg.jobs.result import Extraction
 
+_LISTED = 8  # levels in the table at the end
 
-@click.command("levels", short_help="Divide a raster into levels of equal width, and each into segments.")
+
+@click.command("levels", short_help="Divide a raster into levels of v, and each into segments.")
 @reading_options
-@click.option("--width", type=float, required=True, metavar="P", help="Width of a level in v, such as 0.1.")
+@click.option("--width", type=float, metavar="P", help="Width of a level in v, such as 0.1.")
+@click.option(
+    "--breaks",
+    metavar="V,V,...|otsu[:K]|quantile[:K]",
+    help="In place of a width: the values of v between levels, such as 0.2,0.5; or K levels with the "
+    "smallest variance within (otsu, as uavseg suggest has it) or the same number of pixels (quantile, 5).",
+)
 @click.option(
     "-o",
     "--output",
@@ -49,6 +57,12 @@ if TYPE_CHECKING:
     help="Also write the labels of the segments as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
 @segmenting_options
+@click.option(
+    "--refine",
+    type=click.Choice(["tv", "none"]),
+    show_default="tv; none with --method paper",
+    help="How boundaries are found to the pixel: by total variation, or left at the edges of blocks.",
+)
 @click.option(
     "--min-area", metavar="M2|Npx", help="Merge segments of less into their neighbours, or drop them."
 )
@@ -68,10 +82,10 @@ if TYPE_CHECKING:
 def command(**options: Any) -> None:
     """Divide RASTER... (many are one mosaic) into levels of v: 0..P, P..2P, and so on up to 1.
 
-    A segment is what adjacent blocks of one level make together; a value on an edge belongs to the level
-    below it. Each segment has its level, counted from 0, and the interval of that level; its borders are
-    those of blocks. RASTER may also be a block map from `uavseg divide`, which answers by itself, or the YAML
-    file of a ROS map, which is never stretched. For another map of probabilities, say --stretch none.
+    A segment is what adjacent pixels of one level make together; a value on an edge belongs to the level
+    below it. Each segment has its level, counted from 0, and the interval of that level; adjacent segments
+    share their borders. RASTER may also be a block map from `uavseg divide`, or the YAML file of a ROS map,
+    which is never stretched. For another map of probabilities, say --stretch none.
 
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
     rasters are one mosaic, unless --each is given.
@@ -103,11 +117,9 @@ def command(**options: Any) -> None:
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
         write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
-    wanted = request.levels
-    there = len(set(found.regions.columns["level"].tolist()))
     rows = {
         "segments": f"{len(found.regions):,} -> {shown(target)}",
-        "levels": f"{there:,} of {wanted.count:,} are there, each {_width(found, wanted.width)} wide",
+        "levels": _levels_row(found, request),
         **summary_rows(found),
         "seconds": f"{run.reporter.seconds:.2f}",
     }
@@ -124,13 +136,37 @@ def _width(found: Extraction, width: float) -> str:
 
 
 def _request(options: dict[str, Any]) -> LevelsRequest:
-    from uavseg.jobs.levels import LevelsRequest
+    from uavseg.jobs.level_breaks import breaks_of_words
+    from uavseg.jobs.levels import LevelsRequest, level_params
     from uavseg.segmentation.params import Levels
 
+    width, breaks = options["width"], options["breaks"]
+    if (width is None) == (breaks is None):
+        raise click.UsageError("give --width P, or --breaks V,V,... (or otsu, quantile)")
+    levels = Levels(width) if breaks is None else breaks_of_words(breaks)
     return LevelsRequest(
-        Levels(options["width"]),
-        segment_params(options, "none"),
+        levels,
+        level_params(segment_params(options, None), options["refine"], levels),
         drawing(options),
         area(options["min_area"]),
         options["small"],
     )
+
+
+def _levels_row(found: Extraction, request: LevelsRequest) -> str:
+    """How many levels there are, for the table at the end."""
+    from uavseg.jobs.level_breaks import BreakChoice
+    from uavseg.segmentation.params import Levels
+
+    there = len(set(found.regions.columns["level"].tolist()))
+    wanted = request.levels
+    if isinstance(wanted, BreakChoice):
+        columns = found.regions.columns
+        intervals = sorted(
+            set(zip(columns["range_low"].tolist(), columns["range_high"].tolist(), strict=True))
+        )
+        shown_ends = [f"{low:.7g}..{high:.7g}" for low, high in intervals[:_LISTED]]
+        more = f" and {len(intervals) - _LISTED} more" if len(intervals) > _LISTED else ""
+        return f"{there:,} by {wanted.rule}: {', '.join(shown_ends)}{more}"
+    each = f", each {_width(found, wanted.width)} wide" if isinstance(wanted, Levels) else ""
+    return f"{there:,} of {wanted.count:,} are there{each}"

@@ -10,6 +10,7 @@ import click
 from uavseg.cli._say import show
 from uavseg.cli._write import keep_inputs, write_plan_output
 from uavseg.cli.options.access import access_options
+from uavseg.cli.options.classes import class_choice_options
 from uavseg.cli.options.files import parse_file_options
 from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.limits import zone_files, zones_of
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     help='Only regions that fulfil it, as in "mean > 0.7 and area_m2 > 500". A comparison with a missing '
     "number is neither true nor false, so != and not do not select it either.",
 )
+@class_choice_options("--class")
 @click.option(
     "--raster",
     metavar="PATH",

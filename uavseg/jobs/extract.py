@@ -1,7 +1,7 @@
 """Extraction of the regions of a raster whose mean intensity lies in a range: the main job."""
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, logger, phase
+from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.metadata import drawing_facts, range_facts, segment_facts, with_metadata
 from uavseg.jobs.ranges import AnyRange, FoundRange, grey_for, range_of_blocks, range_text
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
@@ -17,7 +18,7 @@ from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
+from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams
@@ -170,16 +171,6 @@ def _outlined(
     outlined = outline_regions(grey, cells, wanted.interval, request.segment.refine, tile_pass, expected)
     trim_heap()
     return filled(grey, outlined, request.fill_holes, tile_pass)
-
-
-def filled(
-    grey: GreySource, outlined: RegionOutlines, smallest: Area | None, tile_pass: TilePass
-) -> RegionOutlines:
-    """Regions whose holes of less than an area are filled, with the sums of all pixels they then enclose."""
-    if smallest is None:
-        return outlined
-    found = fill_small_holes(outlined, grey.dataset.geobox, smallest)
-    return outlined if found is outlined else replace(found, sums=sum_regions(grey, found, tile_pass))
 
 
 def _measured(

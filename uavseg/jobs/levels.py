@@ -1,30 +1,25 @@
-"""Division of a raster into levels of equal width, and of each level into segments of adjacent blocks."""
+"""Division of a raster into levels between breaks of v, and of each level into adjacent segments."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.execution.executors import trim_heap
-from uavseg.execution.phases import decided, phase
+from uavseg.jobs.level_breaks import BreakChoice
 from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
-from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
-from uavseg.jobs.source import Blocks, Pixels, Source
+from uavseg.jobs.result import Drawing, Extraction, measured
+from uavseg.jobs.segment_kinds import ChoosePartition, KindsRequest, Segmented, joint_params, segment_kinds
+from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions
-from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.tiles.block_map_regions import outline_block_map
-from uavseg.regions.tiles.kind_tiles import outline_segments
-from uavseg.segmentation.blocks.leaves import cell_levels
+from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.params import Levels, SegmentParams
-from uavseg.segmentation.pipeline import measure_block_map_for
-from uavseg.units import CELL
+from uavseg.segmentation.partition import Breaks, Partition, partition_of_levels
+from uavseg.units import MAX_KINDS
 
 Small = Literal["drop", "merge"]
-Kinds = NDArray[np.uint8] | NDArray[np.uint32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +28,10 @@ class LevelsRequest:
 
     Parameters
     ----------
-    levels : Levels
+    levels : Levels, Breaks or BreakChoice
         Of v, after the stretch.
     segment : SegmentParams
-        Levels end at block edges: its `refine` is "none".
+        Its `refine` is "tv" or "none"; see `segment_kinds.joint_params`.
     drawing : Drawing
         How outlines are drawn.
     min_area : Area, optional
@@ -49,23 +44,37 @@ class LevelsRequest:
         If one of them is not allowed.
     """
 
-    levels: Levels
-    segment: SegmentParams = SegmentParams(refine="none")
+    levels: Levels | Breaks | BreakChoice
+    segment: SegmentParams = SegmentParams()
     drawing: Drawing = Drawing()
     min_area: Area | None = None
     small: Small = "merge"
 
     def __post_init__(self) -> None:
-        if self.segment.refine != "none":
-            raise ParameterError(f"levels end at block edges: refine is none, not {self.segment.refine}")
+        joint_params(self.segment, self.segment.refine)
         if self.small not in get_args(Small):
             raise ParameterError(f"small segments are merged or dropped: merge or drop, not {self.small!r}")
 
 
-def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extraction:
-    """The segments of all levels: adjacent leaves whose means lie in the same interval.
+def level_params(
+    segment: SegmentParams, refine: str | None, levels: Levels | Breaks | BreakChoice
+) -> SegmentParams:
+    """How segments of levels are found; see `joint_params`. More than 127 levels end at block edges.
 
-    A block map answers without its raster: segments are whole cells, and `std` is not known.
+    Raises
+    ------
+    ParameterError
+        If they are to be refined otherwise.
+    """
+    if refine is None and not isinstance(levels, BreakChoice) and levels.count > MAX_KINDS:
+        refine = "none"
+    return joint_params(segment, refine)
+
+
+def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extraction:
+    """The segments of all levels: adjacent pixels, or leaves if they are not refined, of the same interval.
+
+    A block map answers without its raster where segments may end at cells; then `std` is not known.
 
     Parameters
     ----------
@@ -84,54 +93,54 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
         If the source cannot be read or a parameter does not fit it.
     """
     work = work.begun()
-    outlined, kinds, info = (
-        _of_blocks(source, request) if isinstance(source, Blocks) else _of_pixels(source, request, work)
-    )
-    found = _measured(outlined, kinds, info, request)
+    found = segment_kinds(source, KindsRequest(_partition(request), request.segment), work)
+    notes = [*found.notes, *_notes(found.partition, request)]
     small = {"small": request.small} if request.min_area is not None else {}
-    how = {"levels": list(request.levels.bounds)} | segment_facts(request.segment)
+    how = {"levels": [0.0, *found.partition.edges, 1.0]} | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, None, request.min_area) | small
-    found = with_metadata(found, source, "levels", how)
-    if len(found.regions):
-        return work.finished(found)
-    return work.finished(
-        found, "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"
-    )
+    result = with_metadata(_measured(found, request), source, "levels", how)
+    if not len(result.regions):
+        notes.append(
+            "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"
+        )
+    return work.finished(result, *notes)
 
 
-def _of_pixels(
-    source: Pixels, request: LevelsRequest, work: Work
-) -> tuple[RegionOutlines, Kinds, SourceInfo]:
-    """Outlines of segments, the level of each cell (from 1), and the source."""
-    stretching, dividing, outlining = work.over(source).stages(3)
-    grey = source.grey(stretching)
-    segment = request.segment
-    with phase("division"):
-        blocks = measure_block_map_for(grey, request.levels, segment, dividing)
-    decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-    kinds = cell_levels(blocks, request.levels, segment.division)
-    del blocks
-    trim_heap()
-    with phase("outlines"):
-        outlined = outline_segments(grey, kinds, outlining)
-    trim_heap()
-    return outlined, kinds, SourceInfo.of(grey)
+def _partition(request: LevelsRequest) -> Partition | ChoosePartition:
+    """The levels, or what chooses them from a block map."""
+    choice = request.levels
+    if not isinstance(choice, BreakChoice):
+        return partition_of_levels(choice)
+
+    def choose(blocks: BlockMap) -> Partition:
+        return partition_of_levels(choice.breaks(blocks, request.segment.division))
+
+    return choose
 
 
-def _of_blocks(source: Blocks, request: LevelsRequest) -> tuple[RegionOutlines, Kinds, SourceInfo]:
-    """The same from a block map alone."""
-    blocks, segment = source.saved.blocks, request.segment
-    kinds = cell_levels(blocks, request.levels, segment.division)
-    return outline_block_map(blocks, kinds), kinds, SourceInfo.of(source)
+def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
+    """Where levels are not as they were asked for."""
+    choice, notes = request.levels, []
+    if isinstance(choice, BreakChoice):
+        if partition.count == 1:
+            notes.append("all leaves have one mean, so there is one level")
+        elif choice.count is not None and partition.count < choice.count:
+            notes.append(
+                f"the means of leaves differ too little for {choice.count} levels; "
+                f"there are {partition.count}"
+            )
+    elif partition.count > MAX_KINDS and request.segment.method == "adaptive":
+        notes.append(f"more than {MAX_KINDS} levels end at block edges; fewer are refined to the pixel")
+    return notes
 
 
-def _measured(outlined: RegionOutlines, kinds: Kinds, info: SourceInfo, request: LevelsRequest) -> Extraction:
+def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
     """Segments with their levels and attributes, the small ones merged or dropped."""
+    outlined, info = found.outlined, found.info
     if request.min_area is not None and request.small == "drop":
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
-    row, col = outlined.sums.firsts.T // CELL
-    level = kinds[row, col].astype(np.int64) - 1
+    level = found.kinds_at(outlined.sums.firsts) - 1
     if request.min_area is not None and request.small == "merge":
         outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
-    bounds = np.array(request.levels.bounds)
+    bounds = np.array([0.0, *found.partition.edges, 1.0])
     return measured(outlined, info, (bounds[level], bounds[level + 1]), request.drawing, {"level": level})

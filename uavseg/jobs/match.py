@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import phase
-from uavseg.jobs.extract import filled
+from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.metadata import drawing_facts, with_metadata
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
@@ -192,6 +192,7 @@ def _facts(request: MatchRequest) -> dict[str, Any]:
         "similarity": request.similarity,
         "intensity": request.intensity if np.isfinite(request.intensity) else "any",
         "refine": request.refine,
+        "bands": request.bands or None,
     }
     return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area)
 
@@ -214,7 +215,8 @@ def _outlined(
 
 def _color_sources(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> list[GreySource]:
     """Each band as grey, by the stretch of the raster, fitted to it."""
-    datasets = [raster.dataset.of_band(band, raster.options.nodata) for band in bands]
+    dataset = raster.cleaned(tile_pass)
+    datasets = [dataset.of_band(band, raster.options.nodata) for band in bands]
     return [GreySource(one, fit_stretch(one, raster.options.spec or AUTO, tile_pass)) for one in datasets]
 
 

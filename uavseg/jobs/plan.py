@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from uavseg.errors import ParameterError
 from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
@@ -21,7 +23,7 @@ from uavseg.flight.terrain.clearance import clearance_of
 from uavseg.flight.terrain.params import TerrainParams
 from uavseg.jobs.words.pattern_words import PatternWords, pattern_params
 from uavseg.jobs.words.photo_words import PhotoWords, photos_of
-from uavseg.regions.select.choose import select_regions
+from uavseg.regions.select.choose import of_classes, select_regions
 from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:
@@ -51,6 +53,15 @@ class PlanRequest:
         Only those that fulfil a condition, see `uavseg.regions.select.where`.
     allow_edge : bool
         Whether regions that touch the edge of their raster are flown over, where it is known.
+    classes : sequence of str, optional
+        Only regions of these classes.
+    avoid_classes : sequence of str
+        Regions of these classes are keep-out zones.
+
+    Raises
+    ------
+    ParameterError
+        If a class is to be flown over and kept out of.
     """
 
     flight: PlanParams
@@ -59,6 +70,13 @@ class PlanRequest:
     largest: int | None = None
     where: str | None = None
     allow_edge: bool = False
+    classes: Sequence[str] | None = None
+    avoid_classes: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        for name in self.avoid_classes:
+            if self.classes is not None and name in self.classes:
+                raise ParameterError(f"the class {name} is to be flown over and kept out of; choose one")
 
     @property
     def chooses(self) -> bool:
@@ -149,17 +167,23 @@ def plan(
     Raises
     ------
     RegionError
-        If none of the regions is chosen, or one that touches the edge is chosen by its id.
+        If none of the regions is chosen, none is of a class, or one that touches the edge is chosen by its
+        id.
     MissionError
         If there are no regions, if they are not near home, if zones make one unreachable, or if the mission
         would not be safe.
     """
     chosen: Regions = regions
     notes: list[str] = []
-    if raster is not None and not request.allow_edge and len(regions):
+    if request.classes is not None:
+        chosen = regions.select(np.flatnonzero(of_classes(regions, request.classes)))
+    if request.avoid_classes:
+        avoided = np.flatnonzero(of_classes(regions, request.avoid_classes))
+        zones = [*zones, *regions.select(avoided).polygons]
+    if raster is not None and not request.allow_edge and len(chosen):
         from uavseg.jobs.edge_regions import without_edge_regions
 
-        chosen, notes = without_edge_regions(regions, raster, request.ids, request.where)
+        chosen, notes = without_edge_regions(chosen, raster, request.ids, request.where)
     if request.chooses:
         chosen = select_regions(chosen, request.ids, request.largest, request.where)
     polygons, points = list(chosen.polygons), _points(chosen)

@@ -27,7 +27,15 @@ from uavseg.regions.table import Regions
 PolygonArray = NDArray[np.object_]
 
 _LARGEST = 1e100  # the square of it is a number too
-_DRAWN_COLUMNS = ("id", "area_m2", "level", "range_low", "range_high")  # the attributes that pictures use
+_DRAWN_COLUMNS = (
+    "id",
+    "area_m2",
+    "level",
+    "range_low",
+    "range_high",
+    "class",
+    "color",
+)  # the attributes that pictures use
 
 
 @dataclass(frozen=True)

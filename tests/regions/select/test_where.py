@@ -246,3 +246,17 @@ def test_rows_are_chosen_where_the_condition_is_true_and_not_where_it_is_unknown
     }
     columns["kept"] = np.array([row["kept"] for row in ROWS])
     assert where(columns, condition).tolist() == [answer(row) is True for row in ROWS]
+
+
+def test_a_column_may_be_called_class_and_texts_keep_the_word() -> None:
+    columns = {"class": np.array(["water", "class", "sand"], object), "class_": np.array([1, 2, 3])}
+    assert where(columns, "class == 'class'").tolist() == [False, True, False]
+    assert where(
+        {"class": columns["class"]}, "class in ['water', 'sand'] and not class == \"sand\""
+    ).tolist() == [
+        True,
+        False,
+        False,
+    ]
+    with pytest.raises(RegionError, match="these regions have no 'class'; they have mean"):
+        where({"mean": np.array([0.5])}, "class == 'water'")

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from uavseg.segmentation.refine.tv import MIN_PIECE, drop_specks
+from uavseg.segmentation.refine.specks import MIN_PIECE, drop_specks
 
 SHAPE = (24, 32)
 ALL = np.ones((3, 4), np.uint8)
@@ -58,3 +59,39 @@ def test_cells_that_are_not_active_keep_their_specks() -> None:
     active[0, 0] = 0
     drop_specks(speck, np.ones_like(speck), active)
     assert np.argwhere(speck).tolist() == [[5, 5]]
+
+
+def plain_kinds_without_specks(kinds: NDArray[np.uint8], valid: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Each small thin component takes the kind of most neighbours of its pixels, of several the smallest."""
+    result = kinds.copy()
+    shown = np.where(valid > 0, kinds.astype(int), -1)
+    around = np.pad(shown, 1, constant_values=-1)
+    for kind in np.unique(kinds):
+        same = shown == kind
+        pieces, count = ndimage.label(same, None if kind else np.ones((3, 3)))
+        thick = ndimage.binary_opening(same, np.ones((3, 3)))
+        for piece in range(1, count + 1):
+            own = pieces == piece
+            contacts = [
+                int(around[r + 1 + dr, c + 1 + dc])
+                for r, c in np.argwhere(own)
+                for dr in (-1, 0, 1)
+                for dc in (-1, 0, 1)
+            ]
+            others = [other for other in contacts if other not in (kind, -1)]
+            if own.sum() < MIN_PIECE and others:
+                result[own & ~thick] = np.bincount(others).argmax()
+    return result
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 100_000), st.sampled_from([2, 3, 6]))
+def test_specks_of_several_kinds_are_those_of_plain_arrays(seed: int, kinds: int) -> None:
+    rng = np.random.default_rng(seed)
+    valid = (rng.random(SHAPE) > 0.05).astype(np.uint8)
+    side = int(rng.choice([1, 2, 4]))
+    image = rng.choice([0, 1, 2, 5, 90, 127][:kinds], (24 // side, 32 // side)).repeat(side, 0)
+    image = image.repeat(side, 1).astype(np.uint8)
+    image[rng.random(SHAPE) < 0.1] = 1
+    image *= valid
+    assert np.array_equal(dropped(image, valid), plain_kinds_without_specks(image, valid))

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.segmentation.params import IntensityRange
-from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, threshold_tv
+from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, classify_tv, threshold_tv
 
 seeds = st.integers(0, 100_000)
 MIDDLE = IntensityRange(0.35, 0.65)
@@ -56,3 +56,21 @@ def test_without_weights_nothing_changes(seed: int) -> None:
     inside = before.copy()
     threshold_tv(grey, np.ones_like(inside), np.zeros((2, 3), np.int16), MIDDLE.greys, inside)
     assert np.array_equal(inside, before)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seeds, st.sampled_from([0, 300, MAX_WEIGHT]))
+def test_kinds_are_those_of_the_greys_of_plain_arrays(
+    plain_variation: ModuleType, seed: int, largest: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    grey = rng.integers(0, 65536, (16, 24)).astype(np.uint16)
+    valid = (rng.random(grey.shape) > 0.1).astype(np.uint8)
+    grey *= valid
+    weights = rng.integers(0, largest + 1, (2, 3)).astype(np.int16)
+    table = rng.integers(0, 128, 65536).astype(np.uint8)
+    kinds = rng.integers(0, 128, grey.shape).astype(np.uint8) * valid
+    u, _ = plain_variation.minimise_tv(grey, weights.repeat(8, 0).repeat(8, 1) * valid.astype(np.int64))
+    expected = np.where(u != grey // 2, table[2 * u] * valid, kinds)
+    classify_tv(grey, valid, weights, table, kinds)
+    assert np.array_equal(kinds, expected)

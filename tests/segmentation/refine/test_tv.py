@@ -13,7 +13,7 @@ from scipy import ndimage
 from uavseg.segmentation.params import IntensityRange
 from uavseg.segmentation.refine import total_variation
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
-from uavseg.segmentation.refine.tv import refine_by_tv
+from uavseg.segmentation.refine.tv import refine_by_tv, refine_kinds_by_tv
 
 Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
@@ -151,3 +151,28 @@ def test_a_noisy_shore_becomes_one_straight_region() -> None:
     truth = np.broadcast_to(np.arange(128) >= 61, found.shape)
     assert ((found > 0) & truth).sum() / ((found > 0) | truth).sum() > 0.98
     assert ndimage.label(found)[1] == 1
+
+
+@settings(deadline=None, max_examples=40)
+@given(seeds, st.tuples(st.integers(1, 4), st.integers(1, 5)))
+def test_one_kind_is_refined_as_its_range(seed: int, squares: tuple[int, int]) -> None:
+    inside, mixed, valid, grey = random_case(seed, (2 * squares[0], 2 * squares[1]))
+    low, high = MIDDLE.greys
+    table = np.zeros(65536, np.uint8)
+    table[low : high + 1] = 1
+    found = refine_kinds_by_tv(inside.copy(), mixed, valid, grey, table)
+    assert np.array_equal(found, refined(inside, mixed, valid, grey))
+
+
+@settings(deadline=None, max_examples=20)
+@given(seeds)
+def test_a_crop_of_several_kinds_with_a_halo_is_refined_as_the_whole(seed: int) -> None:
+    _, mixed, valid, grey = random_case(seed, (30, 30))
+    table = np.searchsorted([0.3, 0.45, 0.55, 0.8], np.arange(65536) / 65535).astype(np.uint8)
+    kinds = np.random.default_rng(seed).integers(0, 5, (30, 30)).astype(np.uint8).repeat(8, 0).repeat(8, 1)
+    kinds *= valid
+    whole = refine_kinds_by_tv(kinds.copy(), mixed, valid, grey, table)
+    part = [np.ascontiguousarray(image[:176, :176]).copy() for image in (kinds, valid, grey)]
+    found = refine_kinds_by_tv(part[0], np.ascontiguousarray(mixed[:22, :22]), *part[1:], table)
+    inner = 176 - REFINE_HALO + 1
+    assert np.array_equal(found[:inner, :inner], whole[:inner, :inner])

@@ -132,7 +132,16 @@ def plan_request(options: dict[str, Any]) -> PlanRequest:
     )
     home = parse_home(options["home"])
     ids = parse_ids(options.get("ids"))
-    return PlanRequest(flight, home, ids, options.get("largest"), options.get("where"), options["allow_edge"])
+    return PlanRequest(
+        flight,
+        home,
+        ids,
+        options.get("largest"),
+        options.get("where"),
+        options["allow_edge"],
+        options.get("mission_classes") or None,
+        options.get("avoid_classes") or (),
+    )
 
 
 def parse_home(text: str | None) -> Home:

@@ -13,13 +13,13 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def range_options(meaning: str) -> Callable[[F], F]:
-    """Give a command --range, --values and --percentile; see `asked_range`."""
+def range_options(meaning: str, many: bool = False) -> Callable[[F], F]:
+    """Give a command --range (several are a tuple), --values and --percentile; see `asked_range`."""
 
     def decorate(command: F) -> F:
         for option in reversed(
             (
-                click.option("--range", "interval", metavar="LO,HI", help=meaning),
+                click.option("--range", "interval", metavar="LO,HI", multiple=many, help=meaning),
                 click.option(
                     "--values",
                     metavar="LO,HI",

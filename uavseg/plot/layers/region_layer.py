@@ -1,4 +1,4 @@
-"""Layer of regions: translucent, neighbours in different colours (greedy colouring), ids on the largest."""
+"""Layer of regions: translucent, coloured by class or else unlike neighbours, ids on the largest."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.plot.frame import Frame
+from uavseg.plot.layers.class_colors import ClassColors
 from uavseg.plot.map_furniture import area_text
 from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths
 
@@ -31,11 +32,14 @@ class RegionLayer:
     polygons : (n,) object array of shapely geometries
     area_m2 : float or None
         Sum of their column `area_m2`, if they have one.
+    classes : ClassColors, optional
+        Their colours by class, if they have classes.
     """
 
     ids: NDArray[Any]
     polygons: PolygonArray
     area_m2: float | None
+    classes: ClassColors | None = None
 
     @classmethod
     def of(cls, regions: Any, frame: Frame) -> "RegionLayer":
@@ -50,7 +54,8 @@ class RegionLayer:
         ids, areas = found.columns.get("id"), found.columns.get("area_m2")
         if ids is None or any(own is None or own != own for own in ids):
             ids = np.arange(1, len(found.polygons) + 1)
-        return cls(ids, found.in_plot(frame), None if areas is None else _total(areas))
+        total = None if areas is None else _total(areas)
+        return cls(ids, found.in_plot(frame), total, ClassColors.of(found.columns, _COLORS))
 
     def title_parts(self, has_crs: bool) -> list[str]:
         """The number of regions and their total area."""
@@ -65,9 +70,16 @@ class RegionLayer:
         if not seen.any():
             return
         shapes = shapely.orient_polygons(shapely.simplify(self.polygons[seen], 0.2 * point))
-        colors = np.array(_COLORS)[assign_colors(shapes, 9 * point, len(_COLORS))]
+        if self.classes is None:
+            order: tuple[str, ...] = _COLORS
+            colors = np.array(_COLORS)[assign_colors(shapes, 9 * point, len(_COLORS))]
+        else:
+            colors = self.classes.colors[seen]
+            order = tuple(dict.fromkeys(self.classes.legend.values()))
+            for name, color in self.classes.legend.items():
+                ax.scatter([], [], s=40, marker="s", color=color, label=name.replace("$", r"\$"))
         paths = polygon_paths(shapes)
-        for color in _COLORS:
+        for color in order:
             group = [path for path, own in zip(paths, colors, strict=True) if own == color]
             ax.add_collection(PathCollection(group, facecolor=color, alpha=0.3, lw=0, zorder=3))
             ax.add_collection(PathCollection(group, facecolor="none", edgecolor=color, lw=1.1, zorder=4))

@@ -32,6 +32,7 @@ def classes_of(regions: Regions, colors: Sequence[Class] = ()) -> tuple[str, tup
         Of classes; others get colours from a palette, in the order of their names.
     """
     if "class" in regions.columns:
+        colors = colors or _given_colors(regions)
         names = sorted(
             {str(name) for name in regions.columns["class"].tolist()} - {name for name, _ in colors}
         )
@@ -40,6 +41,14 @@ def classes_of(regions: Regions, colors: Sequence[Class] = ()) -> tuple[str, tup
         found = sorted(set(regions.columns["level"].tolist()))
         return "level", tuple((str(level), _ramp(k, len(found))) for k, level in enumerate(found))
     return None
+
+
+def _given_colors(regions: Regions) -> tuple[Class, ...]:
+    """Classes with the colours of the column `color`, in the order of their names."""
+    if "color" not in regions.columns:
+        return ()
+    pairs = zip(regions.columns["class"].tolist(), regions.columns["color"].tolist(), strict=True)
+    return tuple(sorted({str(name): str(color) for name, color in pairs if color}.items()))
 
 
 def qml(regions: Regions, colors: Sequence[Class] = ()) -> str:

@@ -136,7 +136,9 @@ class TileStitcher:
         self._chains.append(tile.chains)
         self._count += len(tile.sums.counts)
 
-    def finish(self, leaves: NDArray[Any] | None = None) -> RegionOutlines:
+    def finish(
+        self, leaves: NDArray[Any] | None = None, kinds: NDArray[np.uint8] | None = None
+    ) -> RegionOutlines:
         """All regions: components that meet at tile borders, or belong to the same leaves, are one.
 
         Parameters
@@ -145,15 +147,20 @@ class TileStitcher:
             The cells that the pixels come from, where they were not refined: 0 for no region, and the same
             number where adjacent cells belong together. Then components of different numbers stay apart, and
             cells that share an edge are one region also where invalid pixels separate their pixels.
+        kinds : (n,) uint8 array, optional
+            In place of leaves: the kind of each component, in the order in which tiles were added. Components
+            of different kinds stay apart.
         """
         sums = _concatenate_sums(self._sums)
         pairs = np.concatenate([np.empty((0, 2), np.int64), *self._pairs])
+        if kinds is not None:
+            pairs = pairs[kinds[pairs[:, 0]] == kinds[pairs[:, 1]]]
         if leaves is None:
             parts = union_roots(pairs, self._count)
             return _number_regions(sums, parts, parts, self._chains)
         row, col = sums.firsts.T // CELL
-        kinds = leaves[row, col]
-        parts = union_roots(pairs[kinds[pairs[:, 0]] == kinds[pairs[:, 1]]], self._count)
+        numbers = leaves[row, col]
+        parts = union_roots(pairs[numbers[pairs[:, 0]] == numbers[pairs[:, 1]]], self._count)
         segments, _ = label_equal_values(leaves)
         return _number_regions(sums, segments[row, col].astype(np.int64), parts, self._chains)
 

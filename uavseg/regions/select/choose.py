@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.regions.select.where import where
@@ -49,6 +50,39 @@ def select_regions(
     if not kept.any():
         raise RegionError(f"none of the {len(regions)} regions is selected; give weaker conditions")
     return regions.select(np.flatnonzero(kept))
+
+
+def of_classes(regions: Regions, names: Sequence[str]) -> NDArray[np.bool_]:
+    """Mask of the regions that are of some classes.
+
+    Parameters
+    ----------
+    regions : Regions
+        With a column `class`, as `uavseg extract --class` makes it.
+    names : sequence of str
+        All of them must exist.
+
+    Raises
+    ------
+    RegionError
+        If there is no such column, or no region of one of the classes.
+    """
+    if "class" not in regions.columns:
+        raise RegionError(
+            f"these regions have no classes, so none is {names[0]}; "
+            "uavseg extract --class NAME=LO,HI makes them"
+        )
+    column = np.array([str(value) for value in regions.columns["class"]], object)
+    known = sorted(set(column.tolist()))
+    for name in names:
+        if name not in known:
+            raise RegionError(f"no region is of the class {name}; there are {_names(known)}")
+    return np.isin(column, list(names))
+
+
+def _names(known: Sequence[str]) -> str:
+    more = f" and {len(known) - MAX_LISTED} more" if len(known) > MAX_LISTED else ""
+    return ", ".join(known[:MAX_LISTED]) + more if known else "none"
 
 
 def _has_id(regions: Regions, ids: Sequence[int]) -> np.ndarray:

@@ -7,6 +7,7 @@ whole is true.
 
 import ast
 import operator
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -82,13 +83,22 @@ def _parse(condition: str) -> ast.expr:
     if len(condition) > MAX_CHARACTERS:
         raise RegionError(f"the condition has {len(condition)} characters; at most {MAX_CHARACTERS} are read")
     try:
-        return ast.parse(condition.strip(), mode="eval").body
+        return ast.parse(_KEYWORD.sub(_as_name, condition.strip()), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         one_equals = "=" in condition and not any(two in condition for two in ("==", "<=", ">=", "!="))
         hint = "; equality is written ==" if one_equals else ""
         raise RegionError(
             f'the condition {condition[:60]!r} cannot be read; expected as in "mean > 0.7"{hint}'
         ) from error
+
+
+_KEYWORD = re.compile(r"""'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*"|\bclass\b""")
+_CLASS = "class_column_"  # stands for the column class, which has the name of a keyword
+
+
+def _as_name(found: re.Match[str]) -> str:
+    """A text in quotes as it is, and the keyword class as a name."""
+    return _CLASS if found[0] == "class" else found[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,10 +142,11 @@ class _Evaluator:
         return np.str_(part.value) if isinstance(part.value, str) else np.float64(part.value)
 
     def _name(self, part: ast.Name) -> Any:
-        if part.id not in self.columns:
+        name = "class" if part.id == _CLASS else part.id
+        if name not in self.columns:
             known = ", ".join(self.columns)
-            raise RegionError(f"these regions have no {part.id!r}; they have {known}")
-        return _plain(self.columns[part.id])
+            raise RegionError(f"these regions have no {name!r}; they have {known}")
+        return _plain(self.columns[name])
 
     def _boolop(self, part: ast.BoolOp) -> Any:
         combine = operator.and_ if isinstance(part.op, ast.And) else operator.or_

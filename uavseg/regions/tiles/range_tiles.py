@@ -19,7 +19,7 @@ from uavseg.segmentation.components import Sums, component_sums, label_component
 from uavseg.segmentation.params import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, GreyTile
 
 
 def outline_regions(
@@ -49,14 +49,13 @@ def outline_regions(
     RasterError
         If a cell has other sums or counts than expected.
     """
-    windows = tile_pass.windows
-    jobs = LazySequence(len(windows), partial(_job, cells, windows, expected))
+    jobs = tile_jobs(cells, tile_pass.windows, expected)
     tiles = tile_pass.run(partial(_outline_tile, source, interval, refine), jobs)
     return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(cells if refine == "none" else None)
 
 
 @dataclass(frozen=True, slots=True)
-class _Job:
+class TileJob:
     """A tile, its cells with those around it, and the sums and counts that its cells must have."""
 
     window: Window
@@ -64,26 +63,44 @@ class _Job:
     expected: tuple[NDArray[np.uint32], NDArray[np.uint8]] | None
 
 
-def _job(cells: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None, k: int) -> _Job:
+def tile_jobs(
+    cells: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None
+) -> LazySequence[TileJob]:
+    """Tiles with what their refinement takes; the sums of cells are those of a block map, if one is given."""
+    return LazySequence(len(windows), partial(_job, cells, windows, expected))
+
+
+def _job(cells: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None, k: int) -> TileJob:
     window = windows[k]
     here = window_cells(window)
     sums = None if expected is None else (expected.sums[here], expected.counts[here])
-    return _Job(window, cells_around(cells, window, REFINE_HALO), sums)
+    return TileJob(window, cells_around(cells, window, REFINE_HALO), sums)
 
 
 def _outline_tile(
-    source: GreySource, interval: IntensityRange, refine: Refinement, job: _Job
+    source: GreySource, interval: IntensityRange, refine: Refinement, job: TileJob
 ) -> TileOutlines | None:
     found = refine_tile(source, job.cells, interval, refine, job.window)
     if found is None:
         return None
     pixels, tile = found
+    check_sums(source, job, tile)
+    return outline_tile(pixels, *label_components(pixels, REFINE_HALO), tile, job.window, source.shape[1])
+
+
+def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
+    """Check that the cells of a tile have the sums and counts that its job expects.
+
+    Raises
+    ------
+    RasterError
+        If they have others.
+    """
     if job.expected is not None and not _same(job.expected, cell_sums(tile.grey, tile.valid, REFINE_HALO)):
         raise RasterError(
             f"{source.dataset.source} is not as it was when its block map was made; make the block map again "
             "with uavseg divide, or give --refine none"
         )
-    return outline_tile(pixels, *label_components(pixels, REFINE_HALO), tile, job.window, source.shape[1])
 
 
 def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> bool:

@@ -1,5 +1,6 @@
 """Leaves by interval: cells in a range, state or level; mixed cells; leaf means."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip, mean_v
 from uavseg.segmentation.params import DivisionParams, IntensityRange, Levels, StateLimits
+from uavseg.segmentation.partition import Breaks, Partition, partition_of_levels
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 
@@ -30,14 +32,14 @@ def cell_states(blocks: BlockMap, limits: StateLimits, division: DivisionParams)
 
 
 def cell_levels(
-    blocks: BlockMap, levels: Levels, division: DivisionParams
+    blocks: BlockMap, levels: Levels | Breaks, division: DivisionParams
 ) -> NDArray[np.uint8] | NDArray[np.uint32]:
     """The level of each cell, counted from 1: that of the mean of its leaf.
 
     Parameters
     ----------
     blocks : BlockMap
-    levels : Levels
+    levels : Levels or Breaks
     division : DivisionParams
 
     Returns
@@ -45,8 +47,7 @@ def cell_levels(
     levels : (8 B, 8 C) array
         0 where the leaf has no valid pixel; uint8 up to 255 levels, else uint32.
     """
-    dtype = np.uint8 if levels.count < 256 else np.uint32
-    return cell_intervals(blocks, levels.edges, division, dtype)
+    return cell_kinds(blocks, partition_of_levels(levels), division)
 
 
 def cell_intervals(
@@ -92,6 +93,24 @@ def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: Divisio
     for rows, mean in leaf_means_by_strip(blocks, division):
         inside[rows] = (mean >= interval.low) & (mean <= interval.high)
     return inside
+
+
+def cell_kinds(blocks: BlockMap, partition: Partition, division: DivisionParams) -> NDArray[Any]:
+    """The kind of each cell: that of the interval in which the mean of its leaf lies.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    partition : Partition
+    division : DivisionParams
+
+    Returns
+    -------
+    kinds : (8 B, 8 C) array
+        0 for no kind, and where the leaf has no valid pixel; uint8 up to 255 intervals, else uint32.
+    """
+    dtype = np.uint8 if len(partition.kinds) < 256 else np.uint32
+    return partition.of_intervals(cell_intervals(blocks, partition.edges, division, dtype))
 
 
 def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
@@ -164,11 +183,7 @@ _MARGIN = 2.0  # part of a cell may lie this many times farther from the mean th
 
 
 def mixed_cells(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: float) -> NDArray[np.uint8]:
-    """Cells whose pixels may lie on both sides of a bound of the range.
-
-    A cell is not mixed where its leaf and the leaves of its eight neighbours are on the same side, and the
-    means of these nine cells lie on that side too, farther from the bound than `_MARGIN` times their range:
-    a road of 3 pixels shifts the mean of a cell by a third of the road's contrast.
+    """Cells whose pixels may lie on both sides of a bound of the range; see `mixed_cells_of_kinds`.
 
     Parameters
     ----------
@@ -182,21 +197,49 @@ def mixed_cells(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: f
     -------
     mixed : (8 B, 8 C) uint8 array
     """
-    mixed = np.zeros_like(inside)
-    bounds = np.array([bound for bound in (low, high) if 0 < bound < 1])  # nothing lies beyond 0 and 1
-    _mixed_cells(blocks.sums, blocks.counts, inside, low, high, bounds, _MARGIN, mixed)
+    range_edges = (math.nextafter(low, -1.0), high)
+    return mixed_cells_of_kinds(blocks, inside, Partition(range_edges, (0, 1, 0), (low, high)))
+
+
+def mixed_cells_of_kinds(
+    blocks: BlockMap, kinds: NDArray[np.uint8], partition: Partition
+) -> NDArray[np.uint8]:
+    """Cells whose pixels may lie on both sides of a bound of the intervals.
+
+    A cell is not mixed where its leaf and the leaves of its eight neighbours are of one kind, and the means
+    of these nine cells are of that kind too, farther from each bound than `_MARGIN` times their range: a road
+    of 3 pixels shifts the mean of a cell by a third of the road's contrast.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    kinds : (8 B, 8 C) uint8 array
+        The kind of each cell's leaf.
+    partition : Partition
+
+    Returns
+    -------
+    mixed : (8 B, 8 C) uint8 array
+    """
+    mixed = np.zeros_like(kinds)
+    edges, of_interval = np.array(partition.edges, np.float64), np.array(partition.kinds, np.uint8)
+    bounds = np.array([bound for bound in partition.bounds if 0 < bound < 1])  # nothing is beyond 0 and 1
+    _mixed_cells(blocks.sums, blocks.counts, kinds, edges, of_interval, bounds, _MARGIN, mixed)
     return mixed
 
 
-@kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], f8, f8, f8[::1], f8, u1[:,::1])")
-def _mixed_cells(sums, counts, inside, low, high, bounds, margin, mixed):  # type: ignore[no-untyped-def]
+@kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], f8[::1], u1[::1], f8[::1], f8, u1[:,::1])")
+def _mixed_cells(sums, counts, kinds, edges, of_interval, bounds, margin, mixed):  # type: ignore[no-untyped-def]
     rows, cols = counts.shape
     for row in range(rows):
         for col in range(cols):
             own = mean_v(sums, counts, row, col, 1)
             if own < 0.0:
                 continue
-            differs = (low <= own and own <= high) != (inside[row, col] != 0)
+            interval = 0
+            while interval < edges.shape[0] and edges[interval] < own:
+                interval += 1
+            differs = of_interval[interval] != kinds[row, col]
             minimum = own
             maximum = own
             for r in range(max(row - 1, 0), min(row + 2, rows)):
@@ -205,7 +248,7 @@ def _mixed_cells(sums, counts, inside, low, high, bounds, margin, mixed):  # typ
                     if mean >= 0.0:
                         minimum = min(minimum, mean)
                         maximum = max(maximum, mean)
-                        differs |= inside[r, c] != inside[row, col]
+                        differs |= kinds[r, c] != kinds[row, col]
             distance = margin * (maximum - minimum)
             for k in range(bounds.shape[0]):
                 differs |= minimum - distance <= bounds[k] and bounds[k] <= maximum + distance

@@ -10,7 +10,8 @@ more than half its difference, so u stays between the minimum and the maximum of
 grey, fits 16 bits.
 """
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,24 +52,62 @@ def threshold_tv(
         1 where in range; changed in place.
     """
     low, high = (greys[0] + 1) // 2, greys[1] // 2  # in units of half a grey
-    for begin in range(0, grey.shape[1], _PANEL):
-        end = min(begin + _PANEL, grey.shape[1])
-        first, last = max(begin - TV_HALO, 0), min(end + TV_HALO, grey.shape[1])
-        column_weights = weights[:, first // 8 : last // 8].repeat(4, axis=1)  # of even columns, and of odd
-        active = column_weights.any(axis=1).view(np.uint8)
-        if active.any():
-            panel = np.array([first, begin, end])
-            _threshold_tv(
-                grey,
-                valid,
-                column_weights,
-                active,
-                panel,
-                low,
-                high,
-                *_line_buffers((last - first) // 2),
-                inside,
-            )
+    for begin, end in _panels(grey.shape[1]):
+        found = _Panel.of(weights, begin, end, grey.shape[1])
+        if found is not None:
+            _threshold_tv(grey, valid, *found, low, high, *_line_buffers(found.half), inside)
+
+
+def classify_tv(
+    grey: NDArray[np.uint16],
+    valid: NDArray[np.uint8],
+    weights: NDArray[np.int16],
+    table: NDArray[np.uint8],
+    kinds: NDArray[np.uint8],
+) -> None:
+    """Classify pixels by the kind of their denoised grey; unchanged pixels keep their kind.
+
+    Parameters
+    ----------
+    grey, valid, weights
+        As of `threshold_tv`.
+    table : (65536,) uint8 array
+        The kind of each grey.
+    kinds : (M, N) uint8 array
+        Changed in place.
+    """
+    half_greys = np.ascontiguousarray(table[::2])
+    for begin, end in _panels(grey.shape[1]):
+        found = _Panel.of(weights, begin, end, grey.shape[1])
+        if found is not None:
+            _classify_tv(grey, valid, *found, half_greys, *_line_buffers(found.half), kinds)
+
+
+def _panels(cols: int) -> Iterator[tuple[int, int]]:
+    """First column of each panel, and the column after its last."""
+    for begin in range(0, cols, _PANEL):
+        yield begin, min(begin + _PANEL, cols)
+
+
+class _Panel(NamedTuple):
+    """Weights of the even columns of a panel with its halo, and of the odd; active rows of cells; columns."""
+
+    weights: NDArray[np.int16]
+    active: NDArray[np.uint8]
+    columns: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, weights: NDArray[np.int16], begin: int, end: int, cols: int) -> "_Panel | None":
+        """The panel of some columns; None where no cell is active."""
+        first, last = max(begin - TV_HALO, 0), min(end + TV_HALO, cols)
+        column_weights = weights[:, first // 8 : last // 8].repeat(4, axis=1)
+        active = np.asarray(column_weights.any(axis=1)).view(np.uint8)
+        return cls(column_weights, active, np.array([first, begin, end])) if active.any() else None
+
+    @property
+    def half(self) -> int:
+        """Number of the even columns."""
+        return int(self.weights.shape[1])
 
 
 def _line_buffers(half: int) -> tuple[NDArray[Any], ...]:
@@ -142,6 +181,44 @@ def threshold_row(u, even, odd, grey, valid, low, high, begin, half, inside):  #
         inside[d] = threshold_pixel(u[odd + k], grey[d], valid[d], low, high, inside[d])
 
 
+@inlined
+def classify_row(u, even, odd, grey, valid, table, begin, half, kinds):  # type: ignore[no-untyped-def]
+    """The kinds of a row of pixels by their denoised grey; an unchanged pixel keeps its kind."""
+    for k in range(half):
+        c = begin + np.uintp(2) * k
+        d = c + np.uintp(1)
+        if u[even + k] != np.int16(grey[c] >> 1):
+            kinds[c] = table[u[even + k]] * valid[c]
+        if u[odd + k] != np.int16(grey[d] >> 1):
+            kinds[d] = table[u[odd + k]] * valid[d]
+
+
+@inlined
+def relax_step(  # type: ignore[no-untyped-def]
+    step, grey, valid, cell_weights, active, first, u, weights, diagonals, flows, groups, length
+):
+    """Load two rows, and run each sweep on two rows, a pair of rows behind the sweep before."""
+    rows = grey.shape[0]
+    width = length + _GAP
+    for row in range(2 * step, min(2 * step + 2, rows)):
+        if active[row // 8]:
+            line = row % _LINES
+            even, odd = np.uintp(2 * line * width), np.uintp((2 * line + 1) * width)
+            load_row(grey[row], valid[row], cell_weights[row // 8], first, u, weights, diagonals, even, odd)
+            flows[line * _GROUPS * length : (line + 1) * _GROUPS * length] = 0
+    for sweep in range(SWEEPS):
+        row = 2 * (step - sweep)
+        if 0 <= row < rows and active[row // 8]:
+            above, line, below = (row - 1) % _LINES, row % _LINES, (row + 1) % _LINES
+            relax_groups(0, 2, groups, u, weights, flows, line, line, length)
+            relax_groups(0, 2, groups, u, weights, flows, below, below, length)
+            relax_groups(2, 4, groups, u, weights, flows, line, below, length)
+            relax_groups(4, 8, groups, u, diagonals, flows, line, below, length)
+            if row > 0 and active[(row - 1) // 8]:
+                relax_groups(2, 4, groups, u, weights, flows, above, line, length)
+                relax_groups(4, 8, groups, u, diagonals, flows, above, line, length)
+
+
 @kernel(
     "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], i2, i2, i2[::1], i2[::1], i2[::1], i2[::1],"
     " i8[:,::1], u1[:,::1])"
@@ -155,28 +232,36 @@ def _threshold_tv(  # type: ignore[no-untyped-def]
     width = length + _GAP
     first, begin, half = np.uintp(panel[0]), np.uintp(panel[1]), np.uintp(panel[2] - panel[1]) // np.uintp(2)
     for step in range(rows // 2 + SWEEPS):
-        for row in range(2 * step, min(2 * step + 2, rows)):
-            if active[row // 8]:
-                line = row % _LINES
-                even, odd = np.uintp(2 * line * width), np.uintp((2 * line + 1) * width)
-                load_row(
-                    grey[row], valid[row], cell_weights[row // 8], first, u, weights, diagonals, even, odd
-                )
-                flows[line * _GROUPS * length : (line + 1) * _GROUPS * length] = 0
-        for sweep in range(SWEEPS):
-            row = 2 * (step - sweep)
-            if 0 <= row < rows and active[row // 8]:
-                above, line, below = (row - 1) % _LINES, row % _LINES, (row + 1) % _LINES
-                relax_groups(0, 2, groups, u, weights, flows, line, line, length)
-                relax_groups(0, 2, groups, u, weights, flows, below, below, length)
-                relax_groups(2, 4, groups, u, weights, flows, line, below, length)
-                relax_groups(4, 8, groups, u, diagonals, flows, line, below, length)
-                if row > 0 and active[(row - 1) // 8]:
-                    relax_groups(2, 4, groups, u, weights, flows, above, line, length)
-                    relax_groups(4, 8, groups, u, diagonals, flows, above, line, length)
+        relax_step(
+            step, grey, valid, cell_weights, active, first, u, weights, diagonals, flows, groups, length
+        )
         done = 2 * (step - SWEEPS + 1)
         for row in range(max(done - 1, 0), min(done + 1, rows)):
             if active[row // 8]:
                 even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
                 odd = even + np.uintp(width)
                 threshold_row(u, even, odd, grey[row], valid[row], low, high, begin, half, inside[row])
+
+
+@kernel(
+    "void(u2[:,::1], u1[:,::1], i2[:,::1], u1[::1], i8[::1], u1[::1], i2[::1], i2[::1], i2[::1], i2[::1],"
+    " i8[:,::1], u1[:,::1])"
+)
+def _classify_tv(  # type: ignore[no-untyped-def]
+    grey, valid, cell_weights, active, panel, table, u, weights, diagonals, flows, groups, kinds
+):
+    # As _threshold_tv, with a table of kinds in place of a range.
+    rows = grey.shape[0]
+    length = flows.shape[0] // (_LINES * _GROUPS)
+    width = length + _GAP
+    first, begin, half = np.uintp(panel[0]), np.uintp(panel[1]), np.uintp(panel[2] - panel[1]) // np.uintp(2)
+    for step in range(rows // 2 + SWEEPS):
+        relax_step(
+            step, grey, valid, cell_weights, active, first, u, weights, diagonals, flows, groups, length
+        )
+        done = 2 * (step - SWEEPS + 1)
+        for row in range(max(done - 1, 0), min(done + 1, rows)):
+            if active[row // 8]:
+                even = np.uintp(2 * (row % _LINES) * width) + (begin - first) // np.uintp(2)
+                odd = even + np.uintp(width)
+                classify_row(u, even, odd, grey[row], valid[row], table, begin, half, kinds[row])

@@ -1,0 +1,88 @@
+"""Extraction of several classes at once: regions of several ranges of v that do not overlap."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.result import Drawing, Extraction, measured
+from uavseg.jobs.segment_kinds import KindsRequest, segment_kinds
+from uavseg.jobs.source import Source
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.partition import ValueClasses
+
+
+@dataclass(frozen=True, slots=True)
+class ClassesRequest:
+    """Which classes, and how their regions are drawn.
+
+    Parameters
+    ----------
+    classes : ValueClasses
+        Of v, after the stretch.
+    segment : SegmentParams
+        See `segment_kinds.joint_params`.
+    drawing : Drawing
+        How outlines are drawn.
+    fill_holes : Area, optional
+        Holes of less are filled, and regions of any class within them become part of what surrounds them;
+        this comes first.
+    min_area : Area, optional
+        Regions of less are dropped, after holes are filled.
+    """
+
+    classes: ValueClasses
+    segment: SegmentParams = SegmentParams()
+    drawing: Drawing = Drawing()
+    fill_holes: Area | None = None
+    min_area: Area | None = None
+
+
+def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL) -> Extraction:
+    """Regions of several classes, decided together: no pixel is in two, and adjacent ones share borders.
+
+    With one class, regions are those of `extract` with its range.
+
+    Parameters
+    ----------
+    source : Raster, ProbabilityMap or Blocks
+    request : ClassesRequest
+    work : Work
+
+    Returns
+    -------
+    Extraction
+        Its regions have the column `class`, and `color` where a class has one ("" for the others);
+        `range_low` and `range_high` are those of the class.
+
+    Raises
+    ------
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    work = work.begun()
+    classes = request.classes.classes
+    kinds = KindsRequest(request.classes.partition, request.segment, request.fill_holes)
+    found = segment_kinds(source, kinds, work)
+    outlined, hints = found.outlined, list(found.notes)
+    if request.min_area is not None:
+        outlined = drop_small_regions(outlined, found.info.geobox, request.min_area)
+    kind = found.kinds_at(outlined.sums.firsts) - 1
+    low = np.array([one.interval.low for one in classes])
+    high = np.array([one.interval.high for one in classes])
+    columns = {"class": np.array([one.name for one in classes], object)[kind]}
+    if any(one.color for one in classes):
+        columns["color"] = np.array([one.color or "" for one in classes], object)[kind]
+    empty = [str(one) for n, one in enumerate(classes) if not (kind == n).any()]
+    if empty:
+        edited = request.fill_holes is not None or request.min_area is not None
+        left = "is left once holes are filled and small regions dropped" if edited else "is there"
+        hints.append(f"no region of {', '.join(empty)} {left}; uavseg info shows which v there are")
+    result = measured(outlined, found.info, (low[kind], high[kind]), request.drawing, columns)
+    how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}
+    facts = segment_facts(request.segment) | drawing_facts(
+        request.drawing, request.fill_holes, request.min_area
+    )
+    return work.finished(with_metadata(result, source, "extract", how | facts), *hints)

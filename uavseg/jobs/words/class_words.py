@@ -1,0 +1,230 @@
+"""Classes in words: name=LO,HI texts, mappings, and files (CSV or YAML) with names, ranges and colours."""
+
+import csv
+import io
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from uavseg.errors import ParameterError
+from uavseg.inputs import check_yaml_brackets, read_bytes
+from uavseg.plain_text import cause_of, shown
+from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.partition import ValueClass, ValueClasses
+
+MAX_BYTES = 1 << 16  # of a file of classes
+_COLUMNS = ("name", "range", "low", "high", "color")
+_SPELLINGS = {"class": "name", "colour": "color", "range_low": "low", "range_high": "high"}
+_COLOR = re.compile(r"#[0-9a-fA-F]{6}\Z")
+_EXPECTED = "columns name and range (or low and high), and color if you like"
+
+
+def parse_class_range(text: str, what: str = "a range") -> IntensityRange:
+    """LO,HI as a range of v; either end may be left out.
+
+    Raises
+    ------
+    ParameterError
+        If it is not two numbers.
+
+    Examples
+    --------
+    >>> parse_class_range("0.5,")
+    IntensityRange(low=0.5, high=1.0)
+    """
+    try:
+        low, high = (part.strip() for part in text.split(","))
+        if low or high:
+            return IntensityRange(float(low or 0), float(high or 1))
+    except ValueError as error:
+        if isinstance(error, ParameterError):
+            raise
+    raise ParameterError(f"{what} is two numbers between commas, such as 0.55,1, not {text!r}")
+
+
+def classes_of_texts(texts: Sequence[str]) -> ValueClasses:
+    """Classes from texts such as "water=0,0.2".
+
+    Raises
+    ------
+    ParameterError
+        If one is not understood, or the classes do not go together.
+
+    Examples
+    --------
+    >>> [str(one) for one in classes_of_texts(["water=0,0.2", "sand=0.6,0.8"]).classes]
+    ['water (0,0.2)', 'sand (0.6,0.8)']
+    """
+    found = []
+    for text in texts:
+        name, equals, ends = text.rpartition("=")
+        if not equals:
+            raise ParameterError(f"--class is NAME=LO,HI, such as water=0,0.2, not {text!r}")
+        found.append(ValueClass(name.strip(), parse_class_range(ends, f"the range of the class {name}")))
+    return ValueClasses(tuple(found))
+
+
+def classes_of_ranges(texts: Sequence[str]) -> ValueClasses:
+    """Classes from texts of ranges, after which they are named.
+
+    Raises
+    ------
+    ParameterError
+        If one is not a range, or two overlap.
+
+    Examples
+    --------
+    >>> [one.name for one in classes_of_ranges(["0,0.20", "0.5,1"]).classes]
+    ['0,0.2', '0.5,1']
+    """
+    found = [parse_class_range(text, "--range") for text in texts]
+    return ValueClasses(tuple(ValueClass(f"{one.low:g},{one.high:g}", one) for one in found))
+
+
+def classes_of_words(classes: Mapping[str, Any] | str | os.PathLike[str] | None) -> ValueClasses:
+    """Classes from a mapping or a file; see `classes_of_mapping` and `read_classes`.
+
+    Raises
+    ------
+    ParameterError
+        If they are neither, or not understood.
+    """
+    if isinstance(classes, str | os.PathLike):
+        return read_classes(classes)
+    if not isinstance(classes, Mapping):
+        raise ParameterError(f"classes are a mapping of names to ranges, or a file, not {shown(classes)}")
+    return classes_of_mapping(classes)
+
+
+def classes_of_mapping(classes: Mapping[str, Any]) -> ValueClasses:
+    """Classes from a mapping of names to (low, high) or (low, high, color).
+
+    Raises
+    ------
+    ParameterError
+        If a value is neither, or the classes do not go together.
+
+    Examples
+    --------
+    >>> classes_of_mapping({"water": (0, 0.2, "#2040ff")}).classes[0].color
+    '#2040ff'
+    """
+    found = []
+    for name, value in classes.items():
+        parts = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else []
+        if len(parts) not in (2, 3) or not isinstance(name, str):
+            raise ParameterError(
+                f"classes are names with (low, high) or (low, high, color), not {shown(name)}: {shown(value)}"
+            )
+        found.append(_class(name, parts[0], parts[1], parts[2] if len(parts) == 3 else None))
+    return ValueClasses(tuple(found))
+
+
+def read_classes(path: str | os.PathLike[str]) -> ValueClasses:
+    """Classes from a file: CSV with a header, or YAML with a list of classes, each with a name and a range.
+
+    Raises
+    ------
+    ParameterError
+        If it cannot be read or understood, or the classes do not go together.
+    """
+    name = os.fspath(path)
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".csv", ".yaml", ".yml"):
+        raise ParameterError(f"{name}: classes are read from .csv or .yaml")
+    content = read_bytes(path, ParameterError, MAX_BYTES)
+    try:
+        rows = _csv_rows(content) if suffix == ".csv" else _yaml_rows(content)
+        return ValueClasses(tuple(_class_of_row(row) for row in rows))
+    except ParameterError as error:
+        raise type(error)(f"{name}: {error}") from error
+
+
+def _csv_rows(content: bytes) -> list[dict[str, Any]]:
+    """Rows by the names of columns."""
+    try:
+        lines = list(csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""), strict=True))
+    except (csv.Error, ValueError) as error:
+        raise ParameterError(f"it is not a table of text ({cause_of(error)})") from error
+    rows = [line for line in lines if any(field.strip() for field in line)]
+    if len(rows) < 2:
+        raise ParameterError(f"it has no classes; expected a header with the {_EXPECTED}, and a row for each")
+    header = rows[0]
+    for row in rows[1:]:
+        if len(row) != len(header):
+            raise ParameterError(
+                f"the row {','.join(row)!r} has {len(row)} fields and the header {len(header)}; a range with "
+                'a comma stands in quotes, as in water,"0,0.2"'
+            )
+    return [dict(zip(header, row, strict=True)) for row in rows[1:]]
+
+
+def _yaml_rows(content: bytes) -> list[dict[str, Any]]:
+    """The list of classes, or a mapping of names to ranges, as rows."""
+    import yaml
+
+    try:
+        check_yaml_brackets(content)
+        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(content, Loader=yaml.SafeLoader)):
+            raise ParameterError("it has aliases (*name), which are not read")
+        found = yaml.safe_load(content)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        if isinstance(error, ParameterError):
+            raise
+        raise ParameterError(f"it is not YAML ({cause_of(error)})") from error
+    if isinstance(found, dict) and isinstance(found.get("classes"), list | dict):
+        found = found["classes"]
+    if isinstance(found, dict):
+        found = [
+            {"name": name, **(value if isinstance(value, dict) else {"range": value})}
+            for name, value in found.items()
+        ]
+    if not isinstance(found, list) or not found or not all(isinstance(row, dict) for row in found):
+        raise ParameterError("it has no list of classes; expected entries with a name and a range")
+    return found
+
+
+def _class_of_row(row: Mapping[Any, Any]) -> ValueClass:
+    """The class of a row of a file."""
+    named: dict[str, Any] = {}
+    for key, value in row.items():
+        column = str(key).strip().lower()
+        column = _SPELLINGS.get(column, column)
+        if column not in _COLUMNS:
+            raise ParameterError(f"{str(key)!r} is not known; expected {_EXPECTED}")
+        named[column] = value.strip() if isinstance(value, str) else value
+    name = named.get("name")
+    if name is None or name == "" or isinstance(name, list | dict):
+        raise ParameterError(f"a class has no name; expected {_EXPECTED}")
+    ends = named.get("range")
+    if ends in (None, ""):
+        ends = [named.get("low"), named.get("high")]
+    if isinstance(ends, str):
+        ends = ends.split(",")
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise ParameterError(f"the class {name} has no range of two numbers; expected {_EXPECTED}")
+    low, high = ends
+    return _class(str(name), low, high, named.get("color") or None)
+
+
+def _class(name: str, low: Any, high: Any, color: Any) -> ValueClass:
+    """A class from its words, which are checked."""
+    numbers = []
+    for end in (low, high):
+        try:
+            number = math.nan if isinstance(end, bool) or end is None else float(end)
+        except (TypeError, ValueError, OverflowError):
+            number = math.nan
+        if math.isnan(number):
+            raise ParameterError(f"the range of the class {name} is two numbers, not {shown(end)}")
+        numbers.append(number)
+    if color is not None and not (isinstance(color, str) and _COLOR.match(color)):
+        raise ParameterError(f"the color of the class {name} is written #rrggbb, not {shown(color)}")
+    try:
+        interval = IntensityRange(*numbers)
+    except ParameterError as error:
+        raise type(error)(f"the class {name}: {error}") from error
+    return ValueClass(name, interval, None if color is None else color.lower())

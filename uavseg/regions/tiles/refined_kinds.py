@@ -1,0 +1,120 @@
+"""Segments of several kinds, refined to the pixel: tiles are refined, labelled and traced, then stitched."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.raster.tiling import TilePass
+from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs
+from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.components import label_equal_values
+from uavseg.segmentation.kinds import refine_kinds_of_tile
+from uavseg.segmentation.partition import Partition
+from uavseg.segmentation.refine.range_scans import REFINE_HALO
+from uavseg.segmentation.source import GreySource
+
+Firsts = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class KindsByPixel:
+    """The kinds of segments, by their first pixels, so that they are known however segments are renumbered.
+
+    Parameters
+    ----------
+    firsts : (n, 2) int64 array
+        In raster order.
+    kinds : (n,) uint8 array
+    """
+
+    firsts: Firsts
+    kinds: NDArray[np.uint8]
+
+    @classmethod
+    def of(cls, firsts: Firsts, kinds: NDArray[np.uint8]) -> "KindsByPixel":
+        """Of components in any order."""
+        order = np.lexsort((firsts[:, 1], firsts[:, 0]))
+        return cls(firsts[order], kinds[order])
+
+    def at(self, firsts: Firsts) -> NDArray[np.int64]:
+        """The kinds of some of the components, by their first pixels, (k,) int64.
+
+        Parameters
+        ----------
+        firsts : (k, 2) int64 array
+        """
+        width = 1 + max(int(self.firsts[:, 1].max(initial=0)), int(firsts[:, 1].max(initial=0)))
+        place = np.searchsorted(self.firsts @ (width, 1), firsts @ (width, 1))
+        return self.kinds[place].astype(np.int64)
+
+
+def outline_refined_kinds(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    partition: Partition,
+    tile_pass: TilePass,
+    expected: BlockMap | None = None,
+) -> tuple[RegionOutlines, KindsByPixel]:
+    """Outline segments of several kinds, refined to the pixel together: none overlap, and borders are shared.
+
+    Parameters
+    ----------
+    source : GreySource
+    cells : (m, n) uint8 array
+        From `kinds.kinds_to_refine`.
+    partition : Partition
+    tile_pass : TilePass
+    expected : BlockMap, optional
+        The sums and counts that cells must have, if the block map was made earlier.
+
+    Raises
+    ------
+    RasterError
+        If a cell has other sums or counts than expected.
+    """
+    jobs = tile_jobs(cells, tile_pass.windows, expected)
+    found: list[tuple[Firsts, NDArray[np.uint8]]] = []
+    tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table), jobs)
+    stitcher = stitch_tiles(source.shape, tile_pass.windows, _outlines(tiles, found))
+    firsts = np.concatenate([np.empty((0, 2), np.int64), *(firsts for firsts, _ in found)])
+    kinds = np.concatenate([np.empty(0, np.uint8), *(kinds for _, kinds in found)])
+    return stitcher.finish(kinds=kinds), KindsByPixel.of(firsts, kinds)
+
+
+@dataclass(frozen=True, slots=True)
+class _KindOutlines:
+    """Components of a tile, and the kind of each."""
+
+    outlines: TileOutlines
+    kinds: NDArray[np.uint8]
+
+
+def _outlines(
+    tiles: Iterable[_KindOutlines | None], found: list[tuple[Firsts, NDArray[np.uint8]]]
+) -> Iterator[TileOutlines | None]:
+    """The outlines of tiles; the first pixels and kinds of their components are appended to `found`."""
+    for tile in tiles:
+        if tile is None:
+            yield None
+            continue
+        found.append((tile.outlines.sums.firsts, tile.kinds))
+        yield tile.outlines
+
+
+def _outline_tile(source: GreySource, table: NDArray[np.uint8], job: TileJob) -> _KindOutlines | None:
+    refined = refine_kinds_of_tile(source, job.cells, table, job.window)
+    if refined is None:
+        return None
+    pixels, tile = refined
+    check_sums(source, job, tile)
+    labels, count = label_equal_values(pixels, REFINE_HALO)
+    outlines = outline_tile(pixels, labels, count, tile, job.window, source.shape[1])
+    if outlines is None:
+        return None
+    row, col = (outlines.sums.firsts - (job.window.row, job.window.col) + REFINE_HALO).T
+    return _KindOutlines(outlines, pixels[row, col])

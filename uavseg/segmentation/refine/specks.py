@@ -1,0 +1,156 @@
+"""Small thin pieces and holes of a labelled image: they take the kind of what is around them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+from uavseg.units import MAX_KINDS
+
+MIN_PIECE = 12  # pixels: smaller thin pieces and thin holes are removed
+_NO_DATA = np.uint8(128)  # not valid, or outside the image; a bit that no kind has
+
+
+def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDArray[np.uint8]) -> None:
+    """Change the kind of components of fewer than 12 pixels that touch another kind, all at once.
+
+    They get the kind that most neighbours of their pixels have, of several the smallest: with one kind, they
+    change side. Components inside are 4-connected, as regions are; those outside (0) are 8-connected, as
+    holes are. A square of 3 x 3 pixels of one kind is kept.
+
+    Parameters
+    ----------
+    inside : (M, N) uint8 array
+        Kinds 0..`MAX_KINDS`; changed in place.
+    valid : (M, N) uint8 array
+    active : (M / 8, N / 8) uint8 array
+        Not 0 for cells whose pixels may change.
+    """
+    sides = np.empty((inside.shape[0] + 2, inside.shape[1] + 2), np.uint8)
+    _pad_sides(inside, valid, sides)
+    lines = np.ones((8, sides.shape[1]), np.uint8)
+    stack, seen = np.empty((MIN_PIECE, 2), np.int64), np.empty(2 * MIN_PIECE + 1, np.uint32)
+    _drop_specks(sides, active, lines, stack, seen, np.zeros(MAX_KINDS + 1, np.uint8), inside)
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
+def _pad_sides(inside, valid, sides):  # type: ignore[no-untyped-def]
+    sides[0] = _NO_DATA
+    sides[-1] = _NO_DATA
+    for r in range(inside.shape[0]):
+        sides[r + 1, 0] = _NO_DATA
+        sides[r + 1, -1] = _NO_DATA
+        for c in range(np.uintp(inside.shape[1])):
+            sides[r + 1, c + np.uintp(1)] = inside[r, c] if valid[r, c] else _NO_DATA
+
+
+@inlined
+def changes_across(line, result):  # type: ignore[no-untyped-def]
+    """Not 0 where a pixel has no data or differs from its left or right neighbour."""
+    for c in range(np.uintp(result.shape[0] - 2)):
+        here = line[c + np.uintp(1)]
+        result[c + np.uintp(1)] = (line[c] ^ here) | (here ^ line[c + np.uintp(2)]) | (here & _NO_DATA)
+
+
+@inlined
+def changes_around(above, line, below, across_above, across, across_below, result):  # type: ignore[no-untyped-def]
+    """1 where the 3 x 3 pixels around a pixel are not all on one side."""
+    for c in range(np.uintp(1), np.uintp(result.shape[0] - 1)):
+        result[c] = across_above[c] | across[c] | across_below[c]
+    for c in range(np.uintp(1), np.uintp(result.shape[0] - 1)):
+        result[c] = np.uint8((result[c] | (above[c] ^ line[c]) | (line[c] ^ below[c])) != 0)
+
+
+@inlined
+def mark_thin(above, line, below, narrow, result):  # type: ignore[no-untyped-def]
+    """1 where a pixel belongs to no 3 x 3 square of one side (its piece is thin here)."""
+    for c in range(np.uintp(narrow.shape[0])):
+        narrow[c] = above[c] & line[c] & below[c]
+    for c in range(np.uintp(narrow.shape[0] - 2)):
+        result[c + np.uintp(1)] = narrow[c] & narrow[c + np.uintp(1)] & narrow[c + np.uintp(2)]
+
+
+@inlined
+def kind_around(sides, r, c, stack, seen, contacts):  # type: ignore[no-untyped-def]
+    """The kind around a pixel's component if it is smaller than MIN_PIECE, else its own (flood fill)."""
+    one = np.uint32(1)
+    own = sides[r, c]
+    seen[:] = 0
+    seen[MIN_PIECE] = one << np.uint32(MIN_PIECE)  # a bit for each visited pixel
+    stack[0, 0] = r
+    stack[0, 1] = c
+    count = 1
+    minimum = _NO_DATA  # of the kinds around
+    maximum = np.uint8(0)
+    k = 0
+    while k < count:
+        row = stack[k, 0]
+        col = stack[k, 1]
+        for y in range(row - 1, row + 2):
+            for x in range(col - 1, col + 2):
+                bit = one << np.uint32(x - c + MIN_PIECE)
+                other = sides[y, x]
+                if other != own:
+                    if other != _NO_DATA:
+                        minimum = min(minimum, other)
+                        maximum = max(maximum, other)
+                elif (own == 0 or y == row or x == col) and not seen[y - r + MIN_PIECE] & bit:
+                    if count == MIN_PIECE - 1:
+                        return own
+                    seen[y - r + MIN_PIECE] |= bit
+                    stack[count, 0] = y
+                    stack[count, 1] = x
+                    count += 1
+        k += 1
+    if minimum == _NO_DATA:
+        return own
+    if minimum == maximum:
+        return minimum
+    return most_contacts(sides, own, stack, count, contacts, minimum, maximum)
+
+
+@inlined
+def most_contacts(sides, own, stack, count, contacts, minimum, maximum):  # type: ignore[no-untyped-def]
+    """The kind that most neighbours of a component's pixels have, of several the smallest."""
+    contacts[:] = 0
+    for k in range(count):
+        for y in range(stack[k, 0] - 1, stack[k, 0] + 2):
+            for x in range(stack[k, 1] - 1, stack[k, 1] + 2):
+                if sides[y, x] != own and sides[y, x] != _NO_DATA:
+                    contacts[sides[y, x]] += np.uint8(1)
+    found = minimum
+    for kind in range(minimum, np.int64(maximum) + 1):
+        if contacts[kind] > contacts[found]:
+            found = np.uint8(kind)
+    return found
+
+
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], i8[:,::1], u4[::1], u1[::1], u1[:,::1])")
+def _drop_specks(sides, active, lines, stack, seen, contacts, inside):  # type: ignore[no-untyped-def]
+    # `sides` has a border of no data. Three rolling lines behind each other: across, around, thin.
+    rows = inside.shape[0]
+    across, around, narrow, result = lines[:3], lines[3:6], lines[6], lines[7]
+    for step in range(rows + 4):
+        if step < rows + 2:
+            changes_across(sides[step], across[step % 3])
+        row = step - 1
+        if row > rows:
+            around[row % 3] = 1
+        elif row > 0:
+            changes_around(
+                sides[row - 1],
+                sides[row],
+                sides[row + 1],
+                across[(row - 1) % 3],
+                across[row % 3],
+                across[(row + 1) % 3],
+                around[row % 3],
+            )
+        row = step - 2
+        if row < 1 or row > rows:
+            continue
+        mark_thin(around[(row - 1) % 3], around[row % 3], around[(row + 1) % 3], narrow, result)
+        for cell in range(active.shape[1]):
+            if active[(row - 1) // 8, cell]:
+                for c in range(8 * cell + 1, 8 * cell + 9):
+                    if result[c] and sides[row, c] != _NO_DATA:
+                        inside[row - 1, c - 1] = kind_around(sides, row, c, stack, seen, contacts)
