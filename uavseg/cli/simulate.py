@@ -59,8 +59,8 @@ def command(**options: Any) -> None:
     from uavseg.raster.formats.png import write_png
 
     scene, overwrite = options["scene"], options["overwrite"]
+    keep_inputs([options[name] for name in ("output", "png", "truth") if options[name]], scene)
     outputs = _check_targets(options["output"], options["png"], options["truth"], overwrite)
-    keep_inputs(outputs, scene)
     sensor = {name: options[option] for option, name in _SENSOR.items()}
     found = simulate(scene, SimulateRequest(options["seed"], options["poses"], **sensor))
     grid = found.grid

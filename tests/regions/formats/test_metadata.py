@@ -100,7 +100,7 @@ def test_info_shows_how_regions_were_made(tile: Path, extension: str) -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("levels", "--width", 0.25), {"job": "levels", "levels": [0, 0.25, 0.5, 0.75, 1], "refine": "none"}),
+        (("levels", "--width", 0.25), {"job": "levels", "levels": [0, 0.25, 0.5, 0.75, 1], "refine": "tv"}),
         (("match", "--like", "400088,4999940,44", "--window", 16), {"job": "match", "window": 16}),
         (("extract", "--range", "0,0.5"), {"job": "extract", "range_values": [0, 127.5]}),
     ],
