@@ -14,19 +14,13 @@ from uavseg.jobs.ranges import FoundRange
 from uavseg.jobs.result import Drawing, Extraction
 from uavseg.jobs.source import Blocks, Raster, Source
 from uavseg.plain_text import printable
-from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.value_scale import ValueAxis
 from uavseg.regions.edit.small import Area
+from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params import SegmentParams
 
-_SAID_OTHERWISE = (
-    "band",
-    "rgb",
-    "stretch",
-    "skip_bad_tiles",
-    "free_is_white",
-    "words",
-)  # by what they result in
+# by what they result in
+_SAID_OTHERWISE = ("band", "rgb", "stretch", "skip_bad_tiles", "free_is_white", "words", "collar")
 
 
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
@@ -105,7 +99,7 @@ def _names(source: Source) -> tuple[str, ...]:
 def _reading(source: Source) -> dict[str, Any]:
     """What was chosen in place of what the files say, such as another nodata value."""
     if isinstance(source, Blocks):
-        return {"nodata": source.saved.origin.nodata, **_of_bands(source.saved.origin.words)}
+        return {"nodata": source.saved.origin.nodata, **_of_origin(source.saved.origin)}
     if not isinstance(source, Raster):
         return {}
     chosen = {field.name: getattr(source.options, field.name) for field in fields(source.options)}
@@ -114,11 +108,14 @@ def _reading(source: Source) -> dict[str, Any]:
         for name, value in chosen.items()
         if name not in _SAID_OTHERWISE and value not in (None, False, ())
     }
-    return others | _of_bands(source.options.words)
+    return others | _of_origin(source.origin)
 
 
-def _of_bands(words: BandWords) -> dict[str, str | None]:
-    return {"index": words.index, "expr": words.expr, "band_names": words.names}
+def _of_origin(origin: Origin) -> dict[str, str | None]:
+    """How intensity was made of bands, and whether there was a collar that counts as nodata."""
+    words = origin.words
+    collar = "nodata" if origin.collar == "auto" else None
+    return {"index": words.index, "expr": words.expr, "band_names": words.names, "collar": collar}
 
 
 def _plain(value: Any) -> Any:
