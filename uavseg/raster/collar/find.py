@@ -123,7 +123,9 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
     mask, added = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
     pixels = counts.inside + added
     held = sum(is_nodata or found == value for is_nodata, found in corners)
-    core, _ = grow_over_smear(dataset, flooded, value, -1, tile_pass)
+    core = mask
+    if counts.smear_limit >= 0:
+        core, _ = grow_over_smear(dataset, flooded, value, -1, tile_pass)
     one_piece = is_one_piece(core, dataset.geobox.shape)
     evidence = Evidence.of(counts, mask, dataset.geobox.shape, held, one_piece)
     color, share = "black" if value == 0 else "white", _percent(pixels / total)
