@@ -26,6 +26,7 @@ from uavseg.regions.table import Regions
 
 PolygonArray = NDArray[np.object_]
 
+_AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 _LARGEST = 1e100  # the square of it is a number too
 _DRAWN_COLUMNS = (
     "id",
@@ -84,6 +85,26 @@ class PolygonTable:
         if not (np.abs(shapely.get_coordinates(drawn)) < _LARGEST).all():
             raise RegionError("a polygon has no place in the picture: its coordinates are not finite")
         return drawn
+
+
+def simplified(shapes: PolygonArray, tolerance: float) -> PolygonArray:
+    """Polygons and multipolygons with fewer corners; of collections, the polygons in them.
+
+    What is no polygon afterwards stays as it is: an invalid polygon may become a ring.
+    """
+    flat = np.array([_polygonal(shape) for shape in shapes], dtype=object)
+    found = np.asarray(shapely.simplify(flat, tolerance), dtype=object)
+    is_area = np.isin(shapely.get_type_id(found), _AREAS) & ~shapely.is_empty(found)
+    return np.where(is_area, found, flat)
+
+
+def _polygonal(shape: Any) -> Any:
+    if shapely.get_type_id(shape) in _AREAS:
+        return shape
+    parts = np.array([shape], dtype=object)
+    while (shapely.get_type_id(parts) > shapely.GeometryType.POLYGON).any():
+        parts = shapely.get_parts(parts)
+    return shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
 
 
 def polygon_paths(shapes: PolygonArray) -> list[Any]:

@@ -14,6 +14,7 @@ from uavseg.raster.collar import find, flood, rim
 from uavseg.raster.collar.find import without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.overview import DatasetOverview
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.tiling import TilePass, Window
 
 SHAPE = (420, 500)
@@ -181,6 +182,15 @@ def test_a_sliver_is_kept(tmp_path: Path) -> None:
 def test_types_in_which_0_may_be_measured_have_no_collar(tmp_path: Path, dtype: str) -> None:
     image = framed((texture(SHAPE) // 2).astype(dtype), PICTURES["turned"], 0)
     assert cleaned(write(tmp_path / "a.tif", image)).collar is None
+
+
+@pytest.mark.parametrize("nodata", [None, 0])
+def test_values_of_a_formula_are_not_searched(tmp_path: Path, nodata: int | None) -> None:
+    image = framed(texture(SHAPE), PICTURES["turned"], 0)
+    dataset = cleaned(
+        write(tmp_path / "a.tif", image, nodata=nodata), words=BandWords(expr="b1 / 2", names="b1")
+    )
+    assert dataset.collar is None
 
 
 def test_a_collar_beside_snow_is_left_to_the_user(tmp_path: Path) -> None:
