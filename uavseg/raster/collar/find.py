@@ -60,7 +60,8 @@ class _Found:
 def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     """The dataset with its collar as nodata, and a warning that says so; unchanged if it has none.
 
-    Where no corner of the raster is constant or nodata, only the corners are read.
+    Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, the collar is
+    that of the bands that it uses.
 
     Parameters
     ----------
@@ -68,18 +69,19 @@ def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     tile_pass : TilePass
         Its executor is used; the result depends neither on it nor on its tiles.
     """
+    found = _find_collar(replace(dataset, choice=replace(dataset.choice, formula=None)), tile_pass)
+    return dataset if found is None else _masked(dataset, found)
+
+
+def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     if not _may_have_collar(dataset):
-        return dataset
+        return None
     corners = _corners(dataset)
     for value in sorted({value for _, value in corners if value is not None}):
         found = _collar(dataset, value, tile_pass, corners)
         if found is not None:
-            return _masked(dataset, found)
-    if any(is_nodata for is_nodata, _ in corners):
-        found = _rim_of_nodata(dataset, tile_pass)
-        if found is not None:
-            return _masked(dataset, found)
-    return dataset
+            return found
+    return _rim_of_nodata(dataset, tile_pass) if any(is_nodata for is_nodata, _ in corners) else None
 
 
 def _masked(dataset: AnyDataset, found: _Found) -> AnyDataset:
