@@ -169,6 +169,8 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "upload": lambda: {"mission": "fly.plan", "connect": "tcp:127.0.0.1:9"},
     "download": lambda: {"connect": "tcp:127.0.0.1:9"},
     "warm_up": lambda: {"processes": 1},
+    "preview": lambda: {"source": "x.tif", "output": "out.png", "width": 300},
+    "info": lambda: {"source": "x.tif"},
     "trace": lambda: {"labels": np.kron(np.eye(3, dtype=np.uint32), np.ones((4, 4), np.uint32))},
     "PlanParams": lambda: {"altitude_m": 50.0},
     "GeoBox": lambda: {"shape": (3, 4), "transform": _geobox().transform, "crs": None},

@@ -197,15 +197,6 @@ def test_types_in_which_0_may_be_measured_have_no_collar(tmp_path: Path, dtype: 
     assert cleaned(write(tmp_path / "a.tif", image)).collar is None
 
 
-@pytest.mark.parametrize("nodata", [None, 0])
-def test_values_of_a_formula_are_not_searched(tmp_path: Path, nodata: int | None) -> None:
-    image = framed(texture(SHAPE), PICTURES["turned"], 0)
-    dataset = cleaned(
-        write(tmp_path / "a.tif", image, nodata=nodata), words=BandWords(expr="b1 / 2", names="b1")
-    )
-    assert dataset.collar is None
-
-
 def test_a_collar_beside_snow_is_left_to_the_user(tmp_path: Path) -> None:
     image = texture(SHAPE, low=120, high=255)
     image[image > 205] = 250

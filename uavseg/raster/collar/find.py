@@ -91,7 +91,7 @@ def _masked(dataset: AnyDataset, found: _Found) -> AnyDataset:
 def _may_have_collar(dataset: Dataset) -> bool:
     choice = dataset.choice
     in_memory = any(file.driver == "array" for file in dataset.mosaic.files)
-    plain = dataset.dtype.kind == "u" and choice.dtype.itemsize <= 2 and choice.bits >= 8
+    plain = choice.dtype.kind == "u" and choice.dtype.itemsize <= 2 and choice.bits >= 8
     return plain and not choice.expanded and not in_memory and min(dataset.geobox.shape) >= MIN_SIDE
 
 
