@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
+from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.raster.opening import file_exists
@@ -125,6 +126,8 @@ def polygon_paths(shapes: PolygonArray) -> list[Any]:
 def _table_of_memory(regions: Any) -> PolygonTable:
     if isinstance(regions, Regions):
         return PolygonTable(np.asarray(regions.polygons, dtype=object), regions.wkt, dict(regions.columns))
+    if not (hasattr(regions, "columns") and hasattr(regions, "geometry")):
+        raise RegionError(f"polygons to draw are a file, regions or a GeoDataFrame, not {shown(regions)}")
     names = [str(name) for name in regions.columns if name != regions.geometry.name]
     columns = {name: np.asarray(regions[name]) for name in names}
     return PolygonTable(np.asarray(regions.geometry.values, dtype=object), regions.crs, columns)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.plot.pictures import NORTH_UP, UTM, box_of, colored, middle_of, table, write
+from uavseg.errors import UavsegError
 from uavseg.plot.layers import region_layer
 from uavseg.plot.preview import preview
 
@@ -80,3 +81,11 @@ def test_control_characters_in_an_id_are_drawn_escaped(
     regions["id"] = ["\x01a\x1b[31m"]
     preview(raster, tmp_path / "a.png", regions, width_px=400)
     assert not [str(one.message) for one in recwarn if "Glyph" in str(one.message)]
+
+
+@pytest.mark.parametrize("layer", ["regions", "levels", "path", "mission"])
+@pytest.mark.parametrize("value", [3, np.zeros(3)], ids=["number", "array"])
+def test_a_layer_of_another_type_is_refused(tmp_path: Path, layer: str, value: object) -> None:
+    raster = write(tmp_path / "a.tif", np.full((40, 60), 128, np.uint8))
+    with pytest.raises(UavsegError, match=r"to draw (is|are) a file"):
+        preview(raster, tmp_path / "a.png", **{layer: value}, width_px=300)

@@ -60,7 +60,7 @@ class _Found:
 def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     """The dataset with its collar as nodata, and a warning that says so; unchanged if it has none.
 
-    Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, the collar is
+    Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, it is
     that of the bands that it uses.
 
     Parameters
