@@ -56,10 +56,13 @@ def test_a_sharp_collar_is_left_out_to_the_pixel(
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("expression", ["(b2 - b1) / (b2 + b1)", "b1 - b2", "b1 ** 999999999"])
-def test_a_formula_has_the_collar_of_its_bands(tmp_path: Path, dtype: type, expression: str) -> None:
+@pytest.mark.parametrize("nodata", [None, 0])
+def test_a_formula_has_the_collar_of_its_bands(
+    tmp_path: Path, dtype: type, expression: str, nodata: int | None
+) -> None:
     picture, value = PICTURES["turned"], np.iinfo(dtype).max
     image = np.stack([texture(SHAPE, seed).astype(dtype) * (value // 255) for seed in range(2)])
-    path = write(tmp_path / "a.tif", framed(image, picture, value))
+    path = write(tmp_path / "a.tif", framed(image, picture, value), nodata=nodata)
     dataset = cleaned(path, words=BandWords(expr=expression))
     assert dataset.dtype == np.float32 and dataset.collar is not None
     found = dataset.collar.read(Window(0, 0, *SHAPE))
