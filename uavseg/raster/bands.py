@@ -186,7 +186,7 @@ def valid_pixels(
     """Which pixels are valid; None if all are.
 
     A pixel is invalid where `mask` is false, alpha is 0 or a band is not finite. With one band it is invalid
-    where the band is nodata, and `by_band` where any band is. Of several bands of colours, a nodata value that
+    where the band is nodata, and `by_band` where any band is. Of several bands, a nodata value that
     cannot be a colour (of float bands, or negative) makes a pixel invalid where *any* band has it; one that
     can be (0 or 255 of a photograph) only where *all* have it, as in GDAL's mask of a whole file.
 
