@@ -1,0 +1,285 @@
+"""Options of the command line as parameters of Processing: one definition, one rule for its words.
+
+A parameter that is left empty gives no words, so that the defaults are those of the program.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Callable, Dict, List, Optional, Sequence
+
+from qgis.core import (
+    QgsCoordinateReferenceSystem,
+    QgsProcessing,
+    QgsProcessingException,
+    QgsProcessingParameterBand,
+    QgsProcessingParameterBoolean,
+    QgsProcessingParameterDefinition,
+    QgsProcessingParameterDistance,
+    QgsProcessingParameterEnum,
+    QgsProcessingParameterFile,
+    QgsProcessingParameterMultipleLayers,
+    QgsProcessingParameterNumber,
+    QgsProcessingParameterPoint,
+    QgsProcessingParameterRange,
+    QgsProcessingParameterRasterLayer,
+    QgsProcessingParameterString,
+    QgsUnitTypes,
+)
+
+from .targets import polygon_file, raster_file
+
+
+@dataclass(frozen=True)
+class Values:
+    """What the user entered: the parameters of one run, and how they are evaluated."""
+
+    algorithm: Any
+    parameters: Dict[str, Any]
+    context: Any
+    feedback: Any
+
+    def given(self, name: str) -> bool:
+        """Whether a parameter is not left empty."""
+        value = self.parameters.get(name)
+        return value is not None and value != "" and value != [] and str(value) != "NULL"
+
+    def text(self, name: str) -> str:
+        return self.algorithm.parameterAsString(self.parameters, name, self.context).strip()
+
+    def number(self, name: str) -> float:
+        return self.algorithm.parameterAsDouble(self.parameters, name, self.context)
+
+    def raster(self, name: str) -> str:
+        """The file of a raster layer."""
+        layer = self.algorithm.parameterAsRasterLayer(self.parameters, name, self.context)
+        if layer is None or not layer.isValid():
+            raise QgsProcessingException(self.algorithm.invalidRasterError(self.parameters, name))
+        return raster_file(layer, self.label(name), self.feedback)
+
+    def label(self, name: str) -> str:
+        return self.algorithm.parameterDefinition(name).description()
+
+
+@dataclass(frozen=True)
+class Option:
+    """A parameter, and the words on the command line that its value becomes."""
+
+    make: Callable[[], QgsProcessingParameterDefinition]
+    words: Callable[[Values], List[str]]
+    help: str
+    advanced: bool = True
+
+    def parameter(self) -> QgsProcessingParameterDefinition:
+        """The definition, with its help."""
+        definition = self.make()
+        definition.setHelp(self.help)
+        if self.advanced:
+            definition.setFlags(definition.flags() | QgsProcessingParameterDefinition.FlagAdvanced)
+        return definition
+
+
+def plain(value: float) -> str:
+    """A number as one types it: the shortest text with the same value.
+
+    Raises
+    ------
+    QgsProcessingException
+        If it is not finite.
+    """
+    if not math.isfinite(value):
+        raise QgsProcessingException(f"expected a number, not {value}")
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+
+
+def number(
+    name: str, label: str, flag: str, help: str, least: Optional[float] = None, integer: bool = False
+) -> Option:
+    """An optional number."""
+    kind = QgsProcessingParameterNumber.Integer if integer else QgsProcessingParameterNumber.Double
+
+    def make() -> QgsProcessingParameterDefinition:
+        definition = QgsProcessingParameterNumber(name, label, kind, None, True)
+        if least is not None:
+            definition.setMinimum(least)
+        return definition
+
+    return Option(make, lambda v: [f"{flag}={plain(v.number(name))}"] if v.given(name) else [], help)
+
+
+def metres(
+    name: str,
+    label: str,
+    flag: str,
+    help: str,
+    default: Optional[float] = None,
+    least: float = 0.0,
+    advanced: bool = True,
+) -> Option:
+    """An optional distance in metres; the dialog takes other units and converts them."""
+
+    def make() -> QgsProcessingParameterDefinition:
+        definition = QgsProcessingParameterDistance(name, label, default, "", True, least)
+        definition.setDefaultUnit(QgsUnitTypes.DistanceMeters)
+        return definition
+
+    return Option(
+        make, lambda v: [f"{flag}={plain(v.number(name))}"] if v.given(name) else [], help, advanced
+    )
+
+
+def text(name: str, label: str, flag: str, help: str, advanced: bool = True) -> Option:
+    """An optional text that is passed as it is."""
+    return Option(
+        lambda: QgsProcessingParameterString(name, label, None, False, True),
+        lambda v: [f"{flag}={v.text(name)}"] if v.given(name) and v.text(name) else [],
+        help,
+        advanced,
+    )
+
+
+def switch(name: str, label: str, flag: str, help: str) -> Option:
+    """A tick box, empty by default."""
+
+    def words(values: Values) -> List[str]:
+        ticked = values.algorithm.parameterAsBool(values.parameters, name, values.context)
+        return [flag] if ticked else []
+
+    return Option(lambda: QgsProcessingParameterBoolean(name, label, False, True), words, help)
+
+
+def choice(
+    name: str, label: str, flag: str, help: str, values: Sequence[str], default: Optional[str] = None
+) -> Option:
+    """One of the words of an option; empty: the default of the program."""
+
+    def words(entered: Values) -> List[str]:
+        if not entered.given(name):
+            return []
+        chosen = entered.algorithm.parameterAsEnumString(entered.parameters, name, entered.context)
+        return [f"{flag}={chosen}"] if chosen else []
+
+    def make() -> QgsProcessingParameterDefinition:
+        return QgsProcessingParameterEnum(name, label, list(values), False, default, default is None, True)
+
+    return Option(make, words, help, advanced=default is None)
+
+
+def file(name: str, label: str, flag: str, help: str, pattern: str) -> Option:
+    """An optional file."""
+    return Option(
+        lambda: QgsProcessingParameterFile(
+            name, label, QgsProcessingParameterFile.File, "", None, True, pattern
+        ),
+        lambda v: [f"{flag}={v.text(name)}"] if v.given(name) else [],
+        help,
+    )
+
+
+def raster(name: str, label: str, flag: str, help: str) -> Option:
+    """An optional raster layer."""
+    return Option(
+        lambda: QgsProcessingParameterRasterLayer(name, label, None, True),
+        lambda v: [f"{flag}={v.raster(name)}"] if v.given(name) else [],
+        help,
+    )
+
+
+def polygons(name: str, label: str, flag: str, help: str, advanced: bool = False) -> Option:
+    """Optional layers of polygons, each an option of its own."""
+
+    def words(values: Values) -> List[str]:
+        if not values.given(name):
+            return []
+        layers = values.algorithm.parameterAsLayerList(values.parameters, name, values.context)
+        return [f"{flag}={polygon_file(layer, label, values.context)}" for layer in layers]
+
+    return Option(
+        lambda: QgsProcessingParameterMultipleLayers(
+            name, label, QgsProcessing.TypeVectorPolygon, None, True
+        ),
+        words,
+        help,
+        advanced,
+    )
+
+
+def band(name: str = "BAND", of: str = "INPUT") -> Option:
+    """An optional band of a raster; empty: what the program takes by itself."""
+    return Option(
+        lambda: QgsProcessingParameterBand(name, "Band", None, of, True),
+        lambda v: [f"--band={plain(v.number(name))}"] if v.given(name) else [],
+        "The band. Empty: the only one, or the luminance of red, green and blue.",
+        advanced=False,
+    )
+
+
+RANGE_FLAGS = ("--range", "--values", "--percentile")
+
+
+def interval(default: Optional[str], optional: bool = False, help: str = "") -> List[Option]:
+    """A range, and what its numbers count: v, values of the raster or percentiles."""
+
+    def words(values: Values) -> List[str]:
+        if not values.given("RANGE"):
+            return []
+        ends = values.algorithm.parameterAsRange(values.parameters, "RANGE", values.context)
+        counts = values.algorithm.parameterAsEnum(values.parameters, "RANGE_IN", values.context)
+        low, high = ("" if math.isnan(end) else plain(end) for end in ends)
+        return [f"{RANGE_FLAGS[counts]}={low},{high}"]
+
+    return [
+        Option(
+            lambda: QgsProcessingParameterRange(
+                "RANGE", "Range", QgsProcessingParameterNumber.Double, default, optional
+            ),
+            words,
+            help or "What is looked for: pixels from the lower to the upper end.",
+            advanced=False,
+        ),
+        Option(
+            lambda: QgsProcessingParameterEnum(
+                "RANGE_IN",
+                "The range is in",
+                ["intensity v (0 to 1)", "values of the raster", "percentiles (0 to 100)"],
+                False,
+                0,
+            ),
+            lambda _: [],
+            "v is intensity scaled to 0..1; values are in the raster's own units; percentiles rank all valid "
+            "pixels.",
+            advanced=False,
+        ),
+    ]
+
+
+def place(name: str, label: str, help: str, optional: bool, words: Callable[[Values], List[str]]) -> Option:
+    """A place that can be chosen on the canvas."""
+    return Option(
+        lambda: QgsProcessingParameterPoint(name, label, None, optional), words, help, advanced=False
+    )
+
+
+def latlon(values: Values, name: str) -> str:
+    """A place as `LAT,LON` on WGS 84, with 9 decimals (0.1 mm).
+
+    Raises
+    ------
+    QgsProcessingException
+        If its CRS is not known, so that it cannot be transformed.
+    """
+    crs = values.algorithm.parameterAsPointCrs(values.parameters, name, values.context)
+    if not crs.isValid():
+        raise QgsProcessingException(
+            f"{values.label(name)}: the CRS of {values.text(name)!r} is not known; "
+            "write it behind, such as '-122.8272,49.4583 [EPSG:4326]'"
+        )
+    wgs84 = QgsCoordinateReferenceSystem("EPSG:4326")
+    point = values.algorithm.parameterAsPoint(values.parameters, name, values.context, wgs84)
+    return f"{round(point.y(), 9)!r},{round(point.x(), 9)!r}"
+
+
+def words_of(options: Sequence[Option], values: Values) -> List[str]:
+    """The words of all options, in their order."""
+    return [word for option in options for word in option.words(values)]
