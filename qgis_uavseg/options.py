@@ -6,7 +6,7 @@ A parameter that is left empty gives no words, so that the defaults are those of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Callable, Dict, List, Optional, Sequence
 
 from qgis.core import (
@@ -33,12 +33,22 @@ from .targets import polygon_file, raster_file
 
 @dataclass(frozen=True)
 class Values:
-    """What the user entered: the parameters of one run, and how they are evaluated."""
+    """What the user entered: the parameters of one run, with the defaults of those that were not named."""
 
     algorithm: Any
     parameters: Dict[str, Any]
     context: Any
     feedback: Any
+
+    @classmethod
+    def of(cls, algorithm: Any, parameters: Dict[str, Any], context: Any, feedback: Any) -> Values:
+        """The values of a run. QGIS 3.22 does not fill in the defaults of ranges and bands by itself."""
+        defaults = {
+            definition.name(): definition.defaultValue()
+            for definition in algorithm.parameterDefinitions()
+            if not definition.isDestination() and definition.defaultValue() is not None
+        }
+        return cls(algorithm, {**defaults, **parameters}, context, feedback)
 
     def given(self, name: str) -> bool:
         """Whether a parameter is not left empty."""
@@ -109,13 +119,7 @@ def number(
 
 
 def metres(
-    name: str,
-    label: str,
-    flag: str,
-    help: str,
-    default: Optional[float] = None,
-    least: float = 0.0,
-    advanced: bool = True,
+    name: str, label: str, flag: str, help: str, default: Optional[float] = None, least: float = 0.0
 ) -> Option:
     """An optional distance in metres; the dialog takes other units and converts them."""
 
@@ -124,9 +128,37 @@ def metres(
         definition.setDefaultUnit(QgsUnitTypes.DistanceMeters)
         return definition
 
-    return Option(
-        make, lambda v: [f"{flag}={plain(v.number(name))}"] if v.given(name) else [], help, advanced
-    )
+    return Option(make, lambda v: [f"{flag}={plain(v.number(name))}"] if v.given(name) else [], help)
+
+
+def shown(option: Option) -> Option:
+    """An option that stands above the fold of the dialog."""
+    return replace(option, advanced=False)
+
+
+def unless(option: Option, others: Sequence[str]) -> Option:
+    """An option whose default gives way where one of the others is given.
+
+    A value that differs from the default stays, and the program decides on the conflict.
+    """
+
+    def words(values: Values) -> List[str]:
+        found = option.words(values)
+        given = [values.label(name) for name in others if values.given(name)]
+        definition = option.make()
+        entered = values.parameters.get(definition.name())
+        if found and given and str(entered) in (str(definition.defaultValue()), plain_or_text(definition)):
+            values.feedback.pushInfo(f"{definition.description()} is left out: {given[0]} is given")
+            return []
+        return found
+
+    return replace(option, words=words)
+
+
+def plain_or_text(definition: QgsProcessingParameterDefinition) -> str:
+    """The default of a parameter, as one types it."""
+    default = definition.defaultValue()
+    return plain(default) if isinstance(default, (int, float)) else str(default)
 
 
 def text(name: str, label: str, flag: str, help: str, advanced: bool = True) -> Option:
@@ -218,8 +250,11 @@ def band(name: str = "BAND", of: str = "INPUT") -> Option:
 RANGE_FLAGS = ("--range", "--values", "--percentile")
 
 
-def interval(default: Optional[str], optional: bool = False, help: str = "") -> List[Option]:
-    """A range, and what its numbers count: v, values of the raster or percentiles."""
+def interval(default: str, help: str) -> List[Option]:
+    """A range, and what its numbers count: v, values of the raster or percentiles.
+
+    It is optional because QGIS 3.22 does not take the default of a range that is not.
+    """
 
     def words(values: Values) -> List[str]:
         if not values.given("RANGE"):
@@ -232,10 +267,10 @@ def interval(default: Optional[str], optional: bool = False, help: str = "") -> 
     return [
         Option(
             lambda: QgsProcessingParameterRange(
-                "RANGE", "Range", QgsProcessingParameterNumber.Double, default, optional
+                "RANGE", "Range", QgsProcessingParameterNumber.Double, default, True
             ),
             words,
-            help or "What is looked for: pixels from the lower to the upper end.",
+            help,
             advanced=False,
         ),
         Option(

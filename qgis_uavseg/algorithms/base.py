@@ -41,7 +41,7 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
 
     def processAlgorithm(self, parameters: Dict[str, Any], context: Any, feedback: Any) -> Dict[str, Any]:
         try:
-            return self.answer(Values(self, parameters, context, feedback))
+            return self.answer(Values.of(self, parameters, context, feedback))
         except Cancelled:
             return {}
         except (ProcessError, ProgramError) as error:

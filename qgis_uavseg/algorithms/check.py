@@ -14,7 +14,7 @@ from qgis.core import (
     QgsProcessingParameterFileDestination,
 )
 
-from ..options import Option, Values, choice, metres, polygons, raster, words_of
+from ..options import Option, Values, choice, metres, polygons, raster, shown, words_of
 from .base import ProgramAlgorithm
 from .plan import AUTOPILOTS, GROUP, MISSION_FILTER
 
@@ -44,8 +44,8 @@ class CheckMission(ProgramAlgorithm):
             choice("AUTOPILOT", "Autopilot", "--autopilot", "What it is checked for. Empty: what the file is for.", AUTOPILOTS),
             polygons("AVOID", "Keep-out zones", "--avoid", "Polygons that no leg may enter."),
             metres("AVOID_MARGIN", "Least distance to keep-out zones", "--avoid-margin", "Empty: 10 m."),
-            metres("MAX_ALTITUDE", "Highest above home", "--max-altitude", "Refuse more; with an elevation model, above the ground.", advanced=False),
-            metres("MAX_DISTANCE", "Farthest from home", "--max-distance", "Refuse more.", advanced=False),
+            shown(metres("MAX_ALTITUDE", "Highest above home", "--max-altitude", "Refuse more; with an elevation model, above the ground.")),
+            shown(metres("MAX_DISTANCE", "Farthest from home", "--max-distance", "Refuse more.")),
             raster("DEM", "Elevation model", "--dem", "Refuse to fly nearer than 5 m to this ground."),
         )
 

@@ -6,7 +6,7 @@ from typing import List, Sequence
 
 from qgis.core import QgsProcessingException, QgsProcessingParameterMatrix
 
-from ..options import Option, Values, choice, file, interval, metres
+from ..options import Option, Values, choice, file, interval, metres, unless
 from ..reading import DIVISION, FILL_HOLES, MIN_AREA, RASTER, THREADS
 from .regions import RegionAlgorithm, with_input
 
@@ -30,8 +30,9 @@ CLASSES = Option(
         "CLASSES", "Classes", 1, False, ["Name", "From v", "To v"], None, True
     ),
     lambda v: _classes(v) if v.given("CLASSES") else [],
-    "In place of a range: a class in each row, with its range of v. Leave Range empty then.",
+    "In place of a range: a class in each row, with its range of v.",
 )
+RANGE, RANGE_IN = interval("0.55,1", "What is looked for: pixels from the lower to the upper end.")
 
 
 class ExtractRegions(RegionAlgorithm):
@@ -49,8 +50,7 @@ class ExtractRegions(RegionAlgorithm):
 
     def options(self) -> Sequence[Option]:
         return with_input(
-            interval("0.55,1", optional=True),
-            (MIN_AREA,),
+            (unless(RANGE, ("CLASSES", "CLASSES_FILE")), RANGE_IN, MIN_AREA),
             RASTER,
             (
                 CLASSES,

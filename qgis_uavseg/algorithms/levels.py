@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Sequence
 
-from ..options import Option, choice, metres, number, text
+from ..options import Option, choice, metres, number, shown, text
 from ..reading import DIVISION, MIN_AREA, RASTER, THREADS
 from .regions import RegionAlgorithm, with_input
 
@@ -26,7 +26,7 @@ class SegmentByLevels(RegionAlgorithm):
         width = number("WIDTH", "Width of a level in v", "--width", "Such as 0.1: levels 0..0.1, 0.1..0.2 and so on.", 0)
         return with_input(
             (
-                Option(width.make, width.words, width.help, advanced=False),
+                shown(width),
                 text(
                     "BREAKS",
                     "Breaks",

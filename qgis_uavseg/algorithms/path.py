@@ -16,7 +16,7 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-from ..options import Option, Values, interval, metres, place, switch, words_of
+from ..options import Option, Values, interval, metres, place, shown, switch, words_of
 from ..reading import BAND_CHOICE, DIVISION, NODATA, STRETCH, THREADS
 from ..styles import LEG_STYLE, style_on_load
 from ..targets import VECTOR_EXTENSIONS, checked_target, write_layer
@@ -51,10 +51,10 @@ class FindPath(ProgramAlgorithm):
     def options(self) -> Sequence[Option]:
         return (
             *MAP,
-            *interval("0,0.45", help="What is passable."),
+            *interval("0,0.45", "What is passable."),
             _end("START", "Start"),
             _end("GOAL", "Goal"),
-            metres("CLEARANCE", "Clearance", "--clearance", "From the centre of a cell to everything else.", advanced=False),
+            shown(metres("CLEARANCE", "Clearance", "--clearance", "From the centre of a cell to everything else.")),
             switch("SMOOTH", "Pull the path tight, at any angle", "--smooth", "Otherwise it goes from cell to cell."),
             *BAND_CHOICE,
             NODATA,

@@ -17,7 +17,7 @@ from qgis.core import (
 )
 
 from ..legs import LEG_FIELDS, WGS84, leg_features
-from ..options import Option, Values, choice, file, latlon, metres, number, place, plain, polygons, raster, switch, text, words_of
+from ..options import Option, Values, choice, file, latlon, metres, number, place, plain, polygons, raster, shown, switch, text, unless, words_of
 from ..process import run
 from ..program import ready_program
 from ..styles import LEG_STYLE, style_on_load
@@ -66,11 +66,11 @@ class PlanMission(ProgramAlgorithm):
                 "Polygons to fly over; those that are selected, if you tick that.",
                 advanced=False,
             ),
-            metres("ALTITUDE", "Height of the flight", "--altitude", "Above home, or with an elevation model above the ground. Or give a ground sampling distance.", 60, advanced=False),
+            unless(shown(metres("ALTITUDE", "Height of the flight", "--altitude", "Above home, or with an elevation model above the ground. Or give a ground sampling distance.", 60)), ("GSD",)),
             place("HOME", "Home", "Where the vehicle takes off. Empty: a place outside of the regions, which you must look at.", True, _home),
             Option(metres("HOME_ALTITUDE", "", "", "", None, -500).make, lambda _: [], "Of home above the sea. Empty: written as 0, which formats that need it cannot use."),
             choice("PATTERN", "Pattern", "--pattern", "A point in each region, its outline, parallel lines, lines along its middle, or a circle. Empty: a point, or lines with a spacing or a camera.", ("visit", "perimeter", "survey", "corridor", "orbit")),
-            metres("SPACING", "Between lines", "--spacing", "Of a survey or corridor; a camera gives it by itself.", advanced=False),
+            shown(metres("SPACING", "Between lines", "--spacing", "Of a survey or corridor; a camera gives it by itself.")),
             text("CAMERA", "Camera", "--camera", "A name as `uavseg cameras` lists them, such as DJI Mavic 3 Enterprise, or a .json file.", advanced=False),
             number("GSD", "Ground sampling distance in cm", "--gsd", "With a camera, in place of the height, which is then left empty.", 0),
             text("OVERLAP", "Overlap", "--overlap", "Of photographs along lines and between them, in per cent. Empty: 75,70."),

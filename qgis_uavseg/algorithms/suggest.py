@@ -13,7 +13,7 @@ from qgis.core import (
     QgsProcessingParameterFileDestination,
 )
 
-from ..options import Option, Values, choice, words_of
+from ..options import Option, Values, choice, shown, words_of
 from ..reading import DIVISION, RASTER, THREADS
 from .base import ProgramAlgorithm
 from .regions import GROUP, with_input
@@ -35,7 +35,7 @@ class SuggestRanges(ProgramAlgorithm):
         classes = choice(
             "CLASSES", "How many ranges", "--classes", "Empty: as many as the histogram has by itself.", tuple("2345678")
         )
-        return with_input((Option(classes.make, classes.words, classes.help, False),), RASTER, DIVISION, (THREADS,))
+        return with_input((shown(classes),), RASTER, DIVISION, (THREADS,))
 
     def add_outputs(self) -> None:
         add = self.addParameter
