@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Iterator, Sequence
 
 from qgis.core import (
     QgsCoordinateReferenceSystem,
@@ -18,7 +18,12 @@ from qgis.core import (
 from qgis.PyQt.QtCore import QVariant
 
 LEG_FIELDS = QgsFields()
-for _name, _type in (("flight", QVariant.Int), ("leg", QVariant.Int), ("from_m", QVariant.Double), ("to_m", QVariant.Double)):
+for _name, _type in (
+    ("flight", QVariant.Int),
+    ("leg", QVariant.Int),
+    ("from_m", QVariant.Double),
+    ("to_m", QVariant.Double),
+):
     LEG_FIELDS.append(QgsField(_name, _type))
 WGS84 = (QgsWkbTypes.LineString, QgsCoordinateReferenceSystem("EPSG:4326"))
 """Type and CRS of the legs."""
@@ -48,5 +53,7 @@ def leg_features(files: Sequence[Path]) -> Iterator[QgsFeature]:
             leg += 1
             feature = QgsFeature(LEG_FIELDS)
             feature.setAttributes([number, leg, heights[k], heights[k + 1]])
-            feature.setGeometry(QgsGeometry.fromPolyline([QgsPoint(*places[k][:2]), QgsPoint(*places[k + 1][:2])]))
+            feature.setGeometry(
+                QgsGeometry.fromPolyline([QgsPoint(*places[k][:2]), QgsPoint(*places[k + 1][:2])])
+            )
             yield feature

@@ -6,11 +6,11 @@ A parameter that is left empty gives no words, so that the defaults are those of
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Callable, Dict, List, Optional, Sequence
+from typing import Any, Callable
 
 from qgis.core import (
-    QgsCoordinateReferenceSystem,
     QgsProcessing,
     QgsProcessingException,
     QgsProcessingParameterBand,
@@ -21,7 +21,6 @@ from qgis.core import (
     QgsProcessingParameterFile,
     QgsProcessingParameterMultipleLayers,
     QgsProcessingParameterNumber,
-    QgsProcessingParameterPoint,
     QgsProcessingParameterRange,
     QgsProcessingParameterRasterLayer,
     QgsProcessingParameterString,
@@ -36,12 +35,12 @@ class Values:
     """What the user entered: the parameters of one run, with the defaults of those that were not named."""
 
     algorithm: Any
-    parameters: Dict[str, Any]
+    parameters: dict[str, Any]
     context: Any
     feedback: Any
 
     @classmethod
-    def of(cls, algorithm: Any, parameters: Dict[str, Any], context: Any, feedback: Any) -> Values:
+    def of(cls, algorithm: Any, parameters: dict[str, Any], context: Any, feedback: Any) -> Values:
         """The values of a run. QGIS 3.22 does not fill in the defaults of ranges and bands by itself."""
         defaults = {
             definition.name(): definition.defaultValue()
@@ -77,7 +76,7 @@ class Option:
     """A parameter, and the words on the command line that its value becomes."""
 
     make: Callable[[], QgsProcessingParameterDefinition]
-    words: Callable[[Values], List[str]]
+    words: Callable[[Values], list[str]]
     help: str
     advanced: bool = True
 
@@ -104,7 +103,7 @@ def plain(value: float) -> str:
 
 
 def number(
-    name: str, label: str, flag: str, help: str, least: Optional[float] = None, integer: bool = False
+    name: str, label: str, flag: str, help: str, least: float | None = None, integer: bool = False
 ) -> Option:
     """An optional number."""
     kind = QgsProcessingParameterNumber.Integer if integer else QgsProcessingParameterNumber.Double
@@ -119,7 +118,7 @@ def number(
 
 
 def metres(
-    name: str, label: str, flag: str, help: str, default: Optional[float] = None, least: float = 0.0
+    name: str, label: str, flag: str, help: str, default: float | None = None, least: float = 0.0
 ) -> Option:
     """An optional distance in metres; the dialog takes other units and converts them."""
 
@@ -142,7 +141,7 @@ def unless(option: Option, others: Sequence[str]) -> Option:
     A value that differs from the default stays, and the program decides on the conflict.
     """
 
-    def words(values: Values) -> List[str]:
+    def words(values: Values) -> list[str]:
         found = option.words(values)
         given = [values.label(name) for name in others if values.given(name)]
         definition = option.make()
@@ -174,7 +173,7 @@ def text(name: str, label: str, flag: str, help: str, advanced: bool = True) -> 
 def switch(name: str, label: str, flag: str, help: str) -> Option:
     """A tick box, empty by default."""
 
-    def words(values: Values) -> List[str]:
+    def words(values: Values) -> list[str]:
         ticked = values.algorithm.parameterAsBool(values.parameters, name, values.context)
         return [flag] if ticked else []
 
@@ -182,11 +181,11 @@ def switch(name: str, label: str, flag: str, help: str) -> Option:
 
 
 def choice(
-    name: str, label: str, flag: str, help: str, values: Sequence[str], default: Optional[str] = None
+    name: str, label: str, flag: str, help: str, values: Sequence[str], default: str | None = None
 ) -> Option:
     """One of the words of an option; empty: the default of the program."""
 
-    def words(entered: Values) -> List[str]:
+    def words(entered: Values) -> list[str]:
         if not entered.given(name):
             return []
         chosen = entered.algorithm.parameterAsEnumString(entered.parameters, name, entered.context)
@@ -221,7 +220,7 @@ def raster(name: str, label: str, flag: str, help: str) -> Option:
 def polygons(name: str, label: str, flag: str, help: str, advanced: bool = False) -> Option:
     """Optional layers of polygons, each an option of its own."""
 
-    def words(values: Values) -> List[str]:
+    def words(values: Values) -> list[str]:
         if not values.given(name):
             return []
         layers = values.algorithm.parameterAsLayerList(values.parameters, name, values.context)
@@ -250,13 +249,13 @@ def band(name: str = "BAND", of: str = "INPUT") -> Option:
 RANGE_FLAGS = ("--range", "--values", "--percentile")
 
 
-def interval(default: str, help: str) -> List[Option]:
+def interval(default: str, help: str) -> list[Option]:
     """A range, and what its numbers count: v, values of the raster or percentiles.
 
     It is optional because QGIS 3.22 does not take the default of a range that is not.
     """
 
-    def words(values: Values) -> List[str]:
+    def words(values: Values) -> list[str]:
         if not values.given("RANGE"):
             return []
         ends = values.algorithm.parameterAsRange(values.parameters, "RANGE", values.context)
@@ -282,39 +281,14 @@ def interval(default: str, help: str) -> List[Option]:
                 0,
             ),
             lambda _: [],
-            "v is intensity scaled to 0..1; values are in the raster's own units; percentiles rank all valid "
+            "v is intensity scaled to 0..1; values are in the raster's own units; percentiles rank all "
+            "valid "
             "pixels.",
             advanced=False,
         ),
     ]
 
 
-def place(name: str, label: str, help: str, optional: bool, words: Callable[[Values], List[str]]) -> Option:
-    """A place that can be chosen on the canvas."""
-    return Option(
-        lambda: QgsProcessingParameterPoint(name, label, None, optional), words, help, advanced=False
-    )
-
-
-def latlon(values: Values, name: str) -> str:
-    """A place as `LAT,LON` on WGS 84, with 9 decimals (0.1 mm).
-
-    Raises
-    ------
-    QgsProcessingException
-        If its CRS is not known, so that it cannot be transformed.
-    """
-    crs = values.algorithm.parameterAsPointCrs(values.parameters, name, values.context)
-    if not crs.isValid():
-        raise QgsProcessingException(
-            f"{values.label(name)}: the CRS of {values.text(name)!r} is not known; "
-            "write it behind, such as '-122.8272,49.4583 [EPSG:4326]'"
-        )
-    wgs84 = QgsCoordinateReferenceSystem("EPSG:4326")
-    point = values.algorithm.parameterAsPoint(values.parameters, name, values.context, wgs84)
-    return f"{round(point.y(), 9)!r},{round(point.x(), 9)!r}"
-
-
-def words_of(options: Sequence[Option], values: Values) -> List[str]:
+def words_of(options: Sequence[Option], values: Values) -> list[str]:
     """The words of all options, in their order."""
     return [word for option in options for word in option.words(values)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional
+from typing import Any
 
 from qgis.core import QgsApplication
 
@@ -18,9 +18,9 @@ class UavsegPlugin:
         None under qgis_process, which calls `initProcessing` alone.
     """
 
-    def __init__(self, iface: Optional[Any]) -> None:
+    def __init__(self, iface: Any | None) -> None:
         self.iface = iface
-        self.provider: Optional[UavsegProvider] = None
+        self.provider: UavsegProvider | None = None
 
     def initProcessing(self) -> None:
         """Add the algorithms."""

@@ -8,15 +8,32 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, List, Optional, Sequence, Tuple
+from typing import Any
 
 from qgis.PyQt.QtCore import QProcess, QProcessEnvironment
 
 STRIPPED = frozenset(
-    "PYTHONHOME PYTHONPATH PYTHONSTARTUP PROJ_LIB PROJ_DATA PROJ_NETWORK GDAL_DATA GDAL_DRIVER_PATH "
-    "GDAL_PLUGINS_PATH OGR_DRIVER_PATH LD_LIBRARY_PATH LD_PRELOAD VIRTUAL_ENV SSL_CERT_FILE SSL_CERT_DIR "
-    "QT_PLUGIN_PATH __PYVENV_LAUNCHER__".split()
+    [
+        "PYTHONHOME",
+        "PYTHONPATH",
+        "PYTHONSTARTUP",
+        "PROJ_LIB",
+        "PROJ_DATA",
+        "PROJ_NETWORK",
+        "GDAL_DATA",
+        "GDAL_DRIVER_PATH",
+        "GDAL_PLUGINS_PATH",
+        "OGR_DRIVER_PATH",
+        "LD_LIBRARY_PATH",
+        "LD_PRELOAD",
+        "VIRTUAL_ENV",
+        "SSL_CERT_FILE",
+        "SSL_CERT_DIR",
+        "QT_PLUGIN_PATH",
+        "__PYVENV_LAUNCHER__",
+    ]
 )
 _STRIPPED_PREFIX = "DYLD_"
 _POLL_MS = 50
@@ -30,7 +47,7 @@ class ProcessError(Exception):
     """A process did not start, or ended with an error."""
 
 
-class Cancelled(Exception):
+class Cancelled(Exception):  # noqa: N818 - no error
     """The user cancelled, and the process has ended."""
 
 
@@ -40,7 +57,7 @@ class Finished:
 
     code: int
     output: str
-    lines: Tuple[str, ...]
+    lines: tuple[str, ...]
 
     def error(self) -> str:
         """What it says of its error: the line that is marked so, or the last five."""
@@ -52,7 +69,7 @@ class Finished:
 def clean_environment() -> QProcessEnvironment:
     """The environment of QGIS without what is meant for QGIS's own Python, GDAL, PROJ and libraries."""
     environment = QProcessEnvironment.systemEnvironment()
-    for name in environment.keys():
+    for name in environment.keys():  # noqa: SIM118 - of Qt, not a dict
         if name.upper() in STRIPPED or name.upper().startswith(_STRIPPED_PREFIX):
             environment.remove(name)
     environment.insert("PYTHONIOENCODING", "utf-8")
@@ -136,11 +153,11 @@ def _end(process: QProcess) -> None:
 class _Lines:
     """Lines out of a stream of bytes, each shown as what it is."""
 
-    def __init__(self, feedback: Optional[Any]) -> None:
+    def __init__(self, feedback: Any | None) -> None:
         self._feedback = feedback
         self._rest = b""
-        self._text: List[str] = []
-        self.lines: List[str] = []
+        self._text: list[str] = []
+        self.lines: list[str] = []
 
     @property
     def text(self) -> str:

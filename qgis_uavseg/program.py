@@ -7,7 +7,6 @@ import re
 import shlex
 import shutil
 from pathlib import Path
-from typing import Dict, Tuple
 
 from qgis.core import QgsApplication, QgsSettings
 
@@ -21,7 +20,7 @@ SETTING = "uavseg/program"
 REQUIREMENT_SETTING = "uavseg/requirement"
 VARIABLE = "UAVSEG_PROGRAM"
 _VERSION = re.compile(r"^uavseg (\d+)\.(\d+)(\.\S+)?$")
-_known: Dict[Tuple[str, int, int], str] = {}
+_known: dict[tuple[str, int, int], str] = {}
 
 
 class ProgramError(Exception):
@@ -55,7 +54,9 @@ def find_program() -> Path:
     named += ((os.environ.get(VARIABLE, ""), f"${VARIABLE}"),)
     for text, where in named:
         if text and not Path(text).is_file():
-            raise ProgramError(f"{text}, which {where} names as the program uavseg, is not a file; {advice()}")
+            raise ProgramError(
+                f"{text}, which {where} names as the program uavseg, is not a file; {advice()}"
+            )
         if text:
             return Path(text)
     own, on_path = program_in(own_folder()), shutil.which("uavseg")
@@ -111,7 +112,9 @@ def advice() -> str:
     """One line that installs the program where the plugin looks for it, and where the button is."""
     folder = own_folder()
     python = "py -3" if os.name == "nt" else "python3"
-    line = f"{python} -m venv {_quoted(folder)} && {_quoted(_pip_in(folder))} install {_quoted(requirement())}"
+    line = (
+        f"{python} -m venv {_quoted(folder)} && {_quoted(_pip_in(folder))} install {_quoted(requirement())}"
+    )
     return f"type: {line}   (or press Install in Plugins > UAV Segmentation; a path can be set in Options)"
 
 
@@ -123,5 +126,5 @@ def _quoted(text: object) -> str:
     return f'"{text}"' if os.name == "nt" else shlex.quote(str(text))
 
 
-def _dotted(version: Tuple[int, int]) -> str:
+def _dotted(version: tuple[int, int]) -> str:
     return ".".join(map(str, version))

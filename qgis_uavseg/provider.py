@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import List
 
 from qgis.core import QgsProcessingProvider
 from qgis.PyQt.QtGui import QIcon
@@ -39,11 +38,11 @@ class UavsegProvider(QgsProcessingProvider):
     def supportsNonFileBasedOutput(self) -> bool:
         return False
 
-    def supportedOutputVectorLayerExtensions(self) -> List[str]:
+    def supportedOutputVectorLayerExtensions(self) -> list[str]:
         return list(VECTOR_EXTENSIONS)
 
     def defaultVectorFileExtension(self, hasGeometry: bool = True) -> str:
         return VECTOR_EXTENSIONS[0]
 
-    def supportedOutputRasterLayerExtensions(self) -> List[str]:
+    def supportedOutputRasterLayerExtensions(self) -> list[str]:
         return ["tif"]

@@ -2,11 +2,41 @@
 
 from __future__ import annotations
 
-from .options import Option, band, choice, number, text
+from .options import band, choice, number, text
 
-INDICES = tuple(
-    "ndvi gndvi bndvi ndre ndwi mndwi ndmi ndbi ndsi nbr nbr2 bi ndti ndci ndyi ngrdi gli mgrvi rgbvi gcc exg "
-    "exr exgr vari tgi cig cire savi osavi msavi evi evi2".split()
+INDICES = (
+    "ndvi",
+    "gndvi",
+    "bndvi",
+    "ndre",
+    "ndwi",
+    "mndwi",
+    "ndmi",
+    "ndbi",
+    "ndsi",
+    "nbr",
+    "nbr2",
+    "bi",
+    "ndti",
+    "ndci",
+    "ndyi",
+    "ngrdi",
+    "gli",
+    "mgrvi",
+    "rgbvi",
+    "gcc",
+    "exg",
+    "exr",
+    "exgr",
+    "vari",
+    "tgi",
+    "cig",
+    "cire",
+    "savi",
+    "osavi",
+    "msavi",
+    "evi",
+    "evi2",
 )
 
 BAND_CHOICE = (
@@ -26,21 +56,35 @@ BAND_CHOICE = (
     ),
 )
 
-NODATA = number("NODATA", "Nodata value", "--nodata", "This value counts for nothing, beside what the file says.")
+NODATA = number(
+    "NODATA", "Nodata value", "--nodata", "This value counts for nothing, beside what the file says."
+)
 STRETCH = text(
     "STRETCH",
     "Stretch",
     "--stretch",
-    "How values become v: auto, dtype, minmax, percentile:2,98, none, or LOW,HIGH. Empty: as the program does "
+    "How values become v: auto, dtype, minmax, percentile:2,98, none, or LOW,HIGH. Empty: as the program "
+    "does "
     "by itself, and says.",
 )
 
 RASTER = (
     *BAND_CHOICE,
-    text("RGB", "Bands of red, green and blue", "--rgb", "In place of a band: the luminance of R,G,B, such as 4,3,2."),
+    text(
+        "RGB",
+        "Bands of red, green and blue",
+        "--rgb",
+        "In place of a band: the luminance of R,G,B, such as 4,3,2.",
+    ),
     NODATA,
     STRETCH,
-    choice("COLLAR", "Collar", "--collar", "Count an untagged black or white collar as nodata, or keep it.", ("auto", "keep")),
+    choice(
+        "COLLAR",
+        "Collar",
+        "--collar",
+        "Count an untagged black or white collar as nodata, or keep it.",
+        ("auto", "keep"),
+    ),
 )
 
 DIVISION = (
@@ -51,11 +95,21 @@ DIVISION = (
         "Divide blocks by texture and intensity (adaptive), or by texture alone (paper). Empty: adaptive.",
         ("adaptive", "paper"),
     ),
-    number("THRESHOLD", "Threshold of G_max / G_min", "--threshold", "Divide where it is larger. Empty: 1.2.", 1),
-    number("INTENSITY_STEP", "Intensity step", "--intensity-step", "Divide where the means of the children differ by more. Empty: 0.05.", 0),
+    number(
+        "THRESHOLD", "Threshold of G_max / G_min", "--threshold", "Divide where it is larger. Empty: 1.2.", 1
+    ),
+    number(
+        "INTENSITY_STEP",
+        "Intensity step",
+        "--intensity-step",
+        "Divide where the means of the children differ by more. Empty: 0.05.",
+        0,
+    ),
 )
 
-THREADS = number("THREADS", "Threads", "--threads", "Empty: all processors. Changes no result.", 1, integer=True)
+THREADS = number(
+    "THREADS", "Threads", "--threads", "Empty: all processors. Changes no result.", 1, integer=True
+)
 
 MIN_AREA = text(
     "MIN_AREA",
@@ -64,4 +118,6 @@ MIN_AREA = text(
     "Smaller ones are left out.",
     advanced=False,
 )
-FILL_HOLES = text("FILL_HOLES", "Fill holes up to (m², or pixels as 50px)", "--fill-holes", "Smaller holes are filled.")
+FILL_HOLES = text(
+    "FILL_HOLES", "Fill holes up to (m², or pixels as 50px)", "--fill-holes", "Smaller holes are filled."
+)

@@ -1,15 +1,16 @@
 """Styles of results: regions by class, level or mean; missions with arrows and order; states of a map.
 
-QGIS keeps no reference to a post-processor of Python, so each is made once, here, when the module is loaded. They hold
-no state: what a layer is follows from its fields.
+QGIS keeps no reference to a post-processor of Python, so each is made once, here, when the module is loaded.
+They hold no state: what a layer is follows from its fields.
 """
 
 from __future__ import annotations
 
-from typing import Any, List
+from typing import Any
 
 from qgis.core import (
     QgsCategorizedSymbolRenderer,
+    QgsClassificationEqualInterval,
     QgsFillSymbol,
     QgsGradientColorRamp,
     QgsGradientStop,
@@ -32,7 +33,12 @@ from qgis.PyQt.QtGui import QColor
 PALETTE = ("#1f78b4", "#e6ab02", "#33a02c", "#e31a1c", "#6a3d9a", "#b15928", "#a6761d", "#666666")
 ONE_COLOR = "#ffa500"
 LEG_COLOR = "#d7191c"
-STATES = ((0, "nodata", "#00000000"), (1, "free", "#ffffffff"), (2, "unknown", "#ff9e9e9e"), (3, "occupied", "#ff000000"))
+STATES = (
+    (0, "nodata", "#00000000"),
+    (1, "free", "#ffffffff"),
+    (2, "unknown", "#ff9e9e9e"),
+    (3, "occupied", "#ff000000"),
+)
 _FILL_ALPHA = 90  # of 255
 _CLASSES_OF_MEAN = 5
 
@@ -86,9 +92,11 @@ def region_renderer(layer: QgsVectorLayer) -> Any:
     values = _unique(layer, "mean")
     if len(values) < 2:
         return QgsSingleSymbolRenderer(_fill(ONE_COLOR))
-    renderer = QgsGraduatedSymbolRenderer.createRenderer(
-        layer, "mean", min(_CLASSES_OF_MEAN, len(values)), QgsGraduatedSymbolRenderer.EqualInterval, _fill(ONE_COLOR), _ramp()
-    )
+    renderer = QgsGraduatedSymbolRenderer("mean")
+    renderer.setSourceSymbol(_fill(ONE_COLOR))
+    renderer.setSourceColorRamp(_ramp())
+    renderer.setClassificationMethod(QgsClassificationEqualInterval())
+    renderer.updateClasses(layer, min(_CLASSES_OF_MEAN, len(values)))
     _translucent(renderer)
     return renderer
 
@@ -96,7 +104,9 @@ def region_renderer(layer: QgsVectorLayer) -> Any:
 def arrow_symbol(color: str = LEG_COLOR) -> QgsLineSymbol:
     """A line with an arrow in its middle, in its direction."""
     symbol = QgsLineSymbol.createSimple({"color": color, "width": "0.6"})
-    arrow = QgsMarkerSymbol.createSimple({"name": "filled_arrowhead", "color": color, "outline_color": color, "size": "3.2"})
+    arrow = QgsMarkerSymbol.createSimple(
+        {"name": "filled_arrowhead", "color": color, "outline_color": color, "size": "3.2"}
+    )
     markers = QgsMarkerLineSymbolLayer()
     markers.setPlacement(QgsMarkerLineSymbolLayer.CentralPoint)
     markers.setSubSymbol(arrow)
@@ -125,7 +135,7 @@ def _given_colors(layer: QgsVectorLayer) -> dict:
     return {name: str(color) for name, color in pairs if QColor(str(color)).isValid()}
 
 
-def _unique(layer: QgsVectorLayer, field: str) -> List[Any]:
+def _unique(layer: QgsVectorLayer, field: str) -> list[Any]:
     index = layer.fields().indexOf(field)
     return sorted(value for value in layer.uniqueValues(index) if value is not None) if index >= 0 else []
 
@@ -159,4 +169,3 @@ def _leg_labels() -> QgsPalLayerSettings:
     settings.placement = QgsPalLayerSettings.Line
     settings.setFormat(text)
     return settings
-

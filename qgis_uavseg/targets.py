@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Sequence, Tuple
+from typing import Any
 
 from qgis.core import (
     QgsCoordinateReferenceSystem,
@@ -15,7 +16,7 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-VECTOR_EXTENSIONS: Tuple[str, ...] = ("gpkg", "geojson", "fgb", "shp")
+VECTOR_EXTENSIONS: tuple[str, ...] = ("gpkg", "geojson", "fgb", "shp")
 
 
 def checked_target(target: str, extensions: Sequence[str], label: str) -> str:
@@ -30,7 +31,8 @@ def checked_target(target: str, extensions: Sequence[str], label: str) -> str:
     suffix = Path(target).suffix.lower().lstrip(".")
     if not Path(target).is_absolute():
         raise QgsProcessingException(
-            f"{label}: {target!r} is not a path of a file; uavseg writes files: give a path that ends in {formats}"
+            f"{label}: {target!r} is not a path of a file; uavseg writes files: give a path that ends in "
+            f"{formats}"
         )
     if suffix not in extensions:
         raise QgsProcessingException(f"{label}: {target!r} ends in none of {formats}, which uavseg writes")
@@ -56,11 +58,13 @@ def raster_file(layer: QgsRasterLayer, label: str, feedback: Any) -> str:
     if in_file.isValid() and in_file.crs() != layer.crs():
         feedback.pushWarning(
             f"the project gives the layer {layer.name()!r} the CRS {_name(layer.crs())}, its file has "
-            f"{_name(in_file.crs())}; uavseg reads the file. Assign the CRS to the file (Assign projection) first"
+            f"{_name(in_file.crs())}; uavseg reads the file. Assign the CRS to the file (Assign "
+            f"projection) first"
         )
     if any(layer.dataProvider().userNoDataValues(band + 1) for band in range(layer.bandCount())):
         feedback.pushWarning(
-            f"the layer {layer.name()!r} has additional nodata values in its properties; uavseg reads the file, "
+            f"the layer {layer.name()!r} has additional nodata values in its properties; uavseg reads "
+            f"the file, "
             "which does not hold them: give one in Nodata value"
         )
     return path
@@ -92,7 +96,9 @@ def refuse_unsaved(layer: QgsVectorLayer, label: str) -> None:
     QgsProcessingException
     """
     if layer.isEditable() and layer.isModified():
-        raise QgsProcessingException(f"{label}: the layer {layer.name()!r} has unsaved edits; save them first")
+        raise QgsProcessingException(
+            f"{label}: the layer {layer.name()!r} has unsaved edits; save them first"
+        )
 
 
 def write_layer(layer: QgsVectorLayer, target: str, context: Any) -> None:
@@ -113,4 +119,3 @@ def write_layer(layer: QgsVectorLayer, target: str, context: Any) -> None:
 
 def _name(crs: QgsCoordinateReferenceSystem) -> str:
     return crs.authid() or (crs.description() if crs.isValid() else "none")
-

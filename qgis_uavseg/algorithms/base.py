@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Sequence, Tuple
+from collections.abc import Sequence
+from typing import Any
 
 from qgis.core import QgsProcessingAlgorithm, QgsProcessingException
 from qgis.PyQt.QtGui import QIcon
@@ -18,9 +19,9 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
 
     NAME = ""
     TITLE = ""
-    GROUP: Tuple[str, str] = ("", "")
+    GROUP: tuple[str, str] = ("", "")
     SUMMARY = ""
-    TAGS: Tuple[str, ...] = ()
+    TAGS: tuple[str, ...] = ()
 
     def options(self) -> Sequence[Option]:
         """The parameters that become words of the command, in the order of the dialog."""
@@ -30,7 +31,7 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
         """Add the parameters of outputs, and outputs."""
         raise NotImplementedError
 
-    def answer(self, values: Values) -> Dict[str, Any]:
+    def answer(self, values: Values) -> dict[str, Any]:
         """Run the command; its results."""
         raise NotImplementedError
 
@@ -39,7 +40,7 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
             self.addParameter(option.parameter())
         self.add_outputs()
 
-    def processAlgorithm(self, parameters: Dict[str, Any], context: Any, feedback: Any) -> Dict[str, Any]:
+    def processAlgorithm(self, parameters: dict[str, Any], context: Any, feedback: Any) -> dict[str, Any]:
         try:
             return self.answer(Values.of(self, parameters, context, feedback))
         except Cancelled:
@@ -80,7 +81,7 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
         target = self.parameterAsFileOutput(values.parameters, name, values.context)
         return checked_target(target, extensions, values.label(name)) if target else ""
 
-    def canExecute(self) -> Tuple[bool, str]:
+    def canExecute(self) -> tuple[bool, str]:
         try:
             ready_program()
         except ProgramError as error:
@@ -99,7 +100,7 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
     def groupId(self) -> str:
         return self.GROUP[0]
 
-    def tags(self) -> List[str]:
+    def tags(self) -> list[str]:
         return [*self.TAGS, "uav", "drone", "uavseg"]
 
     def shortDescription(self) -> str:
@@ -123,5 +124,5 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
 
         return str(ICON)
 
-    def createInstance(self) -> "ProgramAlgorithm":
+    def createInstance(self) -> ProgramAlgorithm:
         return type(self)()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Dict, Sequence
+from typing import Any
 
 from qgis.core import (
     QgsProcessingException,
@@ -16,7 +17,8 @@ from qgis.core import (
 
 from ..options import Option, Values, choice, metres, polygons, raster, shown, words_of
 from .base import ProgramAlgorithm
-from .plan import AUTOPILOTS, GROUP, MISSION_FILTER
+from .plan import GROUP, MISSION_FILTER
+from .plan_options import AUTOPILOTS
 
 
 class CheckMission(ProgramAlgorithm):
@@ -26,7 +28,8 @@ class CheckMission(ProgramAlgorithm):
     TITLE = "Check mission"
     GROUP = GROUP
     SUMMARY = (
-        "Reads a mission file back, and says what it holds, how long it takes, and which autopilots, programs and aircraft "
+        "Reads a mission file back, and says what it holds, how long it takes, and which autopilots, "
+        "programs and aircraft "
         "would refuse it. The algorithm fails where the mission must not be flown, and says why."
     )
     TAGS = ("mission", "safety", "mavlink", "ardupilot", "px4")
@@ -41,10 +44,23 @@ class CheckMission(ProgramAlgorithm):
                 "A mission file: .plan, .waypoints, .kmz, .csv, .kml or .geojson.",
                 advanced=False,
             ),
-            choice("AUTOPILOT", "Autopilot", "--autopilot", "What it is checked for. Empty: what the file is for.", AUTOPILOTS),
+            choice(
+                "AUTOPILOT",
+                "Autopilot",
+                "--autopilot",
+                "What it is checked for. Empty: what the file is for.",
+                AUTOPILOTS,
+            ),
             polygons("AVOID", "Keep-out zones", "--avoid", "Polygons that no leg may enter."),
             metres("AVOID_MARGIN", "Least distance to keep-out zones", "--avoid-margin", "Empty: 10 m."),
-            shown(metres("MAX_ALTITUDE", "Highest above home", "--max-altitude", "Refuse more; with an elevation model, above the ground.")),
+            shown(
+                metres(
+                    "MAX_ALTITUDE",
+                    "Highest above home",
+                    "--max-altitude",
+                    "Refuse more; with an elevation model, above the ground.",
+                )
+            ),
             shown(metres("MAX_DISTANCE", "Farthest from home", "--max-distance", "Refuse more.")),
             raster("DEM", "Elevation model", "--dem", "Refuse to fly nearer than 5 m to this ground."),
         )
@@ -57,7 +73,7 @@ class CheckMission(ProgramAlgorithm):
         for name, label in _NUMBERS.items():
             self.addOutput(QgsProcessingOutputNumber(name, label))
 
-    def answer(self, values: Values) -> Dict[str, Any]:
+    def answer(self, values: Values) -> dict[str, Any]:
         mission = str(Path(values.text("INPUT")).absolute())
         report = self.file_target(values, "REPORT", ("json",))
         words = ["check", "--json", *words_of(self.options(), values), "--", mission]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 from qgis.core import (
     QgsProcessing,
@@ -57,7 +58,9 @@ def map_file(values: Values) -> str:
         If there are none or two.
     """
     if values.given("INPUT") == values.given("YAML"):
-        raise QgsProcessingException("give a map either as a layer or as the YAML file of a ROS map, and not both")
+        raise QgsProcessingException(
+            "give a map either as a layer or as the YAML file of a ROS map, and not both"
+        )
     return values.raster("INPUT") if values.given("INPUT") else values.text("YAML")
 
 
@@ -82,10 +85,28 @@ class ClassifyMap(ProgramAlgorithm):
             NODATA,
             STRETCH,
             FREE_IS,
-            choice("REFINE", "Borders of states", "--refine", "To the cell (scan), or those of blocks (none).", ("scan", "none")),
-            text("MIN_AREA", "Smallest object (m², or cells as 5px)", "--min-area", "Smaller objects are left out; states stay as they are."),
-            metres("SIMPLIFY", "Simplify outlines of objects within", "--simplify", "Shared borders stay shared."),
-            switch("ALLOW_LOST", "Write states in which obstacles are lost", "--allow-lost-obstacles", "In place of refusing."),
+            choice(
+                "REFINE",
+                "Borders of states",
+                "--refine",
+                "To the cell (scan), or those of blocks (none).",
+                ("scan", "none"),
+            ),
+            text(
+                "MIN_AREA",
+                "Smallest object (m², or cells as 5px)",
+                "--min-area",
+                "Smaller objects are left out; states stay as they are.",
+            ),
+            metres(
+                "SIMPLIFY", "Simplify outlines of objects within", "--simplify", "Shared borders stay shared."
+            ),
+            switch(
+                "ALLOW_LOST",
+                "Write states in which obstacles are lost",
+                "--allow-lost-obstacles",
+                "In place of refusing.",
+            ),
             *DIVISION,
             THREADS,
         )
@@ -96,7 +117,7 @@ class ClassifyMap(ProgramAlgorithm):
         self.addParameter(QgsProcessingParameterVectorDestination("OBJECTS", "Objects", polygons, None, True))
         self.addOutput(QgsProcessingOutputNumber("COUNT", "Number of objects"))
 
-    def answer(self, values: Values) -> Dict[str, Any]:
+    def answer(self, values: Values) -> dict[str, Any]:
         source = map_file(values)
         states = self.target(values, "OUTPUT", ("tif",))
         objects = self.target(values, "OBJECTS", VECTOR_EXTENSIONS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import List, Sequence
+from collections.abc import Sequence
 
 from qgis.core import QgsProcessingException, QgsProcessingParameterMatrix
 
@@ -11,7 +11,7 @@ from ..reading import DIVISION, FILL_HOLES, MIN_AREA, RASTER, THREADS
 from .regions import RegionAlgorithm, with_input
 
 
-def _classes(values: Values) -> List[str]:
+def _classes(values: Values) -> list[str]:
     """`--class` for each row of the table: a name, a lower and an upper end."""
     cells = values.algorithm.parameterAsMatrix(values.parameters, "CLASSES", values.context)
     texts = ["" if cell is None else str(cell).strip() for cell in cells]
@@ -43,7 +43,8 @@ class ExtractRegions(RegionAlgorithm):
     COMMAND = "extract"
     SUMMARY = (
         "Finds the regions of a raster whose mean intensity lies in a range, with boundaries to the pixel. "
-        "The raster is divided by texture (LBP and contrast, G statistic) and intensity. Several ranges at once "
+        "The raster is divided by texture (LBP and contrast, G statistic) and intensity. Several ranges "
+        "at once "
         "are classes. Suggest ranges proposes ranges."
     )
     TAGS = ("segmentation", "polygonize", "threshold", "index", "ndvi", "classes")
@@ -69,7 +70,12 @@ class ExtractRegions(RegionAlgorithm):
                     ("tv", "scan", "none", "smooth"),
                 ),
                 FILL_HOLES,
-                metres("SMOOTH_OUTLINE", "Smooth outlines within", "--smooth-outline", "Draw outlines without stairs."),
+                metres(
+                    "SMOOTH_OUTLINE",
+                    "Smooth outlines within",
+                    "--smooth-outline",
+                    "Draw outlines without stairs.",
+                ),
                 metres("SIMPLIFY", "Simplify outlines within", "--simplify", "Shared borders stay shared."),
             ),
             DIVISION,

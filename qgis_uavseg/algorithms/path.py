@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Dict, List, Sequence
+from typing import Any
 
 from qgis.core import (
     QgsCoordinateReferenceSystem,
@@ -16,7 +17,8 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-from ..options import Option, Values, interval, metres, place, shown, switch, words_of
+from ..options import Option, Values, interval, metres, shown, switch, words_of
+from ..places import place
 from ..reading import BAND_CHOICE, DIVISION, NODATA, STRETCH, THREADS
 from ..styles import LEG_STYLE, style_on_load
 from ..targets import VECTOR_EXTENSIONS, checked_target, write_layer
@@ -27,7 +29,7 @@ from .classify import FREE_IS, GROUP, MAP, map_file
 def _end(name: str, label: str) -> Option:
     """A place in the coordinates of the map."""
 
-    def words(values: Values) -> List[str]:
+    def words(values: Values) -> list[str]:
         layer = values.algorithm.parameterAsRasterLayer(values.parameters, "INPUT", values.context)
         crs = layer.crs() if layer is not None else QgsCoordinateReferenceSystem()
         point = values.algorithm.parameterAsPoint(values.parameters, name, values.context, crs)
@@ -43,7 +45,8 @@ class FindPath(ProgramAlgorithm):
     TITLE = "Find a path"
     GROUP = GROUP
     SUMMARY = (
-        "Finds the shortest path between two places over the cells of a region. The path never enters a cell whose own "
+        "Finds the shortest path between two places over the cells of a region. The path never enters a "
+        "cell whose own "
         "value is outside of the range, and cuts no corner."
     )
     TAGS = ("route", "shortest path", "a*", "robot")
@@ -54,8 +57,17 @@ class FindPath(ProgramAlgorithm):
             *interval("0,0.45", "What is passable."),
             _end("START", "Start"),
             _end("GOAL", "Goal"),
-            shown(metres("CLEARANCE", "Clearance", "--clearance", "From the centre of a cell to everything else.")),
-            switch("SMOOTH", "Pull the path tight, at any angle", "--smooth", "Otherwise it goes from cell to cell."),
+            shown(
+                metres(
+                    "CLEARANCE", "Clearance", "--clearance", "From the centre of a cell to everything else."
+                )
+            ),
+            switch(
+                "SMOOTH",
+                "Pull the path tight, at any angle",
+                "--smooth",
+                "Otherwise it goes from cell to cell.",
+            ),
             *BAND_CHOICE,
             NODATA,
             STRETCH,
@@ -65,10 +77,12 @@ class FindPath(ProgramAlgorithm):
         )
 
     def add_outputs(self) -> None:
-        self.addParameter(QgsProcessingParameterVectorDestination("OUTPUT", "Path", QgsProcessing.TypeVectorLine))
+        self.addParameter(
+            QgsProcessingParameterVectorDestination("OUTPUT", "Path", QgsProcessing.TypeVectorLine)
+        )
         self.addOutput(QgsProcessingOutputNumber("LENGTH", "Length in metres, or units of the map"))
 
-    def answer(self, values: Values) -> Dict[str, Any]:
+    def answer(self, values: Values) -> dict[str, Any]:
         source = map_file(values)
         target = self.parameterAsOutputLayer(values.parameters, "OUTPUT", values.context)
         checked_target(target, VECTOR_EXTENSIONS, values.label("OUTPUT"))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Dict, List, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 from qgis.core import (
     QgsProcessing,
@@ -41,7 +42,7 @@ class RegionAlgorithm(ProgramAlgorithm):
         self.addParameter(QgsProcessingParameterRasterDestination("LABELS", "Labels", None, True, False))
         self.addOutput(QgsProcessingOutputNumber("COUNT", f"Number of {self.WHAT.lower()}"))
 
-    def answer(self, values: Values) -> Dict[str, Any]:
+    def answer(self, values: Values) -> dict[str, Any]:
         source = values.raster("INPUT")
         regions = self.target(values, "OUTPUT", VECTOR_EXTENSIONS)
         labels = self.target(values, "LABELS", ("tif",))
@@ -50,10 +51,10 @@ class RegionAlgorithm(ProgramAlgorithm):
         self.succeed(values, [*words, "--overwrite", "--progress=plain", "--", source])
         style_on_load(regions, REGION_STYLE, values.context)
         found = QgsVectorLayer(regions, "regions", "ogr")
-        results: Dict[str, Any] = {"OUTPUT": regions, "COUNT": found.featureCount()}
+        results: dict[str, Any] = {"OUTPUT": regions, "COUNT": found.featureCount()}
         return {**results, "LABELS": labels} if labels else results
 
-    def more_words(self, values: Values) -> List[str]:
+    def more_words(self, values: Values) -> list[str]:
         """Words that do not come from one parameter alone."""
         return []
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from typing import Any, Dict, List, Sequence
+from typing import Any
 
 from qgis.core import (
     QgsProcessingOutputNumber,
@@ -26,26 +27,39 @@ class SuggestRanges(ProgramAlgorithm):
     TITLE = "Suggest ranges"
     GROUP = GROUP
     SUMMARY = (
-        "Proposes ranges of intensity for Extract regions, each with its share of the area and the number of regions "
+        "Proposes ranges of intensity for Extract regions, each with its share of the area and the "
+        "number of regions "
         "that it gives: the classes that vary least within (Otsu's thresholds)."
     )
     TAGS = ("histogram", "otsu", "threshold")
 
     def options(self) -> Sequence[Option]:
         classes = choice(
-            "CLASSES", "How many ranges", "--classes", "Empty: as many as the histogram has by itself.", tuple("2345678")
+            "CLASSES",
+            "How many ranges",
+            "--classes",
+            "Empty: as many as the histogram has by itself.",
+            tuple("2345678"),
         )
         return with_input((shown(classes),), RASTER, DIVISION, (THREADS,))
 
     def add_outputs(self) -> None:
         add = self.addParameter
         add(QgsProcessingParameterFileDestination("REPORT", "Table", "HTML (*.html)", None, True))
-        add(QgsProcessingParameterFileDestination("JSON", "Table for programs", "JSON (*.json)", None, True, False))
-        add(QgsProcessingParameterFileDestination("PICTURE", "Picture of the histogram", "PNG (*.png)", None, True, False))
+        add(
+            QgsProcessingParameterFileDestination(
+                "JSON", "Table for programs", "JSON (*.json)", None, True, False
+            )
+        )
+        add(
+            QgsProcessingParameterFileDestination(
+                "PICTURE", "Picture of the histogram", "PNG (*.png)", None, True, False
+            )
+        )
         self.addOutput(QgsProcessingOutputNumber("COUNT", "Number of ranges"))
         self.addOutput(QgsProcessingOutputString("RANGES", "Ranges of v, such as 0,0.5;0.5,1"))
 
-    def answer(self, values: Values) -> Dict[str, Any]:
+    def answer(self, values: Values) -> dict[str, Any]:
         source = values.raster("INPUT")
         report = self.file_target(values, "REPORT", ("html", "htm"))
         table = self.file_target(values, "JSON", ("json",))
@@ -58,7 +72,7 @@ class SuggestRanges(ProgramAlgorithm):
             values.feedback.pushWarning(warning)
         for line in _lines(found["ranges"]):
             values.feedback.pushInfo(line)
-        results: Dict[str, Any] = {"COUNT": len(found["ranges"])}
+        results: dict[str, Any] = {"COUNT": len(found["ranges"])}
         results["RANGES"] = ";".join(f"{part['low']:g},{part['high']:g}" for part in found["ranges"])
         if table:
             Path(table).write_bytes(output.encode("utf-8"))
@@ -68,14 +82,15 @@ class SuggestRanges(ProgramAlgorithm):
         return {**results, **{name: path for name, path in named.items() if path}}
 
 
-def _lines(ranges: List[Dict[str, Any]]) -> List[str]:
+def _lines(ranges: list[dict[str, Any]]) -> list[str]:
     return [
-        f"{part['low']:g} to {part['high']:g}: {100 * part['share']:.1f} % of the area, {_count(part)} regions"
+        f"{part['low']:g} to {part['high']:g}: {100 * part['share']:.1f} % of the area, {_count(part)} "
+        f"regions"
         for part in ranges
     ]
 
 
-def _html(found: Dict[str, Any]) -> str:
+def _html(found: dict[str, Any]) -> str:
     """The table as a page; all texts of files are escaped."""
     rows = "".join(
         f"<tr><td>{part['low']:g},{part['high']:g}</td><td>{part['value_low']:g} to {part['value_high']:g} "
@@ -83,12 +98,14 @@ def _html(found: Dict[str, Any]) -> str:
         for part in found["ranges"]
     )
     return (
-        f'<!DOCTYPE html><html><head><meta charset="utf-8"><title>Ranges of {escape(found["source"])}</title></head>'
+        f'<!DOCTYPE html><html><head><meta charset="utf-8">'
+        f"<title>Ranges of {escape(found['source'])}</title></head>"
         f"<body><p>Ranges of v for {escape(found['source'])}, stretch {escape(found['stretch'])}:</p>"
-        '<table border="1" cellpadding="4"><tr><th>Range of v</th><th>Values</th><th>Area</th><th>Regions</th></tr>'
+        '<table border="1" cellpadding="4"><tr>'
+        "<th>Range of v</th><th>Values</th><th>Area</th><th>Regions</th></tr>"
         f"{rows}</table></body></html>\n"
     )
 
 
-def _count(part: Dict[str, Any]) -> str:
+def _count(part: dict[str, Any]) -> str:
     return f"{part['regions']:,}" if part["exact"] else f"about {part['regions']:,}"

@@ -12,7 +12,9 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-QGIS = shutil.which("qgis_process.bin") or shutil.which("qgis_process")  # Debian's script adds what QGIS refuses
+QGIS = shutil.which("qgis_process.bin") or shutil.which(
+    "qgis_process"
+)  # Debian's script adds what QGIS refuses
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,9 @@ class Headless:
         ]
         done = self.call("--json", "run", f"uavseg:{algorithm}", "--", *words)
         found = json.loads(done.stdout) if done.stdout.startswith("{") else {}
-        return Answer(done.returncode, found.get("results", {}), json.dumps(found.get("log", {})) + done.stderr)
+        return Answer(
+            done.returncode, found.get("results", {}), json.dumps(found.get("log", {})) + done.stderr
+        )
 
     def call(self, *words: str) -> subprocess.CompletedProcess[str]:
         """Run qgis_process."""

@@ -16,9 +16,31 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, str], list[object]]] = {
     "range": ("extract", {"INPUT": QUARRY}, {"OUTPUT": "o.gpkg"}, ["extract", QUARRY, "--range", "0.55,1"]),
     "options": (
         "extract",
-        {"INPUT": SHORE, "RANGE": "0.5,1", "MIN_AREA": "50", "FILL_HOLES": "10px", "SMOOTH_OUTLINE": 1, "REFINE": "scan"},
+        {
+            "INPUT": SHORE,
+            "RANGE": "0.5,1",
+            "MIN_AREA": "50",
+            "FILL_HOLES": "10px",
+            "SMOOTH_OUTLINE": 1,
+            "REFINE": "scan",
+        },
         {"OUTPUT": "land.geojson", "LABELS": "land.tif"},
-        "extract {} --range 0.5,1 --min-area 50 --fill-holes 10px --smooth-outline 1 --refine scan".format(SHORE).split(),
+        [
+            "extract",
+            SHORE,
+            *[
+                "--range",
+                "0.5,1",
+                "--min-area",
+                "50",
+                "--fill-holes",
+                "10px",
+                "--smooth-outline",
+                "1",
+                "--refine",
+                "scan",
+            ],
+        ],
     ),
     "open values": (
         "extract",
@@ -36,13 +58,38 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, str], list[object]]] = {
         "extract",
         {"INPUT": WETLANDS, "RANGE": "0.5,1", "INDEX": "ndwi", "BAND_NAMES": NAMES, "MIN_AREA": "4000"},
         {"OUTPUT": "water.gpkg"},
-        ["extract", WETLANDS, "--range", "0.5,1", "--index", "ndwi", "--band-names", NAMES, "--min-area", "4000"],
+        [
+            "extract",
+            WETLANDS,
+            "--range",
+            "0.5,1",
+            "--index",
+            "ndwi",
+            "--band-names",
+            NAMES,
+            "--min-area",
+            "4000",
+        ],
     ),
     "expression": (
         "extract",
-        {"INPUT": WETLANDS, "RANGE": "0.5,1", "EXPRESSION": "(green - nir) / (green + nir)", "BAND_NAMES": NAMES},
+        {
+            "INPUT": WETLANDS,
+            "RANGE": "0.5,1",
+            "EXPRESSION": "(green - nir) / (green + nir)",
+            "BAND_NAMES": NAMES,
+        },
         {"OUTPUT": "water.fgb"},
-        ["extract", WETLANDS, "--range", "0.5,1", "--expr", "(green - nir) / (green + nir)", "--band-names", NAMES],
+        [
+            "extract",
+            WETLANDS,
+            "--range",
+            "0.5,1",
+            "--expr",
+            "(green - nir) / (green + nir)",
+            "--band-names",
+            NAMES,
+        ],
     ),
     "classes": (
         "extract",
@@ -99,7 +146,9 @@ def occupancy_map(qgis: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_states_and_objects_are_those_of_the_command_line(qgis: Any, occupancy_map: Path, tmp_path: Path) -> None:
+def test_states_and_objects_are_those_of_the_command_line(
+    qgis: Any, occupancy_map: Path, tmp_path: Path
+) -> None:
     ours, theirs = tmp_path / "qgis", tmp_path / "typed"
     ours.mkdir()
     theirs.mkdir()
@@ -163,7 +212,17 @@ def test_a_mission_is_that_of_the_command_line(suffix: str, qgis: Any, regions: 
         OUTPUT=ours / name,
     )
     assert answer.code == 0, answer.log
-    words = "--altitude 60 --home 49.4583,-122.8272,212 --pattern survey --spacing 15 --json".split()
+    words = [
+        "--altitude",
+        "60",
+        "--home",
+        "49.4583,-122.8272,212",
+        "--pattern",
+        "survey",
+        "--spacing",
+        "15",
+        "--json",
+    ]
     printed = json.loads(qgis.typed("plan", regions, *words, "-o", theirs / name))
     assert _files(ours) == _files(theirs)
     assert answer.results["DISTANCE_M"] == printed["flights"][0]["distance_m"]
