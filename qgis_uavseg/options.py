@@ -26,6 +26,7 @@ from qgis.core import (
     QgsProcessingParameterString,
     QgsUnitTypes,
 )
+from qgis.PyQt.QtCore import QVariant
 
 from .targets import polygon_file, raster_file
 
@@ -50,9 +51,9 @@ class Values:
         return cls(algorithm, {**defaults, **parameters}, context, feedback)
 
     def given(self, name: str) -> bool:
-        """Whether a parameter is not left empty."""
+        """Whether a parameter is not left empty. An empty table comes from a dialog as [NULL]."""
         value = self.parameters.get(name)
-        return value is not None and value != "" and value != [] and str(value) != "NULL"
+        return any(map(filled, value)) if isinstance(value, (list, tuple)) else filled(value)
 
     def text(self, name: str) -> str:
         return self.algorithm.parameterAsString(self.parameters, name, self.context).strip()
@@ -87,6 +88,11 @@ class Option:
         if self.advanced:
             definition.setFlags(definition.flags() | QgsProcessingParameterDefinition.FlagAdvanced)
         return definition
+
+
+def filled(value: Any) -> bool:
+    """Whether a value is neither None, an empty text, nor the NULL of Qt."""
+    return value is not None and value != "" and not (isinstance(value, QVariant) and value.isNull())
 
 
 def plain(value: float) -> str:

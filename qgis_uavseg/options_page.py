@@ -93,6 +93,7 @@ class ProgramPanel(QWidget):
         layout.addLayout(form)
         for widget in (self.state, self.button, self.bar, self.log):
             layout.addWidget(widget)
+        layout.addStretch(1)
         self.bar.hide()
         self.log.hide()
 

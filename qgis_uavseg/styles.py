@@ -11,6 +11,7 @@ from typing import Any
 from qgis.core import (
     QgsCategorizedSymbolRenderer,
     QgsClassificationEqualInterval,
+    QgsCoordinateReferenceSystem,
     QgsFillSymbol,
     QgsGradientColorRamp,
     QgsGradientStop,
@@ -49,6 +50,7 @@ class _RegionStyle(QgsProcessingLayerPostProcessorInterface):
     def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
         if not isinstance(layer, QgsVectorLayer):
             return
+        _drop_undefined_crs(layer)
         layer.setRenderer(region_renderer(layer))
         layer.triggerRepaint()
 
@@ -59,6 +61,7 @@ class _LegStyle(QgsProcessingLayerPostProcessorInterface):
     def postProcessLayer(self, layer: Any, context: Any, feedback: Any) -> None:
         if not isinstance(layer, QgsVectorLayer):
             return
+        _drop_undefined_crs(layer)
         layer.setRenderer(QgsSingleSymbolRenderer(arrow_symbol()))
         if layer.fields().indexOf("leg") >= 0:
             layer.setLabeling(QgsVectorLayerSimpleLabeling(_leg_labels()))
@@ -82,6 +85,13 @@ def style_on_load(target: str, style: QgsProcessingLayerPostProcessorInterface, 
     """Style a result when it is loaded into the project, if it will be."""
     if target and context.willLoadLayerOnCompletion(target):
         context.layerToLoadOnCompletionDetails(target).setPostProcessor(style)
+
+
+def _drop_undefined_crs(layer: QgsVectorLayer) -> None:
+    """Show local coordinates as they are: a GeoPackage says "undefined", from which there is no transformation."""
+    crs = layer.crs()
+    if not crs.authid() and "undefined" in crs.description().lower() + crs.toWkt().lower():
+        layer.setCrs(QgsCoordinateReferenceSystem())
 
 
 def region_renderer(layer: QgsVectorLayer) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from qgis.core import QgsProcessingException, QgsProcessingParameterMatrix
 
-from ..options import Option, Values, choice, file, interval, metres, unless
+from ..options import Option, Values, choice, file, filled, interval, metres, unless
 from ..reading import DIVISION, FILL_HOLES, MIN_AREA, RASTER, THREADS
 from .regions import RegionAlgorithm, with_input
 
@@ -14,15 +14,15 @@ from .regions import RegionAlgorithm, with_input
 def _classes(values: Values) -> list[str]:
     """`--class` for each row of the table: a name, a lower and an upper end."""
     cells = values.algorithm.parameterAsMatrix(values.parameters, "CLASSES", values.context)
-    texts = ["" if cell is None else str(cell).strip() for cell in cells]
+    texts = [str(cell).strip() if filled(cell) else "" for cell in cells]
     rows = [texts[k : k + 3] for k in range(0, len(texts), 3)]
-    filled = [row for row in rows if any(row)]
-    for row in filled:
+    rows = [row for row in rows if any(row)]
+    for row in rows:
         if len(row) < 3 or not all(row):
             raise QgsProcessingException(
                 f"Classes: expected a name, a lower and an upper end in each row, got {', '.join(row)!r}"
             )
-    return [f"--class={name}={low},{high}" for name, low, high in filled]
+    return [f"--class={name}={low},{high}" for name, low, high in rows]
 
 
 CLASSES = Option(

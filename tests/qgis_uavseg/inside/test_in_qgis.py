@@ -18,6 +18,7 @@ pytest.importorskip("pytest_qgis")
 
 from qgis.core import (
     QgsApplication,
+    QgsCoordinateReferenceSystem,
     QgsFeature,
     QgsProcessingContext,
     QgsProcessingFeedback,
@@ -26,8 +27,10 @@ from qgis.core import (
     QgsRasterLayer,
     QgsVectorLayer,
 )
+from qgis.PyQt.QtCore import QVariant
 
 from qgis_uavseg import legs, process, styles, targets
+from qgis_uavseg.options import Values, words_of
 from qgis_uavseg.provider import UavsegProvider
 
 SAMPLES = Path(__file__).resolve().parents[3] / "samples"
@@ -144,6 +147,19 @@ def test_regions_without_classes_are_coloured_by_their_mean(qgis_app: Any) -> No
     assert styles.region_renderer(_regions("field=mean:double", [[0.2]])).type() == "singleSymbol"
 
 
+def test_local_coordinates_are_shown_without_a_crs(qgis_app: Any) -> None:
+    """Where a GeoPackage says "undefined", QGIS would look for a transformation, and draw nothing."""
+    undefined = QgsCoordinateReferenceSystem()
+    undefined.createFromWkt('LOCAL_CS["Undefined SRS",UNIT["metre",1]]')
+    for style in (styles.REGION_STYLE, styles.LEG_STYLE):
+        layer = _regions("field=mean:double", [[0.2]])
+        style.postProcessLayer(layer, None, None)
+        assert layer.crs().authid() == "EPSG:3857"
+        layer.setCrs(undefined)
+        style.postProcessLayer(layer, None, None)
+        assert not layer.crs().isValid()
+
+
 def test_legs_have_their_order_and_the_heights_of_their_ends(tmp_path: Path) -> None:
     line = {"type": "LineString", "coordinates": [[1, 2], [1, 2], [3, 2], [3, 5]]}
     flight = {"geometry": line, "properties": {"kind": "flight", "heights_m": [0, 60, 60, 80]}}
@@ -164,14 +180,34 @@ def test_a_layer_with_unsaved_edits_is_refused(qgis_app: Any) -> None:
 
 
 def test_a_layer_whose_crs_the_project_changed_is_a_warning(qgis_app: Any) -> None:
-    from qgis.core import QgsCoordinateReferenceSystem
-
     layer, heard = QgsRasterLayer(str(SAMPLES / "quarry.tif"), "quarry", "gdal"), Heard()
     assert targets.raster_file(layer, "Raster", heard) == str(SAMPLES / "quarry.tif")
     assert not heard.warnings
     layer.setCrs(QgsCoordinateReferenceSystem("EPSG:32611"))
     targets.raster_file(layer, "Raster", heard)
     assert "EPSG:32611" in heard.warnings[0] and "EPSG:32610" in heard.warnings[0]
+
+
+def test_what_a_dialog_leaves_empty_gives_no_words(provider: Any) -> None:
+    """A dialog passes None, "", the NULL of Qt, and [NULL] for a table without rows."""
+    algorithm = provider.algorithm("extract")
+    null = QVariant(QVariant.String)
+    empty = dict.fromkeys(("BAND", "INDEX", "METHOD", "NODATA", "THREADS"))
+    empty.update(
+        {"EXPRESSION": "", "STRETCH": "", "CLASSES": [null], "CLASSES_FILE": null, "RANGE": "0.55,1"}
+    )
+    values = Values.of(algorithm, empty, QgsProcessingContext(), Heard())
+    assert words_of(algorithm.options(), values) == ["--range=0.55,1"]
+
+
+def test_classes_take_the_place_of_the_default_range_alone(provider: Any) -> None:
+    algorithm, heard = provider.algorithm("extract"), Heard()
+    table = ["wet", 0, 0.2, "dry", 0.2, 1]
+    given = Values.of(algorithm, {"CLASSES": table, "RANGE": "0.55,1"}, QgsProcessingContext(), heard)
+    assert words_of(algorithm.options(), given) == ["--class=wet=0,0.2", "--class=dry=0.2,1"]
+    assert heard.infos == ["Range is left out: Classes is given"]
+    both = Values.of(algorithm, {"CLASSES": table, "RANGE": "0.6,1"}, QgsProcessingContext(), heard)
+    assert "--range=0.6,1" in words_of(algorithm.options(), both)  # the program refuses both, and says so
 
 
 @pytest.mark.skipif(not os.environ.get("UAVSEG_PROGRAM"), reason="UAVSEG_PROGRAM names no program")
