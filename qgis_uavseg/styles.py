@@ -88,7 +88,7 @@ def style_on_load(target: str, style: QgsProcessingLayerPostProcessorInterface, 
 
 
 def _drop_undefined_crs(layer: QgsVectorLayer) -> None:
-    """Show local coordinates as they are: a GeoPackage says "undefined", from which there is no transformation."""
+    """Show local coordinates as they are: from "undefined", as a GeoPackage says, there is no transformation."""
     crs = layer.crs()
     if not crs.authid() and "undefined" in crs.description().lower() + crs.toWkt().lower():
         layer.setCrs(QgsCoordinateReferenceSystem())
