@@ -1,12 +1,13 @@
 """Styles of results: regions by class, level or mean; missions with arrows and order; states of a map.
 
-QGIS keeps no reference to a post-processor of Python, so each is made once, here, when the module is loaded.
-They hold no state: what a layer is follows from its fields.
+QGIS keeps no reference to a post-processor of Python, and deletes it after it was used: each run has its own, made
+before it starts and kept here. They hold no state: what a layer is follows from its fields.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections import deque
+from typing import Any, NamedTuple
 
 from qgis.core import (
     QgsCategorizedSymbolRenderer,
@@ -78,7 +79,21 @@ class _StateStyle(QgsProcessingLayerPostProcessorInterface):
         layer.triggerRepaint()
 
 
-REGION_STYLE, LEG_STYLE, STATE_STYLE = _RegionStyle(), _LegStyle(), _StateStyle()
+class Styles(NamedTuple):
+    """Post-processors of one run; QGIS deletes each after it was used."""
+
+    regions: QgsProcessingLayerPostProcessorInterface
+    legs: QgsProcessingLayerPostProcessorInterface
+    states: QgsProcessingLayerPostProcessorInterface
+
+
+_kept: deque[Styles] = deque(maxlen=200)  # longer than a batch of tasks waits for its layers
+
+
+def fresh_styles() -> Styles:
+    """New post-processors, to be made in the main thread; a reference is kept here."""
+    _kept.append(Styles(_RegionStyle(), _LegStyle(), _StateStyle()))
+    return _kept[-1]
 
 
 def style_on_load(target: str, style: QgsProcessingLayerPostProcessorInterface, context: Any) -> None:

@@ -11,6 +11,7 @@ from qgis.PyQt.QtGui import QIcon
 from ..options import Option, Values
 from ..process import Cancelled, Finished, ProcessError, run
 from ..program import ProgramError, ready_program
+from ..styles import fresh_styles
 from ..targets import checked_target
 
 
@@ -39,6 +40,10 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
         for option in self.options():
             self.addParameter(option.parameter())
         self.add_outputs()
+
+    def prepareAlgorithm(self, parameters: dict[str, Any], context: Any, feedback: Any) -> bool:
+        self.styles = fresh_styles()  # in the main thread, which a run may leave
+        return True
 
     def processAlgorithm(self, parameters: dict[str, Any], context: Any, feedback: Any) -> dict[str, Any]:
         try:

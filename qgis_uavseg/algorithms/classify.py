@@ -18,7 +18,7 @@ from qgis.core import (
 
 from ..options import Option, Values, choice, metres, number, switch, text, words_of
 from ..reading import BAND_CHOICE, DIVISION, NODATA, STRETCH, THREADS
-from ..styles import REGION_STYLE, STATE_STYLE, style_on_load
+from ..styles import style_on_load
 from ..targets import VECTOR_EXTENSIONS
 from .base import ProgramAlgorithm
 
@@ -124,9 +124,9 @@ class ClassifyMap(ProgramAlgorithm):
         words = ["classify", *words_of(self.options(), values), f"--output={states}"]
         words += [f"--objects={objects}"] if objects else []
         self.succeed(values, [*words, "--overwrite", "--progress=plain", "--", source])
-        style_on_load(states, STATE_STYLE, values.context)
+        style_on_load(states, self.styles.states, values.context)
         if not objects:
             return {"OUTPUT": states}
-        style_on_load(objects, REGION_STYLE, values.context)
+        style_on_load(objects, self.styles.regions, values.context)
         count = QgsVectorLayer(objects, "objects", "ogr").featureCount()
         return {"OUTPUT": states, "OBJECTS": objects, "COUNT": count}

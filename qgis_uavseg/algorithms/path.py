@@ -20,7 +20,7 @@ from qgis.core import (
 from ..options import Option, Values, interval, metres, shown, switch, words_of
 from ..places import place
 from ..reading import BAND_CHOICE, DIVISION, NODATA, STRETCH, THREADS
-from ..styles import LEG_STYLE, style_on_load
+from ..styles import style_on_load
 from ..targets import VECTOR_EXTENSIONS, checked_target, write_layer
 from .base import ProgramAlgorithm
 from .classify import FREE_IS, GROUP, MAP, map_file
@@ -95,6 +95,6 @@ class FindPath(ProgramAlgorithm):
             if not QgsRasterLayer(source, "map", "gdal").crs().isValid():
                 layer.setCrs(QgsCoordinateReferenceSystem())  # local coordinates, which GeoJSON cannot say
             write_layer(layer, target, values.context)
-        style_on_load(target, LEG_STYLE, values.context)
+        style_on_load(target, self.styles.legs, values.context)
         found = json.loads(Path(written).read_text(encoding="utf-8"))["features"][0]["properties"]
         return {"OUTPUT": target, "LENGTH": found.get("length_m")}

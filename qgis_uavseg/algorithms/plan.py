@@ -24,7 +24,7 @@ from ..options import (
 )
 from ..process import run
 from ..program import ready_program
-from ..styles import LEG_STYLE, style_on_load
+from ..styles import style_on_load
 from ..targets import refuse_unsaved
 from .base import ProgramAlgorithm
 from .plan_options import PLAN_OPTIONS
@@ -123,7 +123,7 @@ class PlanMission(ProgramAlgorithm):
             raise QgsProcessingException(self.invalidSinkError(values.parameters, "LEGS"))
         for feature in leg_features(files):
             sink.addFeature(feature)
-        style_on_load(name, LEG_STYLE, values.context)
+        style_on_load(name, self.styles.legs, values.context)
         return name
 
 

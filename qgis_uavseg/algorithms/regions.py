@@ -15,7 +15,7 @@ from qgis.core import (
 )
 
 from ..options import Option, Values, words_of
-from ..styles import REGION_STYLE, style_on_load
+from ..styles import style_on_load
 from ..targets import VECTOR_EXTENSIONS
 from .base import ProgramAlgorithm
 
@@ -49,7 +49,7 @@ class RegionAlgorithm(ProgramAlgorithm):
         words = [self.COMMAND, *words_of(self.options(), values), *self.more_words(values)]
         words += [f"--output={regions}", *([f"--labels={labels}"] if labels else [])]
         self.succeed(values, [*words, "--overwrite", "--progress=plain", "--", source])
-        style_on_load(regions, REGION_STYLE, values.context)
+        style_on_load(regions, self.styles.regions, values.context)
         found = QgsVectorLayer(regions, "regions", "ogr")
         results: dict[str, Any] = {"OUTPUT": regions, "COUNT": found.featureCount()}
         return {**results, "LABELS": labels} if labels else results

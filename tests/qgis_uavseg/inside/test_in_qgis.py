@@ -25,6 +25,7 @@ from qgis.core import (
     QgsProcessingParameterDefinition,
     QgsProject,
     QgsRasterLayer,
+    QgsSingleSymbolRenderer,
     QgsVectorLayer,
 )
 from qgis.PyQt.QtCore import QVariant
@@ -151,7 +152,7 @@ def test_local_coordinates_are_shown_without_a_crs(qgis_app: Any) -> None:
     """Where a GeoPackage says "undefined", QGIS would look for a transformation, and draw nothing."""
     undefined = QgsCoordinateReferenceSystem()
     undefined.createFromWkt('LOCAL_CS["Undefined SRS",UNIT["metre",1]]')
-    for style in (styles.REGION_STYLE, styles.LEG_STYLE):
+    for style in styles.fresh_styles()[:2]:
         layer = _regions("field=mean:double", [[0.2]])
         style.postProcessLayer(layer, None, None)
         assert layer.crs().authid() == "EPSG:3857"
@@ -208,6 +209,25 @@ def test_classes_take_the_place_of_the_default_range_alone(provider: Any) -> Non
     assert heard.infos == ["Range is left out: Classes is given"]
     both = Values.of(algorithm, {"CLASSES": table, "RANGE": "0.6,1"}, QgsProcessingContext(), heard)
     assert "--range=0.6,1" in words_of(algorithm.options(), both)  # the program refuses both, and says so
+
+
+@pytest.mark.skipif(not os.environ.get("UAVSEG_PROGRAM"), reason="UAVSEG_PROGRAM names no program")
+def test_results_are_styled_run_after_run(provider: Any, tmp_path: Path) -> None:
+    """QGIS deletes a post-processor after it was used; the next run has another."""
+    for k in range(3):
+        target = str(tmp_path / f"r{k}.gpkg")
+        context, algorithm = QgsProcessingContext(), provider.algorithm("extract").create()
+        context.setProject(QgsProject.instance())
+        details = QgsProcessingContext.LayerDetails("r", QgsProject.instance(), "OUTPUT")
+        context.addLayerToLoadOnCompletion(target, details)
+        parameters = {"INPUT": str(SAMPLES / "quarry.tif"), "OUTPUT": target}
+        assert algorithm.run(parameters, context, Heard())[1]
+        layer = QgsVectorLayer(target, "r", "ogr")
+        layer.setRenderer(QgsSingleSymbolRenderer(styles._fill("#000000")))
+        style = context.layerToLoadOnCompletionDetails(target).postProcessor()
+        style.postProcessLayer(layer, context, Heard())
+        assert layer.renderer().type() == "graduatedSymbol"
+        del context, style, details
 
 
 @pytest.mark.skipif(not os.environ.get("UAVSEG_PROGRAM"), reason="UAVSEG_PROGRAM names no program")
