@@ -1,7 +1,7 @@
 """Styles of results: regions by class, level or mean; missions with arrows and order; states of a map.
 
-QGIS keeps no reference to a post-processor of Python, and deletes it after it was used: each run has its own, made
-before it starts and kept here. They hold no state: what a layer is follows from its fields.
+QGIS keeps no reference to a post-processor of Python, and deletes it after it was used: each run has its own,
+made before it starts and kept here. They hold no state: what a layer is follows from its fields.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def style_on_load(target: str, style: QgsProcessingLayerPostProcessorInterface, 
 
 
 def _drop_undefined_crs(layer: QgsVectorLayer) -> None:
-    """Show local coordinates as they are: from "undefined", as a GeoPackage says, there is no transformation."""
+    """Show local coordinates as they are: from the "undefined" of a GeoPackage there is no transformation."""
     crs = layer.crs()
     if not crs.authid() and "undefined" in crs.description().lower() + crs.toWkt().lower():
         layer.setCrs(QgsCoordinateReferenceSystem())
