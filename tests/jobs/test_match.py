@@ -19,7 +19,8 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import serial, threads
-from uavseg.jobs.match import Match, MatchRequest, match
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.match import Match, match
 from uavseg.jobs.source import Raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset

@@ -12,7 +12,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.each import RegionJob
-from uavseg.jobs.match import MatchRequest
+from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import match as run_match
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.result import Drawing
@@ -36,6 +36,7 @@ def match(
     window: int = 32,
     similarity: float = 0.9,
     intensity: float = 1.0,
+    by: str = "auto",
     bands: Sequence[int | str] = (),
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -74,8 +75,11 @@ def match(
         How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
     intensity : float
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
+    by : {"auto", "color", "texture"}
+        What is compared: color, or texture with intensity. `auto` is color where it parts the sample from the
+        rest and neither window, similarity nor intensity is chosen.
     bands : sequence of int or str
-        Bands whose intensity is compared as well, each by itself: colour beside texture.
+        Bands to compare, each by itself; beside texture too.
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
     band, ..., allow_network
@@ -111,6 +115,7 @@ def match(
         as_area(fill_holes),
         as_area(min_area),
         tuple(bands),
+        by,
     )
     job = RegionJob(
         ReadOptions(
