@@ -1,4 +1,4 @@
-"""Regions like a sample: where grey tells nothing, whatever the tiles, and as the words promise."""
+"""Regions like a sample by texture: where grey tells nothing, for any tiles, and as the words promise."""
 
 import pickle
 from collections.abc import Iterator
@@ -19,6 +19,7 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import serial, threads
+from uavseg.jobs.like.by_texture import TextureSample
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import Match, match
 from uavseg.jobs.source import Raster
@@ -69,7 +70,7 @@ def scene(wanted: str, other: str, seed: int = 0, shape: tuple[int, int] = (256,
 
 
 INSIDE = Disc(110, 110, 50)  # of the scene's disc
-PLAIN, CELLS = MatchRequest(INSIDE), MatchRequest(INSIDE, refine="none")
+PLAIN, CELLS = MatchRequest(INSIDE, by="texture"), MatchRequest(INSIDE, refine="none", by="texture")
 
 
 def dataset(image: NDArray[np.generic], crs: str | None = None) -> Dataset:
@@ -149,7 +150,7 @@ def test_tiles_and_threads_change_nothing(
     image = image[: shape[0], : shape[1]].astype(np.float32) / 255
     image[rng.random(shape) < 0.001] = np.nan
     like = Disc(36, 36, 34)
-    request = MatchRequest(like, window, refine=refine, similarity=0.7)
+    request = MatchRequest(like, window, refine=refine, similarity=0.7, by="texture")
     whole = found(image, like, request, "none", Work(256))
     for side, count in ((64, 1), (128, 2)):
         parts = found(image, like, request, "none", Work(side, threads(count)))
@@ -168,7 +169,7 @@ def test_what_workers_get_and_give_may_be_sent() -> None:
             yield pickle.loads(pickle.dumps(sent(job)))
 
     image, _ = scene("rows", "sand", 11)
-    request = MatchRequest(INSIDE, fill_holes=parse_area("50px"))
+    request = MatchRequest(INSIDE, fill_holes=parse_area("50px"), by="texture")
     here, there = (found(image, request=request, work=Work(64, run)) for run in (serial, elsewhere))
     for name, column in here.found.regions.columns.items():
         np.testing.assert_array_equal(there.found.regions.columns[name], column)
@@ -225,10 +226,11 @@ def test_each_region_tells_how_similar_it_is() -> None:
     columns = strict.found.regions.columns
     assert list(columns)[:3] == ["id", "similarity", "area_m2"]
     assert (columns["similarity"] >= 0.9).all() and (columns["similarity"] <= 1).all()
-    assert strict.limit == pytest.approx(strict.own - 2 * np.log(0.9), abs=0.001)
+    assert isinstance(strict.how, TextureSample)
+    assert strict.how.limit == pytest.approx(strict.how.own - 2 * np.log(0.9), abs=0.001)
     grey = image[truth].astype(float) / 255
-    assert strict.sample.mean / 65535 == pytest.approx(grey.mean(), abs=0.01)
-    assert strict.sample.deviation / 65535 == pytest.approx(grey.std(), abs=0.01)
+    assert strict.how.sample.mean / 65535 == pytest.approx(grey.mean(), abs=0.01)
+    assert strict.how.sample.deviation / 65535 == pytest.approx(grey.std(), abs=0.01)
     low, high = columns["range_low"][0], columns["range_high"][0]
     assert (low, high) == pytest.approx((grey.mean() - grey.std(), grey.mean() + grey.std()), abs=0.02)
 
@@ -248,7 +250,9 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
     image, _ = scene("rows", "meadow", 9)
     image[104:128, 104:128] = 127  # a hole in the texture
     open_, filled = (
-        found(image, Disc(110, 60, 28), MatchRequest(INSIDE, 16, fill_holes=size, min_area=size))
+        found(
+            image, Disc(110, 60, 28), MatchRequest(INSIDE, 16, fill_holes=size, min_area=size, by="texture")
+        )
         for size in (None, parse_area("900px"))
     )
     assert not painted(open_)[115, 115] and painted(filled)[115, 115]
@@ -259,7 +263,7 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
 def test_a_clearing_is_not_like_the_forest_around_it(shared_data: Path) -> None:
     raster = Dataset.open(shared_data / "imagery" / "naip_forest_gap_1m.tif")
     x, y = raster.geobox.xy_from_pixel(230, 100)
-    made = painted(match(Raster(raster), MatchRequest(Disc(float(x), float(y), 50))))
+    made = painted(match(Raster(raster), MatchRequest(Disc(float(x), float(y), 50), by="texture")))
     assert made[180:, :60].mean() > 0.95 and made[150:280, 180:].mean() > 0.99
     assert not made[75:100, 108:125].any() and not made[15:25, 70:90].any()
 
@@ -278,7 +282,10 @@ def test_a_sample_that_is_too_small_is_refused_and_told_how_large_it_must_be(rad
 @given(x=st.floats(100, 120), y=st.floats(100, 120), window=st.sampled_from([16, 32, 64]))
 def test_a_disc_as_large_as_it_is_told_is_enough(x: float, y: float, window: int) -> None:
     image, _ = scene("rows", "meadow", shape=(220, 220))
-    assert found(image, Disc(x, y, window), MatchRequest(INSIDE, window)).sample.model.count > 2 * window**2
+    assert (
+        found(image, Disc(x, y, window), MatchRequest(INSIDE, window, by="texture")).how.sample.model.count
+        > 2 * window**2
+    )
 
 
 def test_a_sample_on_nodata_is_refused() -> None:

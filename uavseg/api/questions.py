@@ -58,9 +58,11 @@ def match(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """Regions of a raster whose texture and intensity are like those of a sample of it.
+    """Regions of a raster that are like a sample of it, by color or by texture.
 
-    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast.
+    By color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far
+    more frequent in the sample are its kind. Texture is compared by G, the log-likelihood ratio between joint
+    histograms of LBP codes and contrast.
 
     Parameters
     ----------
@@ -76,8 +78,8 @@ def match(
     intensity : float
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
     by : {"auto", "color", "texture"}
-        What is compared: color, or texture with intensity. `auto` is color where it parts the sample from the
-        rest and neither window, similarity nor intensity is chosen.
+        What is compared: color, or texture with intensity. `auto` is texture where color does not part the
+        sample from the rest, or one of window, similarity and intensity is chosen; else color.
     bands : sequence of int or str
         Bands to compare, each by itself; beside texture too.
     refine : {"pixel", "none"}

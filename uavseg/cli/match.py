@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     type=click.Choice(["auto", "color", "texture"]),
     default="auto",
     show_default=True,
-    help="What is compared: color, or texture with intensity. auto: color where it parts the sample from the "
-    "rest and no option of texture is given.",
+    help="What is compared: color, or texture with intensity. auto: texture where color does not part the "
+    "sample from the rest, or --window, --similarity or --intensity is given; else color.",
 )
 @click.option(
     "--window",
@@ -104,10 +104,14 @@ if TYPE_CHECKING:
 def command(**options: Any) -> None:
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
 
-    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast, so
-    that a ploughed field is told from a meadow of the same grey; and what looks more like the raster as a
-    whole than like the sample is left out. Each region has its similarity, 1 where it is as like the sample
-    as the sample is to itself.
+    By color: mixtures of few kinds of ground are fitted to the colors of the whole raster, and those that are
+    far more frequent in the sample than elsewhere are its kind. A disc of 8 pixels is enough.
+
+    By texture: G, the log-likelihood ratio between joint histograms of LBP codes and contrast, tells a
+    ploughed field from a meadow of the same grey; what looks more like the raster as a whole than like the
+    sample is left out. The sample has a radius of at least 32 pixels.
+
+    Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
     rasters are one mosaic, unless --each is given.
@@ -182,7 +186,5 @@ def _rows(match: Match, target: str) -> dict[str, str]:
         rows["sample"] = f"{sample.model.count:,} pixels, v {mean:.3f} +- {deviation:.3f}"
         rows["G per pixel"] = f"{how.own:.3f} beyond chance in the sample, up to {how.limit:.3f} is like it"
     else:
-        rows["compared"] = (
-            f"color; its likeness is {how.own:.2f} in the sample, {how.share:.2f} in the raster"
-        )
+        rows["compared"] = f"color; likeness {how.own:.2f} in the sample, {how.share:.2f} in the raster"
     return rows | {"stretch": common["stretch"], "band": common["band"]}

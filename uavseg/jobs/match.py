@@ -23,6 +23,11 @@ from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.segmentation.sample.likeness_table import LikenessTable
 from uavseg.segmentation.source import GreySource
 
+_HARDLY = (
+    "color hardly parts the sample from the rest of the raster; a larger sample lets texture decide "
+    '(by="texture", --by texture)'
+)
+
 
 @dataclass(frozen=True)
 class Match:
@@ -66,17 +71,23 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     place = sample_mask(request.like, raster.geobox)
     passes = work.over(raster).stages(5)
     grey = raster.grey(passes[0])
-    how: LikenessTable | TextureSample | None = None
-    if request.by != "texture" and not (request.by == "auto" and request.chooses_texture):
+    how: LikenessTable | TextureSample
+    likeness = None
+    if request.by == "color" or (request.by == "auto" and not request.chooses_texture):
         likeness = learn(_colors(raster, grey, request.bands, passes[0].silent), place, passes[0])
-        if request.by == "color" or parts(likeness.table):
-            found, how = regions_by_color(grey, likeness, request, passes[1:3]), likeness.table
-    if how is None:
+        if request.by == "auto" and not parts(likeness.table) and place.pixels >= request.least_pixels:
+            likeness = None
+    hints = []
+    if likeness is not None:
+        found, how = regions_by_color(grey, likeness, request, passes[1:3]), likeness.table
+        if not parts(how):
+            hints.append(_HARDLY)
+    else:
         bands = _bands(raster, request.bands, passes[0].silent)
         found, how = regions_by_texture(grey, bands, place, request, passes[1:])
+        if len(found.regions) == 0:
+            hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
     found = with_metadata(found, raster, "match", _facts(request, how))
-    hint = "nothing is like the sample; a smaller similarity or a larger intensity finds more"
-    hints = () if len(found.regions) else (hint,)
     return Match(work.finished(found, *hints), how)
 
 

@@ -25,7 +25,7 @@ from uavseg.segmentation.sample.likeness_table import LikenessTable
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
-PARTS = 0.1
+PARTS = 0.15
 """By how much the likeness of the sample exceeds that of the raster where colour parts them."""
 
 _LIKELY = IntensityRange(0.5, 1)

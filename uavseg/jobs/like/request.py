@@ -37,8 +37,8 @@ class MatchRequest:
         Bands whose intensity is compared, each by itself, by number or name; beside texture, they are
         compared as well.
     by : {"auto", "color", "texture"}
-        What is compared. `auto` is colour where it parts the sample from the rest and neither window,
-        similarity nor intensity is chosen, and texture otherwise.
+        What is compared. `auto` is texture where one of window, similarity and intensity is chosen, or colour
+        does not part the sample from the rest and the sample is large enough, and colour otherwise.
 
     Raises
     ------
@@ -80,6 +80,11 @@ class MatchRequest:
     def chooses_texture(self) -> bool:
         """Whether something is chosen that only the comparison of texture has."""
         return (self.window, self.similarity, self.intensity) != (32, 0.9, 1.0)
+
+    @property
+    def least_pixels(self) -> int:
+        """Of a sample whose texture can be compared."""
+        return 2 * self.window**2
 
     @property
     def side(self) -> int:

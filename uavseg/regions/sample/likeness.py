@@ -59,10 +59,13 @@ def fit_likeness(bands: Sequence[GreySource], place: SampleMask, tile_pass: Tile
         If the sample has fewer than 64 valid pixels.
     """
     [sample] = tile_pass.silent.run(partial(_sample_colors, bands), [place])
+    if len(sample) == 0:
+        raise SampleError("the sample has no valid pixel; it probably lies on nodata")
     if len(sample) < MIN_PIXELS:
+        pixels = "1 valid pixel" if len(sample) == 1 else f"{len(sample)} valid pixels"
         raise SampleError(
-            f"the sample has {len(sample)} valid pixels; expected at least {MIN_PIXELS}, as a disc with a "
-            "radius of 5 pixels has; give a larger one"
+            f"the sample has {pixels}; expected at least {MIN_PIXELS}, as a disc with a radius of 5 pixels "
+            "has; give a larger one"
         )
     looked = list(tile_pass.silent.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
     table = LikenessTable.fit(np.concatenate([*looked, sample[:1]]), sample)
