@@ -1,10 +1,12 @@
 """Reprojection of a picture to Web Mercator, encoded as WebP."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
+from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 from rasterio.warp import Resampling, reproject
 
@@ -14,6 +16,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import WGS84, transform_between
 from uavseg.raster.ground_grid import GroundGrid
 from uavseg.raster.opening import GDAL_ERRORS, gdal_env
+from uavseg.warning_filters import changing_filters
 
 WEB_MERCATOR = "EPSG:3857"
 QUALITY = 80
@@ -88,7 +91,9 @@ def _webp(image: NDArray[np.uint8]) -> bytes:
     bands, rows, cols = image.shape
     with MemoryFile(ext=".webp") as memory:
         how = {"driver": "WEBP", "height": rows, "width": cols, "count": bands, "dtype": "uint8"}
-        with memory.open(**how, QUALITY=QUALITY) as file:
-            file.write(image)
+        with changing_filters():
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            with memory.open(**how, QUALITY=QUALITY) as file:
+                file.write(image)
         content = bytes(memory.read())
     return content

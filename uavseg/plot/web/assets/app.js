@@ -39,7 +39,7 @@
   // Regions: a layer, a list with tick boxes, a download.
 
   class RegionList {
-    constructor(title, color, fileName) {
+    constructor(title, color, fileName, shown = true) {
       this.color = color;
       this.summary = make("p");
       this.items = make("ul", {className: "list"});
@@ -55,7 +55,8 @@
       this.layer = L.geoJSON(null, {
         style: (feature) => this.style(feature),
         onEachFeature: (feature, shape) => this.bind(feature, shape),
-      }).addTo(map);
+      });
+      if (shown) this.layer.addTo(map);
       layers.addOverlay(this.layer, make("span", {textContent: title}).innerHTML);
     }
 
@@ -110,6 +111,7 @@
         this.boxes.set(feature, box);
         const go = make("button", {type: "button", textContent: `${nameOf(feature)}: ${areaOf(feature)}`});
         go.onclick = () => {
+          this.layer.addTo(map);
           map.fitBounds(this.shapes.get(feature).getBounds(), {maxZoom: 20, padding: [40, 40]});
           this.shapes.get(feature).openPopup();
         };
@@ -150,7 +152,7 @@
 
   async function addSlider() {
     const grid = await Blocks.decode(data.cells);
-    const list = new RegionList("Regions of a range", COLORS.range, "range.geojson");
+    const list = new RegionList("Regions of a range", COLORS.range, "range.geojson", !data.regions);
     const [low, high] = data.range.map((value, n) => handle(["Low", "High"][n], value));
     let waiting = 0;
     const extract = () => {
@@ -159,7 +161,9 @@
     };
     for (const [own, other, sign] of [[low, high, 1], [high, low, -1]]) {
       own.changed = () => {
-        if (sign * (own.step() - other.step()) > 0) other.set(own.step());
+        list.layer.addTo(map);
+        own.set(Math.min(Math.max(own.step(), (1 - sign) / 2), Blocks.STEPS - (1 + sign) / 2));
+        if (sign * (other.step() - own.step()) < 1) other.set(own.step() + sign);
         if (!waiting) waiting = requestAnimationFrame(extract);
       };
     }

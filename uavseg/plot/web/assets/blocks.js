@@ -142,7 +142,7 @@ const Blocks = (() => {
     }
     const {labels, count} = label(inside, rows, cols), parts = label(valid, rows, cols).labels;
     const found = Array.from({length: count + 1}, () => ({
-      side: 0, pixels: 0, area: 0, sum: 0, first: -1, polygons: new Map(),
+      side: 0, valid: 0, area: 0, sum: 0, first: -1, polygons: new Map(),
     }));
     for (let n = 0; n < labels.length; n++) {
       if (!valid[n]) continue;
@@ -150,7 +150,7 @@ const Blocks = (() => {
       const side = Math.min(CELL, shape[0] - row) * Math.min(CELL, shape[1] - col);
       if (one.first < 0) one.first = n;
       one.side += side;
-      one.pixels += counts[n];
+      one.valid += counts[n];
       one.area += side * pixelArea(grid, row + CELL / 2, col + CELL / 2);
       one.sum += (counts[n] * codes[n]) / 2 / STEPS;
     }
@@ -176,8 +176,8 @@ const Blocks = (() => {
     const geometry = polygons.length === 1
       ? {type: "Polygon", coordinates: polygons[0]} : {type: "MultiPolygon", coordinates: polygons};
     const properties = {
-      id, pixels: one.pixels, area_m2: Number(one.area.toPrecision(7)),
-      mean: Number((one.sum / one.pixels).toFixed(3)), range_low: low / STEPS, range_high: high / STEPS,
+      id, pixels: one.side, area_m2: Number(one.area.toPrecision(7)),
+      mean: Number((one.sum / one.valid).toFixed(3)), range_low: low / STEPS, range_high: high / STEPS,
     };
     return {type: "Feature", id, properties, geometry};
   }
