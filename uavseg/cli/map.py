@@ -13,7 +13,9 @@ from uavseg.cli.options.running import RunOptions, running_options
 
 @click.command("map")
 @reading_options
-@click.option("--regions", type=click.Path(), help="Regions to show: a file that extract wrote, or any polygons.")
+@click.option(
+    "--regions", type=click.Path(), help="Regions to show: a file that extract wrote, or any polygons."
+)
 @click.option(
     "--mission",
     multiple=True,

@@ -1,4 +1,4 @@
-"""What a web map of a raster shows: a picture in Web Mercator, and the block means from which ranges are answered."""
+"""What a web map of a raster shows: a picture in Web Mercator, and block means for ranges."""
 
 from dataclasses import dataclass
 
@@ -53,6 +53,11 @@ class FieldMapRequest:
             raise ParameterError(
                 f"the longest side of the picture is {MIN_SIZE} to {MAX_SIZE} pixels, not {self.size}"
             )
+
+    @classmethod
+    def from_words(cls, method: str, threshold: float, intensity_step: float, size: int) -> "FieldMapRequest":
+        """The request of the words of both faces."""
+        return cls(SegmentParams.from_words(method, threshold, intensity_step, None), size)
 
 
 @dataclass(frozen=True)
@@ -136,7 +141,9 @@ def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work
 def _cells(blocks: BlockMap, segment: SegmentParams) -> CellCodes:
     rows, cols = (-(-length // CELL) for length in blocks.shape)
     codes = leaf_codes(blocks, segment.division)[:rows, :cols]
-    return CellCodes(blocks.shape, np.ascontiguousarray(codes), np.ascontiguousarray(blocks.counts[:rows, :cols]))
+    return CellCodes(
+        blocks.shape, np.ascontiguousarray(codes), np.ascontiguousarray(blocks.counts[:rows, :cols])
+    )
 
 
 def _colors(coarse: Dataset, stretch: Stretch) -> NDArray[np.uint8]:

@@ -1,4 +1,4 @@
-"""Places of a grid as a table: longitude and latitude of evenly spaced pixel corners, for linear interpolation."""
+"""Table of longitudes and latitudes of evenly spaced pixel corners, for linear interpolation."""
 
 from dataclasses import dataclass
 
@@ -68,13 +68,13 @@ def _corners(geobox: GeoBox, intervals: int) -> tuple[Floats, Floats]:
         raise RasterError("a part of the raster has no longitude and latitude, so a map cannot show it")
     if np.abs(lat).max() > MAX_LATITUDE:
         raise RasterError(
-            f"the raster reaches {np.abs(lat).max():.1f} degrees of latitude; a map in Web Mercator shows up to "
-            f"{MAX_LATITUDE:g}: draw it with uavseg preview"
+            f"the raster reaches {np.abs(lat).max():.1f} degrees of latitude; a map in Web Mercator shows "
+            f"up to {MAX_LATITUDE:g}: draw it with uavseg preview"
         )
     if lon.max() - lon.min() > 180:
         raise RasterError(
-            "the raster crosses the antimeridian, where a map in Web Mercator is cut: split it there, or draw it "
-            "with uavseg preview"
+            "the raster crosses the antimeridian, where a map in Web Mercator is cut: split it there, or "
+            "draw it with uavseg preview"
         )
     return lon, lat
 
@@ -86,7 +86,11 @@ def _error(lon: Floats, lat: Floats) -> float:
         known = values[::2, ::2]
         rows, cols = (known[1:] + known[:-1]) / 2, (known[:, 1:] + known[:, :-1]) / 2
         centres = (cols[1:] + cols[:-1]) / 2
-        for found, true in ((rows, values[1::2, ::2]), (cols, values[::2, 1::2]), (centres, values[1::2, 1::2])):
+        for found, true in (
+            (rows, values[1::2, ::2]),
+            (cols, values[::2, 1::2]),
+            (centres, values[1::2, 1::2]),
+        ):
             worst = max(worst, float(np.abs(found - true).max()))
     return worst
 

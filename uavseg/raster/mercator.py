@@ -95,5 +95,4 @@ def _webp(image: NDArray[np.uint8]) -> bytes:
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             with memory.open(**how, QUALITY=QUALITY) as file:
                 file.write(image)
-        content = bytes(memory.read())
-    return content
+        return bytes(memory.read())

@@ -45,7 +45,10 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     uavseg.map_page(SAMPLE, html, regions=regions, mission=mission, overwrite=True)
     program = Path(__file__).with_name("drive_page.js")
     found = subprocess.run(
-        [str(NODE), str(program), str(html), str(folder), str(CHROMIUM)], capture_output=True, text=True, timeout=120
+        [str(NODE), str(program), str(html), str(folder), str(CHROMIUM)],
+        capture_output=True,
+        text=True,
+        timeout=120,
     )
     assert found.returncode == 0, found.stderr
     answer: dict[str, Any] = json.loads(found.stdout)
@@ -59,7 +62,9 @@ def test_the_page_requests_nothing_and_has_no_errors(seen: dict[str, Any]) -> No
 
 def test_the_slider_moves_regions(seen: dict[str, Any]) -> None:
     assert seen["low"] == "0.58"
-    areas = [sum(one["properties"]["pixels"] for one in seen[name]["features"]) for name in ("first", "moved")]
+    areas = [
+        sum(one["properties"]["pixels"] for one in seen[name]["features"]) for name in ("first", "moved")
+    ]
     assert 0 < areas[1] < areas[0]
     assert {one["properties"]["range_low"] for one in seen["moved"]["features"]} == {0.58}
 

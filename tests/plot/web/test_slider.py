@@ -52,7 +52,12 @@ def speckled(path: Path) -> Path:
 def in_page(cells: dict[str, Any], tmp_path: Path) -> list[Any]:
     asked = tmp_path / "asked.json"
     asked.write_text(json.dumps({"cells": cells, "ranges": RANGES}))
-    program = [str(NODE), str(Path(__file__).with_name("run_blocks.js")), str(ASSETS / "blocks.js"), str(asked)]
+    program = [
+        str(NODE),
+        str(Path(__file__).with_name("run_blocks.js")),
+        str(ASSETS / "blocks.js"),
+        str(asked),
+    ]
     found = subprocess.run(program, capture_output=True, check=True, text=True)
     answers: list[Any] = json.loads(found.stdout)
     return answers
@@ -74,7 +79,17 @@ def test_the_slider_gives_the_regions_of_the_block_map(name: str, tmp_path: Path
     regions = 0
     for (low, high), answer in zip(RANGES, answers, strict=True):
         expected = tmp_path / f"{low}-{high}.gpkg"
-        run("extract", blocks, "--refine", "none", "--range", f"{low / 1000},{high / 1000}", "-o", expected, "-q")
+        run(
+            "extract",
+            blocks,
+            "--refine",
+            "none",
+            "--range",
+            f"{low / 1000},{high / 1000}",
+            "-o",
+            expected,
+            "-q",
+        )
         compare(answer, geopandas.read_file(expected, layer="regions"))
         regions += len(answer["features"])
     assert regions > 10

@@ -35,7 +35,9 @@ def check_page_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
         If it does not end in .html, exists, or cannot be written there.
     """
     if Path(path).suffix.lower() not in {".html", ".htm"}:
-        raise OutputError(f"a map is an HTML file: expected a name that ends in .html, got {Path(path).name!r}")
+        raise OutputError(
+            f"a map is an HTML file: expected a name that ends in .html, got {Path(path).name!r}"
+        )
     return check_target(path, overwrite)
 
 
@@ -81,8 +83,8 @@ def size_notes(content: bytes) -> list[str]:
     if len(content) <= LARGE_BYTES:
         return []
     return [
-        f"the page has {len(content) / 1e6:.0f} MB, which is slow on a telephone: a smaller --size, or fewer or "
-        "simplified regions make it smaller"
+        f"the page has {len(content) / 1e6:.0f} MB, which is slow on a telephone: a smaller --size, or fewer "
+        "or simplified regions make it smaller"
     ]
 
 
@@ -111,10 +113,11 @@ def _flight(name: str, mission: "Mission") -> dict[str, Any]:
             number += counts
             numbers.append(number if counts else 0)
     estimate = mission.estimate
+    flown = estimate_text(estimate.distance_m, estimate.duration_s)
     shots = f", {estimate.photographs:,} photographs" if estimate.photographs else ""
     return {
         "name": name,
-        "estimate": f"{len(mission.items)} items, {estimate_text(estimate.distance_m, estimate.duration_s)}{shots}",
+        "estimate": f"{len(mission.items)} items, {flown}{shots}",
         "notes": [printable(note) for note in mission.warnings],
         "path": [[round(float(y), 8), round(float(x), 8)] for y, x in zip(lat, lon, strict=True)],
         "numbers": numbers,

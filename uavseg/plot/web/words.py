@@ -18,7 +18,6 @@ from uavseg.jobs.work import Work
 from uavseg.plot.web.field_map import check_page_target, page_of, read_flights, size_notes, write_page
 from uavseg.plot.web.region_features import read_collection
 from uavseg.raster.spectral.formula import BandWords
-from uavseg.segmentation.params import SegmentParams
 
 
 @checked
@@ -84,7 +83,7 @@ def map_page(
     """
     words = BandWords(index, expr, band_names)
     options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
-    request = FieldMapRequest(SegmentParams.from_words(method, threshold, intensity_step, None), size)
+    request = FieldMapRequest.from_words(method, threshold, intensity_step, size)
     run = thread_pool(threads)
     with allowing(allow_path, allow_network):
         target = check_page_target(output, overwrite)

@@ -189,6 +189,12 @@
     return own;
   }
 
+  // Missions are drawn above regions, which are clicked through them.
+
+  map.createPane("missions");
+  Object.assign(map.getPane("missions").style, {zIndex: 450, pointerEvents: "none"});
+  const above = {pane: "missions", renderer: L.canvas({pane: "missions"}), interactive: false};
+
   // Missions: legs with arrows and numbers, photographs, fence, estimates.
 
   function addMission(mission) {
@@ -200,19 +206,19 @@
     for (const feature of mission.features.features) {
       const {kind, inclusion} = feature.properties;
       if (!feature.geometry) continue;
-      if (kind === "fence") L.geoJSON(feature, {style: fenceStyle(inclusion)}).addTo(group);
-      if (kind === "photographs" && feature.geometry.type === "LineString") line(feature, 6, COLORS.flight);
+      if (kind === "fence") L.geoJSON(feature, {...above, style: fenceStyle(inclusion)}).addTo(group);
+      if (kind === "photographs" && feature.geometry.type === "LineString") photographed(feature);
       if (kind === "rally") L.geoJSON(feature, {pointToLayer: (_, at) => label(at, "R", "number home")}).addTo(group);
     }
     const path = mission.path.map(([lat, lon]) => L.latLng(lat, lon));
-    L.polyline(path, {color: "#ffffff", weight: 5}).addTo(group);
-    L.polyline(path, {color: COLORS.flight, weight: 3}).addTo(group);
+    L.polyline(path, {...above, color: "#ffffff", weight: 5}).addTo(group);
+    L.polyline(path, {...above, color: COLORS.flight, weight: 3}).addTo(group);
     const marks = L.layerGroup().addTo(group);
     map.on("zoomend", draw);
     draw();
 
-    function line(feature, weight, color) {
-      L.geoJSON(feature, {style: {color, weight: weight + 4, opacity: 0.35}}).addTo(group);
+    function photographed(feature) {
+      L.geoJSON(feature, {...above, style: {color: COLORS.flight, weight: 11, opacity: 0.45}}).addTo(group);
     }
 
     function label(at, text, className) {
@@ -249,8 +255,7 @@
   }
 
   function fenceStyle(inclusion) {
-    return {color: inclusion ? COLORS.stay : "#000000", weight: 3, dashArray: "8 6", fillOpacity: inclusion ? 0 : 0.25,
-      interactive: false};
+    return {color: inclusion ? COLORS.stay : "#000000", weight: 3, dashArray: "8 6", fillOpacity: inclusion ? 0 : 0.25};
   }
 
   // Position of the device.
