@@ -47,8 +47,10 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
     Raises
     ------
     OutputError
-        If the folder cannot be created, or a result cannot be written to it.
+        If its name is empty, it cannot be created, or a result cannot be written to it.
     """
+    if not os.fspath(folder):  # a Path takes it for the working directory
+        raise OutputError("the name of the folder for resume is empty; name a folder, or leave resume out")
     root = Path(folder)
     _make_folder(root)
     note_kept(str(folder))
