@@ -80,6 +80,17 @@ def test_what_is_downloaded_are_the_chosen_regions(seen: dict[str, Any]) -> None
     assert set(whole["note"]) == {EVIL}
 
 
+@pytest.mark.parametrize("name", ["without", "moved"])
+def test_a_mission_is_planned_over_what_is_downloaded(
+    name: str, seen: dict[str, Any], tmp_path: Path
+) -> None:
+    file = tmp_path / "chosen.geojson"
+    file.write_text(json.dumps(seen[name]))
+    with warnings.catch_warnings(action="ignore"):
+        planned = uavseg.plan(file, home="auto", altitude=60)
+    assert len(planned.missions) == 1
+
+
 def test_a_popup_shows_attributes_as_text(seen: dict[str, Any]) -> None:
     assert "area_m2" in seen["popup"]
     assert EVIL in seen["popup"]
