@@ -13,6 +13,8 @@ Floats = NDArray[np.float64]
 
 TOLERANCE_DEG = 5e-8  # of the interpolation: half a centimetre
 MAX_INTERVALS = 256
+AREA_TOLERANCE = 1e-3  # of the area of a pixel, between neighbouring parts
+MAX_AREA_INTERVALS = 64  # more would make a page large; only rasters of a continent need them
 MAX_LATITUDE = 85.0  # Web Mercator ends at 85.05 degrees
 
 
@@ -47,18 +49,32 @@ def ground_grid(geobox: GeoBox) -> GroundGrid:
         raster crosses the antimeridian: a map in Web Mercator cannot show it.
     """
     intervals = 4
-    fine = _corners(geobox, 2 * intervals)
-    while intervals < MAX_INTERVALS and _error(*fine) > TOLERANCE_DEG:
+    lon, lat = _corners(geobox, 2 * intervals)
+    areas = _pixel_areas(geobox, lon[::2, ::2], lat[::2, ::2])
+    while (intervals < MAX_INTERVALS and _error(lon, lat) > TOLERANCE_DEG) or (
+        intervals < MAX_AREA_INTERVALS and _largest_step(areas) > AREA_TOLERANCE
+    ):
         intervals *= 2
-        fine = _corners(geobox, 2 * intervals)
-    lon, lat = (values[::2, ::2] for values in fine)
+        lon, lat = _corners(geobox, 2 * intervals)
+        areas = _pixel_areas(geobox, lon[::2, ::2], lat[::2, ::2])
+    return GroundGrid(lon[::2, ::2], lat[::2, ::2], areas)
+
+
+def _pixel_areas(geobox: GeoBox, lon: Floats, lat: Floats) -> Floats:
+    intervals = len(lon) - 1
     rows, cols = geobox.shape
     areas = [
         abs(geod_wgs84().polygon_area_perimeter(x, y)[0])
         for x, y in zip(_quadrilaterals(lon), _quadrilaterals(lat), strict=True)
     ]
     pixels = rows / intervals * (cols / intervals)
-    return GroundGrid(lon, lat, np.reshape(areas, (intervals, intervals)) / pixels)
+    return np.reshape(areas, (intervals, intervals)) / pixels
+
+
+def _largest_step(areas: Floats) -> float:
+    """Largest relative difference between neighbouring parts."""
+    steps = max(float(np.abs(np.diff(areas, axis=axis)).max()) for axis in (0, 1))
+    return steps / float(areas.min())
 
 
 def _corners(geobox: GeoBox, intervals: int) -> tuple[Floats, Floats]:

@@ -18,12 +18,16 @@ from affine import Affine
 from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
+from pyproj import Geod
+from rasterio.crs import CRS
 
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import OutputError, ParameterError, RasterError
 from uavseg.plot.web.page import render_page
 from uavseg.plot.web.region_features import read_collection
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.ground_grid import ground_grid
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 LEAFLET = Path(uavseg.__file__).parent / "plot" / "web" / "assets" / "leaflet"
@@ -174,3 +178,17 @@ def test_names_and_sizes_are_checked_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(OutputError):
         uavseg.map_page(SAMPLE, tmp_path / "x.html")
     assert (tmp_path / "x.html").read_text() == "mine"
+
+
+def test_the_table_of_places_is_exact_between_its_places_and_its_areas_add_up() -> None:
+    box = GeoBox((4000, 6000), Affine(5e-4, 0, 10, 0, -5e-4, 60), CRS.from_epsg(4326))
+    table = ground_grid(box)
+    rows, cols = np.meshgrid(*(np.linspace(0, length, 5) for length in box.shape), indexing="ij")
+    lon, lat = box.lonlat_from_xy(*box.xy_from_pixel(rows, cols))
+    step = (len(table.lon) - 1) // 4
+    np.testing.assert_allclose(table.lon[::step, ::step], lon, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(table.lat[::step, ::step], lat, rtol=0, atol=1e-9)
+    ends = Geod(ellps="WGS84").geometry_area_perimeter(shapely.segmentize(shapely.box(10, 58, 13, 60), 0.01))
+    pixels = box.shape[0] * box.shape[1]
+    assert table.pixel_m2.mean() * pixels == pytest.approx(abs(ends[0]), rel=1e-4)
+    assert np.abs(np.diff(table.pixel_m2, axis=0)).max() <= 1e-3 * table.pixel_m2.min()
