@@ -83,7 +83,7 @@ def test_control_characters_in_an_id_are_drawn_escaped(
     assert not [str(one.message) for one in recwarn if "Glyph" in str(one.message)]
 
 
-@pytest.mark.parametrize("layer", ["regions", "levels", "path", "mission"])
+@pytest.mark.parametrize("layer", ["regions", "levels", "path", "mission", "states"])
 @pytest.mark.parametrize("value", [3, np.zeros(3)], ids=["number", "array"])
 def test_a_layer_of_another_type_is_refused(tmp_path: Path, layer: str, value: object) -> None:
     raster = write(tmp_path / "a.tif", np.full((40, 60), 128, np.uint8))
