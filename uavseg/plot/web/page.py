@@ -10,6 +10,10 @@ from string import Template
 from typing import Any
 
 _ASSETS = Path(__file__).parent / "assets"
+_PROGRAM = (
+    *("blocks.js", "elements.js", "regions.js", "cells.js", "slider.js", "missions.js", "position.js"),
+    "app.js",
+)
 _MAPPED = "//# sourceMappingURL"
 
 
@@ -55,7 +59,7 @@ def _json(data: dict[str, Any]) -> str:
 @cache
 def _script() -> str:
     library = _text("leaflet/leaflet.js")
-    return "\n".join([library[: library.rindex(_MAPPED)], _text("blocks.js"), _text("app.js")])
+    return "\n".join([library[: library.rindex(_MAPPED)], *map(_text, _PROGRAM)])
 
 
 @cache
