@@ -70,7 +70,7 @@ def scene(wanted: str, other: str, seed: int = 0, shape: tuple[int, int] = (256,
 
 
 INSIDE = Disc(110, 110, 50)  # of the scene's disc
-PLAIN, CELLS = MatchRequest(INSIDE, by="texture"), MatchRequest(INSIDE, refine="none", by="texture")
+PLAIN, CELLS = MatchRequest(INSIDE), MatchRequest(INSIDE, refine="none")
 
 
 def dataset(image: NDArray[np.generic], crs: str | None = None) -> Dataset:
@@ -150,7 +150,7 @@ def test_tiles_and_threads_change_nothing(
     image = image[: shape[0], : shape[1]].astype(np.float32) / 255
     image[rng.random(shape) < 0.001] = np.nan
     like = Disc(36, 36, 34)
-    request = MatchRequest(like, window, refine=refine, similarity=0.7, by="texture")
+    request = MatchRequest(like, window, refine=refine, similarity=0.7)
     whole = found(image, like, request, "none", Work(256))
     for side, count in ((64, 1), (128, 2)):
         parts = found(image, like, request, "none", Work(side, threads(count)))
@@ -169,7 +169,7 @@ def test_what_workers_get_and_give_may_be_sent() -> None:
             yield pickle.loads(pickle.dumps(sent(job)))
 
     image, _ = scene("rows", "sand", 11)
-    request = MatchRequest(INSIDE, fill_holes=parse_area("50px"), by="texture")
+    request = MatchRequest(INSIDE, fill_holes=parse_area("50px"))
     here, there = (found(image, request=request, work=Work(64, run)) for run in (serial, elsewhere))
     for name, column in here.found.regions.columns.items():
         np.testing.assert_array_equal(there.found.regions.columns[name], column)
@@ -250,9 +250,7 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
     image, _ = scene("rows", "meadow", 9)
     image[104:128, 104:128] = 127  # a hole in the texture
     open_, filled = (
-        found(
-            image, Disc(110, 60, 28), MatchRequest(INSIDE, 16, fill_holes=size, min_area=size, by="texture")
-        )
+        found(image, Disc(110, 60, 28), MatchRequest(INSIDE, 16, fill_holes=size, min_area=size))
         for size in (None, parse_area("900px"))
     )
     assert not painted(open_)[115, 115] and painted(filled)[115, 115]
@@ -263,7 +261,7 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
 def test_a_clearing_is_not_like_the_forest_around_it(shared_data: Path) -> None:
     raster = Dataset.open(shared_data / "imagery" / "naip_forest_gap_1m.tif")
     x, y = raster.geobox.xy_from_pixel(230, 100)
-    made = painted(match(Raster(raster), MatchRequest(Disc(float(x), float(y), 50), by="texture")))
+    made = painted(match(Raster(raster), MatchRequest(Disc(float(x), float(y), 50))))
     assert made[180:, :60].mean() > 0.95 and made[150:280, 180:].mean() > 0.99
     assert not made[75:100, 108:125].any() and not made[15:25, 70:90].any()
 
@@ -283,8 +281,7 @@ def test_a_sample_that_is_too_small_is_refused_and_told_how_large_it_must_be(rad
 def test_a_disc_as_large_as_it_is_told_is_enough(x: float, y: float, window: int) -> None:
     image, _ = scene("rows", "meadow", shape=(220, 220))
     assert (
-        found(image, Disc(x, y, window), MatchRequest(INSIDE, window, by="texture")).how.sample.model.count
-        > 2 * window**2
+        found(image, Disc(x, y, window), MatchRequest(INSIDE, window)).how.sample.model.count > 2 * window**2
     )
 
 

@@ -22,7 +22,7 @@ from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.sample.place import Disc
 
 SHAPE = (256, 320)
-COLORS = MatchRequest(Disc(1110, 890, 50), bands=("red", "green", "blue"), by="texture")
+COLORS = MatchRequest(Disc(1110, 890, 50), bands=("red", "green", "blue"))
 GREY = replace(COLORS, bands=())
 
 

@@ -36,7 +36,7 @@ def match(
     window: int = 32,
     similarity: float = 0.9,
     intensity: float = 1.0,
-    by: str = "auto",
+    by: str = "texture",
     bands: Sequence[int | str] = (),
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -60,9 +60,9 @@ def match(
 ) -> GeoDataFrame:
     """Regions of a raster that are like a sample of it, by color or by texture.
 
-    By color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far
-    more frequent in the sample are its kind. Texture is compared by G, the log-likelihood ratio between joint
-    histograms of LBP codes and contrast.
+    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast. By
+    color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far more
+    frequent in the sample are its kind.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def match(
         How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
     intensity : float
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
-    by : {"auto", "color", "texture"}
-        What is compared: color, or texture with intensity. `auto` is texture where color does not part the
-        sample from the rest, or one of window, similarity and intensity is chosen; else color.
+    by : {"texture", "color"}
+        What is compared: texture with intensity, or color, for which a disc with a radius of 8 pixels is
+        enough.
     bands : sequence of int or str
         Bands to compare, each by itself; beside texture too.
     refine : {"pixel", "none"}

@@ -49,11 +49,10 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--by",
-    type=click.Choice(["auto", "color", "texture"]),
-    default="auto",
+    type=click.Choice(["texture", "color"]),
+    default="texture",
     show_default=True,
-    help="What is compared: color, or texture with intensity. auto: texture where color does not part the "
-    "sample from the rest, or --window, --similarity or --intensity is given; else color.",
+    help="What is compared: texture with intensity, or color, for which a disc of 8 pixels is enough.",
 )
 @click.option(
     "--window",
@@ -104,12 +103,12 @@ if TYPE_CHECKING:
 def command(**options: Any) -> None:
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
 
-    By color: mixtures of few kinds of ground are fitted to the colors of the whole raster, and those that are
-    far more frequent in the sample than elsewhere are its kind. A disc of 8 pixels is enough.
-
     By texture: G, the log-likelihood ratio between joint histograms of LBP codes and contrast, tells a
     ploughed field from a meadow of the same grey; what looks more like the raster as a whole than like the
     sample is left out. The sample has a radius of at least 32 pixels.
+
+    By color: mixtures of few kinds of ground are fitted to the colors of the whole raster, and those that are
+    far more frequent in the sample than elsewhere are its kind. A radius of 8 pixels is enough.
 
     Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 

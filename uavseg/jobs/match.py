@@ -1,6 +1,5 @@
-"""Search for the regions of a raster that are like a sample of it: by colour where it parts the sample from
-the rest of the raster, see `like.by_color`, and by texture and intensity where it does not, see
-`like.by_texture`.
+"""Search for the regions of a raster that are like a sample of it: by texture and intensity, see
+`like.by_texture`, or by color, see `like.by_color`.
 """
 
 from collections.abc import Sequence
@@ -9,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uavseg.jobs.like.by_color import learn, parts, regions_by_color
+from uavseg.jobs.like.by_color import learn, regions_by_color
 from uavseg.jobs.like.by_texture import TextureSample, regions_by_texture
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.metadata import drawing_facts, with_metadata
@@ -23,10 +22,8 @@ from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.segmentation.sample.likeness_table import LikenessTable
 from uavseg.segmentation.source import GreySource
 
-_HARDLY = (
-    "color hardly parts the sample from the rest of the raster; a larger sample lets texture decide "
-    '(by="texture", --by texture)'
-)
+_PARTS = 0.15  # by how much the likeness of the sample exceeds that of the raster where color parts them
+_HARDLY = "color hardly parts the sample from the rest of the raster; texture may (--by texture)"
 
 
 @dataclass(frozen=True)
@@ -72,15 +69,11 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     passes = work.over(raster).stages(5)
     grey = raster.grey(passes[0])
     how: LikenessTable | TextureSample
-    likeness = None
-    if request.by == "color" or (request.by == "auto" and not request.chooses_texture):
-        likeness = learn(_colors(raster, grey, request.bands, passes[0].silent), place, passes[0])
-        if request.by == "auto" and not parts(likeness.table) and place.pixels >= request.least_pixels:
-            likeness = None
     hints = []
-    if likeness is not None:
+    if request.by == "color":
+        likeness = learn(_colors(raster, grey, request.bands, passes[0].silent), place, passes[0])
         found, how = regions_by_color(grey, likeness, request, passes[1:3]), likeness.table
-        if not parts(how):
+        if how.own - how.share < _PARTS:
             hints.append(_HARDLY)
     else:
         bands = _bands(raster, request.bands, passes[0].silent)

@@ -21,19 +21,10 @@ from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
-from uavseg.segmentation.sample.likeness_table import LikenessTable
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
-PARTS = 0.15
-"""By how much the likeness of the sample exceeds that of the raster where colour parts them."""
-
 _LIKELY = IntensityRange(0.5, 1)
-
-
-def parts(table: LikenessTable) -> bool:
-    """Whether colour parts the sample from the rest of the raster."""
-    return table.own - table.share > PARTS
 
 
 def learn(bands: Sequence[GreySource], place: SampleMask, tile_pass: TilePass) -> LikenessSource:

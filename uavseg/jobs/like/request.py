@@ -36,9 +36,8 @@ class MatchRequest:
     bands : tuple of int or str
         Bands whose intensity is compared, each by itself, by number or name; beside texture, they are
         compared as well.
-    by : {"auto", "color", "texture"}
-        What is compared. `auto` is texture where one of window, similarity and intensity is chosen, or colour
-        does not part the sample from the rest and the sample is large enough, and colour otherwise.
+    by : {"texture", "color"}
+        What is compared: texture with intensity, or color.
 
     Raises
     ------
@@ -55,7 +54,7 @@ class MatchRequest:
     fill_holes: Area | None = None
     min_area: Area | None = None
     bands: tuple[int | str, ...] = ()
-    by: str = "auto"
+    by: str = "texture"
 
     def __post_init__(self) -> None:
         if self.window not in WINDOWS:
@@ -71,20 +70,17 @@ class MatchRequest:
             raise ParameterError("an infinite intensity compares texture alone; leave the bands out, or it")
         if self.refine not in ("pixel", "none"):
             raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
-        if self.by not in ("auto", "color", "texture"):
-            raise ParameterError(f"regions are compared by auto, color or texture, not {self.by!r}")
+        if self.by not in ("texture", "color"):
+            raise ParameterError(f"regions are compared by texture or color, not {self.by!r}")
         if self.by == "color" and self.chooses_texture:
-            raise ParameterError("window, similarity and intensity are of texture; leave them out, or color")
+            raise ParameterError(
+                "window, similarity and intensity are of texture, and not of color; leave them out"
+            )
 
     @property
     def chooses_texture(self) -> bool:
         """Whether something is chosen that only the comparison of texture has."""
         return (self.window, self.similarity, self.intensity) != (32, 0.9, 1.0)
-
-    @property
-    def least_pixels(self) -> int:
-        """Of a sample whose texture can be compared."""
-        return 2 * self.window**2
 
     @property
     def side(self) -> int:

@@ -92,11 +92,6 @@ class SampleMask:
         """The pixels of the sample, (rows, cols)."""
         return np.unpackbits(self.bits, axis=1, count=self.window.cols).view(bool)
 
-    @property
-    def pixels(self) -> int:
-        """Number of pixels of the sample, valid or not."""
-        return int(np.count_nonzero(self.mask))
-
 
 def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     """Mask of the pixels of a raster whose centres lie in a sample.

@@ -25,6 +25,7 @@ _STRETCH = 0.8  # how far from the middle the halves of a component begin, in it
 _SHRINK = 0.6  # share of the variance along the longest axis that the split takes away
 _RARE = 1e-3  # share of the raster below which a component counts as this share
 _IN_SAMPLE = 0.1  # share of the sample with which a component is compared at all
+_WRONG = 0.1  # share of the sample that may be of another kind
 _VOTE = 20.0  # how much a mixture loses by the share of the sample that it does not find
 
 Points = NDArray[np.float64]
@@ -114,9 +115,8 @@ class SampleVote:
         """The vote of mixtures, given the (m, d) points of a sample."""
         memberships = [mixture.memberships(sample) for mixture in mixtures]
         purities = [_purities(*pair) for pair in zip(mixtures, memberships, strict=True)]
-        own = np.array(
-            [_weighted(pure, found).mean() for pure, found in zip(purities, memberships, strict=True)]
-        )
+        found = [_weighted(*pair) for pair in zip(purities, memberships, strict=True)]
+        own = np.array([np.sort(likeness)[int(_WRONG * len(sample)) :].mean() for likeness in found])
         weights = np.exp(_VOTE * (own - own.max()))
         return cls(tuple(mixtures), tuple(purities), tuple((weights / weights.sum()).tolist()))
 
