@@ -24,7 +24,8 @@ class UavsegPlugin:
         self.iface = iface
         self.provider: UavsegProvider | None = None
         self._factory: Any = None
-        self._action: Any = None
+        self._actions: list[Any] = []
+        self.dock: Any = None
 
     def initProcessing(self) -> None:
         """Add the algorithms."""
@@ -33,18 +34,28 @@ class UavsegPlugin:
 
     def initGui(self) -> None:
         """Add the algorithms and what the desktop shows."""
+        from qgis.PyQt.QtCore import Qt
         from qgis.PyQt.QtGui import QIcon
         from qgis.PyQt.QtWidgets import QAction
 
+        from .dock.regions_dock import RegionsDock
         from .options_page import OptionsFactory
         from .provider import ICON
 
         self.initProcessing()
         self._factory = OptionsFactory()
         self.iface.registerOptionsWidgetFactory(self._factory)
-        self._action = QAction(QIcon(str(ICON)), "Install or choose the program...", self.iface.mainWindow())
-        self._action.triggered.connect(self.show_options)
-        self.iface.addPluginToMenu(MENU, self._action)
+        self.dock = RegionsDock(self.iface)
+        self.iface.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, self.dock)
+        self.dock.hide()  # until the user opens it; QGIS opens it again where it was open
+        show = self.dock.toggleViewAction()
+        show.setIcon(QIcon(str(ICON)))
+        install = QAction(QIcon(str(ICON)), "Install or choose the program...", self.iface.mainWindow())
+        install.triggered.connect(self.show_options)
+        self._actions = [show, install]
+        for action in self._actions:
+            self.iface.addPluginToMenu(MENU, action)
+        self.iface.addToolBarIcon(show)
 
     def show_options(self) -> None:
         """Show the page of the program, also where Options cannot be opened at it."""
@@ -63,7 +74,14 @@ class UavsegPlugin:
         if self.provider is not None:
             QgsApplication.processingRegistry().removeProvider(self.provider)
             self.provider = None
-        if self.iface is not None and self._action is not None:
-            self.iface.removePluginMenu(MENU, self._action)
-            self.iface.unregisterOptionsWidgetFactory(self._factory)
-            self._action = self._factory = None
+        if self.dock is None:
+            return
+        self.iface.removeToolBarIcon(self._actions[0])
+        for action in self._actions:
+            self.iface.removePluginMenu(MENU, action)
+        self.iface.unregisterOptionsWidgetFactory(self._factory)
+        self.dock.clean_up()
+        self.iface.removeDockWidget(self.dock)
+        self.dock.deleteLater()
+        self.dock = self._factory = None
+        self._actions = []

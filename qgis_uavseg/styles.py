@@ -63,10 +63,7 @@ class _LegStyle(QgsProcessingLayerPostProcessorInterface):
         if not isinstance(layer, QgsVectorLayer):
             return
         _drop_undefined_crs(layer)
-        layer.setRenderer(QgsSingleSymbolRenderer(arrow_symbol()))
-        if layer.fields().indexOf("leg") >= 0:
-            layer.setLabeling(QgsVectorLayerSimpleLabeling(_leg_labels()))
-            layer.setLabelsEnabled(True)
+        style_legs(layer)
         layer.triggerRepaint()
 
 
@@ -124,6 +121,14 @@ def region_renderer(layer: QgsVectorLayer) -> Any:
     renderer.updateClasses(layer, min(_CLASSES_OF_MEAN, len(values)))
     _translucent(renderer)
     return renderer
+
+
+def style_legs(layer: QgsVectorLayer) -> None:
+    """Lines with arrows, and their numbers where they have some."""
+    layer.setRenderer(QgsSingleSymbolRenderer(arrow_symbol()))
+    if layer.fields().indexOf("leg") >= 0:
+        layer.setLabeling(QgsVectorLayerSimpleLabeling(_leg_labels()))
+        layer.setLabelsEnabled(True)
 
 
 def arrow_symbol(color: str = LEG_COLOR) -> QgsLineSymbol:
