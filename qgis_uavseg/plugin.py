@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from typing import Any
 
-from qgis.core import QgsApplication
+from qgis.core import Qgis, QgsApplication
 
 from .provider import UavsegProvider
 
@@ -34,27 +35,37 @@ class UavsegPlugin:
 
     def initGui(self) -> None:
         """Add the algorithms and what the desktop shows."""
-        from qgis.PyQt.QtCore import Qt
         from qgis.PyQt.QtGui import QIcon
         from qgis.PyQt.QtWidgets import QAction
 
-        from .dock.regions_dock import RegionsDock
         from .options_page import OptionsFactory
         from .provider import ICON
 
         self.initProcessing()
         self._factory = OptionsFactory()
         self.iface.registerOptionsWidgetFactory(self._factory)
+        install = QAction(QIcon(str(ICON)), "Install or choose the program...", self.iface.mainWindow())
+        install.triggered.connect(self.show_options)
+        self._actions = [install]
+        if find_spec("numpy"):
+            self._add_dock(QIcon(str(ICON)))
+        else:
+            said = "the dock Regions needs numpy, which the Python of QGIS does not have; algorithms work"
+            QgsApplication.messageLog().logMessage(said, MENU, Qgis.MessageLevel.Warning)
+        for action in self._actions:
+            self.iface.addPluginToMenu(MENU, action)
+
+    def _add_dock(self, icon: Any) -> None:
+        from qgis.PyQt.QtCore import Qt
+
+        from .dock.regions_dock import RegionsDock
+
         self.dock = RegionsDock(self.iface)
         self.iface.addDockWidget(Qt.DockWidgetArea.RightDockWidgetArea, self.dock)
         self.dock.hide()  # until the user opens it; QGIS opens it again where it was open
         show = self.dock.toggleViewAction()
-        show.setIcon(QIcon(str(ICON)))
-        install = QAction(QIcon(str(ICON)), "Install or choose the program...", self.iface.mainWindow())
-        install.triggered.connect(self.show_options)
-        self._actions = [show, install]
-        for action in self._actions:
-            self.iface.addPluginToMenu(MENU, action)
+        show.setIcon(icon)
+        self._actions.insert(0, show)
         self.iface.addToolBarIcon(show)
 
     def show_options(self) -> None:
@@ -74,14 +85,16 @@ class UavsegPlugin:
         if self.provider is not None:
             QgsApplication.processingRegistry().removeProvider(self.provider)
             self.provider = None
-        if self.dock is None:
+        if self._factory is None:
             return
-        self.iface.removeToolBarIcon(self._actions[0])
+        if self.dock is not None:
+            self.iface.removeToolBarIcon(self._actions[0])
+            self.dock.clean_up()
         for action in self._actions:
             self.iface.removePluginMenu(MENU, action)
         self.iface.unregisterOptionsWidgetFactory(self._factory)
-        self.dock.clean_up()
-        self.iface.removeDockWidget(self.dock)
-        self.dock.deleteLater()
+        if self.dock is not None:
+            self.iface.removeDockWidget(self.dock)
+            self.dock.deleteLater()
         self.dock = self._factory = None
         self._actions = []

@@ -157,7 +157,7 @@ def _by_category(layer: QgsVectorLayer, field: str) -> QgsCategorizedSymbolRende
     return QgsCategorizedSymbolRenderer(field, categories)
 
 
-def _given_colors(layer: QgsVectorLayer) -> dict:
+def _given_colors(layer: QgsVectorLayer) -> dict[Any, str]:
     """Colours of classes that the file of classes gave."""
     if layer.fields().indexOf("color") < 0:
         return {}

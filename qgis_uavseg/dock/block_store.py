@@ -44,5 +44,6 @@ def make_room(folder: Path) -> None:
     """Make the cache, and remove the oldest files of it beyond `KEPT`."""
     folder.mkdir(parents=True, exist_ok=True)
     files = sorted(folder.glob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
-    for path in files[KEPT - 1 :]:
+    most = KEPT - 1
+    for path in files[most:]:
         path.unlink(missing_ok=True)

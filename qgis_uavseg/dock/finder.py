@@ -95,13 +95,13 @@ class RegionFinder(QObject):
         except QgsProcessingException as error:
             self.failed.emit(str(error))
             return
-        for text in warnings.texts:
-            self.said.emit(text)
         self.blocks = block_file(self.raster, band)
         if is_fresh(self.blocks, self.raster):
-            self._read_means()
+            self._read_means(self.blocks)
         else:
             self._divide(self.raster, self.blocks, band)
+        if warnings.texts:  # after what is done now, so that it stays
+            self.said.emit("; ".join(warnings.texts))
 
     def find(self, low: float, high: float) -> None:
         """Find the exact regions of a range in the background; an earlier search is ended."""
@@ -166,12 +166,12 @@ class RegionFinder(QObject):
 
     def _divided(self, finished: Finished) -> None:
         self.progressed.emit(100)
-        self._read_means()
+        if self.blocks is not None:
+            self._read_means(self.blocks)
 
-    def _read_means(self) -> None:
-        assert self.blocks is not None
+    def _read_means(self, blocks: Path) -> None:
         try:
-            self.means = BlockMeans(self.blocks)
+            self.means = BlockMeans(blocks)
         except BlockMeansError as error:
             self._failed(str(error))
             return

@@ -46,6 +46,7 @@ class HomeAndZones(QObject):
         self._layer_id = ""
         canvas.destinationCrsChanged.connect(self._place_marker)
         QgsProject.instance().layerRemoved.connect(self._removed)
+        QgsProject.instance().cleared.connect(self._forget_home)
 
     def set_home(self, place: QgsPointXY | None) -> None:
         """Set home, in the CRS of the map; None leaves it to the program."""
@@ -103,6 +104,7 @@ class HomeAndZones(QObject):
         """Remove the marker; the layer stays in the project."""
         self._canvas.destinationCrsChanged.disconnect(self._place_marker)
         QgsProject.instance().layerRemoved.disconnect(self._removed)
+        QgsProject.instance().cleared.disconnect(self._forget_home)
         self.home = None
         self._place_marker()
 
@@ -120,6 +122,10 @@ class HomeAndZones(QObject):
         if layer_id == self._layer_id:
             self._layer_id = ""
             self.changed.emit()
+
+    def _forget_home(self) -> None:
+        """Another project has another home."""
+        self.set_home(None)
 
     def _place_marker(self) -> None:
         if self._marker is not None:

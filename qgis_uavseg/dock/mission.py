@@ -11,7 +11,6 @@ from qgis.core import QgsPointXY, QgsProcessingUtils
 from qgis.PyQt.QtCore import QObject, pyqtSignal
 
 from ..background import BackgroundRun
-from ..options import plain
 from ..process import Finished
 from ..program import ProgramError, ready_program
 
@@ -78,8 +77,8 @@ class MissionPlanner(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._run = BackgroundRun(self)
-        self._request: MissionRequest | None = None
         self._target, self._is_preview = Path(), True
+        self._request = MissionRequest(Path(), None, ())
         self._run.succeeded.connect(self._planned)
         self._run.failed.connect(self.failed)
 
@@ -108,7 +107,6 @@ class MissionPlanner(QObject):
             self.failed.emit(str(error))
 
     def _planned(self, finished: Finished) -> None:
-        assert self._request is not None
         found = json.loads(finished.output)
         files = tuple(self._target.parent / flight["file"] for flight in found["flights"])
         signal = self.shown if self._is_preview else self.saved
@@ -131,8 +129,3 @@ def summary(found: dict[str, Any]) -> str:
             parts.append(f"{flight['energy_wh']:.0f} Wh")
         rows.append(f"<b>Flight {number}:</b> " + ", ".join(parts))
     return "<br>".join(rows)
-
-
-def plain_or_empty(value: float | None) -> str:
-    """A number as one types it; empty for None."""
-    return "" if value is None else plain(value)

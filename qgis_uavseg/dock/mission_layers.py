@@ -23,9 +23,9 @@ from ..legs import LEG_FIELDS, leg_features
 from ..styles import style_legs
 
 _FOOTPRINT = {
-    "color": "31,120,180,28",
-    "outline_color": "31,120,180,150",
-    "outline_width": "0.2",
+    "color": "31,120,180,8",
+    "outline_color": "31,120,180,110",
+    "outline_width": "0.15",
 }
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Callable
 
-from qgis.core import QgsPointXY
+from qgis.core import QgsCsException, QgsGeometry, QgsPointXY
 from qgis.gui import QgsMapCanvas
 from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtWidgets import (
@@ -13,7 +13,6 @@ from qgis.PyQt.QtWidgets import (
     QFormLayout,
     QGridLayout,
     QGroupBox,
-    QHBoxLayout,
     QLabel,
     QLineEdit,
     QPushButton,
@@ -25,6 +24,7 @@ from ..algorithms.plan_options import AUTOPILOTS, PATTERNS
 from ..options import plain
 from .draw_tools import PlaceTool, PolygonTool
 from .home_and_zones import HomeAndZones
+from .range_panel import narrow
 
 DEFAULT_ALTITUDE_M = 60.0
 
@@ -45,7 +45,7 @@ class MissionPanel(QGroupBox):
         self.pattern, self.autopilot = _choice(PATTERNS), _choice(AUTOPILOTS)
         self.camera = QLineEdit()
         self.camera.setPlaceholderText("none, or e.g. DJI Mavic 3 Enterprise")
-        self.home_button, self.zone_button = QPushButton("Set on the map"), QPushButton("Draw on the map")
+        self.home_button, self.zone_button = QPushButton("Set..."), QPushButton("Draw...")
         self.clear_home, self.clear_zones = QPushButton("Clear"), QPushButton("Clear")
         self.home_label, self.zone_label = QLabel(), QLabel()
         self.preview_button, self.save_button = QPushButton("Plan mission"), QPushButton("Save mission...")
@@ -62,10 +62,10 @@ class MissionPanel(QGroupBox):
             ("Height above home", self.altitude),
             ("Pattern", self.pattern),
             ("Camera", self.camera),
-            ("Ground sampling distance", self.gsd),
+            ("Ground sampling", self.gsd),
             ("Between lines", self.spacing),
             ("Autopilot", self.autopilot),
-            ("Flight time of a battery", self.endurance),
+            ("Endurance", self.endurance),
             ("Home above the sea", self.home_altitude),
         )
         for label, widget in rows:
@@ -80,11 +80,18 @@ class MissionPanel(QGroupBox):
             for column, part in enumerate(parts):
                 places.addWidget(part, row, column)
         places.setColumnStretch(1, 1)
-        buttons = QHBoxLayout()
-        for button in (self.preview_button, self.more_button, self.save_button):
-            buttons.addWidget(button)
+        buttons = QGridLayout()
+        buttons.addWidget(self.preview_button, 0, 0)
+        buttons.addWidget(self.save_button, 0, 1)
+        buttons.addWidget(self.more_button, 1, 0, 1, 2)
         for button in (self.home_button, self.zone_button):
             button.setCheckable(True)
+        widest = self.fontMetrics().horizontalAdvance("-00.000000, -000.000000")
+        self.home_label.setMinimumWidth(widest)
+        self.home_button.setToolTip("Click on the map where the vehicle takes off")
+        self.zone_button.setToolTip("Click the corners on the map; a right click ends the zone")
+        for combo in (self.pattern, self.autopilot):
+            narrow(combo)
         self.save_button.setEnabled(False)
         self.save_button.setToolTip("After Plan mission, when legs and estimates can be seen")
         self.estimate.setWordWrap(True)
@@ -100,10 +107,11 @@ class MissionPanel(QGroupBox):
             button.toggled.connect(self._switch(tool))
             tool.deactivated.connect(lambda button=button: button.setChecked(False))
         self.home_tool.chosen.connect(self._set_home)
-        self.zone_tool.drawn.connect(self.places.add_zone)
+        self.zone_tool.drawn.connect(self._add_zone)
         self.clear_home.clicked.connect(lambda: self.places.set_home(None))
         self.clear_zones.clicked.connect(self.places.clear_zones)
         self.places.changed.connect(self._say_places)
+        self.gsd.valueChanged.connect(lambda value: self.altitude.setEnabled(not _text(self.gsd)))
 
     def on_change(self, call: Callable[[], None]) -> None:
         """Call when anything that a mission depends on is changed."""
@@ -148,7 +156,17 @@ class MissionPanel(QGroupBox):
 
     def _set_home(self, place: QgsPointXY) -> None:
         self.home_button.setChecked(False)
-        self.places.set_home(place)
+        self._try(lambda: self.places.set_home(place))
+
+    def _add_zone(self, outline: QgsGeometry) -> None:
+        self._try(lambda: self.places.add_zone(outline))
+
+    def _try(self, act: Callable[[], None]) -> None:
+        """Set a place; one that has no longitude and latitude is refused."""
+        try:
+            act()
+        except QgsCsException as error:
+            self.estimate.setText(f"That place has no longitude and latitude: {error}")
 
     def _say_places(self) -> None:
         home, zones = self.places.home, self.places.count_zones()

@@ -14,6 +14,7 @@ from qgis.core import (
 from qgis.gui import QgsMapCanvas, QgsMapLayerComboBox, QgsRasterBandComboBox
 from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtWidgets import (
+    QComboBox,
     QDoubleSpinBox,
     QFormLayout,
     QHBoxLayout,
@@ -48,7 +49,7 @@ class RangePanel(QWidget):
         self.slider, self.low, self.high = HistogramSlider(), _end("From v"), _end("To v")
         self.state, self.bar = QLabel(), QProgressBar()
         self.stop_button = QPushButton("Stop")
-        self.sample = QPushButton("Draw a sample...")
+        self.sample = QPushButton("Draw a sample on the map...")
         self._lay_out()
         self._connect()
         self._enable(False)
@@ -57,7 +58,10 @@ class RangePanel(QWidget):
         self.rasters.setFilters(QgsMapLayerProxyModel.RasterLayer)
         self.rasters.setAllowEmptyLayer(True)
         self.rasters.setLayer(None)
-        self.bands.setShowNotSetOption(True, "the only one, or luminance of red, green, blue")
+        self.bands.setShowNotSetOption(True, "as the program chooses")
+        self.bands.setToolTip("Without a choice: the only band, or the luminance of red, green and blue")
+        for combo in (self.rasters, *self.bands.findChildren(QComboBox)):
+            narrow(combo)
         self.state.setWordWrap(True)
         self.state.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.sample.setCheckable(True)
@@ -71,7 +75,6 @@ class RangePanel(QWidget):
         for widget in (QLabel("v from"), self.low, QLabel("to"), self.high):
             ends.addWidget(widget)
         ends.addStretch(1)
-        ends.addWidget(self.sample)
         work = QHBoxLayout()
         work.addWidget(self.bar, 1)
         work.addWidget(self.stop_button)
@@ -80,6 +83,7 @@ class RangePanel(QWidget):
         layout.addLayout(form)
         layout.addWidget(self.slider)
         layout.addLayout(ends)
+        layout.addWidget(self.sample)
         layout.addLayout(work)
         layout.addWidget(self.state)
         self._progress(100)
@@ -202,6 +206,12 @@ class RangePanel(QWidget):
         self.bar.setValue(share)
         for widget in (self.bar, self.stop_button):
             widget.setVisible(share < 100)
+
+
+def narrow(combo: QComboBox) -> None:
+    """Let a combo box be narrower than its texts, so that the dock can be narrow."""
+    combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+    combo.setMinimumContentsLength(8)
 
 
 def _end(name: str) -> QDoubleSpinBox:

@@ -18,9 +18,10 @@ from qgis.core import (
     QgsVectorLayer,
 )
 from qgis.gui import QgsDockWidget
+from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtWidgets import (
     QFileDialog,
-    QHBoxLayout,
+    QGridLayout,
     QLabel,
     QPushButton,
     QScrollArea,
@@ -57,7 +58,7 @@ class RegionsDock(QgsDockWidget):
         self.range, self.ticks = RangePanel(self._canvas), TickList()
         self.mission, self.planner = MissionPanel(self._canvas), MissionPlanner(self)
         self.tick_tool = PlaceTool(self._canvas)
-        self.all_button, self.none_button = QPushButton("Tick all"), QPushButton("None")
+        self.all_button, self.none_button = QPushButton("Tick all"), QPushButton("Tick none")
         self.tick_button, self.keep_button = QPushButton("Tick on the map"), QPushButton("Save regions...")
         self.count = QLabel()
         self._lay_out()
@@ -65,10 +66,10 @@ class RegionsDock(QgsDockWidget):
         self.ticks.show_regions(None)
 
     def _lay_out(self) -> None:
-        buttons = QHBoxLayout()
+        buttons = QGridLayout()
         self.tick_button.setCheckable(True)
-        for button in (self.all_button, self.none_button, self.tick_button, self.keep_button):
-            buttons.addWidget(button)
+        for k, button in enumerate((self.all_button, self.none_button, self.tick_button, self.keep_button)):
+            buttons.addWidget(button, k // 2, k % 2)
         inside = QWidget()
         layout = QVBoxLayout(inside)
         layout.addWidget(self.range)
@@ -78,7 +79,10 @@ class RegionsDock(QgsDockWidget):
         layout.addWidget(self.mission)
         area = QScrollArea()
         area.setWidgetResizable(True)
+        area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         area.setWidget(inside)
+        bar = area.verticalScrollBar().sizeHint().width()
+        area.setMinimumWidth(inside.minimumSizeHint().width() + bar + 2 * area.frameWidth())
         self.setWidget(area)
 
     def _connect(self) -> None:
@@ -127,16 +131,21 @@ class RegionsDock(QgsDockWidget):
         layer = self.layer()
         options = self.mission.options()
         home = self.mission.places.home
+        missing = ""
         if layer is None:
-            return self._refuse("Find regions first: choose a raster and drag the range")
-        if not self.ticks.ids():
-            return self._refuse("Tick the regions that are to be flown over")
-        if home is None and dict(options)["--home-altitude"]:
-            return self._refuse("A height of home is given, but no home: set home on the map")
+            missing = "Find regions first: choose a raster and drag the range"
+        elif not self.ticks.ids():
+            missing = "Tick the regions that are to be flown over"
+        elif home is None and dict(options)["--home-altitude"]:
+            missing = "A height of home is given, but no home: set home on the map"
+        zones = None
         try:
             zones = self.mission.places.zone_file()
         except QgsProcessingException as error:
-            return self._refuse(str(error))
+            missing = missing or str(error)
+        if layer is None or missing:
+            self._refuse(missing)
+            return None
         ids = None if self.ticks.are_all_ticked() else tuple(sorted(self.ticks.ids()))
         return MissionRequest(_file_of(layer), ids, options, home, zones)
 
@@ -219,7 +228,10 @@ class RegionsDock(QgsDockWidget):
             show_ticks(layer, ids)
         listed = self.ticks.topLevelItemCount()
         more = f"; the {listed} largest are listed" if listed < self.ticks.total else ""
-        self.count.setText(f"{len(ids)} of {self.ticks.total} regions are ticked{more}")
+        none = "No regions yet" if layer is None else "No region has a mean in this range"
+        self.count.setText(
+            f"{len(ids)} of {self.ticks.total} regions are ticked{more}" if self.ticks.total else none
+        )
 
     def _tick_on_map(self, on: bool) -> None:
         self._canvas.setMapTool(self.tick_tool) if on else self._canvas.unsetMapTool(self.tick_tool)

@@ -15,8 +15,8 @@ _ID = Qt.ItemDataRole.UserRole
 _TICKED = {"color": "255,165,0,90", "outline_color": "#c46a00", "outline_width": "0.6"}
 _OTHER = {
     "color": "0,0,0,0",
-    "outline_color": "#555555",
-    "outline_width": "0.4",
+    "outline_color": "#1f5fa8",
+    "outline_width": "0.5",
     "outline_style": "dash",
 }
 COLUMNS = (

@@ -1,4 +1,4 @@
-"""The dock "Regions": cells at once, exact regions, a sample, ticks, and missions seen before they are saved."""
+"""The dock "Regions": cells at once, exact regions, a sample, ticks, missions seen before they are saved."""
 
 import json
 import os
