@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from qgis.core import QgsCoordinateReferenceSystem, QgsRasterLayer, QgsRectangle
@@ -11,6 +11,16 @@ from qgis.PyQt.QtGui import QColor, QImage
 
 BINS = 128
 COLOR = QColor(255, 140, 0, 170)
+
+
+class Part(NamedTuple):
+    """Cells that are seen: slices of rows and of columns, with a step where cells are smaller than pixels."""
+
+    rows: slice
+    cols: slice
+
+
+WHOLE = Part(slice(None), slice(None))
 
 
 class BlockMeansError(Exception):
@@ -41,7 +51,6 @@ class BlockMeans:
         block = layer.dataProvider().block(1, self.extent, cols, rows)
         # One copy: the buffer belongs to the block.
         self.values: Any = np.frombuffer(bytes(block.data()), np.float32).reshape(rows, cols)
-        self._inside = np.zeros((rows, cols), np.uint8)
 
     def histogram(self, bins: int = BINS) -> tuple[list[int], tuple[float, float]]:
         """Number of cells in equal bins of v, and the range of v that the bins span: that of the cells."""
@@ -54,24 +63,26 @@ class BlockMeans:
         counts, _ = np.histogram(found, bins, (low, high))
         return [int(count) for count in counts], (low, high)
 
-    def in_range(self, low: float, high: float) -> Any:
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of cells."""
+        rows, cols = self.values.shape
+        return rows, cols
+
+    def in_range(self, low: float, high: float, part: Part = WHOLE) -> Any:
         """Cells whose mean lies in a range, ends included: 1, others 0.
 
         The file holds v to 32 bits, so the ends are rounded likewise.
         """
-        ends = np.float32(low), np.float32(high)
-        inside: Any = self._inside.view(bool)
-        np.greater_equal(self.values, ends[0], out=inside)
-        inside &= self.values <= ends[1]
-        return self._inside
+        values = self.values[part.rows, part.cols]
+        inside: Any = values >= np.float32(low)
+        inside &= values <= np.float32(high)
+        return inside.view(np.uint8)
 
-    def image(self, low: float, high: float) -> QImage:
-        """The cells in a range as an image of two colours, one of them transparent.
-
-        The image shares its memory with the next one.
-        """
-        inside = self.in_range(low, high)
+    def image(self, low: float, high: float, part: Part = WHOLE) -> QImage:
+        """The cells in a range as an image of two colours, one of them transparent."""
+        inside = self.in_range(low, high, part)
         rows, cols = inside.shape
         image = QImage(inside.data, cols, rows, cols, QImage.Format.Format_Indexed8)
         image.setColorTable([0, COLOR.rgba()])
-        return image
+        return image.copy()  # with memory of its own

@@ -7,6 +7,7 @@ from pathlib import Path
 from qgis.core import (
     QgsCoordinateReferenceSystem,
     QgsCoordinateTransform,
+    QgsCsException,
     QgsFeature,
     QgsFillSymbol,
     QgsGeometry,
@@ -25,6 +26,10 @@ from ..targets import polygon_file
 WGS84 = "EPSG:4326"
 ZONES = "Keep-out zones"
 _ZONE = {"color": "227,26,28,60", "outline_color": "#e31a1c", "outline_width": "0.6"}
+
+
+class PlaceError(Exception):
+    """A place has no longitude and latitude; the text says why."""
 
 
 class HomeAndZones(QObject):
@@ -49,18 +54,35 @@ class HomeAndZones(QObject):
         QgsProject.instance().cleared.connect(self._forget_home)
 
     def set_home(self, place: QgsPointXY | None) -> None:
-        """Set home, in the CRS of the map; None leaves it to the program."""
-        crs = self._canvas.mapSettings().destinationCrs()
-        self.home = None if place is None else _transform(crs, QgsCoordinateReferenceSystem(WGS84), place)
+        """Set home, in the CRS of the map; None leaves it to the program.
+
+        Raises
+        ------
+        PlaceError
+            If the place has no longitude and latitude.
+        """
+        wgs84 = QgsCoordinateReferenceSystem(WGS84)
+        self.home = None if place is None else _transform(self._crs(), wgs84, place)
         self._place_marker()
         self.changed.emit()
 
     def add_zone(self, outline: QgsGeometry) -> None:
-        """Add a keep-out zone, in the CRS of the map."""
-        layer = self.layer() or self._new_layer()
-        crs = self._canvas.mapSettings().destinationCrs()
+        """Add a keep-out zone, in the CRS of the map.
+
+        Raises
+        ------
+        PlaceError
+            If it has no longitude and latitude.
+        """
         shape = QgsGeometry(outline).makeValid()  # a crossed outline keeps all of its parts
-        shape.transform(QgsCoordinateTransform(crs, layer.crs(), QgsProject.instance()))
+        to_wgs84 = QgsCoordinateTransform(
+            self._crs(), QgsCoordinateReferenceSystem(WGS84), QgsProject.instance()
+        )
+        try:
+            shape.transform(to_wgs84)
+        except QgsCsException as error:
+            raise PlaceError(f"that zone has no longitude and latitude: {error}") from error
+        layer = self.layer() or self._new_layer()
         for part in shape.asGeometryCollection():
             if part.area() > 0:
                 feature = QgsFeature(layer.fields())
@@ -108,6 +130,14 @@ class HomeAndZones(QObject):
         self.home = None
         self._place_marker()
 
+    def _crs(self) -> QgsCoordinateReferenceSystem:
+        crs = self._canvas.mapSettings().destinationCrs()
+        if not crs.isValid():
+            raise PlaceError(
+                "the project has no CRS, so that places on the map have no longitude and latitude"
+            )
+        return crs
+
     def _new_layer(self) -> QgsVectorLayer:
         layer = QgsVectorLayer(f"Polygon?crs={WGS84}", ZONES, "memory")
         layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(_ZONE)))
@@ -134,16 +164,23 @@ class HomeAndZones(QObject):
         if self.home is None:
             return
         crs = self._canvas.mapSettings().destinationCrs()
+        try:
+            center = _transform(QgsCoordinateReferenceSystem(WGS84), crs, self.home)
+        except PlaceError:
+            return  # home is not on this map; its coordinates are shown in the dock
         self._marker = QgsVertexMarker(self._canvas)
         self._marker.setIconType(QgsVertexMarker.ICON_DOUBLE_TRIANGLE)
         self._marker.setColor(QColor("#1a7f37"))
         self._marker.setFillColor(QColor("#ffffff"))
         self._marker.setIconSize(16)
         self._marker.setPenWidth(3)
-        self._marker.setCenter(_transform(QgsCoordinateReferenceSystem(WGS84), crs, self.home))
+        self._marker.setCenter(center)
 
 
 def _transform(
     source: QgsCoordinateReferenceSystem, target: QgsCoordinateReferenceSystem, place: QgsPointXY
 ) -> QgsPointXY:
-    return QgsCoordinateTransform(source, target, QgsProject.instance()).transform(place)
+    try:
+        return QgsCoordinateTransform(source, target, QgsProject.instance()).transform(place)
+    except QgsCsException as error:
+        raise PlaceError(f"that place cannot be transformed: {error}") from error

@@ -39,7 +39,7 @@ class MissionRequest:
     zones: Path | None = None
 
     def words(self, target: Path) -> list[str]:
-        """The command line that writes the mission to a file."""
+        """The command line that writes the mission to a file; one that is there is replaced."""
         where = "auto" if self.home is None else f"{round(self.home.y(), 9)!r},{round(self.home.x(), 9)!r}"
         height = dict(self.options).get("--home-altitude", "")
         home = f"{where},{height}" if height and self.home is not None else where
@@ -47,7 +47,9 @@ class MissionRequest:
         words += [f"{flag}={text}" for flag, text in self.options if text and flag != "--home-altitude"]
         words += [f"--avoid={self.zones}"] if self.zones else []
         words += [f"--ids={','.join(map(str, self.ids))}"] if self.ids is not None else []
-        return [*words, f"--output={target}", "--overwrite", "--json", "--", str(self.regions)]
+        # Files of further flights, which the user was not asked about, are not replaced.
+        words += ["--overwrite"] if target.exists() else []
+        return [*words, f"--output={target}", "--json", "--", str(self.regions)]
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,11 @@ class MissionPlanner(QObject):
     def save(self, request: MissionRequest, target: Path) -> None:
         """Write a mission."""
         self._start(request, target, False)
+
+    def drop_preview(self) -> None:
+        """End a preview that is at work; what is being saved goes on."""
+        if self._is_preview:
+            self._run.cancel()
 
     def stop(self) -> None:
         """End what is at work, and wait for its end."""

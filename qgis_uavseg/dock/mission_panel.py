@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Callable
 
-from qgis.core import QgsCsException, QgsGeometry, QgsPointXY
+from qgis.core import QgsGeometry, QgsPointXY
 from qgis.gui import QgsMapCanvas
 from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtWidgets import (
@@ -23,7 +23,7 @@ from qgis.PyQt.QtWidgets import (
 from ..algorithms.plan_options import AUTOPILOTS, PATTERNS
 from ..options import plain
 from .draw_tools import PlaceTool, PolygonTool
-from .home_and_zones import HomeAndZones
+from .home_and_zones import HomeAndZones, PlaceError
 from .range_panel import narrow
 
 DEFAULT_ALTITUDE_M = 60.0
@@ -165,8 +165,8 @@ class MissionPanel(QGroupBox):
         """Set a place; one that has no longitude and latitude is refused."""
         try:
             act()
-        except QgsCsException as error:
-            self.estimate.setText(f"That place has no longitude and latitude: {error}")
+        except PlaceError as error:
+            self.estimate.setText(str(error))
 
     def _say_places(self) -> None:
         home, zones = self.places.home, self.places.count_zones()

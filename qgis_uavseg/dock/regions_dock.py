@@ -166,6 +166,7 @@ class RegionsDock(QgsDockWidget):
 
     def forget_mission(self) -> None:
         """What was seen is not what would be saved any more."""
+        self.planner.drop_preview()
         self._seen = None
         self.mission.save_button.setEnabled(False)
         self.mission.estimate.setText("")
@@ -194,9 +195,15 @@ class RegionsDock(QgsDockWidget):
             self._refuse("There are no regions to save")
             return
         path, _ = QFileDialog.getSaveFileName(self, "Save regions", "", "GeoPackage (*.gpkg)")
-        if path:
-            shutil.copyfile(_file_of(layer), path if path.endswith(".gpkg") else f"{path}.gpkg")
-            self.count.setText(f"saved: {path}")
+        if not path:
+            return
+        target = path if path.endswith(".gpkg") else f"{path}.gpkg"
+        try:
+            shutil.copyfile(_file_of(layer), target)
+        except OSError as error:
+            self._refuse(f"{target} cannot be written: {error.strerror or error}")
+            return
+        self.count.setText(f"saved: {target}")
 
     def tick_at(self, place: QgsPointXY) -> None:
         """Tick or untick the region at a place, in the CRS of the map."""

@@ -373,6 +373,14 @@ def test_what_changes_after_the_look_is_not_saved(quarry_dock: Any, tmp_path: Pa
         )
 
 
+def test_what_changes_during_the_planning_is_not_saved_either(quarry_dock: Any) -> None:
+    _with_regions(quarry_dock)
+    quarry_dock.mission.preview_button.click()
+    assert quarry_dock.planner.is_running
+    quarry_dock.mission.altitude.setValue(70)
+    assert not quarry_dock.planner.is_running and not quarry_dock.mission.save_button.isEnabled()
+
+
 def test_home_and_keep_out_zones_are_drawn_and_kept(quarry_dock: Any, tmp_path: Path) -> None:
     dock, canvas = quarry_dock, quarry_dock._canvas
     _with_regions(dock)
@@ -398,6 +406,15 @@ def test_home_and_keep_out_zones_are_drawn_and_kept(quarry_dock: Any, tmp_path: 
     assert legs and not any(leg.geometry().intersects(zone) for leg in legs)
     first = legs[0].geometry().asPolyline()[0]
     assert (first.x(), first.y()) == (pytest.approx(home.x(), abs=1e-6), pytest.approx(home.y(), abs=1e-6))
+
+
+def test_without_a_crs_of_the_project_there_is_no_home(quarry_dock: Any) -> None:
+    quarry_dock._canvas.setDestinationCrs(QgsCoordinateReferenceSystem())
+    quarry_dock.mission.home_tool.chosen.emit(QgsPointXY(2.1, 0.3))
+    assert quarry_dock.mission.places.home is None
+    assert "the project has no CRS" in quarry_dock.mission.estimate.text()
+    quarry_dock.mission.zone_tool.drawn.emit(QgsGeometry.fromRect(QgsRectangle(0, 0, 1, 1)))
+    assert quarry_dock.mission.places.layer() is None
 
 
 def test_what_must_not_be_flown_is_refused_with_its_reason(quarry_dock: Any, tmp_path: Path) -> None:
@@ -430,17 +447,31 @@ def test_words_of_a_request(tmp_path: Path) -> None:
         f"--avoid={tmp_path / 'z.gpkg'}",
         "--ids=1,3",
         f"--output={tmp_path / 'm.plan'}",
-        "--overwrite",
         "--json",
         "--",
         str(tmp_path / "r.gpkg"),
     ]
+    (tmp_path / "m.plan").touch()  # the dialog of the file asked whether it is to be replaced
+    assert "--overwrite" in request.words(tmp_path / "m.plan")
 
 
 def test_a_layer_that_is_removed_is_forgotten(quarry_dock: Any) -> None:
     layer = _with_regions(quarry_dock)
     QgsProject.instance().removeMapLayer(layer.id())
     assert quarry_dock.layer() is None and quarry_dock.ticks.topLevelItemCount() == 0
+
+
+def test_cells_that_are_smaller_than_pixels_are_drawn_in_steps(quarry_dock: Any) -> None:
+    dock = quarry_dock
+    dock.range.show_range(0.55, 1)
+    share = dock.range.finder.means.in_range(0.55, 1).mean()
+    box = dock.range.finder.means.extent
+    dock._canvas.setExtent(box.buffered(15 * box.width()))  # a cell is a third of a pixel
+    painted = _painted(dock)
+    per_pixel = dock._canvas.mapUnitsPerPixel()
+    pixels = box.width() / per_pixel * box.height() / per_pixel
+    assert per_pixel > 2 * box.width() / dock.range.finder.means.shape[1]
+    assert painted.sum() / pixels == pytest.approx(share, abs=0.1)
 
 
 def test_the_color_of_cells_lets_the_raster_show_through() -> None:
