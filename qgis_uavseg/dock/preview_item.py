@@ -88,7 +88,7 @@ class PreviewItem(QgsMapCanvasItem):
 
 
 def _part(seen: QRectF, step: int, shape: tuple[int, int]) -> Part:
-    """The cells of a rectangle; they begin at a multiple of the step, so that they stay when the map moves."""
+    """The cells of a rectangle, from a multiple of the step, so that they stay when the map moves."""
     top, left = int(seen.top()) // step * step, int(seen.left()) // step * step
     bottom, right = min(math.ceil(seen.bottom()), shape[0]), min(math.ceil(seen.right()), shape[1])
     return Part(slice(top, bottom, step), slice(left, right, step))
