@@ -36,8 +36,14 @@ def cache_folder() -> Path:
 
 
 def is_fresh(blocks: Path, raster: Path) -> bool:
-    """Whether a block map is there and not older than its raster; the program compares the contents again."""
-    return blocks.is_file() and blocks.stat().st_mtime_ns >= raster.stat().st_mtime_ns
+    """Whether a block map is there, and its raster was neither written nor replaced since.
+
+    A copy may keep the time of its original, so the time at which its name or properties changed counts, too.
+    """
+    if not blocks.is_file():
+        return False
+    state = raster.stat()
+    return blocks.stat().st_mtime_ns >= max(state.st_mtime_ns, state.st_ctime_ns)
 
 
 def make_room(folder: Path) -> None:

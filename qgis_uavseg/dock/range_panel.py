@@ -193,7 +193,11 @@ class RangePanel(QWidget):
 
     def _found(self, found: Found) -> None:
         self.preview.clear()
-        self.state.setText(" ".join(line for line in found.said if line.startswith(("note", "warning"))))
+        self.state.setText(
+            " ".join(
+                line for line in found.said if line.startswith(("note: ", "warning: ", "uavseg: warning: "))
+            )
+        )
 
     def _stopped(self) -> None:
         self.finder.cancel()

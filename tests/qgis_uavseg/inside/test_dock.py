@@ -4,6 +4,7 @@ import json
 import os
 import stat
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,19 @@ def test_the_block_map_is_made_once_and_kept_beside_the_raster(quarry_dock: Any,
     assert quarry_dock.range.finder.means is None and quarry_dock.range.finder.is_running
     wait_until(lambda: quarry_dock.range.finder.means is not None)
     assert blocks.stat().st_mtime_ns > made
+
+
+def test_a_raster_that_was_replaced_by_an_older_one_has_another_block_map(quarry: Path) -> None:
+    blocks = quarry.with_name("quarry.uavseg-blocks.tif")
+    assert not block_store.is_fresh(blocks, quarry)
+    blocks.touch()
+    assert block_store.is_fresh(blocks, quarry)
+    older = quarry.with_name("older.tif")
+    older.write_bytes(b"other")
+    os.utime(older, (1, 1))
+    time.sleep(0.02)
+    older.replace(quarry)
+    assert quarry.stat().st_mtime < blocks.stat().st_mtime and not block_store.is_fresh(blocks, quarry)
 
 
 def test_without_a_folder_to_write_to_the_block_map_is_cached(
@@ -476,3 +490,26 @@ def test_cells_that_are_smaller_than_pixels_are_drawn_in_steps(quarry_dock: Any)
 
 def test_the_color_of_cells_lets_the_raster_show_through() -> None:
     assert 100 < COLOR.alpha() < 220
+
+
+def test_a_raster_that_is_added_is_not_touched_until_it_is_chosen(dock: Any, quarry: Path) -> None:
+    QgsProject.instance().addMapLayer(QgsRasterLayer(str(quarry), "quarry", "gdal"))
+    wait_until(lambda: dock.range.rasters.count() > 1)
+    assert dock.range.rasters.currentLayer() is None and not dock.range.finder.is_running
+    assert [path.name for path in quarry.parent.iterdir()] == ["quarry.tif"]
+
+
+def test_the_plugin_is_loaded_and_unloaded_without_a_trace(qgis_iface: Any, program: str) -> None:
+    from qgis.core import QgsApplication
+
+    from qgis_uavseg import classFactory
+
+    for _ in range(2):
+        plugin = classFactory(qgis_iface)
+        plugin.initGui()
+        assert QgsApplication.processingRegistry().providerById("uavseg") is not None
+        assert plugin.dock.windowTitle() == "Regions"
+        items = len(plugin.dock._canvas.scene().items())
+        plugin.unload()
+        assert QgsApplication.processingRegistry().providerById("uavseg") is None
+        assert plugin.dock is None and len(qgis_iface.mapCanvas().scene().items()) < items
