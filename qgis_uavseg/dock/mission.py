@@ -121,7 +121,7 @@ class MissionPlanner(QObject):
 
 
 def summary(found: dict[str, Any]) -> str:
-    """Estimates of a mission, a line for each flight, as HTML."""
+    """Estimates of a mission, a line for each flight, and what the program warns of, as HTML."""
     rows = []
     for number, flight in enumerate(found["flights"], 1):
         minutes, seconds = divmod(round(flight["duration_s"]), 60)
@@ -135,4 +135,9 @@ def summary(found: dict[str, Any]) -> str:
         if flight.get("energy_wh"):
             parts.append(f"{flight['energy_wh']:.0f} Wh")
         rows.append(f"<b>Flight {number}:</b> " + ", ".join(parts))
-    return "<br>".join(rows)
+    return "<br>".join([*rows, *(f"⚠ {escaped(text)}" for text in found["warnings"])])
+
+
+def escaped(text: str) -> str:
+    """A text within HTML."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

@@ -32,7 +32,7 @@ from qgis.PyQt.QtWidgets import (
 from ..algorithms.plan import MISSION_EXTENSIONS, TARGET_FILTER
 from .draw_tools import PlaceTool
 from .finder import Found
-from .mission import MissionPlanner, MissionRequest, Planned, summary
+from .mission import MissionPlanner, MissionRequest, Planned, escaped, summary
 from .mission_layers import footprints_layer, legs_layer
 from .mission_panel import MissionPanel
 from .range_panel import RangePanel
@@ -177,13 +177,16 @@ class RegionsDock(QgsDockWidget):
         """All options of Plan mission in the dialog of Processing, with the regions chosen."""
         import processing
 
-        layer, zones = self.layer(), self.mission.places.layer()
-        given: dict[str, Any] = {} if layer is None else {"REGIONS": layer.id()}
+        layer, zones, home = self.layer(), self.mission.places.layer(), self.mission.places.home
+        given: dict[str, Any] = {
+            flag.lstrip("-").upper().replace("-", "_"): text for flag, text in self.mission.options() if text
+        }
+        if layer is not None:
+            given["REGIONS"] = layer.id()
         if layer is not None and self.ticks.ids() and not self.ticks.are_all_ticked():
             given["WHERE"] = "id in (" + ", ".join(map(str, sorted(self.ticks.ids()))) + ")"
         if zones is not None:
             given["AVOID"] = [zones.id()]
-        home = self.mission.places.home
         if home is not None:
             given["HOME"] = f"{home.x():.9f},{home.y():.9f} [EPSG:4326]"
         processing.execAlgorithmDialog("uavseg:plan", given)
@@ -255,14 +258,13 @@ class RegionsDock(QgsDockWidget):
         self._say(planned, "<b>saved:</b> " + ", ".join(str(path) for path in planned.files) + "<br>")
 
     def _say(self, planned: Planned, first: str) -> None:
-        notes = "".join(f"<br>⚠ {_escaped(text)}" for text in planned.found["warnings"])
-        self.mission.estimate.setText(first + summary(planned.found) + notes)
+        self.mission.estimate.setText(first + summary(planned.found))
 
     def _failed(self, text: str) -> None:
         self._refuse(text)
 
     def _refuse(self, text: str) -> None:
-        self.mission.estimate.setText(f'<span style="color:#b00020">{_escaped(text)}</span>')
+        self.mission.estimate.setText(f'<span style="color:#b00020">{escaped(text)}</span>')
 
     def _show(self, name: str, layer: QgsVectorLayer | None) -> None:
         """Show a layer on top, in place of the one of that name before."""
@@ -292,7 +294,3 @@ def _file_of(layer: QgsMapLayer) -> Path:
 def _suffix(chosen: str) -> str:
     """The extension of a filter such as `KML (*.kml)`."""
     return chosen.rsplit("*.", 1)[-1].rstrip(")") or MISSION_EXTENSIONS[0]
-
-
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")

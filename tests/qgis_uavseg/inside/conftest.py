@@ -72,3 +72,23 @@ def quarry_dock(dock: Any, quarry: Path) -> Any:
     dock.range.rasters.setLayer(layer)
     wait_until(lambda: dock.range.finder.means is not None)
     return dock
+
+
+@pytest.fixture
+def processing(
+    qgis_iface: Any, qgis_processing: None, qgis_new_project: None, monkeypatch: pytest.MonkeyPatch
+) -> Any:
+    """Processing with the provider, and a desktop that dialogs can ask for its browser."""
+    import processing
+    from qgis.core import QgsApplication
+    from qgis.gui import QgsBrowserGuiModel
+    from qgis.utils import iface
+
+    from qgis_uavseg.provider import UavsegProvider
+
+    browser = QgsBrowserGuiModel()
+    monkeypatch.setattr(iface, "browserModel", lambda: browser, raising=False)
+    provider = UavsegProvider()
+    QgsApplication.processingRegistry().addProvider(provider)
+    yield processing
+    QgsApplication.processingRegistry().removeProvider(provider)

@@ -29,8 +29,6 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-from qgis_uavseg.provider import UavsegProvider
-
 NAMES = ("extract", "levels", "match", "suggest", "plan", "check", "classify", "path")
 # The parameters of a run; texts in angle brackets are files that the fixture `inputs` made, or results.
 RUNS: dict[str, dict[str, Any]] = {
@@ -61,23 +59,6 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     ):
         subprocess.run([os.environ["UAVSEG_PROGRAM"], *words], check=True, capture_output=True)
     return {**samples, **paths}
-
-
-@pytest.fixture
-def processing(
-    qgis_iface: Any, qgis_processing: None, qgis_new_project: None, monkeypatch: pytest.MonkeyPatch
-) -> Any:
-    """Processing with the provider, and a desktop that dialogs can ask for its browser."""
-    import processing
-    from qgis.gui import QgsBrowserGuiModel
-    from qgis.utils import iface
-
-    browser = QgsBrowserGuiModel()
-    monkeypatch.setattr(iface, "browserModel", lambda: browser, raising=False)
-    provider = UavsegProvider()
-    QgsApplication.processingRegistry().addProvider(provider)
-    yield processing
-    QgsApplication.processingRegistry().removeProvider(provider)
 
 
 def _filled(parameters: dict[str, Any], inputs: dict[str, str], out: Path) -> dict[str, Any]:

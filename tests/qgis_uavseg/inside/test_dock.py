@@ -513,3 +513,33 @@ def test_the_plugin_is_loaded_and_unloaded_without_a_trace(qgis_iface: Any, prog
         plugin.unload()
         assert QgsApplication.processingRegistry().providerById("uavseg") is None
         assert plugin.dock is None and len(qgis_iface.mapCanvas().scene().items()) < items
+
+
+def test_the_dialog_of_the_dock_plans_the_same_mission(
+    processing: Any, quarry_dock: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from qgis.core import QgsApplication, QgsProcessingContext, QgsProcessingFeedback
+
+    dock = quarry_dock
+    _with_regions(dock)
+    dock.ticks.tick([3], False)
+    dock.mission.pattern.setCurrentIndex(dock.mission.pattern.findData("survey"))
+    dock.mission.spacing.setValue(20)
+    dock.mission.home_altitude.setValue(212)
+    dock.mission.places.set_home(QgsPointXY(512352, 5478352))
+    dock.mission.places.add_zone(QgsGeometry.fromRect(QgsRectangle(512470, 5478440, 512500, 5478470)))
+    asked: list[Any] = []
+    monkeypatch.setattr(processing, "execAlgorithmDialog", lambda *given: asked.append(given))
+    dock.mission.more_button.click()
+    ((name, given),) = asked
+    algorithm = QgsApplication.processingRegistry().createAlgorithmById(name)
+    assert set(given) <= {definition.name() for definition in algorithm.parameterDefinitions()}
+    feedback, context = QgsProcessingFeedback(False), QgsProcessingContext()
+    context.setProject(QgsProject.instance())
+    results, ok = algorithm.run({**given, "OUTPUT": str(tmp_path / "dialog.plan")}, context, feedback)
+    assert ok, feedback.textLog()
+    _plan(dock)
+    dock.save(tmp_path / "dock.plan")
+    wait_until(lambda: not dock.planner.is_running)
+    assert (tmp_path / "dialog.plan").read_bytes() == (tmp_path / "dock.plan").read_bytes()
+    assert results["FLIGHTS"] == 1
