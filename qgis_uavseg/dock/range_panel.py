@@ -201,7 +201,10 @@ class RangePanel(QWidget):
 
     def _stopped(self) -> None:
         self.finder.cancel()
-        self.state.setText("Stopped")
+        is_ready = self.finder.means is not None
+        self.state.setText(
+            "Stopped" if is_ready else "Stopped; choose the raster again to make its block map"
+        )
 
     def _failed(self, text: str) -> None:
         self.state.setText(text)

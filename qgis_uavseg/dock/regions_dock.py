@@ -100,7 +100,8 @@ class RegionsDock(QgsDockWidget):
         self.mission.more_button.clicked.connect(self.open_dialog)
         self.planner.shown.connect(self._show_mission)
         self.planner.saved.connect(self._saved)
-        self.planner.failed.connect(self._failed)
+        self.planner.failed.connect(self._refuse)
+        self.closed.connect(self.range.preview.clear)
         QgsProject.instance().layerRemoved.connect(self._layer_removed)
 
     def layer(self, name: str = "regions") -> QgsVectorLayer | None:
@@ -237,7 +238,11 @@ class RegionsDock(QgsDockWidget):
         if layer is not None:
             show_ticks(layer, ids)
         listed = self.ticks.topLevelItemCount()
-        more = f"; the {listed} largest are listed" if listed < self.ticks.total else ""
+        more = (
+            f"; only the {listed} largest are listed and can be flown over"
+            if listed < self.ticks.total
+            else ""
+        )
         none = "No regions yet" if layer is None else "No region has a mean in this range"
         self.count.setText(
             f"{len(ids)} of {self.ticks.total} regions are ticked{more}" if self.ticks.total else none
@@ -259,9 +264,6 @@ class RegionsDock(QgsDockWidget):
 
     def _say(self, planned: Planned, first: str) -> None:
         self.mission.estimate.setText(first + summary(planned.found))
-
-    def _failed(self, text: str) -> None:
-        self._refuse(text)
 
     def _refuse(self, text: str) -> None:
         self.mission.estimate.setText(f'<span style="color:#b00020">{escaped(text)}</span>')

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from qgis.core import QgsFeature, QgsFillSymbol, QgsRuleBasedRenderer, QgsVectorLayer
+from qgis.core import QgsFeature, QgsFeatureRequest, QgsFillSymbol, QgsRuleBasedRenderer, QgsVectorLayer
 from qgis.PyQt.QtCore import Qt, pyqtSignal
 from qgis.PyQt.QtWidgets import QAbstractItemView, QHeaderView, QTreeWidget, QTreeWidgetItem, QWidget
 
@@ -54,7 +54,8 @@ class TickList(QTreeWidget):
         self.blockSignals(True)
         self.clear()
         self._rows = {}
-        features = [] if layer is None else list(layer.getFeatures())
+        attributes = QgsFeatureRequest().setFlags(QgsFeatureRequest.NoGeometry)
+        features = [] if layer is None else list(layer.getFeatures(attributes))
         self.total = len(features)
         shown = [column for column in COLUMNS if layer is not None and layer.fields().indexOf(column[0]) >= 0]
         self.setHeaderLabels(["Region", *(label for _, label, _ in shown)])

@@ -469,6 +469,29 @@ def test_words_of_a_request(tmp_path: Path) -> None:
     assert "--overwrite" in request.words(tmp_path / "m.plan")
 
 
+def test_more_regions_than_are_listed_are_not_flown_over(
+    quarry_dock: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from qgis_uavseg.dock import tick_list
+
+    monkeypatch.setattr(tick_list, "MOST", 2)
+    _with_regions(quarry_dock)
+    assert quarry_dock.count.text() == (
+        "2 of 4 regions are ticked; only the 2 largest are listed and can be flown over"
+    )
+    assert quarry_dock.request().ids == (1, 2)
+
+
+def test_stopping_says_how_to_go_on_and_closing_clears_the_map(quarry_dock: Any) -> None:
+    quarry_dock.range.show_range(0.3, 0.5)
+    assert quarry_dock.range.preview.isVisible()
+    quarry_dock.close()
+    assert not quarry_dock.range.preview.isVisible()
+    quarry_dock.range.finder.means = None
+    quarry_dock.range.stop_button.click()
+    assert "choose the raster again" in quarry_dock.range.state.text()
+
+
 def test_a_layer_that_is_removed_is_forgotten(quarry_dock: Any) -> None:
     layer = _with_regions(quarry_dock)
     QgsProject.instance().removeMapLayer(layer.id())
