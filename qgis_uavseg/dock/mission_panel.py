@@ -24,6 +24,7 @@ from ..algorithms.plan_options import AUTOPILOTS, PATTERNS
 from ..options import plain
 from .draw_tools import PlaceTool, PolygonTool
 from .home_and_zones import HomeAndZones, PlaceError
+from .mission import escaped
 from .range_panel import narrow
 
 DEFAULT_ALTITUDE_M = 60.0
@@ -166,7 +167,7 @@ class MissionPanel(QGroupBox):
         try:
             act()
         except PlaceError as error:
-            self.estimate.setText(str(error))
+            self.estimate.setText(escaped(str(error)))
 
     def _say_places(self) -> None:
         home, zones = self.places.home, self.places.count_zones()

@@ -63,6 +63,7 @@ class RangePanel(QWidget):
         for combo in (self.rasters, *self.bands.findChildren(QComboBox)):
             narrow(combo)
         self.state.setWordWrap(True)
+        self.state.setTextFormat(Qt.TextFormat.PlainText)  # names of files are in it
         self.state.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self.sample.setCheckable(True)
         self.sample.setToolTip(

@@ -260,7 +260,7 @@ class RegionsDock(QgsDockWidget):
         self._say(planned, "")
 
     def _saved(self, planned: Planned) -> None:
-        self._say(planned, "<b>saved:</b> " + ", ".join(str(path) for path in planned.files) + "<br>")
+        self._say(planned, f"<b>saved:</b> {escaped(', '.join(map(str, planned.files)))}<br>")
 
     def _say(self, planned: Planned, first: str) -> None:
         self.mission.estimate.setText(first + summary(planned.found))

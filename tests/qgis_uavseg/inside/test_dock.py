@@ -331,6 +331,8 @@ def test_a_mission_is_seen_and_what_is_saved_is_that(quarry_dock: Any, tmp_path:
     regions = Path(dock.layer().source().split("|")[0])
     _typed("plan", regions, *words, "-o", tmp_path / "typed.plan")
     assert target.read_bytes() == (tmp_path / "typed.plan").read_bytes()
+    assert f"saved:</b> {target}" in dock.mission.estimate.text()
+    _typed("check", target)
     estimate = json.loads(
         subprocess.run(
             [os.environ["UAVSEG_PROGRAM"], "plan", regions, *words, "--json", "-o", tmp_path / "t.plan"],
