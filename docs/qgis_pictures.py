@@ -51,6 +51,8 @@ def main() -> int:
             shutil.copy(ROOT / "samples" / name, rasters)
         environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
         environment |= {
+            # QGIS takes the first python3 on the PATH for its own, which is the system's.
+            "PATH": os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")]),
             "QGIS_PLUGINPATH": str(ROOT),
             "UAVSEG_PROGRAM": str(given.program),
             "UAVSEG_PICTURES": str(given.output.resolve()),

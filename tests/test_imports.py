@@ -146,6 +146,7 @@ PHASES = {
     "blocks.memory": {"blocks.division"},
     "blocks.block_map": {"blocks.division", "blocks.memory", "params"},
     "blocks.leaves": {"blocks.block_map", "params", "partition"},
+    "blocks.leaf_codes": {"blocks.block_map", "params"},
     "refine.noise": {"dilation"},
     "refine.total_variation": set(),
     "refine.specks": set(),

@@ -1,0 +1,35 @@
+// The page of `uavseg map`.
+"use strict";
+
+(async () => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const panel = document.getElementById("panel");
+  const map = L.map("map", {maxZoom: 26, zoomSnap: 0.25, renderer: new RimCanvas({padding: 0.3}), attributionControl: false});
+  const [west, south, east, north] = data.image.bounds;
+  const bounds = L.latLngBounds([south, west], [north, east]);
+  const raster = L.imageOverlay(data.image.url, bounds, {alt: data.title}).addTo(map);
+  const layers = L.control.layers({}, {}, {position: "topright"}).addTo(map);
+  const page = {data, map, layers, panel};
+  layers.addOverlay(raster, "Raster");
+  L.control.scale({maxWidth: 160}).addTo(map);
+  map.fitBounds(bounds);
+  document.getElementById("title").textContent = data.title;
+  document.getElementById("about").textContent = data.about;
+  for (const note of data.notes) panel.append(make("p", {className: "warning", textContent: note}));
+
+  const toggle = document.getElementById("toggle");
+  toggle.onclick = () => {
+    toggle.ariaExpanded = String(!document.body.classList.toggle("closed"));
+    map.invalidateSize();
+  };
+  addPosition(page);
+  missionPanes(map);
+  if (data.regions) new RegionList(page, "Regions", COLORS.file, "chosen.geojson").show(data.regions);
+  if (data.cells && typeof DecompressionStream === "undefined") {
+    panel.append(make("p", {className: "warning", textContent: "This browser is too old for the range slider."}));
+  } else if (data.cells) {
+    await addSlider(page, new RegionList(page, "Regions of a range", COLORS.range, "range.geojson", !data.regions));
+  }
+  for (const mission of data.missions) addMission(page, mission);
+  document.body.dataset.ready = "true";
+})();
