@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from qgis.core import (
     QgsCoordinateReferenceSystem,
@@ -39,22 +40,20 @@ def legs_layer(files: Sequence[Path]) -> QgsVectorLayer:
     return layer
 
 
-def footprints_layer(files: Sequence[Path], size_m: Sequence[float] | None) -> QgsVectorLayer | None:
-    """What the photographs show on flat ground, as a layer in memory; None without photographs.
+def footprints_layer(files: Sequence[Path], flights: Sequence[dict[str, Any]]) -> QgsVectorLayer | None:
+    """What photographs at equal distances show on flat ground, as a layer in memory; None without any.
 
     Parameters
     ----------
     files : sequence of path
         One GeoJSON file for each flight.
-    size_m : (float, float), optional
-        Across and along the line of flight.
+    flights : sequence of dict
+        Their estimates; `footprint_m` is the width across the line of flight, and the length along it.
     """
-    if size_m is None:
-        return None
     layer = QgsVectorLayer("Polygon?crs=EPSG:4326&field=flight:integer", "Footprints (not saved)", "memory")
     made = []
-    for number, path in enumerate(files, 1):
-        for outline in _footprints(path, size_m):
+    for number, (path, flight) in enumerate(zip(files, flights), 1):
+        for outline in _footprints(path, flight["footprint_m"]) if flight.get("footprint_m") else ():
             feature = QgsFeature(layer.fields())
             feature.setAttributes([number])
             feature.setGeometry(outline)
@@ -64,6 +63,15 @@ def footprints_layer(files: Sequence[Path], size_m: Sequence[float] | None) -> Q
     layer.dataProvider().addFeatures(made)
     layer.setRenderer(QgsSingleSymbolRenderer(QgsFillSymbol.createSimple(_FOOTPRINT)))
     return layer
+
+
+def not_shown(layer: QgsVectorLayer | None, flights: Sequence[dict[str, Any]]) -> str:
+    """Says, as HTML, that footprints are not those of all photographs; empty if they are."""
+    taken = sum(flight["photographs"] for flight in flights)
+    shown = layer.featureCount() if layer is not None else 0
+    if shown >= taken:
+        return ""
+    return f"footprints of {shown} of {taken} photographs are shown: those at equal distances<br>"
 
 
 def _footprints(path: Path, size_m: Sequence[float]) -> Iterator[QgsGeometry]:

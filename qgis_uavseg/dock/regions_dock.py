@@ -33,7 +33,7 @@ from ..algorithms.plan import MISSION_EXTENSIONS, TARGET_FILTER
 from .draw_tools import PlaceTool
 from .finder import Found
 from .mission import MissionPlanner, MissionRequest, Planned, escaped, summary
-from .mission_layers import footprints_layer, legs_layer
+from .mission_layers import footprints_layer, legs_layer, not_shown
 from .mission_panel import MissionPanel
 from .range_panel import RangePanel
 from .tick_list import TickList, show_ticks
@@ -252,12 +252,13 @@ class RegionsDock(QgsDockWidget):
         self._canvas.setMapTool(self.tick_tool) if on else self._canvas.unsetMapTool(self.tick_tool)
 
     def _show_mission(self, planned: Planned) -> None:
-        size = planned.found["flights"][0].get("footprint_m")
-        self._show("footprints", footprints_layer(planned.files, size))
+        flights = planned.found["flights"]
+        footprints = footprints_layer(planned.files, flights)
+        self._show("footprints", footprints)
         self._show("legs", legs_layer(planned.files))
         self._seen = planned.request
         self.mission.save_button.setEnabled(True)
-        self._say(planned, "")
+        self._say(planned, not_shown(footprints, flights))
 
     def _saved(self, planned: Planned) -> None:
         self._say(planned, f"<b>saved:</b> {escaped(', '.join(map(str, planned.files)))}<br>")

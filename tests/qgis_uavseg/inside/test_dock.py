@@ -365,6 +365,41 @@ def test_footprints_cover_what_is_flown_over(quarry_dock: Any) -> None:
         assert shown.contains(region)
 
 
+def test_photographs_without_a_footprint_are_said(quarry_dock: Any) -> None:
+    dock = quarry_dock
+    _with_regions(dock)
+    dock.mission.camera.setText("DJI Mavic 3 Enterprise")
+    dock.mission.pattern.setCurrentIndex(dock.mission.pattern.findData("visit"))
+    _plan(dock)
+    assert "footprints of 0 of 4 photographs are shown" in dock.mission.estimate.text()
+    assert dock.layer("footprints") is None and dock.layer("legs").featureCount() == 5
+
+
+def test_several_flights_are_seen_and_saved_and_no_other_file_is_replaced(
+    quarry_dock: Any, tmp_path: Path
+) -> None:
+    dock = quarry_dock
+    _with_regions(dock)
+    dock.mission.camera.setText("DJI Mavic 3 Enterprise")
+    dock.mission.endurance.setValue(10)
+    _plan(dock)
+    flights = {leg["flight"] for leg in dock.layer("legs").getFeatures()}
+    assert len(flights) > 1 and f"Flight {len(flights)}:" in dock.mission.estimate.text()
+    dock.save(tmp_path / "m.plan")
+    wait_until(lambda: not dock.planner.is_running)
+    written = sorted(path.name for path in tmp_path.glob("*.plan"))
+    assert len(written) == len(flights)
+    assert all(name in dock.mission.estimate.text() for name in written)
+    other = tmp_path / written[-1]
+    other.write_bytes(b"other")
+    for name in written[:-1]:
+        (tmp_path / name).unlink()
+    dock.save(tmp_path / "m.plan")
+    wait_until(lambda: not dock.planner.is_running)
+    assert other.read_bytes() == b"other" and other.name in dock.mission.estimate.text()
+    assert [path.name for path in tmp_path.glob("*.plan")] == [other.name]
+
+
 def test_what_changes_after_the_look_is_not_saved(quarry_dock: Any, tmp_path: Path) -> None:
     dock = quarry_dock
     _with_regions(dock)
