@@ -43,17 +43,22 @@ def leg_features(files: Sequence[Path]) -> Iterator[QgsFeature]:
         A vertical leg (take-off, landing) has no length on the map, and is left out.
     """
     for number, path in enumerate(files, 1):
-        features = json.loads(Path(path).read_text(encoding="utf-8"))["features"]
-        flight = next(feature for feature in features if feature["properties"]["kind"] == "flight")
-        places, heights = flight["geometry"]["coordinates"], flight["properties"]["heights_m"]
         leg = 0
-        for k in range(len(places) - 1):
-            if places[k][:2] == places[k + 1][:2]:
-                continue
-            leg += 1
-            feature = QgsFeature(LEG_FIELDS)
-            feature.setAttributes([number, leg, heights[k], heights[k + 1]])
-            feature.setGeometry(
-                QgsGeometry.fromPolyline([QgsPoint(*places[k][:2]), QgsPoint(*places[k + 1][:2])])
-            )
-            yield feature
+        for places, heights in _lines(path):
+            for k in range(len(places) - 1):
+                if places[k][:2] == places[k + 1][:2]:
+                    continue
+                leg += 1
+                feature = QgsFeature(LEG_FIELDS)
+                feature.setAttributes([number, leg, heights[k], heights[k + 1]])
+                feature.setGeometry(
+                    QgsGeometry.fromPolyline([QgsPoint(*places[k][:2]), QgsPoint(*places[k + 1][:2])])
+                )
+                yield feature
+
+
+def _lines(path: Path) -> Iterator[tuple[list[list[float]], list[float]]]:
+    """The line of a flight with its heights: a piece for each meaning of heights (home, terrain, sea)."""
+    for feature in json.loads(Path(path).read_text(encoding="utf-8"))["features"]:
+        if feature["properties"]["kind"] == "flight":
+            yield feature["geometry"]["coordinates"], feature["properties"]["heights_m"]

@@ -18,6 +18,8 @@ FOLDER = Path(__file__).resolve().parent
 LICENSE = FOLDER.parent / "LICENSE"
 LINKS = ("homepage", "repository", "tracker", "email")
 REQUIRED = ("name", "description", "about", "version", "qgisMinimumVersion", "author", *LINKS)
+SWITCHES = ("experimental", "deprecated")
+LARGEST = 25_000_000
 SUFFIXES = frozenset((".py", ".svg", ".txt", ".qml"))
 _OLDEST = (1980, 1, 1, 0, 0, 0)  # that a zip can say
 
@@ -52,10 +54,12 @@ def contents(metadata: dict[str, str]) -> list[tuple[str, bytes]]:
 def filled(text: str, values: dict[str, str]) -> str:
     """Metadata with values put in place of those that are there."""
     for key, value in values.items():
-        line = f"{key}={value}"
-        text, found = re.subn(rf"^{key}=.*$", lambda _, line=line: line, text, flags=re.MULTILINE)
+        lines = text.split("\n")
+        found = [k for k, line in enumerate(lines) if line.startswith(f"{key}=")]
         if not found:
             raise PackageError(f"metadata.txt has no {key}")
+        lines[found[0]] = f"{key}={value}"
+        text = "\n".join(lines)
     return text
 
 
@@ -67,10 +71,13 @@ def check(files: dict[str, bytes]) -> None:
     PackageError
         With everything that is wrong.
     """
-    parser = configparser.ConfigParser(interpolation=None)
+    parser = configparser.ConfigParser()  # with interpolation, as the repository reads it
     parser.optionxform = str  # type: ignore[assignment, method-assign]
-    parser.read_string(files["metadata.txt"].decode("utf-8"))
-    general = dict(parser["general"])
+    try:
+        parser.read_string(files["metadata.txt"].decode("utf-8"))
+        general = dict(parser["general"])
+    except (configparser.Error, KeyError, UnicodeDecodeError) as error:
+        raise PackageError(f"metadata.txt cannot be read: {error}") from error
     wrong = [f"metadata.txt: {key} is empty" for key in REQUIRED if not general.get(key, "").strip()]
     wrong += [
         f"metadata.txt: {key} is {general[key]!r}, not an address that begins with https://"
@@ -82,6 +89,19 @@ def check(files: dict[str, bytes]) -> None:
         for name in files
         if not _is_plain(name, files[name])
     ]
+    wrong += [
+        f"metadata.txt: {key} is {general[key]!r}, not True or False"
+        for key in SWITCHES
+        if general.get(key, "False") not in ("True", "False")
+    ]
+    wrong += [f"{name}: is not there" for name in ("__init__.py", "LICENSE") if name not in files]
+    wrong += [f"{name}: a name with .." for name in files if ".." in name]
+    if not re.fullmatch(r"\d+(\.\d+)+", general.get("qgisMinimumVersion", "")):
+        wrong.append(f"metadata.txt: qgisMinimumVersion is {general.get('qgisMinimumVersion')!r}")
+    if "/" in general.get("author", ""):
+        wrong.append("metadata.txt: author has a /")
+    if sum(map(len, files.values())) > LARGEST:
+        wrong.append(f"more than {LARGEST:,} bytes")
     if general.get("icon") not in files:
         wrong.append(f"metadata.txt: the icon {general.get('icon')!r} is not there")
     if wrong:

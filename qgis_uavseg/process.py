@@ -37,7 +37,7 @@ STRIPPED = frozenset(
 )
 _STRIPPED_PREFIX = "DYLD_"
 _POLL_MS = 50
-_TERMINATE_MS = 600  # together with a poll below a second
+TERMINATE_MS = 600  # together with a poll below a second
 _PROGRESS = re.compile(r"^progress (\d{1,3})$")
 _ERROR = re.compile(r"^(?:uavseg: error|Error): ")
 _WARNING = re.compile(r"^(?:uavseg: warning|warning|note): ")
@@ -99,13 +99,13 @@ def run(program: str, arguments: Sequence[str], feedback: Any, show_output: bool
     """
     feedback.pushCommandInfo(shlex.join([program, *arguments]))
     process = _started(program, arguments)
-    errors, output = _Lines(feedback), _Lines(feedback if show_output else None)
+    errors, output = Lines(feedback), Lines(feedback if show_output else None)
     while process.state() != QProcess.ProcessState.NotRunning:
         process.waitForFinished(_POLL_MS)
         errors.take(bytes(process.readAllStandardError()))
         output.take(bytes(process.readAllStandardOutput()))
         if feedback.isCanceled():
-            _end(process)
+            end_process(process)
             raise Cancelled
     errors.end()
     output.end()
@@ -124,7 +124,7 @@ def quick_output(program: str, arguments: Sequence[str], timeout_ms: int = 30_00
     """
     process = _started(program, arguments)
     if not process.waitForFinished(timeout_ms):
-        _end(process)
+        end_process(process)
         raise ProcessError(f"it gave no answer within {timeout_ms / 1000:g} s")
     if process.exitStatus() == QProcess.ExitStatus.CrashExit or process.exitCode():
         said = bytes(process.readAllStandardError()).decode("utf-8", "replace").strip().splitlines()
@@ -142,15 +142,15 @@ def _started(program: str, arguments: Sequence[str]) -> QProcess:
     return process
 
 
-def _end(process: QProcess) -> None:
+def end_process(process: QProcess) -> None:
     """End a process: asked first, so that it can tidy up, then killed."""
     process.terminate()
-    if not process.waitForFinished(_TERMINATE_MS):
+    if not process.waitForFinished(TERMINATE_MS):
         process.kill()
         process.waitForFinished(2000)
 
 
-class _Lines:
+class Lines:
     """Lines out of a stream of bytes, each shown as what it is."""
 
     def __init__(self, feedback: Any | None) -> None:

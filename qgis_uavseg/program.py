@@ -50,8 +50,10 @@ def find_program() -> Path:
     ProgramError
         If there is none, or if what the options or the variable name is not a file.
     """
-    named = ((str(QgsSettings().value(SETTING, "") or ""), "Options > UAV Segmentation"),)
-    named += ((os.environ.get(VARIABLE, ""), f"${VARIABLE}"),)
+    named = (
+        (str(QgsSettings().value(SETTING, "") or ""), "Options > UAV Segmentation"),
+        (os.environ.get(VARIABLE, ""), f"${VARIABLE}"),
+    )
     for text, where in named:
         if text and not Path(text).is_file():
             raise ProgramError(

@@ -63,10 +63,7 @@ class _LegStyle(QgsProcessingLayerPostProcessorInterface):
         if not isinstance(layer, QgsVectorLayer):
             return
         _drop_undefined_crs(layer)
-        layer.setRenderer(QgsSingleSymbolRenderer(arrow_symbol()))
-        if layer.fields().indexOf("leg") >= 0:
-            layer.setLabeling(QgsVectorLayerSimpleLabeling(_leg_labels()))
-            layer.setLabelsEnabled(True)
+        style_legs(layer)
         layer.triggerRepaint()
 
 
@@ -126,6 +123,14 @@ def region_renderer(layer: QgsVectorLayer) -> Any:
     return renderer
 
 
+def style_legs(layer: QgsVectorLayer) -> None:
+    """Lines with arrows, and their numbers where they have some."""
+    layer.setRenderer(QgsSingleSymbolRenderer(arrow_symbol()))
+    if layer.fields().indexOf("leg") >= 0:
+        layer.setLabeling(QgsVectorLayerSimpleLabeling(_leg_labels()))
+        layer.setLabelsEnabled(True)
+
+
 def arrow_symbol(color: str = LEG_COLOR) -> QgsLineSymbol:
     """A line with an arrow in its middle, in its direction."""
     symbol = QgsLineSymbol.createSimple({"color": color, "width": "0.6"})
@@ -152,7 +157,7 @@ def _by_category(layer: QgsVectorLayer, field: str) -> QgsCategorizedSymbolRende
     return QgsCategorizedSymbolRenderer(field, categories)
 
 
-def _given_colors(layer: QgsVectorLayer) -> dict:
+def _given_colors(layer: QgsVectorLayer) -> dict[Any, str]:
     """Colours of classes that the file of classes gave."""
     if layer.fields().indexOf("color") < 0:
         return {}

@@ -112,7 +112,7 @@ def write_layer(layer: QgsVectorLayer, target: str, context: Any) -> None:
     options = QgsVectorFileWriter.SaveVectorOptions()
     options.driverName = QgsVectorFileWriter.driverForExtension(Path(target).suffix)
     options.layerName = Path(target).stem
-    written = QgsVectorFileWriter.writeAsVectorFormatV2(layer, target, context.transformContext(), options)
+    written = QgsVectorFileWriter.writeAsVectorFormatV3(layer, target, context.transformContext(), options)
     if written[0] != QgsVectorFileWriter.WriterError.NoError:
         raise QgsProcessingException(f"{target} cannot be written: {written[1]}")
 

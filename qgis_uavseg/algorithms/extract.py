@@ -15,8 +15,8 @@ def _classes(values: Values) -> list[str]:
     """`--class` for each row of the table: a name, a lower and an upper end."""
     cells = values.algorithm.parameterAsMatrix(values.parameters, "CLASSES", values.context)
     texts = [str(cell).strip() if filled(cell) else "" for cell in cells]
-    rows = [texts[k : k + 3] for k in range(0, len(texts), 3)]
-    rows = [row for row in rows if any(row)]
+    starts = range(0, len(texts), 3)
+    rows = [row for row in (texts[start:][:3] for start in starts) if any(row)]
     for row in rows:
         if len(row) < 3 or not all(row):
             raise QgsProcessingException(

@@ -22,6 +22,7 @@ from ..options import (
 from ..places import latlon, place
 
 AUTOPILOTS = ("ardupilot", "px4", "generic")
+PATTERNS = ("visit", "perimeter", "survey", "corridor", "orbit")
 
 
 def _home(values: Values) -> list[str]:
@@ -71,7 +72,7 @@ PLAN_OPTIONS = (
         "--pattern",
         "A point in each region, its outline, parallel lines, lines along its middle, or a "
         "circle. Empty: a point, or lines with a spacing or a camera.",
-        ("visit", "perimeter", "survey", "corridor", "orbit"),
+        PATTERNS,
     ),
     shown(
         metres(

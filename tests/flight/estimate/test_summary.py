@@ -121,11 +121,13 @@ def test_ground_is_that_of_the_footprints() -> None:
     across, along = 60.0, 40.0  # 40 m times 13.2 / 8.8, and 8.8 / 8.8
     assert found.photographed_m2 == pytest.approx(across * (100 + along), rel=1e-3)
     assert found.gsd_m == pytest.approx(60 / 5472)
+    assert found.footprint_m == pytest.approx((across, along))
+    assert found.as_dict()["footprint_m"] == [across, along]
     again = (*line, north(0.002), every(20, True), north(100), every(0))
     assert estimate(fly(*again, BACK), photos=PHOTOS).photographed_m2 == pytest.approx(
         found.photographed_m2, rel=1e-3
     )
-    assert estimate(fly(*line, BACK)).gsd_m is None
+    assert estimate(fly(*line, BACK)).gsd_m is None and estimate(fly(*line, BACK)).footprint_m is None
     assert estimate(fly(north(100), BACK), photos=PHOTOS).photographed_m2 is None
     carried = replace(fly(*line, BACK), photos=PHOTOS)
     assert carried.estimate == found and carried == fly(*line, BACK)

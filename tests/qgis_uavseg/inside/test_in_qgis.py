@@ -171,6 +171,21 @@ def test_legs_have_their_order_and_the_heights_of_their_ends(tmp_path: Path) -> 
     assert [leg[:2] for leg in found] == [(1, 1), (1, 2), (2, 1), (2, 2)]
 
 
+def test_legs_go_on_where_heights_change_their_meaning(tmp_path: Path) -> None:
+    pieces = [([[1, 2], [3, 2]], [60, 60]), ([[3, 2], [3, 5], [1, 2]], [55, 55, 60])]
+    features = [
+        {
+            "geometry": {"type": "LineString", "coordinates": places},
+            "properties": {"kind": "flight", "heights_m": heights},
+        }
+        for places, heights in pieces
+    ]
+    path = tmp_path / "m.geojson"
+    path.write_text(json.dumps({"features": features}))
+    found = [tuple(leg.attributes()) for leg in legs.leg_features([path])]
+    assert found == [(1, 1, 60, 60), (1, 2, 55, 55), (1, 3, 55, 60)]
+
+
 def test_a_layer_with_unsaved_edits_is_refused(qgis_app: Any) -> None:
     layer = _regions("field=id:int", [[1]])
     targets.refuse_unsaved(layer, "Regions")

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import shapely
@@ -30,6 +31,9 @@ class Estimate:
     photographs : int
     gsd_m : float, optional
         Ground sampling distance where it is coarsest; where the camera is known.
+    footprint_m : (float, float), optional
+        Width and depth of the flat ground that one photograph shows, across and along the line of flight,
+        where the ground sampling distance is coarsest.
     photographed_m2 : float, optional
         Flat ground that the photographs show.
     energy_wh, battery : float, optional
@@ -45,17 +49,21 @@ class Estimate:
     landing_s: float
     photographs: int
     gsd_m: float | None = None
+    footprint_m: tuple[float, float] | None = None
     photographed_m2: float | None = None
     energy_wh: float | None = None
     battery: float | None = None
 
-    def as_dict(self) -> dict[str, float | int | None]:
+    def as_dict(self) -> dict[str, Any]:
         """As JSON: times to a tenth of a second, lengths to a tenth of a metre; what is not known is null."""
         decimals = {"gsd_m": 6, "battery": 4}
-        return {
-            name: value if value is None or isinstance(value, int) else round(value, decimals.get(name, 1))
-            for name, value in asdict(self).items()
-        }
+        return {name: _rounded(value, decimals.get(name, 1)) for name, value in asdict(self).items()}
+
+
+def _rounded(value: Any, decimals: int) -> Any:
+    if isinstance(value, tuple):
+        return [round(part, decimals) for part in value]
+    return value if value is None or isinstance(value, int) else round(value, decimals)
 
 
 def estimate(mission: Mission, vehicle: Vehicle | None = None, photos: Photos | None = None) -> Estimate:
@@ -97,14 +105,23 @@ def estimate(mission: Mission, vehicle: Vehicle | None = None, photos: Photos | 
         landing_s=landing,
         photographs=int(path.photographs.sum()),
         gsd_m=_coarsest_gsd_m(path, known) if known and shown else None,
+        footprint_m=_largest_footprint_m(path, known) if known and shown else None,
         photographed_m2=_photographed_m2(path, known) if known and shown else None,
         energy_wh=energy,
         battery=None if energy is None else energy / (flyer.battery_wh or math.nan),
     )
 
 
+def _greatest_height_m(path: FlownPath) -> float:
+    return float(path.height_m[path.photographs > 0].max())
+
+
 def _coarsest_gsd_m(path: FlownPath, photos: Photos) -> float:
-    return photos.camera.gsd_m(float(path.height_m[path.photographs > 0].max()), photos.pitch_deg)
+    return photos.camera.gsd_m(_greatest_height_m(path), photos.pitch_deg)
+
+
+def _largest_footprint_m(path: FlownPath, photos: Photos) -> tuple[float, float]:
+    return photos.camera.footprint_m(_greatest_height_m(path), photos.pitch_deg)
 
 
 def _energy_wh(vehicle: Vehicle, cruise_s: float, hover_s: float) -> float | None:
