@@ -46,7 +46,7 @@ const [, , url, folder, executablePath] = process.argv;
   await clickMap([0.47, 0.62]);
   seen.home = await page.innerText("#home");
   await page.click("#zone");
-  for (const corner of [[0.02, 0.02], [0.1, 0.02], [0.1, 0.1], [0.02, 0.02]]) await clickMap(corner);
+  for (const corner of [[0.38, 0.32], [0.5, 0.32], [0.44, 0.5], [0.38, 0.32]]) await clickMap(corner);
   seen.zone = await page.innerText("#zone");
   await page.selectOption("#camera", "DJI Mavic 3");
   await page.fill("#altitude", "60");

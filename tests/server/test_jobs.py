@@ -139,14 +139,14 @@ def test_tiles_show_the_raster(server: MapServer) -> None:
     with warnings.catch_warnings(action="ignore"), rasterio.MemoryFile(content) as memory:
         with memory.open() as tile:
             found = tile.read()
-    assert found.shape == (4, 256, 256)
-    assert (found[3] == 255).mean() > 0.5
+    assert found.shape in {(3, 256, 256), (4, 256, 256)}  # without alpha where all is valid
+    inside = found[3] == 255 if len(found) == 4 else np.ones((256, 256), bool)
+    assert inside.mean() > 0.5
     side = 2 * math.pi * 6378137 / 2**zoom
     corner = x * side - math.pi * 6378137, math.pi * 6378137 - y * side
     with rasterio.open(SAMPLE) as file, WarpedVRT(file, crs=3857, resampling=Resampling.nearest) as warped:
         bounds = corner[0], corner[1] - side, corner[0] + side, corner[1]
         expected = warped.read(1, window=warped.window(*bounds), out_shape=(256, 256), boundless=False)
-    inside = found[3] == 255
     error = np.abs(found[0].astype(int) - expected)[inside]
     assert np.median(error) < 8  # resampling and WebP
     assert fetch(f"{server.url}tiles/{zoom}/0/0")[0] == 204

@@ -1,6 +1,7 @@
 """Tiles of web maps (XYZ, Web Mercator) from raster files, read by rio-tiler from their overviews."""
 
 import importlib.util
+import threading
 import warnings
 from typing import Any
 
@@ -15,6 +16,7 @@ from uavseg.raster.raster_file import RasterFile
 from uavseg.warning_filters import changing_filters
 
 SIDE = 256
+_importing = threading.Lock()  # two threads that import rio-tiler at once fail
 
 
 def has_map_tiles(dataset: Dataset) -> bool:
@@ -66,8 +68,9 @@ def read_map_tile(
 def _file_tile(
     file: RasterFile, bands: tuple[int, ...], place: tuple[int, int, int]
 ) -> tuple[NDArray[Any], NDArray[np.bool_]] | None:
-    from rio_tiler.errors import NoOverviewWarning, RioTilerError, TileOutsideBounds
-    from rio_tiler.io import Reader
+    with _importing:
+        from rio_tiler.errors import NoOverviewWarning, RioTilerError, TileOutsideBounds
+        from rio_tiler.io import Reader
 
     zoom, x, y = place
     nodata = file.nodatas[bands[0] - 1]

@@ -41,6 +41,7 @@ def render_page(title: str, data: dict[str, Any], served: bool = False) -> bytes
     page = Template(_text("page.html")).substitute(
         policy=policy,
         title=html.escape(title),
+        icon='<link rel="icon" href="data:,">' if served else "",  # or the browser asks for one
         licence=_text("leaflet/LICENSE").replace("--", "- -"),
         style=style,
         data=_json(data),
