@@ -1,4 +1,4 @@
-"""Which requests are refused: other hosts and origins, without the token, of other methods, with large bodies."""
+"""Requests that are refused: other hosts, origins and methods, without the token, with large bodies."""
 
 import pytest
 from hypothesis import given
@@ -13,7 +13,11 @@ TARGET = "/secret-token/jobs/1"
 
 def test_the_page_itself_is_answered() -> None:
     assert GATE.path_of("GET", TARGET, OWN) == "jobs/1"
-    own_post = {"host": ["localhost:8000"], "origin": ["http://localhost:8000"], "sec-fetch-site": ["same-origin"]}
+    own_post = {
+        "host": ["localhost:8000"],
+        "origin": ["http://localhost:8000"],
+        "sec-fetch-site": ["same-origin"],
+    }
     assert GATE.path_of("POST", "/secret-token/", own_post) == ""
 
 

@@ -8,31 +8,72 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from tests.server.asking import fetch
 
 import uavseg
+from tests.server.asking import fetch
 from uavseg.server.words import MapServer
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
-METHODS = ("GET", "POST", "PUT", "HEAD", "OPTIONS", "DELETE", "TRACE", "CONNECT", "get", "", "G\x00T", "A" * 70000)
+METHODS = (
+    "GET",
+    "POST",
+    "PUT",
+    "HEAD",
+    "OPTIONS",
+    "DELETE",
+    "TRACE",
+    "CONNECT",
+    "get",
+    "",
+    "G\x00T",
+    "A" * 70000,
+)
 VERSIONS = ("1.1", "1.1", "1.1", "1.1", "1.0", "1.0", "2", "9.9", "")
 PATHS = (
     *("", "jobs/1", "jobs/extract", "jobs/match", "jobs/plan", "jobs/1/stop", "jobs/1/files/regions.gpkg"),
-    *("tiles/3/1/2", "tiles/99/0/0", "tiles/0/0/-1", "tiles/3/9/9", "../../etc/passwd", "..%2f..%2fetc%2fpasswd"),
-    *("jobs/1/files/../../../etc/passwd", "jobs/1/files/..", "jobs/1/files/%2e%2e", "//etc/passwd", "\x00", "?a=b"),
+    *(
+        "tiles/3/1/2",
+        "tiles/99/0/0",
+        "tiles/0/0/-1",
+        "tiles/3/9/9",
+        "../../etc/passwd",
+        "..%2f..%2fetc%2fpasswd",
+    ),
+    *(
+        "jobs/1/files/../../../etc/passwd",
+        "jobs/1/files/..",
+        "jobs/1/files/%2e%2e",
+        "//etc/passwd",
+        "\x00",
+        "?a=b",
+    ),
     *("file:///etc/passwd", "jobs/" + "9" * 400, "tiles/1/1/1" * 30, "jobs/extract/../plan", "#", "\xff\xfe"),
 )
 BODIES = (
     *(b"", b"{}", b"[]", b"null", b"[" * 100000, b"{" * 1000, b"\xff\xfe", b'{"low": 1e999, "high": NaN}'),
-    *(b'{"low": "0", "high": 1}', b'{"low": 0.5, "high": 0.4}', b'{"low": 0, "high": 1, "like": "/etc/passwd"}'),
+    *(
+        b'{"low": "0", "high": 1}',
+        b'{"low": 0.5, "high": 0.4}',
+        b'{"low": 0, "high": 1, "like": "/etc/passwd"}',
+    ),
     *(b'{"job": 1, "altitude": -5}', b'{"job": 1, "altitude": 60, "camera": "/etc/passwd", "spacing": 1}'),
-    *(b'{"job": 1, "altitude": 60, "zones": [[[0,0],[1,1],[0,1],[1,0]]]}', b'{"center": [91, 0], "edge": [0, 0]}'),
+    *(
+        b'{"job": 1, "altitude": 60, "zones": [[[0,0],[1,1],[0,1],[1,0]]]}',
+        b'{"center": [91, 0], "edge": [0, 0]}',
+    ),
     *(b'{"center": "/etc/passwd", "edge": [0, 0]}', b'{"job": 1e308, "altitude": 60}', b"9" * 5000),
 )
 HEADERS = (
     *("Origin: http://evil.example", "Origin: null", "Host: evil.example", "Content-Length: -1", "X" * 70000),
     *("Content-Length: 99999999999", "Transfer-Encoding: chunked", "Content-Length: abc", "Range: bytes=0-"),
-    *("Content-Type: text/plain", "Expect: 100-continue", "Connection: keep-alive", ": ", " folded", "A\x00: b"),
+    *(
+        "Content-Type: text/plain",
+        "Expect: 100-continue",
+        "Connection: keep-alive",
+        ": ",
+        " folded",
+        "A\x00: b",
+    ),
 )
 
 
@@ -47,7 +88,9 @@ def server() -> Iterator[MapServer]:
 def hostile(draw: random.Random, token: str, port: int) -> bytes:
     """A request that is wrong in some places, or right by chance."""
     known = draw.random() < 0.7
-    target = f"/{token if known else draw.choice([token[:-1], '', 'x', token + 'x', '..'])}/{draw.choice(PATHS)}"
+    target = (
+        f"/{token if known else draw.choice([token[:-1], '', 'x', token + 'x', '..'])}/{draw.choice(PATHS)}"
+    )
     lines = [f"{draw.choices(METHODS, [20, 20] + [1] * 10)[0]} {target} HTTP/{draw.choice(VERSIONS)}"]
     body = draw.choice(BODIES)
     if draw.random() < 0.9:

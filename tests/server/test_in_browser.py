@@ -11,16 +11,18 @@ from typing import Any
 import geopandas
 import pytest
 from click.testing import CliRunner
-from tests.plot.web.test_in_browser import CHROMIUM, NODE, REQUIRED, has_playwright
 
 import uavseg
+from tests.plot.web.test_in_browser import CHROMIUM, NODE, REQUIRED, has_playwright
 from uavseg.cli import main
 from uavseg.raster.map_tile import has_map_tiles
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not REQUIRED and not has_playwright(), reason="needs chromium, node and playwright-core"),
+    pytest.mark.skipif(
+        not REQUIRED and not has_playwright(), reason="needs chromium, node and playwright-core"
+    ),
 ]
 
 

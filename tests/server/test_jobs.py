@@ -18,9 +18,9 @@ from click.testing import CliRunner
 from rasterio.enums import Resampling
 from rasterio.vrt import WarpedVRT
 from rasterio.warp import transform_bounds
-from tests.server.asking import fetch, run_job
 
 import uavseg
+from tests.server.asking import fetch, run_job
 from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
@@ -69,7 +69,9 @@ def test_regions_like_a_sample_are_those_of_match(server: MapServer, tmp_path: P
     regions = uavseg.extract(SAMPLE, (0.55, 1), min_area=1000)
     center = regions.geometry.iloc[1].representative_point()
     x, y, radius = round(center.x, 1), round(center.y, 1), 25.0
-    places = geopandas.GeoSeries([shapely.Point(x, y), shapely.Point(x + radius, y)], crs=regions.crs).to_crs(4326)
+    places = geopandas.GeoSeries([shapely.Point(x, y), shapely.Point(x + radius, y)], crs=regions.crs).to_crs(
+        4326
+    )
     ends = [[place.y, place.x] for place in places]
     report = run_job(server.url, "match", {"center": ends[0], "edge": ends[1], "min_area": 100})
     like = report["answer"]["like"]
@@ -88,7 +90,14 @@ def test_missions_are_those_of_plan(home: Any, server: MapServer, tmp_path: Path
     file.write_bytes(saved(server, regions, "regions.gpkg"))
     ring = [corner[::-1] for corner in [*ZONE, ZONE[0]]]
     zones.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-    words = ["--home", home if home == "auto" else ",".join(map(str, home)), "--altitude", 70, "--pattern", "survey"]
+    words = [
+        "--home",
+        home if home == "auto" else ",".join(map(str, home)),
+        "--altitude",
+        70,
+        "--pattern",
+        "survey",
+    ]
     more = ["--camera", "DJI Mavic 3", "--speed", 6, "--avoid", zones, "--raster", SAMPLE, "--ids", "1,3"]
     run("plan", file, *words, *more, "-o", expected, "-q")
     assert saved(server, report, "mission.plan") == expected.read_bytes()
@@ -104,13 +113,19 @@ def test_missions_are_those_of_plan(home: Any, server: MapServer, tmp_path: Path
         ("extract", [], "object with the names"),
         ("match", {"center": "/etc/passwd", "edge": [0, 0]}, "[lat, lon]"),
         ("plan", {"job": 1, "altitude": 60, "camera": str(SAMPLE)}, "camera is one of"),
-        ("plan", {"job": 1, "altitude": 60, "pattern": "survey", "spacing": 20, "zones": [[[0, 0]]]}, "corners"),
+        (
+            "plan",
+            {"job": 1, "altitude": 60, "pattern": "survey", "spacing": 20, "zones": [[[0, 0]]]},
+            "corners",
+        ),
         ("plan", {"job": 1, "altitude": 60, "ids": ["1"]}, "whole numbers"),
         ("plan", {"job": 10**8, "altitude": 60, "pattern": "visit"}, "not there any more"),
         ("plan", {"job": 1.5, "altitude": 60, "pattern": "visit"}, "whole number"),
     ],
 )
-def test_wrong_questions_are_refused_in_a_sentence(kind: str, body: Any, words: str, server: MapServer) -> None:
+def test_wrong_questions_are_refused_in_a_sentence(
+    kind: str, body: Any, words: str, server: MapServer
+) -> None:
     status, content = fetch(f"{server.url}jobs/{kind}", body)
     assert status in (400, 404)
     assert words in json.loads(content)["error"]
@@ -122,7 +137,9 @@ def test_a_job_that_fails_says_why(server: MapServer) -> None:
     assert "sample" in report["error"]
 
 
-@pytest.mark.parametrize("path", ["jobs/999", "jobs/1/files/other.gpkg", "nothing", "tiles/30/0/0", "jobs/1/stop"])
+@pytest.mark.parametrize(
+    "path", ["jobs/999", "jobs/1/files/other.gpkg", "nothing", "tiles/30/0/0", "jobs/1/stop"]
+)
 def test_what_is_not_there_is_404(path: str, server: MapServer) -> None:
     assert fetch(server.url + path)[0] == 404
 
@@ -136,9 +153,12 @@ def test_tiles_show_the_raster(server: MapServer) -> None:
     y = int((1 - math.asinh(math.tan(math.radians(lat))) / math.pi) / 2 * 2**zoom)
     status, content = fetch(f"{server.url}tiles/{zoom}/{x}/{y}")
     assert status == 200
-    with warnings.catch_warnings(action="ignore"), rasterio.MemoryFile(content) as memory:
-        with memory.open() as tile:
-            found = tile.read()
+    with (
+        warnings.catch_warnings(action="ignore"),  # it has no georeference
+        rasterio.MemoryFile(content) as memory,
+        memory.open() as tile,
+    ):
+        found = tile.read()
     assert found.shape in {(3, 256, 256), (4, 256, 256)}  # without alpha where all is valid
     inside = found[3] == 255 if len(found) == 4 else np.ones((256, 256), bool)
     assert inside.mean() > 0.5

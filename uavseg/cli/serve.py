@@ -24,9 +24,9 @@ from uavseg.cli.options.running import RunOptions, running_options
 def command(**options: Any) -> None:
     """Serve the page of RASTER... (many are one mosaic) to a browser on this computer, until Ctrl-C.
 
-    The page is that of `uavseg map`, with tiles in full resolution, exact regions of a range or like a sample,
-    keep-out zones and home drawn on the map, and missions; all files are those that the commands write. Only
-    programs of this computer that know the printed address are answered, see docs/security.md.
+    The page is that of `uavseg map`, with tiles in full resolution, exact regions of a range or like a
+    sample, keep-out zones and home drawn on the map, and missions; its files are those that the commands
+    write. Only programs of this computer that know the printed address are answered.
     """
     from uavseg.jobs.field_map import FieldMapRequest
     from uavseg.jobs.open_source import open_source

@@ -84,7 +84,7 @@ def _file_tile(
             with Reader(file.path, dataset=source) as reader:
                 tile = reader.tile(x, y, zoom, tilesize=SIDE, indexes=bands, nodata=nodata)
             values = np.asarray(tile.array.data)
-            valid = ~np.ma.getmaskarray(tile.array).any(axis=0)
+            valid = np.asarray(~np.ma.getmaskarray(tile.array).any(axis=0), np.bool_)
     except TileOutsideBounds:
         return None
     except (*GDAL_ERRORS, RioTilerError) as error:

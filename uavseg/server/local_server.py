@@ -3,12 +3,11 @@
 import json
 import logging
 import secrets
-import socket
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, ClassVar
+from typing import Any
 
 from uavseg.errors import UavsegError
 from uavseg.plain_text import printable
@@ -102,7 +101,7 @@ class LocalServer(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: LocalServer
     server_version, sys_version = "uavseg", ""
-    protocol_version: ClassVar[str] = "HTTP/1.0"  # a connection for each request
+    protocol_version = "HTTP/1.0"  # a connection for each request
     timeout = TIMEOUT_S
 
     def do_GET(self) -> None:
@@ -165,5 +164,5 @@ class _Handler(BaseHTTPRequestHandler):
             self.end_headers()
             if self.command != "HEAD":
                 self.wfile.write(answer.content)
-        except (ConnectionError, socket.timeout, TimeoutError):
+        except (ConnectionError, TimeoutError):
             logger.debug("the connection was closed before the answer")

@@ -21,8 +21,8 @@ from uavseg.plot.web.field_map import read_flights
 from uavseg.plot.web.region_features import read_collection
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.sample.place import Disc
-from uavseg.server.questions import PlanQuestion, extract_request, match_request, plan_question
 from uavseg.server.local_server import Answer, json_answer
+from uavseg.server.questions import PlanQuestion, extract_request, match_request, plan_question
 from uavseg.server.tasks import BusyError, Job, Tasks
 
 KINDS = {".gpkg": "application/geopackage+sqlite3", ".plan": "application/json"}

@@ -19,7 +19,7 @@ class BusyError(UavsegError, RuntimeError):
     """A job is running already."""
 
 
-class _Stopped(Exception):
+class StoppedError(Exception):
     """The job was stopped on request."""
 
 
@@ -55,7 +55,7 @@ class Task:
     def progress(self, done: int, total: int) -> None:
         """Note the progress; raises where the job is to stop."""
         if self.stop.is_set():
-            raise _Stopped
+            raise StoppedError
         self.done, self.total = done, total
 
     def report(self) -> dict[str, Any]:
@@ -132,7 +132,7 @@ def _run(task: Task, job: Job) -> None:
     try:
         task.answer, task.files = job(task.folder, task.progress)
         task.state = "done"
-    except _Stopped:
+    except StoppedError:
         task.error, task.state = "stopped", "stopped"
     except UavsegError as error:
         task.error, task.state = printable(str(error)), "failed"

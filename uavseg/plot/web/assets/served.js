@@ -14,7 +14,7 @@ function addServed(page) {
   stop.hidden = true;
   const area = field("Smallest region, m\u00b2", "min-area", 0);
   const exact = button("Exact regions of the range", "exact"), like = button("Regions like a sample", "like");
-  panel.append(make("section", {}, make("h2", {textContent: "Exact regions"}), area.label, exact, " ", like, status, bar, " ", stop));
+  panel.append(make("section", {}, make("h2", {textContent: "Find regions"}), ...ends(data), area.label, exact, " ", like, status, bar, " ", stop));
   const list = new RegionList(page, "Exact regions", COLORS.file, "exact.geojson");
   list.layer.addTo(map);
   list.show({type: "FeatureCollection", features: []});
@@ -110,6 +110,12 @@ function addServed(page) {
     result.replaceChildren(...links(report), ...report.answer.warnings.map((text) => make("p", {className: "warning", textContent: text})));
     for (const mission of report.answer.missions) shown.push(addMission(page, {...mission, notes: []}));
   };
+}
+
+/** Fields for the range, where the raster is too large for the slider of the page. */
+function ends({cells, range}) {
+  if (cells) return [];
+  return ["Low", "High"].map((name, n) => field(`${name} end of v`, `${name.toLowerCase()}-number`, range[n] / Blocks.STEPS).label);
 }
 
 function links(report) {
