@@ -14,7 +14,7 @@ from uavseg.flight.camera.catalogue import cameras
 from uavseg.flight.patterns.pattern_params import PATTERNS
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest
-from uavseg.jobs.match import MatchRequest
+from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.plan import Home, PlanRequest, flight_params
 from uavseg.jobs.words.photo_words import PhotoWords
 from uavseg.raster.geobox import GeoBox

@@ -10,7 +10,8 @@ from typing import Any
 from uavseg.execution.executors import Progress, threads
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.field_map import FieldMap, FieldMapRequest, map_tile
-from uavseg.jobs.match import MatchRequest, match
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.match import match
 from uavseg.jobs.plan import plan
 from uavseg.jobs.plan_regions import open_regions
 from uavseg.jobs.result import Extraction
