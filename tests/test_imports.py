@@ -106,6 +106,7 @@ LEVELS = (
     {"occupancy", "flight"},
     {"jobs"},
     {"plot", "api"},
+    {"server"},
     {"uavseg"},  # public names, loaded on first use
     {"cli"},
     {"__main__"},
@@ -191,6 +192,7 @@ ONLY_IN = {
         *("raster.geodesy.globe", "raster.geodesy.vertical", "flight.plane", "regions.formats.read"),
         "regions.formats.about_file",  # CRS in other words than WKT
     },
+    "rio_tiler": {"raster.map_tile"},
     "numba": {"_jit.compiling", "_jit.fallback"},
     "llvmlite": {"_jit.compiling", "_jit.fallback"},
     "geopandas": {"regions"},

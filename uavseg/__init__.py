@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from uavseg.regions.outline.trace import trace as trace
     from uavseg.segmentation.params import IntensityRange as IntensityRange
     from uavseg.segmentation.params import StateLimits as StateLimits
+    from uavseg.server.words import serve as serve
 
 _HOMES = {
     "extract": "uavseg.api.rasters",
@@ -52,6 +53,7 @@ _HOMES = {
     "plan": "uavseg.api.missions",
     "preview": "uavseg.plot.words",
     "map_page": "uavseg.plot.web.words",
+    "serve": "uavseg.server.words",
     "check": "uavseg.api.check",
     "upload": "uavseg.api.link",
     "download": "uavseg.api.link",

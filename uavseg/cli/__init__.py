@@ -33,6 +33,7 @@ _COMMANDS = {
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",
     "map": "Make a web page of a raster, regions and missions for the field.",
+    "serve": "Serve that page to a browser here, with exact regions and missions.",
     "warm-up": "Load or compile everything once, before going to the field.",
 }
 

@@ -1,6 +1,7 @@
 """What a web map of a raster shows: a picture in Web Mercator, and block means for ranges."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +11,13 @@ from uavseg.execution.phases import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Source
+from uavseg.jobs.source import Raster, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geodesy.globe import is_on_earth
 from uavseg.raster.ground_grid import GroundGrid, ground_grid
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.mercator import MercatorImage, to_mercator
+from uavseg.raster.mercator import MercatorImage, to_mercator, webp_of
 from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -24,7 +25,7 @@ from uavseg.segmentation.blocks.leaf_codes import STEPS, leaf_codes
 from uavseg.segmentation.params import SegmentParams
 from uavseg.units import CELL
 
-__all__ = ["STEPS", "CellCodes", "FieldMap", "FieldMapRequest", "field_map"]
+__all__ = ["STEPS", "CellCodes", "FieldMap", "FieldMapRequest", "field_map", "map_tile"]
 
 MIN_SIZE, MAX_SIZE = 64, 8192
 MAX_CELLS = 1 << 22  # about 16384 x 16384 pixels
@@ -102,6 +103,28 @@ class FieldMap:
     warnings: tuple[str, ...]
 
 
+def map_tile(raster: Raster, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
+    """A tile of a web map in the colours of its picture, as WebP.
+
+    Parameters
+    ----------
+    raster : Raster
+    stretch : Stretch
+        That of the picture.
+    place : (zoom, x, y)
+        In the usual numbering of tiles of Web Mercator.
+
+    Returns
+    -------
+    content : bytes or None
+        None where the raster has nothing.
+    """
+    from uavseg.raster.map_tile import read_map_tile
+
+    found = read_map_tile(raster.dataset, place)
+    return None if found is None else webp_of(_colored(*found, stretch, raster.dataset))
+
+
 def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:
     """The picture and the block means of a raster.
 
@@ -150,9 +173,14 @@ def _cells(blocks: BlockMap, segment: SegmentParams) -> CellCodes:
 
 def _colors(coarse: Dataset, stretch: Stretch) -> NDArray[np.uint8]:
     """Red, green, blue and alpha: colours as they are where they are bytes, else grey through the stretch."""
-    values, valid = coarse.read(Window(0, 0, *coarse.geobox.shape))
+    return _colored(*coarse.read(Window(0, 0, *coarse.geobox.shape)), stretch, coarse)
+
+
+def _colored(
+    values: NDArray[Any], valid: NDArray[np.bool_] | None, stretch: Stretch, source: Dataset
+) -> NDArray[np.uint8]:
     image = np.full((4, *values.shape[1:]), 255, np.uint8)
-    if len(values) == 3 and values.dtype == np.uint8 and coarse.choice.formula is None:
+    if len(values) == 3 and values.dtype == np.uint8 and source.choice.formula is None:
         image[:3] = values
     else:
         image[:3] = (stretch.apply(values, valid) >> 8).astype(np.uint8)

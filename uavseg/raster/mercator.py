@@ -79,7 +79,7 @@ def to_mercator(image: NDArray[np.uint8], geobox: GeoBox, ground: GroundGrid, si
                     dst_crs=WEB_MERCATOR,
                     resampling=method,
                 )
-            content = _webp(placed)
+            content = webp_of(placed)
     except GDAL_ERRORS as error:
         raise RasterError(f"the picture cannot be drawn in Web Mercator ({cause_of(error)})") from error
     lon, lat = transform_between(WEB_MERCATOR, WGS84)(np.array([left, right]), np.array([bottom, top]))
@@ -87,7 +87,8 @@ def to_mercator(image: NDArray[np.uint8], geobox: GeoBox, ground: GroundGrid, si
     return MercatorImage(content, shape, (west, south, east, north))
 
 
-def _webp(image: NDArray[np.uint8]) -> bytes:
+def webp_of(image: NDArray[np.uint8]) -> bytes:
+    """A (4, rows, cols) picture of red, green, blue and alpha as the content of a WebP file."""
     bands, rows, cols = image.shape
     with MemoryFile(ext=".webp") as memory:
         how = {"driver": "WEBP", "height": rows, "width": cols, "count": bands, "dtype": "uint8"}

@@ -60,11 +60,12 @@ function leastContrast() {
   await page.mouse.down();
   seen.dragged = [];
   for (const share of [0.3, 0.6]) {
+    const [, before] = await outlined();
     await page.mouse.move(rail.x + share * rail.width, height, {steps: 5});
-    await page.waitForTimeout(300);
+    await page.waitForFunction((text) => document.querySelector(".found").textContent !== text, before);
+    await page.waitForTimeout(100); // the last of the moves
     seen.dragged.push(await outlined());
   }
-  await page.screenshot({path: `${folder}/dragged.png`});
   seen.colored = await page.evaluate(() => {
     const canvas = document.querySelector("canvas.cells");
     const pixels = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
@@ -72,6 +73,7 @@ function leastContrast() {
     for (let n = 3; n < pixels.length; n += 4) count += pixels[n] > 0;
     return count / (canvas.width * canvas.height);
   });
+  await page.screenshot({path: `${folder}/dragged.png`});
   await page.mouse.up();
   await page.waitForFunction(() => !document.querySelector("canvas.cells"));
   seen.released = [Number(await page.inputValue("#low-number")), await save(page, "range.geojson")];

@@ -45,7 +45,12 @@ def check_page_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
     return check_target(path, overwrite)
 
 
-def page_of(found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[dict[str, Any]]) -> bytes:
+def page_of(
+    found: FieldMap,
+    regions: dict[str, Any] | None,
+    missions: Sequence[dict[str, Any]],
+    server: dict[str, Any] | None = None,
+) -> bytes:
     """The content of the HTML file.
 
     Parameters
@@ -55,6 +60,8 @@ def page_of(found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[
         A GeoJSON FeatureCollection in WGS 84, see `region_features`.
     missions : sequence of dict
         See `read_flights`.
+    server : dict, optional
+        What a server offers, for a page that asks one.
     """
     title = printable(found.info.name)
     data = {
@@ -66,8 +73,9 @@ def page_of(found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[
         "range": first_range(regions),
         "regions": regions,
         "missions": list(missions),
+        "server": server,
     }
-    return render_page(title, data)
+    return render_page(title, data, server is not None)
 
 
 def write_page(content: bytes, path: str | os.PathLike[str], overwrite: bool = False) -> None:

@@ -14,10 +14,11 @@ _PROGRAM = (
     *("blocks.js", "elements.js", "regions.js", "cells.js", "slider.js", "missions.js", "position.js"),
     "app.js",
 )
+_SERVED = ("asking.js", "drawing.js", "served.js")  # before app.js
 _MAPPED = "//# sourceMappingURL"
 
 
-def render_page(title: str, data: dict[str, Any]) -> bytes:
+def render_page(title: str, data: dict[str, Any], served: bool = False) -> bytes:
     """The content of an HTML file.
 
     The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
@@ -28,15 +29,19 @@ def render_page(title: str, data: dict[str, Any]) -> bytes:
     title : str
     data : dict
         What the page's program reads; values of JSON.
+    served : bool
+        Whether a server sends the page, which may ask that server, and no other.
     """
-    script, style = _script(), _style()
+    script, style = _script(served), _style()
+    asked = "img-src data: 'self'; connect-src 'self'" if served else "img-src data:"
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
-        "img-src data:; base-uri 'none'; form-action 'none'"
+        f"{asked}; base-uri 'none'; form-action 'none'"
     )
     page = Template(_text("page.html")).substitute(
         policy=policy,
         title=html.escape(title),
+        icon='<link rel="icon" href="data:,">' if served else "",  # or the browser asks for one
         licence=_text("leaflet/LICENSE").replace("--", "- -"),
         style=style,
         data=_json(data),
@@ -57,9 +62,10 @@ def _json(data: dict[str, Any]) -> str:
 
 
 @cache
-def _script() -> str:
+def _script(served: bool) -> str:
     library = _text("leaflet/leaflet.js")
-    return "\n".join([library[: library.rindex(_MAPPED)], *map(_text, _PROGRAM)])
+    parts = (*_PROGRAM[:-1], *_SERVED * served, _PROGRAM[-1])
+    return "\n".join([library[: library.rindex(_MAPPED)], *map(_text, parts)])
 
 
 @cache

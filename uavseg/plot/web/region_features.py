@@ -1,7 +1,6 @@
 """Regions of any origin as GeoJSON features in WGS 84."""
 
 import math
-import os
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.jobs.field_map import STEPS
-from uavseg.regions.formats.read import read_regions, regions_of_frame
+from uavseg.jobs.plan_regions import open_regions
 
 DEFAULT_RANGE = (550, 1000)
 _DECIMALS = 7  # of degrees: a centimetre
@@ -26,9 +25,10 @@ def read_collection(regions: Any) -> dict[str, Any]:
     ------
     RegionError
         If they cannot be read or have no place on Earth.
+    ParameterError
+        If they are neither a file nor a GeoDataFrame.
     """
-    is_file = isinstance(regions, str | os.PathLike)
-    found = read_regions(regions) if is_file else regions_of_frame(regions)
+    found = open_regions(regions)
     columns = {name: _values(column) for name, column in found.columns.items()}
     rounded = shapely.transform(shapely.orient_polygons(found.polygons), lambda xy: xy.round(_DECIMALS))
     features = [

@@ -1,4 +1,4 @@
-// The page of `uavseg map`.
+// The page of `uavseg map` and `uavseg serve`: read this first.
 "use strict";
 
 (async () => {
@@ -30,6 +30,7 @@
   } else if (data.cells) {
     await addSlider(page, new RegionList(page, "Regions of a range", COLORS.range, "range.geojson", !data.regions));
   }
+  if (data.server) addServed(page);
   for (const mission of data.missions) addMission(page, mission);
   document.body.dataset.ready = "true";
 })();

@@ -8,13 +8,15 @@ function missionPanes(map) {
   }
 }
 
+/** Show a mission; returns a function that removes it. */
 function addMission(page, mission) {
   const {map, layers, panel} = page, above = flat("missions");
   const group = L.featureGroup().addTo(map), safe = make("span", {textContent: mission.name}).innerHTML;
   layers.addOverlay(group, `Mission ${safe}`);
-  panel.append(make("section", {}, make("h2", {textContent: `Mission ${mission.name}`}),
+  const section = make("section", {}, make("h2", {textContent: `Mission ${mission.name}`}),
     make("p", {textContent: mission.estimate}), ...footprints(map, mission),
-    ...mission.notes.map((note) => make("p", {className: "warning", textContent: note}))));
+    ...mission.notes.map((note) => make("p", {className: "warning", textContent: note})));
+  panel.append(section);
   for (const feature of mission.features.features) {
     const {kind, inclusion} = feature.properties;
     if (!feature.geometry) continue;
@@ -28,6 +30,15 @@ function addMission(page, mission) {
   const marks = L.layerGroup().addTo(group);
   map.on("zoomend", draw);
   draw();
+  return remove;
+
+  function remove() {
+    map.off("zoomend", draw);
+    section.querySelectorAll("input.footprints:checked").forEach((box) => box.click());
+    layers.removeLayer(group);
+    group.remove();
+    section.remove();
+  }
 
   function photographed(feature) {
     L.geoJSON(feature, {...above, style: {color: COLORS.flight, weight: 11, opacity: 0.45}}).addTo(group);

@@ -2,7 +2,7 @@
 "use strict";
 
 const REST_MS = 150;
-const HELD_MS = 800; // without a movement, also where the browser does not report a release
+const HELD_MS = 4000; // without a movement, also where the browser does not report a release
 
 async function addSlider(page, list) {
   const grid = await Blocks.decode(page.data.cells);

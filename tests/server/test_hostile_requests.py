@@ -1,0 +1,157 @@
+"""Hostile requests leave the server answering, and none of them gets what the raster is not."""
+
+import errno
+import random
+import socket
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import uavseg
+from tests.server.asking import fetch
+from uavseg.server.words import MapServer
+
+SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
+METHODS = (
+    "GET",
+    "POST",
+    "PUT",
+    "HEAD",
+    "OPTIONS",
+    "DELETE",
+    "TRACE",
+    "CONNECT",
+    "get",
+    "",
+    "G\x00T",
+    "A" * 70000,
+)
+VERSIONS = ("1.1", "1.1", "1.1", "1.1", "1.0", "1.0", "2", "9.9", "")
+PATHS = (
+    *("", "jobs/1", "jobs/extract", "jobs/match", "jobs/plan", "jobs/1/stop", "jobs/1/files/regions.gpkg"),
+    *(
+        "tiles/3/1/2",
+        "tiles/99/0/0",
+        "tiles/0/0/-1",
+        "tiles/3/9/9",
+        "../../etc/passwd",
+        "..%2f..%2fetc%2fpasswd",
+    ),
+    *(
+        "jobs/1/files/../../../etc/passwd",
+        "jobs/1/files/..",
+        "jobs/1/files/%2e%2e",
+        "//etc/passwd",
+        "\x00",
+        "?a=b",
+    ),
+    *("file:///etc/passwd", "jobs/" + "9" * 400, "tiles/1/1/1" * 30, "jobs/extract/../plan", "#", "\xff\xfe"),
+)
+BODIES = (
+    *(b"", b"{}", b"[]", b"null", b"[" * 100000, b"{" * 1000, b"\xff\xfe", b'{"low": 1e999, "high": NaN}'),
+    *(
+        b'{"low": "0", "high": 1}',
+        b'{"low": 0.5, "high": 0.4}',
+        b'{"low": 0, "high": 1, "like": "/etc/passwd"}',
+    ),
+    *(b'{"job": 1, "altitude": -5}', b'{"job": 1, "altitude": 60, "camera": "/etc/passwd", "spacing": 1}'),
+    *(
+        b'{"job": 1, "altitude": 60, "zones": [[[0,0],[1,1],[0,1],[1,0]]]}',
+        b'{"center": [91, 0], "edge": [0, 0]}',
+    ),
+    *(b'{"center": "/etc/passwd", "edge": [0, 0]}', b'{"job": 1e308, "altitude": 60}', b"9" * 5000),
+)
+HEADERS = (
+    *("Origin: http://evil.example", "Origin: null", "Host: evil.example", "Content-Length: -1", "X" * 70000),
+    *("Content-Length: 99999999999", "Transfer-Encoding: chunked", "Content-Length: abc", "Range: bytes=0-"),
+    *(
+        "Content-Type: text/plain",
+        "Expect: 100-continue",
+        "Connection: keep-alive",
+        ": ",
+        " folded",
+        "A\x00: b",
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[MapServer]:
+    with warnings.catch_warnings(action="ignore"):  # without rio-tiler there are no tiles
+        found = uavseg.serve(SAMPLE, size=300)
+    with found:
+        yield found
+
+
+def hostile(draw: random.Random, token: str, port: int) -> bytes:
+    """A request that is wrong in some places, or right by chance."""
+    known = draw.random() < 0.7
+    target = (
+        f"/{token if known else draw.choice([token[:-1], '', 'x', token + 'x', '..'])}/{draw.choice(PATHS)}"
+    )
+    lines = [f"{draw.choices(METHODS, [20, 20] + [1] * 10)[0]} {target} HTTP/{draw.choice(VERSIONS)}"]
+    body = draw.choice(BODIES)
+    if draw.random() < 0.9:
+        lines.append(f"Host: 127.0.0.1:{port}")
+    if draw.random() < 0.8:
+        lines += ["Content-Type: application/json", f"Content-Length: {len(body)}"]
+    lines += draw.choices(HEADERS, k=draw.choice([0, 0, 0, 1, 2]))
+    if draw.random() < 0.02:
+        lines += [f"H{n}: v" for n in range(200)]
+    content = "\r\n".join(lines).encode("latin-1") + b"\r\n\r\n" + body
+    if draw.random() < 0.1:
+        content = content[: draw.randrange(len(content))]
+    if draw.random() < 0.05:
+        content = draw.randbytes(draw.randrange(2000))
+    return content
+
+
+def answer_to(content: bytes, port: int) -> bytes:
+    """What comes back until the connection is closed; half a request is given up by us."""
+    received = b""
+    with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+        try:
+            connection.sendall(content)
+            connection.shutdown(socket.SHUT_WR)
+            while part := connection.recv(1 << 16):
+                received += part
+        except TimeoutError:
+            raise
+        except OSError as error:  # refused before all was sent
+            assert error.errno in {errno.ECONNRESET, errno.EPIPE, errno.ENOTCONN}, error
+    return received
+
+
+@pytest.mark.parametrize("count", [500, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_hostile_requests_leave_it_answering(count: int, server: MapServer) -> None:
+    draw = random.Random(count)
+    token = server.url.split("/")[3]
+    port = int(server.url.split(":")[2].split("/")[0])
+    answered = 0
+    for _ in range(count):
+        found = answer_to(hostile(draw, token, port), port)
+        answered += found.startswith(b"HTTP/1.0 ")
+        assert not found or found.startswith((b"HTTP/1.0 ", b"{", b"<")), found[:80]
+        assert b"root:" not in found
+        assert b" 500 " not in found.split(b"\r\n", 1)[0], found[:300]
+        assert b"Traceback" not in found
+    assert answered > count / 2
+    status, page = fetch(server.url)
+    assert status == 200
+    assert page.startswith(b"<!DOCTYPE html>")
+
+
+def test_many_connections_that_say_nothing_are_let_go(server: MapServer) -> None:
+    port = int(server.url.split(":")[2].split("/")[0])
+    idle = [socket.create_connection(("127.0.0.1", port)) for _ in range(60)]
+    for connection in idle:
+        connection.close()
+    for _ in range(100):
+        try:
+            status, _ = fetch(server.url)
+            break
+        except OSError:
+            continue
+    assert status == 200

@@ -1,0 +1,1 @@
+"""A local server for maps of large rasters: the page of `uavseg map` with jobs."""
