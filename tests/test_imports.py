@@ -191,7 +191,7 @@ ONLY_IN = {
     "geopandas": {"regions"},
     "pandas": {"regions"},
     "pymavlink": {"flight.link"},
-    "serial": {"flight.link.transport"},
+    "serial": {"flight.link.transport", "flight.link.serial_ports"},
     "dask": {"execution.cluster"},
     "distributed": {"execution.cluster"},
     "click": {"cli"},
