@@ -47,6 +47,10 @@ class _Group(click.Group):
         if name not in _COMMANDS:
             return None
         command: click.Command = importlib.import_module(f"uavseg.cli.{name.replace('-', '_')}").command
+        if ctx.resilient_parsing:  # of a shell that completes the line
+            from uavseg.cli._complete import completing_files
+
+            return completing_files(command)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

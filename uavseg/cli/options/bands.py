@@ -56,7 +56,7 @@ band_option = click.option(
     "band",
     metavar="N|NAME",
     callback=one_band,
-    help="Use this band, counted from 1, or by its name (B8, nir, red); --bidx is the name that rio gives it.",
+    help="Use this band, counted from 1, or by its name (B8, nir, red); --bidx as in rio.",
 )
 
 
