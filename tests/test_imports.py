@@ -107,6 +107,7 @@ LEVELS = (
     {"jobs"},
     {"plot", "api"},
     {"uavseg"},  # public names, loaded on first use
+    {"xarray"},
     {"cli"},
     {"__main__"},
 )
@@ -144,7 +145,8 @@ PHASES = {
     "blocks.g_statistic": set(),
     "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
     "blocks.memory": {"blocks.division"},
-    "blocks.block_map": {"blocks.division", "blocks.memory", "params"},
+    "blocks.thumbnail": set(),
+    "blocks.block_map": {"blocks.division", "blocks.memory", "blocks.thumbnail", "params"},
     "blocks.leaves": {"blocks.block_map", "params", "partition"},
     "refine.noise": {"dilation"},
     "refine.total_variation": set(),
@@ -188,7 +190,7 @@ ONLY_IN = {
     },
     "numba": {"_jit.compiling", "_jit.fallback"},
     "llvmlite": {"_jit.compiling", "_jit.fallback"},
-    "geopandas": {"regions"},
+    "geopandas": {"regions", "flight.frame"},
     "pandas": {"regions"},
     "pymavlink": {"flight.link"},
     "serial": {"flight.link.transport", "flight.link.serial_ports"},
