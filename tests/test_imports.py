@@ -173,6 +173,8 @@ ON_RASTERS = {  # these may import raster, and all phases
     "pipeline",
     "kinds",
     "blocks.block_file",
+    "blocks.block_header",
+    "blocks.saved_blocks",
     "states.state_image",
     "states.classify_strips",
     "states.thin_structures",

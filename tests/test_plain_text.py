@@ -1,6 +1,7 @@
 """Messages are one printable line of bounded length."""
 
 import pickle
+import struct
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,7 @@ def test_an_error_says_names_escaped_here_and_in_another_process(kind: type[Uavs
         (lambda: b"\xff".decode(), "a text or a name in it is not UTF-8"),
         (lambda: {}["items"], "'items' is missing"),
         (lambda: None + 1, "a value in it is of a wrong kind"),
+        (lambda: struct.unpack("<H", b""), "a record in it is cut short"),
         (lambda: Path("/nowhere/x").read_text(), "No such file or directory"),
     ],
 )

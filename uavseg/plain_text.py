@@ -1,6 +1,7 @@
 """Text of messages: one printable line of bounded length, whatever a file or a library says."""
 
 import re
+import struct
 
 MAX_MESSAGE = 500  # characters
 MAX_WORD = 160
@@ -79,6 +80,7 @@ _IN_WORDS: dict[type[BaseException], str] = {
     AttributeError: "a value in it is of a wrong kind",
     IndexError: "a list in it is too short",
     UnboundLocalError: "it is damaged",
+    struct.error: "a record in it is cut short",
 }
 _REPHRASED = (
     (r"^could not convert string to float: (.*)", r"expected a number, got \1"),

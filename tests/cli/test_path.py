@@ -261,3 +261,12 @@ def test_a_ros_map_is_not_stretched_by_auto_either() -> None:
     found("map.yaml", *unknown, "-o", "own.geojson")
     found("map.yaml", *unknown, "-o", "auto.geojson", "--stretch", "auto")
     assert Path("own.geojson").read_bytes() == Path("auto.geojson").read_bytes()
+
+
+def test_what_a_kml_cannot_show_is_a_note() -> None:
+    said = found(
+        *("rooms.tif", *RANGE, "--start", at(8, 30), "--goal", at(8, 100), "-o", "p.kml"),
+        *("--altitude", "30", "--home", "auto"),
+    ).output
+    assert "note: the altitude of home is not given, so that the .kml draws heights above the ground" in said
+    assert "a library warns" not in said

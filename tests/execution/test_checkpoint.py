@@ -187,6 +187,13 @@ def test_progress_counts_the_items_that_are_done_already(run: Map, tmp_path: Pat
     assert list(with_checkpoint(run, tmp_path)(partial(square_tile, 7), [])) == []
 
 
+def test_an_empty_name_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(OutputError, match="the name of the folder for resume is empty"):
+        with_checkpoint(serial, "")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_folder_that_cannot_be_created_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file to resume from cannot be created: it is a file"):

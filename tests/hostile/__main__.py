@@ -7,7 +7,6 @@ from pathlib import Path
 
 from tests.hostile import campaign
 from tests.hostile.judging import judge
-from tests.hostile.sandbox import Sandbox
 
 
 def main() -> int:
@@ -33,13 +32,9 @@ def main() -> int:
 
 def one(name: str, folder: Path, seed: int) -> int:
     """Make one case in a folder, run it, and say what it did."""
-    campaign.prepare()
     case = campaign.save(folder, name, seed)
-    sandbox = Sandbox()
-    try:
-        outcomes = sandbox.run(case)
-    finally:
-        sandbox.close()
+    with campaign.started() as pool:
+        outcomes = pool.submit(campaign.outcomes_of, case).result()
     for outcome in outcomes:
         print(outcome.err.decode("utf-8", "backslashreplace"), file=sys.stderr)
     found = judge(case, outcomes)

@@ -17,7 +17,7 @@ from random import Random
 from tests.hostile import seeds
 from tests.hostile.case import Case
 from tests.hostile.judging import Finding, judge
-from tests.hostile.sandbox import Sandbox
+from tests.hostile.sandbox import Outcome, Sandbox
 
 KINDS = {  # share of the cases
     "rasters": 6,
@@ -103,16 +103,22 @@ def run(
 
 def started(processes: int = 1) -> ProcessPoolExecutor:
     """Processes from which cases are forked: fresh ones, without threads, which do not survive a fork."""
+    os.environ["PROJ_DEBUG"] = "0"  # for the new processes: PROJ reads it once, when it is loaded
     drawn = {"initializer": seeds.use, "initargs": (seeds.everything(),)}
     return ProcessPoolExecutor(processes, get_context("spawn"), **drawn)
 
 
 def judged(case: Case) -> list[Finding]:
     """Findings of one case, run from this process, which is one of those that `started` gives."""
+    return judge(case, outcomes_of(case))
+
+
+def outcomes_of(case: Case) -> list[Outcome]:
+    """What one case did, run from this process as in `judged`."""
     prepare()
     sandbox = Sandbox()
     try:
-        return judge(case, sandbox.run(case))
+        return sandbox.run(case)
     finally:
         sandbox.close()
 
@@ -140,7 +146,6 @@ def _batch(
 def prepare() -> None:
     """Import what cases need, once; forked processes have it then."""
     os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    os.environ["PROJ_DEBUG"] = "0"  # as the command line sets it before libraries are loaded
     if os.environ.get("MPLBACKEND") is None:
         os.environ["MPLBACKEND"] = "agg"
     for name in (*LIBRARIES, *MODULES):

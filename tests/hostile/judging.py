@@ -77,9 +77,20 @@ def _judge_one(case: Case, n: int, outcome: Outcome) -> list[Finding]:
         found.append(Finding("SLOW", name, f"{outcome.seconds:.0f} s, code {outcome.code}"))
     several = bool(case.commands) and "--each" in case.commands[n]
     found += _judge_text(err, outcome.code, several)
-    if _CONTROL.search(outcome.out.decode("utf-8", "surrogateescape").replace("\r\n", "")):
+    printed = outcome.out.decode("utf-8", "surrogateescape").replace("\r\n", "")
+    if _CONTROL.search(_without_separators(printed) if _separates(case, n) else printed):
         found.append(Finding("CTRLOUT", name, repr(outcome.out[:200])))
     return found + _judge_files(case, name, outcome, several)
+
+
+def _separates(case: Case, n: int) -> bool:
+    """Whether a command asks for record separators (RFC 8142)."""
+    return bool(case.commands) and "--rs" in case.commands[n]
+
+
+def _without_separators(text: str) -> str:
+    """GeoJSON text sequence without the record separator that begins each of its lines."""
+    return re.sub(r"^\x1e(?={)", "", text, flags=re.MULTILINE)
 
 
 def _judge_text(err: str, code: int, several: bool) -> list[Finding]:

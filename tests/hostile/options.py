@@ -15,14 +15,23 @@ LINES = tuple(
         f"extract x.tif --range 0.5,1 -o out.geojson {DIVISION} {RUN} --min-area 5 --fill-holes 5px --simplify 1",
         f"extract x.tif --range 0.5,1 -o out.shp --smooth-outline 0.4 --band 1 --nodata 0 --stretch 0,255 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.geojson --expr b1/2+sqrt(b1) --band-names b1 {RUN}",
-        f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --rgb red,2,3 --band-names red,green,blue {RUN}",
+        f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --band-names red,green,blue {RUN}",
         f"extract x.tif --range 0.5,1 -o out.kml --labels out.vrt --refine tv --resume done {RUN}",
         f"extract x.tif --range 0.5,1 -o out.gpkg --mission out.plan {FLIGHT} --spacing 10 --angle 20 --threads 1",
         f"extract x.tif --values 20,200 -o out.geojson {RUN}",
         f"extract x.tif --percentile 90,100 -o out.gpkg --stretch minmax {RUN}",
+        f"extract rgb.tif --band red --band-names red,green,blue --values 9,99 -o out.shp --style qml {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.gpkg --style sld --collar keep {RUN}",
+        f"extract x.tif --classes c.csv -o out.geojson --style qml --mission out.plan --mission-class bright {FLIGHT} --allow-edge",
+        f"extract x.tif --classes c.yaml -o out.gpkg --mission out.plan --mission-class bright --avoid-class dark {FLIGHT} --allow-edge {RUN}",
+        f"levels x.tif --width 0.3 -o out.gpkg --style qml --collar auto {RUN}",
+        f"suggest rgb.tif --index exg --band-names red,green,blue --collar keep --json {RUN}",
+        "info rgb.tif --expr (red-blue)/(red+blue) --band-names red,green,blue --collar auto --threads 1",
+        *(f"info {name} --json" for name in ("r.geojson", "lv.geojson", "r.gpkg", "r.kml", "r.parquet")),
+        "info r.fgb --threads 1",
         f"extract rgb.tif --rgb 1,2,3 --range 0.5,1 -o out.parquet --method paper {RUN}",
         f"extract x.tif --class a=0,0.4 --class b=0.4,1 -o out.gpkg --labels out.tif --min-area 9 {RUN}",
-        f"extract x.tif --range 0.5,1 --range 0,0.4 -o out.fgb --mission out.plan --mission-class 0,0.4 {FLIGHT}",
+        f"extract x.tif --range 0.5,1 --range 0,0.4 -o out.fgb --mission out.plan --mission-class 0,0.4 {FLIGHT} --allow-edge",
         f"levels x.tif --breaks 0.3,0.6 -o out.fgb --refine tv {RUN}",
         f"levels x.tif --breaks otsu:3 -o out.fgb --refine none {RUN}",
         f"extract x.tif --range 0.5,1 -o - --sequence --rs --projected {RUN}",
@@ -74,6 +83,10 @@ LINES = tuple(
 )
 ZONE = b"""{"type": "Polygon", "coordinates": [[[15.001, 40.651], [15.0015, 40.651], [15.001, 40.6515],
                                                  [15.001, 40.651]]]}"""
+CLASSES = {
+    "c.csv": b'name,range,color\ndark,"0,0.4",#102030\nbright,"0.4,1",\n',
+    "c.yaml": b"- {name: dark, low: 0, high: 0.4}\n- {name: bright, range: '0.4,1', color: '#ffee00'}\n",
+}
 NAMES = (
     "out\n.geojson", "out\x1b[31m.geojson", "out\udce9.geojson", "\udcff", "a" * 300 + ".tif", "a/" * 3000, "",
     "\x01", "\n", ".", "..", "/", "/dev/null", "/dev/full", "/proc/self/mem", "no/such/out.geojson", "x.tif",
@@ -105,7 +118,8 @@ def _files() -> dict[str, bytes]:
     drawn = seeds.missions()
     pictures = {"rgb.tif": seeds.rasters()["jpeg.tif"], "g.tif": seeds.rasters()["lerc.tif"]}
     others = pictures | {"b.tif": seeds.block_map()["b.tif"], "m.pgm": seeds.ros_maps()["m.pgm"]}
-    regions = {name: seeds.vectors()[name] for name in ("r.geojson", "lv.geojson")}
+    names = ("r.geojson", "lv.geojson", "r.gpkg", "r.kml", "r.parquet", "r.fgb")
+    regions = {name: seeds.vectors()[name] for name in names}
     vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
     others |= seeds.bags()
-    return drawn | others | regions | vehicle | {"z.geojson": ZONE}
+    return drawn | others | regions | vehicle | CLASSES | {"z.geojson": ZONE}

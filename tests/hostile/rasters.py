@@ -32,6 +32,24 @@ COMMANDS: tuple[Arguments, ...] = (
         "auto",
         *ONE,
     ),
+    ("extract", "x.tif", "--values", "20,200", "-o", "out.geojson", *ONE),
+    ("extract", "x.tif", "--percentile", "50,100", "-o", "out.gpkg", "--style", "qml", *ONE),
+    ("extract", "x.tif", "--expr", "b1/2", "--range", "0.2,1", "-o", "out.geojson", *ONE),
+    ("extract", "x.tif", "--class", "dark=0,0.4", "--class", "bright=0.4,1", "-o", "out.gpkg", *ONE),
+    (
+        "extract",
+        "x.tif",
+        "--range",
+        "0,0.2",
+        "--range",
+        "0.6,1",
+        "-o",
+        "out.geojson",
+        "--labels",
+        "out.tif",
+        *ONE,
+    ),
+    ("levels", "x.tif", "--breaks", "0.3,0.6", "-o", "out.geojson", *ONE),
     ("levels", "x.tif", "--width", "0.25", "-o", "out.geojson", "--min-area", "20", *ONE),
     ("match", "x.tif", "--like", "500020,4499980,16", "-o", "out.geojson", *ONE),
     ("match", "x.tif", "--like", "40,40,20", "-o", "out.geojson", *ONE),
@@ -68,6 +86,8 @@ SAME: tuple[Arguments, ...] = (
     ("divide", "x.tif", "-o", "o{n}.tif", *ONE),
     ("classify", "x.tif", "-o", "o{n}.tif", "--stretch", "dtype", *ONE),
     ("suggest", "x.tif", "--json", *ONE),
+    ("extract", "x.tif", "--percentile", "50,100", "-o", "o{n}.geojson", *ONE),
+    ("extract", "x.tif", "--range", "0,0.2", "--range", "0.6,1", "-o", "o{n}.geojson", *ONE),
 )
 
 

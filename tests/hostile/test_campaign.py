@@ -12,7 +12,7 @@ from tests.hostile import campaign
 from tests.hostile.case import Case
 from tests.hostile.judging import judge
 from tests.hostile.mutate import bytes_mutated, json_mutated, tag_bytes, tags_mutated, with_tag_bytes
-from tests.hostile.sandbox import Sandbox
+from tests.hostile.sandbox import Outcome, Sandbox
 
 CASE = Case({"x.tif": b"abc"}, (("info", "x.tif"),))
 
@@ -113,3 +113,20 @@ def test_a_short_campaign_finds_nothing() -> None:
     count, found = campaign.run(120, seed=7)
     assert count.total() == 120
     assert not found, campaign.report(count, found, 0)
+
+
+@pytest.mark.parametrize(
+    ("options", "printed", "kinds"),
+    [
+        (("--rs",), '\x1e{"a": 1}\n\x1e{}\n', []),
+        (("--rs",), '{"a": "\x1e"}\n', ["CTRLOUT"]),
+        (("--rs",), "\x1b{}\n", ["CTRLOUT"]),
+        ((), '\x1e{"a": 1}\n', ["CTRLOUT"]),
+    ],
+)
+def test_record_separators_are_allowed_where_they_are_asked_for(
+    options: tuple[str, ...], printed: str, kinds: list[str]
+) -> None:
+    case = Case({}, (("extract", "x.tif", *options),))
+    outcome = Outcome(0, printed.encode(), b"", 0.1, 0)
+    assert [found.kind for found in judge(case, [outcome])] == kinds

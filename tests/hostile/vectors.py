@@ -5,6 +5,7 @@ from random import Random
 from tests.hostile import seeds
 from tests.hostile.case import Arguments, Case, chosen
 from tests.hostile.mutate import bytes_mutated, json_mutated, words_mutated
+from tests.hostile.options import CLASSES
 
 FLIGHT = ("--altitude", "50", "--home", "auto")
 COMMANDS: tuple[Arguments, ...] = (
@@ -15,6 +16,8 @@ COMMANDS: tuple[Arguments, ...] = (
     ("plan", "{r}", "-o", "out.plan", *FLIGHT, "--largest", "2", "--angle", "30", "--spacing", "5"),
     ("preview", "x.tif", "--regions", "{r}", "-o", "out.png", "--width", "300"),
     ("preview", "x.tif", "--levels", "{r}", "-o", "out.png", "--width", "300"),
+    ("info", "{r}"),
+    ("info", "{r}", "--json"),
     ("match", "x.tif", "--like", "{r}", "-o", "out.geojson", "--threads", "1"),
 )
 STDIN = ("plan", "-", "-o", "out.plan", *FLIGHT)
@@ -34,8 +37,10 @@ NAMES = (
 
 
 def case(rng: Random) -> Case:
-    """A file of regions changed, and a command that reads it."""
+    """A file of regions changed, and a command that reads it; at times a file of classes."""
     known = seeds.vectors()
+    if chosen(rng, 0.05):
+        return _classes(known["x.tif"], rng)
     name = rng.choice(NAMES)
     parts = PARTS.get(name, (name,))
     files = {part: known[part] for part in parts}
@@ -47,6 +52,13 @@ def case(rng: Random) -> Case:
         return Case({}, (STDIN,), stdin=files[name])
     command = tuple(word.replace("{r}", name) for word in rng.choice(COMMANDS))
     return Case(files | {"x.tif": known["x.tif"]}, (command,))
+
+
+def _classes(raster: bytes, rng: Random) -> Case:
+    name = rng.choice(list(CLASSES))
+    content = rng.choice((words_mutated, words_mutated, bytes_mutated))(CLASSES[name], rng)
+    command = ("extract", "x.tif", "--classes", name, "-o", "out.gpkg", "--threads", "1")
+    return Case({name: content, "x.tif": raster}, (command,))
 
 
 def _changed(name: str, content: bytes, rng: Random) -> bytes:

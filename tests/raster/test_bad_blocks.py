@@ -294,4 +294,23 @@ def test_a_bad_block_is_tried_once_by_a_thread_however_many_tiles_it_meets(
         _, valid = dataset.read(tile)
         rows = np.arange(tile.row, tile.row + tile.rows)
         assert valid is not None or not ((rows >= 100) & (rows < 200)).any()
-    assert windows.count(Window(100, 0, 100, COLS)) == 1
+    met = [one for one in windows if one.row < 200 and one.row + one.rows > 100]
+    assert met == [Window(64, 0, 64, 64), Window(100, 0, 28, 64)]  # a tile, and its part of the strip
+
+
+def test_of_wide_strips_only_the_window_is_read(
+    write_raster: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_raster(PIXELS, compress="deflate", blockysize=40)
+    path.write_bytes(path.read_bytes()[: -path.stat().st_size // 3])
+    read: list[Window] = []
+    plain = RasterFile.read
+
+    def counting(self: RasterFile, handles: Any, choice: Any, window: Window, *shape: Any) -> Any:
+        read.append(window)
+        return plain(self, handles, choice, window, *shape)
+
+    monkeypatch.setattr(RasterFile, "read", counting)
+    _, valid = Dataset.open(path, skip_bad_tiles=True).read(Window(0, 64, ROWS, 16))
+    assert valid is not None and not valid.all()
+    assert {(window.col, window.cols) for window in read} == {(64, 16)}

@@ -240,14 +240,6 @@ def test_a_downsampled_read_is_like_the_raster(write_raster):
     assert np.array_equal(valid[1:, 1:], (image[2::4, 2::4] != 0)[1:, 1:])
 
 
-def test_metadata_are_plain_values(holed):
-    facts = holed.describe()
-    assert facts["driver"] == "GTiff"
-    assert (facts["rows"], facts["cols"], facts["bands"]) == (150, 170, 4)
-    assert facts["colors"] == ("red", "green", "blue", "alpha")
-    assert facts["used"] == "luminance of bands 1,2,3"
-
-
 def test_the_block_cache_of_the_process_keeps_its_size(holed, monkeypatch):
     from rasterio.env import get_gdal_config
 

@@ -86,3 +86,12 @@ def test_tiles_that_are_far_too_many_are_refused_before_any_is_made() -> None:
     with pytest.raises(ParameterError, match=r"divide the raster into 244,140,625, .*--tile"):
         tiles((1_000_000, 1_000_000), 64)
     assert len(tiles((1_000_000, 1_000_000), 64_000)) == 256
+
+
+@given(windows, windows)
+def test_the_common_part_of_two_windows_has_the_pixels_of_both(first: Window, second: Window) -> None:
+    def pixels(window: Window) -> set[tuple[int, int]]:
+        rows = range(window.row, window.row + window.rows)
+        return {(i, j) for i in rows for j in range(window.col, window.col + window.cols)}
+
+    assert pixels(first.common(second)) == pixels(first) & pixels(second)

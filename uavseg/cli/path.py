@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._say import show
-from uavseg.cli._write import keep_inputs, shown
+from uavseg.cli._write import keep_inputs, shown, write_mission_output
 from uavseg.cli.options.access import access_options
 from uavseg.cli.options.bands import band_option, formula_options
 from uavseg.cli.options.home_words import HomeCommand
@@ -97,12 +97,12 @@ def command(**options: Any) -> None:
     found = path(source, request, run.work())
     run.reporter.finish(found.warnings)
     mission = None if flight is None else _flown(found.path, flight, options["home"])
-    _write(found.path, mission, output, run.overwrite)
+    unwritten = _write(found.path, mission, output, run.overwrite)
     run.reporter.table(_rows(found, output) | {"seconds": f"{run.reporter.seconds:.2f}"})
     if mission is not None and not run.reporter.quiet:
         from uavseg.cli.options.mission import report
 
-        report([mission], 1, [output], mission.warnings)
+        report([mission], 1, [output], [*mission.warnings, *unwritten])
 
 
 def _request(options: dict[str, Any]) -> PathRequest:
@@ -175,20 +175,21 @@ def _flown(way: PlannedPath, flight: PlanParams, home: str | None) -> Mission:
     return fly_along(lon, lat, flight, (float(lat[0]), float(lon[0])) if position == "auto" else position)
 
 
-def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bool) -> None:
+def _write(way: PlannedPath, mission: Mission | None, output: str, overwrite: bool) -> list[str]:
+    """Write a path or a mission; what the format of a mission cannot hold is returned as warnings."""
     from uavseg.atomic import atomic_file
-    from uavseg.flight import files
     from uavseg.occupancy.paths.path_geojson import path_to_geojson
     from uavseg.output.written import noted_stream
 
     if mission is not None:
-        files.write_mission(mission, output, overwrite)
-    elif output == "-":
+        return write_mission_output(mission, output, overwrite)
+    if output == "-":
         with noted_stream("stdout"):
             show(path_to_geojson(way).rstrip("\n"))
     else:
         with atomic_file(output, overwrite) as temporary:
             temporary.write_text(path_to_geojson(way), encoding="utf-8", newline="\n")
+    return []
 
 
 def _rows(found: PathFound, output: str) -> dict[str, str]:

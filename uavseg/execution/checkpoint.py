@@ -24,6 +24,9 @@ from uavseg.execution.result_file import DamagedResultError, decode_result, enco
 from uavseg.output.renames import recover
 from uavseg.output.written import note_kept
 
+UNSAVED = ("corner", "is_filled_white")
+"""Stages that read a few pixels, which takes less time than their results' files would."""
+
 OnResume = Callable[[str, int, int], object]
 """Called with the name of a stage, how many of its tiles are done already, and how many it has."""
 
@@ -32,6 +35,7 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
     """An executor that saves every result in a folder, and reads those that are there already.
 
     The calling thread reads and writes the files; only missing results are computed by the other executor.
+    Results of the stages in `UNSAVED` are computed each time.
     A file is written whole or not at all; a damaged one is computed again. The folder remains at the end: it
     may be used again, or removed.
 
@@ -47,8 +51,10 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
     Raises
     ------
     OutputError
-        If the folder cannot be created, or a result cannot be written to it.
+        If its name is empty, it cannot be created, or a result cannot be written to it.
     """
+    if not os.fspath(folder):  # a Path takes it for the working directory
+        raise OutputError("the name of the folder for resume is empty; name a folder, or leave resume out")
     root = Path(folder)
     _make_folder(root)
     note_kept(str(folder))
@@ -57,6 +63,9 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
         function: Callable[[Item], Result], items: Sequence[Item], progress: Progress | None = None
     ) -> Generator[Result, None, None]:
         name = stage_name(function)
+        if name in UNSAVED:
+            yield from map(function, items, progress)
+            return
         stage = root / f"{name}-{fingerprint(__version__, _code_hash(), function)}"
         _make_folder(stage)
         keys = [fingerprint(item) for item in items]

@@ -8,7 +8,7 @@ from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Pixels, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
-from uavseg.segmentation.blocks.block_file import SavedBlocks
+from uavseg.segmentation.blocks.saved_blocks import SavedBlocks
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map
 

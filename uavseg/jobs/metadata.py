@@ -16,7 +16,7 @@ from uavseg.jobs.source import Blocks, Raster, Source
 from uavseg.plain_text import printable
 from uavseg.raster.value_scale import ValueAxis
 from uavseg.regions.edit.small import Area
-from uavseg.segmentation.blocks.block_file import Origin
+from uavseg.segmentation.blocks.saved_blocks import Origin
 from uavseg.segmentation.params import SegmentParams
 
 # by what they result in

@@ -13,7 +13,7 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch, parse_stretch
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.tiling import TilePass
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks
+from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.source import GreySource
 
 AUTO = StretchSpec("auto")

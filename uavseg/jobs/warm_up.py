@@ -5,6 +5,7 @@ import time
 from dataclasses import dataclass
 
 from uavseg._jit import object_cache, warming
+from uavseg.arguments import checked
 from uavseg.errors import OutputError, ParameterError
 from uavseg.execution.executors import Progress, usable_cores
 
@@ -45,6 +46,7 @@ class WarmUp:
         )
 
 
+@checked
 def warm_up(processes: int | None = None, progress: Progress | None = None) -> WarmUp:
     """Load everything once, and compile what has to be compiled, so that later commands start at once.
 

@@ -11,6 +11,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
+from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.raster.opening import file_exists
@@ -26,6 +27,7 @@ from uavseg.regions.table import Regions
 
 PolygonArray = NDArray[np.object_]
 
+_AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 _LARGEST = 1e100  # the square of it is a number too
 _DRAWN_COLUMNS = (
     "id",
@@ -86,6 +88,26 @@ class PolygonTable:
         return drawn
 
 
+def simplified(shapes: PolygonArray, tolerance: float) -> PolygonArray:
+    """Polygons and multipolygons with fewer corners; of collections, the polygons in them.
+
+    What is no polygon afterwards stays as it is: an invalid polygon may become a ring.
+    """
+    flat = np.array([_polygonal(shape) for shape in shapes], dtype=object)
+    found = np.asarray(shapely.simplify(flat, tolerance), dtype=object)
+    is_area = np.isin(shapely.get_type_id(found), _AREAS) & ~shapely.is_empty(found)
+    return np.where(is_area, found, flat)
+
+
+def _polygonal(shape: Any) -> Any:
+    if shapely.get_type_id(shape) in _AREAS:
+        return shape
+    parts = np.array([shape], dtype=object)
+    while (shapely.get_type_id(parts) > shapely.GeometryType.POLYGON).any():
+        parts = shapely.get_parts(parts)
+    return shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
+
+
 def polygon_paths(shapes: PolygonArray) -> list[Any]:
     """A matplotlib path for each polygon or multipolygon, with its holes."""
     from matplotlib.path import Path as DrawnPath
@@ -104,6 +126,8 @@ def polygon_paths(shapes: PolygonArray) -> list[Any]:
 def _table_of_memory(regions: Any) -> PolygonTable:
     if isinstance(regions, Regions):
         return PolygonTable(np.asarray(regions.polygons, dtype=object), regions.wkt, dict(regions.columns))
+    if not (hasattr(regions, "columns") and hasattr(regions, "geometry")):
+        raise RegionError(f"polygons to draw are a file, regions or a GeoDataFrame, not {shown(regions)}")
     names = [str(name) for name in regions.columns if name != regions.geometry.name]
     columns = {name: np.asarray(regions[name]) for name in names}
     return PolygonTable(np.asarray(regions.geometry.values, dtype=object), regions.crs, columns)

@@ -100,7 +100,7 @@ def preview(
     if not 200 <= width_px <= 8000:
         raise ParameterError(f"a picture is 200 to 8000 pixels wide, not {width_px}")
     target = check_png_target(out, overwrite)
-    keep_inputs([target], [_given(raster), regions, mission, levels, states and _given(states), leaves, path])
+    keep_inputs([target], [_given(raster), regions, mission, levels, _given(states), leaves, path])
     is_map = states is not None or path is not None
     dataset, grey = _open_raster(raster, stretch, is_map)
     collar = "keep" if is_map else check_collar(collar)

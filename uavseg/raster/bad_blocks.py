@@ -180,15 +180,16 @@ def _read_block_by_block(
         here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:
             continue
+        part = block.common(window) if file.fails_by_block else block
         try:
             if (block.row, block.col) not in failed:
-                pixels, known = file.read(handles, choice, block)
+                pixels, known = file.read(handles, choice, part)
         except RasterReadError:
             failed.add((block.row, block.col))
         if (block.row, block.col) in failed:
             bad.append((BadBlock(file.path, block.row, block.col, block.rows, block.cols), here))
             continue
-        sampled = np.ix_(rows[here[0]] - block.row, cols[here[1]] - block.col)
+        sampled = np.ix_(rows[here[0]] - part.row, cols[here[1]] - part.col)
         values[:, here[0], here[1]] = pixels[:, sampled[0], sampled[1]]
         valid[here] = True if known is None else known[sampled]
     return values, valid, bad

@@ -186,9 +186,9 @@ def valid_pixels(
     """Which pixels are valid; None if all are.
 
     A pixel is invalid where `mask` is false, alpha is 0 or a band is not finite. With one band it is invalid
-    where the band is nodata, and `by_band` where any band is. Of three bands of colours, a nodata value that
+    where the band is nodata, and `by_band` where any band is. Of several bands, a nodata value that
     cannot be a colour (of float bands, or negative) makes a pixel invalid where *any* band has it; one that
-    can be (0 or 255 of a photograph) only where *all* three have it, as in GDAL's mask of a whole file.
+    can be (0 or 255 of a photograph) only where *all* have it, as in GDAL's mask of a whole file.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def _nodata_pixels(values: Values, nodatas: Sequence[float | None], by_band: boo
         return hits
     if len(hits) <= 1 or not_a_color:
         return hits if not_a_color or len(values) == 1 else []
-    return [hits[0] & hits[1] & hits[2]] if len(hits) == len(values) else []
+    return [np.logical_and.reduce(hits)] if len(hits) == len(values) else []
 
 
 def _equal(plane: Values, number: float) -> Valid:

@@ -1,7 +1,7 @@
 """Dataset: one raster or a mosaic, with windowed reads that are thread-safe and picklable."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,19 +11,13 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.plain_text import shown
 from uavseg.raster.array_source import from_array, from_values, is_array
-from uavseg.raster.bad_blocks import (
-    MissingPart,
-    read_naming_bad_block,
-    read_skipping_bad_blocks,
-    record_bad_block,
-)
-from uavseg.raster.bands import BandChoice, Valid, Values, choose_bands, usable_nodata, without
+from uavseg.raster.bands import BandChoice, Valid, Values, choose_bands, without
 from uavseg.raster.collar.pixel_mask import PixelMask
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.inspect_file import inspect_file
-from uavseg.raster.mosaic import Mosaic, RasterSource, align_rasters
+from uavseg.raster.mosaic import Mosaic, align_rasters, with_nodata
 from uavseg.raster.opening import OpenFiles
-from uavseg.raster.raster_file import RasterFile
+from uavseg.raster.part_reader import PartReader
 from uavseg.raster.spectral.band_names import renamed
 from uavseg.raster.spectral.choice import check_names_agree, check_reflectance, choose
 from uavseg.raster.spectral.formula import BandWords
@@ -33,7 +27,6 @@ from uavseg.raster.value_scale import BandScale
 _NO_SCALE = (
     "its bands or files have different scales, offsets or units: stored numbers are compared as they are"
 )
-Part = tuple[RasterSource, Window, tuple[slice, slice]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +100,7 @@ class Dataset:
         choice = choose(first.layout, band, rgb, words, first.palette is not None)
         check_names_agree(files, choice.bands)
         check_reflectance(files, choice)
-        files_with_nodata, warnings = _with_nodata(mosaic.files, choice, nodata)
+        files_with_nodata, warnings = with_nodata(mosaic.files, choice, nodata)
         if choice.expanded:
             warnings = (
                 *warnings,
@@ -138,7 +131,7 @@ class Dataset:
         """
         choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
         check_names_agree(self.mosaic.files, choice.bands)
-        files, warnings = _with_nodata(self.mosaic.files, choice, nodata)
+        files, warnings = with_nodata(self.mosaic.files, choice, nodata)
         return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
 
     @property
@@ -211,6 +204,10 @@ class Dataset:
         """File name of the first raster."""
         return self.mosaic.files[0].name
 
+    @property
+    def _parts(self) -> PartReader:
+        return PartReader(self.choice, self._handles, self.skip_bad_tiles)
+
     def fingerprint(self) -> tuple[object, ...]:
         """Content hash input: the files as they are now, and the options for reading them."""
         files = tuple(file.fingerprint() for file in self.mosaic.files)
@@ -242,12 +239,10 @@ class Dataset:
             If a file is damaged inside the window, and `skip_bad_tiles` is false.
         """
         if len(self.mosaic.files) == 1:
-            [file], shape = self.mosaic.files, (window.rows, window.cols)
-            values, valid, bad = self._read_part(file, window, shape)
-            for block, _ in bad:
-                record_bad_block(block)
+            values, valid = self._parts.read(self.mosaic.files[0], window)
         else:
-            values, valid = self._fill((window.rows, window.cols), self.mosaic.parts(window))
+            shape = (window.rows, window.cols)
+            values, valid = self._parts.merge(shape, self.mosaic.parts(window), self.dtype)
         if self.collar is None or not self.collar.touches(window):
             return values, valid
         return values, without(valid, self.collar.read(window))
@@ -274,69 +269,11 @@ class Dataset:
         factor = max(rows, cols, max_side) / max_side
         shape = (max(int(rows / factor), 1), max(int(cols / factor), 1))
         transform = scaled(self.geobox.transform, rows / shape[0], cols / shape[1])
-        values, valid = self._fill(shape, self.mosaic.coarse_parts(shape))
+        values, valid = self._parts.merge(shape, self.mosaic.coarse_parts(shape), self.dtype)
         if self.collar is not None:
             sampled = sample_positions(0, rows, shape[0]), sample_positions(0, cols, shape[1])
             valid = without(valid, self.collar.sample(*sampled))
         return values, valid, GeoBox(shape, transform, self.geobox.crs)
-
-    def describe(self) -> dict[str, Any]:
-        """Metadata of the files as plain values by name, for messages."""
-        first, box = self.mosaic.files[0], self.geobox
-        return {
-            "files": len(self.mosaic.files),
-            "driver": first.driver,
-            "rows": box.shape[0],
-            "cols": box.shape[1],
-            "bands": len(first.layout.dtypes),
-            "dtypes": first.layout.dtypes,
-            "bits": first.layout.bits,
-            "colors": first.layout.roles,
-            "used": self.band_names,
-            "nodata": first.nodatas[self.bands[0] - 1],
-            "block": first.block,
-            "overviews": first.overviews,
-            "crs": None if box.crs is None else str(box.crs.to_string()),
-        }
-
-    def _fill(self, shape: tuple[int, int], parts: Iterable[Part]) -> tuple[Values, Valid | None]:
-        """Merge parts of files; the first valid pixel wins."""
-        planes = self.choice.planes if self.choice.formula is None else 1
-        values = np.zeros((planes, *shape), self.dtype)
-        filled = np.zeros(shape, bool)
-        for file, part, (rows, cols) in parts:
-            missing = ~filled[rows, cols]
-            if not missing.any():
-                continue
-            pixels, valid, bad = self._read_part(file, part, missing.shape)
-            for block, place in bad:
-                if missing[place].any():  # no earlier file has these pixels
-                    record_bad_block(block)
-            if valid is not None:
-                missing &= valid
-            np.copyto(values[:, rows, cols], pixels, where=missing)
-            filled[rows, cols] |= missing
-        return values, None if filled.all() else filled
-
-    def _read_part(
-        self, file: RasterSource, part: Window, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
-        """Values and validity of a part of a file, and which blocks of it cannot be read."""
-        values, valid, bad = self._read_bands(file, part, shape)
-        formula = self.choice.formula
-        if formula is not None:
-            scales = [file.scale_of(band, self.choice.bits) for band in self.bands]
-            values, valid = formula.apply(values, valid, scales)
-        return values, valid, bad
-
-    def _read_bands(
-        self, file: RasterSource, part: Window, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
-        if not isinstance(file, RasterFile):
-            return *file.read(self._handles, self.choice, part, shape), ()
-        if self.skip_bad_tiles:
-            return read_skipping_bad_blocks(file, self._handles, self.choice, part, shape)
-        return *read_naming_bad_block(file, self._handles, self.choice, part, shape), ()
 
 
 def _listed(sources: Any) -> list[Any]:
@@ -351,21 +288,3 @@ def _listed(sources: Any) -> list[Any]:
         if not (isinstance(source, str | os.PathLike) or is_array(source)):
             raise ParameterError(f"a source is a path or a DataArray, not {shown(source)}")
     return list(sources)
-
-
-def _with_nodata(
-    files: Sequence[RasterSource], choice: BandChoice, nodata: float | None
-) -> tuple[tuple[RasterSource, ...], tuple[str, ...]]:
-    """The files with the nodata values in effect, and all warnings."""
-    found: list[RasterSource] = []
-    warnings: list[str] = []
-    for file in files:
-        warnings += file.warnings
-        values = list(file.nodatas)
-        for band in choice.bands:
-            number = values[band - 1] if nodata is None else nodata
-            values[band - 1], warning = usable_nodata(number, np.dtype(file.layout.dtypes[band - 1]))
-            if warning:
-                warnings.append(f"{file.name}: {warning}")
-        found.append(replace(file, nodatas=tuple(values)))
-    return tuple(found), tuple(dict.fromkeys(warnings))

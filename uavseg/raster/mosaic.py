@@ -1,7 +1,7 @@
 """Mosaic: several rasters on a common pixel grid; where they overlap, the first valid pixel wins."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from affine import Affine
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MosaicError
 from uavseg.raster.array_source import ArraySource
+from uavseg.raster.bands import BandChoice, usable_nodata
 from uavseg.raster.geobox import GeoBox, shifted
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window
@@ -89,6 +90,24 @@ def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
     rows, cols = boxes[:, 2:].max(axis=0).tolist()
     transform = _origin(files, boxes)
     return Mosaic(tuple(files), boxes, GeoBox((rows, cols), transform, first.crs))
+
+
+def with_nodata(
+    files: Sequence[RasterSource], choice: BandChoice, nodata: float | None
+) -> tuple[tuple[RasterSource, ...], tuple[str, ...]]:
+    """The files with the nodata values in effect, and all warnings."""
+    found: list[RasterSource] = []
+    warnings: list[str] = []
+    for file in files:
+        warnings += file.warnings
+        values = list(file.nodatas)
+        for band in choice.bands:
+            number = values[band - 1] if nodata is None else nodata
+            values[band - 1], warning = usable_nodata(number, np.dtype(file.layout.dtypes[band - 1]))
+            if warning:
+                warnings.append(f"{file.name}: {warning}")
+        found.append(replace(file, nodatas=tuple(values)))
+    return tuple(found), tuple(dict.fromkeys(warnings))
 
 
 def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:

@@ -42,6 +42,13 @@ class Window:
         cols = max(min(self.col + self.cols, shape[1]) - col, 0)
         return Window(row, col, rows, cols)
 
+    def common(self, other: "Window") -> "Window":
+        """The part that two windows have in common; it may be empty."""
+        row, col = max(self.row, other.row), max(self.col, other.col)
+        rows = max(min(self.row + self.rows, other.row + other.rows) - row, 0)
+        cols = max(min(self.col + self.cols, other.col + other.cols) - col, 0)
+        return Window(row, col, rows, cols)
+
 
 def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     """Windows that cover a raster once, row by row.

@@ -102,8 +102,9 @@ class ValueAxis:
         return self.low > self.limits[0] or self.high < self.limits[1]
 
     def values(self, v: ArrayLike) -> Floats:
-        """The value of each v."""
-        return self.scale.values(self.low + np.asarray(v, np.float64) * (self.high - self.low))
+        """The value of each v; NaN where the stretch ends at infinity."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.scale.values(self.low + np.asarray(v, np.float64) * (self.high - self.low))
 
     def ends(self, low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
         """The smallest and the largest value of ranges of v; NaN where a range is open.

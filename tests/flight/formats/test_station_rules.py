@@ -55,6 +55,19 @@ def test_who_refuses_a_plan(text: str, refusing: set[str], mavsdk_reader: Any, t
         assert mavsdk_reader.import_qgroundcontrol_mission(str(path)).mission_items
 
 
+@pytest.mark.parametrize("value", ["a", [1], 3])
+@pytest.mark.parametrize("key", ["TransectStyleComplexItem", "CameraCalc"])
+def test_a_member_of_a_wrong_type_is_a_refusal(key: str, value: object) -> None:
+    def change(plan: dict[str, Any]) -> None:
+        survey = next(item for item in plan["mission"]["items"] if item["type"] != "SimpleItem")
+        holder = survey if key in survey else survey["TransectStyleComplexItem"]
+        holder[key] = value
+        survey["angle"] = 0
+
+    found = station_refusals(changed(change, EDITABLE).encode(), ".plan")
+    assert found[MISSION_PLANNER] == "a value in it is of a wrong kind"
+
+
 ROWS = waypoints_text(SURVEY)
 
 

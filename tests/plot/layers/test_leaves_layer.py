@@ -19,8 +19,9 @@ from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.tiling import TilePass
 from uavseg.segmentation import in_memory
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, write_block_map
+from uavseg.segmentation.blocks.block_file import write_block_map
 from uavseg.segmentation.blocks.block_map import find_leaves
+from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.params import DivisionParams
 
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.plot.pictures import NORTH_UP, UTM, box_of, colored, middle_of, table, write
+from uavseg.errors import UavsegError
 from uavseg.plot.layers import region_layer
 from uavseg.plot.preview import preview
 
@@ -59,3 +60,32 @@ def test_without_regions_the_picture_has_no_colour(tmp_path: Path) -> None:
     empty = preview(raster, tmp_path / "a.png", table([]), width_px=300)
     point = preview(raster, tmp_path / "b.png", table([shapely.Point(NORTH_UP * (9, 9))]), width_px=300)
     assert not colored(empty).any() and not colored(point).any()
+
+
+def test_a_collapsed_hole_and_a_collection_are_drawn(tmp_path: Path) -> None:
+    outer, hole = box_of(NORTH_UP, 20, 20, 90, 90), [NORTH_UP * at for at in ((30, 30), (60, 60), (30, 30))]
+    spike = shapely.Polygon(outer.exterior.coords, [[*hole[:2], *hole[:1], *hole[:1]]])
+    assert not shapely.is_valid(spike)
+    inner = shapely.GeometryCollection([box_of(NORTH_UP, 100, 100, 180, 180)])
+    nested = shapely.GeometryCollection([inner, shapely.Point(NORTH_UP * (5, 5))])
+    raster = write(tmp_path / "a.tif", np.full((200, 200), 128, np.uint8))
+    for name, shape in {"spike": spike, "nested": nested}.items():
+        assert colored(preview(raster, tmp_path / f"{name}.png", table([shape]), width_px=400)).any()
+
+
+def test_control_characters_in_an_id_are_drawn_escaped(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    raster = write(tmp_path / "a.tif", np.full((200, 200), 128, np.uint8))
+    regions = table([box_of(NORTH_UP, 20, 20, 180, 180)])
+    regions["id"] = ["\x01a\x1b[31m"]
+    preview(raster, tmp_path / "a.png", regions, width_px=400)
+    assert not [str(one.message) for one in recwarn if "Glyph" in str(one.message)]
+
+
+@pytest.mark.parametrize("layer", ["regions", "levels", "path", "mission", "states"])
+@pytest.mark.parametrize("value", [3, np.zeros(3)], ids=["number", "array"])
+def test_a_layer_of_another_type_is_refused(tmp_path: Path, layer: str, value: object) -> None:
+    raster = write(tmp_path / "a.tif", np.full((40, 60), 128, np.uint8))
+    with pytest.raises(UavsegError, match=r"to draw (is|are) a file"):
+        preview(raster, tmp_path / "a.png", **{layer: value}, width_px=300)

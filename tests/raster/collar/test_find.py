@@ -14,6 +14,7 @@ from uavseg.raster.collar import find, flood, rim
 from uavseg.raster.collar.find import without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.overview import DatasetOverview
+from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.tiling import TilePass, Window
 
 SHAPE = (420, 500)
@@ -51,6 +52,22 @@ def test_a_sharp_collar_is_left_out_to_the_pixel(
     assert (~picture & ~found).sum() <= 40  # the tips of acute corners
     share = f"a {color} collar of {100 * found.mean():.0f} % of the raster was treated as nodata"
     assert share in notes(cleaned(path))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("expression", ["(b2 - b1) / (b2 + b1)", "b1 - b2", "b1 ** 999999999"])
+@pytest.mark.parametrize("nodata", [None, 0])
+def test_a_formula_has_the_collar_of_its_bands(
+    tmp_path: Path, dtype: type, expression: str, nodata: int | None
+) -> None:
+    picture, value = PICTURES["turned"], np.iinfo(dtype).max
+    image = np.stack([texture(SHAPE, seed).astype(dtype) * (value // 255) for seed in range(2)])
+    path = write(tmp_path / "a.tif", framed(image, picture, value), nodata=nodata)
+    dataset = cleaned(path, words=BandWords(expr=expression))
+    assert dataset.dtype == np.float32 and dataset.collar is not None
+    found = dataset.collar.read(Window(0, 0, *SHAPE))
+    assert not (found & picture).any() and left_out(dataset)[found].all()
+    assert (~picture & ~found).sum() <= 40  # the tips of acute corners
 
 
 @pytest.mark.parametrize("quality", [75, 90])

@@ -212,3 +212,7 @@ def test_a_block_map_refuses_what_its_stretch_makes_alike() -> None:
             range_on_axis(asked, axis, "a.tif")
     with pytest.raises(ParameterError, match="which a block map has not"):
         range_on_axis(ValueRange(90, 100, by_rank=True), axis, "a.tif")
+
+
+def test_a_stretch_to_infinity_has_no_values(recwarn: pytest.WarningsRecorder) -> None:
+    assert all(map(isnan, ValueAxis(-inf, inf).values([0.3, 0.8]))) and not recwarn.list

@@ -158,3 +158,14 @@ def test_options_of_rasters_are_refused_for_regions(tile: Path) -> None:
 def test_text_that_is_no_metadata_is_none(text: str) -> None:
     assert isinstance(parse_metadata(text), dict)
     assert parse_metadata(metadata_text({"a": text})) == {"a": text}
+
+
+@pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
+def test_what_is_not_finite_is_not_shown_as_json(tmp_path: Path, number: str) -> None:
+    assert parse_metadata(f'{{"range": [0, {number}]}}') == {}
+    ring = f"[[0, 0], [1e999, 0], [1, 1], [0, {number.replace('NaN', '-1e999')}], [0, 0]]"
+    path = tmp_path / "r.geojson"
+    path.write_text(f'{{"type": "Polygon", "coordinates": [{ring}]}}')
+    with chdir(tmp_path):
+        facts = json.loads(run("info", "r.geojson", "--json").stdout)
+    assert facts["bounds"] is None and facts["regions"] == 1

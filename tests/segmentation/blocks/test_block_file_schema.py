@@ -12,7 +12,8 @@ from uavseg.errors import RasterError
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.segmentation.blocks import block_file
-from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks, read_block_map, write_block_map
+from uavseg.segmentation.blocks.block_file import read_block_map, write_block_map
+from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.in_memory import block_map_of_array
 from uavseg.segmentation.params import DivisionParams
 
@@ -46,11 +47,10 @@ def test_a_value_of_another_kind_is_refused(
 ) -> None:
     import json
 
-    tags = block_file._tags(saved)
-    [tag] = tags
+    text = block_file.header_text(saved)
     for number, value in enumerate(WRONG[name]):
-        content = json.loads(tags[tag]) | {name: value}
-        monkeypatch.setattr(block_file, "_tags", lambda _, content=content: {tag: json.dumps(content)})
+        content = json.loads(text) | {name: value}
+        monkeypatch.setattr(block_file, "header_text", lambda _, content=content: json.dumps(content))
         path = tmp_path / f"{number}.tif"
         write_block_map(path, saved, DivisionParams(1.2, 0.05))
         with pytest.raises(RasterError, match="not a block map that this version reads") as caught:
@@ -61,9 +61,8 @@ def test_a_value_of_another_kind_is_refused(
 def test_a_description_that_is_no_object_is_refused(
     tmp_path: Path, saved: SavedBlocks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    [tag] = block_file._tags(saved)
     for number, text in enumerate(("[]", "5", "{", "", '{"rows": ' + "[" * 5000)):
-        monkeypatch.setattr(block_file, "_tags", lambda _, text=text: {tag: text or " "})
+        monkeypatch.setattr(block_file, "header_text", lambda _, text=text: text or " ")
         write_block_map(tmp_path / f"{number}.tif", saved, DivisionParams(1.2, 0.05))
         with pytest.raises(RasterError, match="not a block map"):
             read_block_map(tmp_path / f"{number}.tif")

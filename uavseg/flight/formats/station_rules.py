@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from uavseg.inputs import parse_json
+from uavseg.plain_text import cause_of
 
 QGC, MISSION_PLANNER, MAVSDK = "QGroundControl", "Mission Planner", "MAVSDK"
 WPL_FIELDS = 12
@@ -29,11 +30,19 @@ def station_refusals(content: bytes, suffix: str) -> dict[str, str]:
     if suffix == ".plan":
         plan = parse_json(content.decode())
         rules: dict[str, Rule] = {QGC: _qgc_plan, MISSION_PLANNER: _planner_plan, MAVSDK: _mavsdk_plan}
-        return {name: next(rule(plan), "") for name, rule in rules.items()}
+        return {name: _first_reason(rule, plan) for name, rule in rules.items()}
     if suffix == ".waypoints":
         text = content.decode()
         return {QGC: next(_qgc_rows(text), ""), MISSION_PLANNER: "", MAVSDK: next(_mavsdk_rows(text), "")}
     return {}
+
+
+def _first_reason(rule: Rule, plan: Any) -> str:
+    """The first reason of a rule; a member of a wrong type, which the loaders refuse too, is one."""
+    try:
+        return next(rule(plan), "")
+    except (KeyError, TypeError, AttributeError) as error:
+        return cause_of(error)
 
 
 def _qgc_plan(plan: Mapping[str, Any]) -> Iterator[str]:

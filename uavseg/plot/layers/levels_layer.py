@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import RegionError
 from uavseg.plot.frame import Frame
-from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths
+from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
 
 _LARGEST = 2.0**53
 
@@ -59,7 +59,7 @@ class LevelsLayer:
         for level in np.unique(self.levels[seen]):
             chosen = seen & (self.levels == level)
             color = str(self.greys[chosen][0])
-            paths = polygon_paths(shapely.simplify(self.polygons[chosen], 0.2 * point))
+            paths = polygon_paths(simplified(self.polygons[chosen], 0.2 * point))
             ax.add_collection(PathCollection(paths, facecolor=color, edgecolor=color, lw=0.3, zorder=2.2))
 
 

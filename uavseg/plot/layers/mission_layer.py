@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 
 if TYPE_CHECKING:
@@ -203,6 +204,7 @@ def read_missions(given: Any) -> list[tuple[str, "Mission"]]:
 
     from uavseg.errors import MissionError
     from uavseg.flight.files import read_mission
+    from uavseg.flight.mission import Mission
 
     parts = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
     if not parts:
@@ -211,6 +213,8 @@ def read_missions(given: Any) -> list[tuple[str, "Mission"]]:
     for number, part in enumerate(parts, start=1):
         if isinstance(part, str | os.PathLike):
             found.append((Path(part).stem, read_mission(part)))
+        elif not isinstance(part, Mission):
+            raise MissionError(f"a mission to draw is a file or a Mission, not {shown(part)}")
         else:
             found.append((part.name or f"flight {number}", part))
     return found

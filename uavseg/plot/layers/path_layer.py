@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from uavseg.errors import PathError
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.paths.find_path import PlannedPath
+from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 
 _LINE_COLOR, _CASING_COLOR = "#ffffff", "#111111"
@@ -46,6 +47,8 @@ class PathLayer:
         """
         if isinstance(source, PlannedPath):
             return cls((frame.plot_from_xy(source.xy),), source.length_m)
+        if not isinstance(source, str | os.PathLike):
+            raise PathError(f"a path to draw is a file or a path of uavseg.path, not {shown(source)}")
         if Path(source).suffix.lower() in _MISSION_SUFFIXES:
             return cls((_read_mission_path(source, frame),), None)
         lines, length = _read_geojson(Path(source))

@@ -7,10 +7,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.class_colors import ClassColors
 from uavseg.plot.map_furniture import area_text
-from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths
+from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
 
 _COLORS = ("#ff8c1a", "#19c3f0", "#f032e6", "#b5e61d", "#ffe119", "#5b7cff", "#2fd05f", "#ff9ec4")
 _MAX_LABELS = 40
@@ -69,7 +70,7 @@ class RegionLayer:
         seen = np.sqrt(shapely.area(self.polygons)) > 0.3 * point
         if not seen.any():
             return
-        shapes = shapely.orient_polygons(shapely.simplify(self.polygons[seen], 0.2 * point))
+        shapes = shapely.orient_polygons(simplified(self.polygons[seen], 0.2 * point))
         if self.classes is None:
             order: tuple[str, ...] = _COLORS
             colors = np.array(_COLORS)[assign_colors(shapes, 9 * point, len(_COLORS))]
@@ -124,7 +125,8 @@ def _draw_labels(ax: Any, ids: NDArray[Any], shapes: PolygonArray, point: float)
         if radius < _MIN_LABEL_RADIUS * point and len(shapes) > 12:
             continue
         size = 7.0 if radius < 14 * point else 9.0
-        text = ax.text(x, y, str(ids[n]), ha="center", va="center", size=size, color="white", weight="bold")
+        name = shown(ids[n], False)
+        text = ax.text(x, y, name, ha="center", va="center", size=size, color="white", weight="bold")
         text.set(path_effects=halo, zorder=7, clip_on=True)
 
 

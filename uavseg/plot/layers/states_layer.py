@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MapError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
+from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.raster_layer import draw_image, read_coarsely
 from uavseg.raster.dataset import Dataset
@@ -100,6 +101,8 @@ def _closed_lines(vertices: NDArray[np.float64], rings: Rings) -> list[NDArray[n
 
 
 def _open_states(source: str | os.PathLike[str]) -> Dataset:
+    if not isinstance(source, str | os.PathLike):
+        raise MapError(f"states to draw are a file or a Dataset, not {shown(source)}")
     if not is_ros_map(source):
         return Dataset.open(source, band=1)
     found = read_ros_map(source)

@@ -1,5 +1,8 @@
 """Directories of a TIFF: GDAL reads as many as it can, and leaves out a mask that it cannot reach.
 
+A first image whose blocks have no places is refused too: of the first block that it is asked for, GDAL reads
+the start of the file in its stead, and the others fail.
+
 Format: https://www.awaresystems.be/imaging/tiff/faq.html, and BigTIFF. Each directory names the place of the
 next one, the last one 0.
 """
@@ -15,10 +18,15 @@ from uavseg.plain_text import cause_of
 
 MAX_DIRECTORIES = 65536  # as in libtiff
 _KIND, _COLS, _ROWS = 254, 256, 257  # tags
-_INDEX = (273, 279, 324, 325)  # tags of the places and lengths of blocks
+_PLACES, _LENGTHS = (273, 324), (279, 325)  # tags of the places and lengths of blocks: strips, tiles
+_INDEX = (*_PLACES, *_LENGTHS)
 _SIZES = {3: 2, 4: 4, 16: 8}  # of a number in bytes, by its type
 _REDUCED, _MASK = 1, 4  # bits of the tag of the kind
 _FORMATS = {3: "H", 4: "I", 16: "Q"}  # of a number, by its type
+
+
+class _IndexError(ValueError):
+    """The index of the blocks of an image is incomplete."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +48,18 @@ class _Layout:
         """
         return struct.unpack(self.order + numbers, file.read(struct.calcsize(self.order + numbers)))
 
+    def seek(self, file: BinaryIO, place: int) -> None:
+        """Go to a place.
+
+        Raises
+        ------
+        struct.error
+            If it lies beyond the end of the file, and may be too large a number to seek.
+        """
+        if place > os.fstat(file.fileno()).st_size:
+            raise struct.error
+        file.seek(place)
+
 
 def stores_mask(path: str) -> bool:
     """Whether a TIFF has a mask for its first image.
@@ -52,10 +72,10 @@ def stores_mask(path: str) -> bool:
     try:
         with regular_file(path).open("rb") as file:
             directories = _directories(file)
-    except (OSError, struct.error, OverflowError) as error:
+    except (OSError, struct.error, _IndexError) as error:
         if isinstance(error, RasterReadError):
             raise
-        reason = cause_of(error) if isinstance(error, OSError) else "it ends before"
+        reason = "it ends before" if isinstance(error, struct.error) else cause_of(error)
         raise RasterReadError(
             f"{path} cannot be opened as a raster (one of its directories cannot be read: {reason}); the "
             "file is damaged or incomplete: repair it, or copy its first image with gdal_translate"
@@ -77,14 +97,14 @@ def _directories(file: BinaryIO) -> list[dict[int, int]]:
     (place,) = layout.read(file, layout.place)
     found: dict[int, dict[int, int]] = {}
     while place and place not in found and len(found) < MAX_DIRECTORIES:
-        file.seek(place)
-        found[place], place = _directory(file, layout)
+        layout.seek(file, place)
+        found[place], place = _directory(file, layout, is_first=not found)
     if not found:
         raise struct.error
     return list(found.values())
 
 
-def _directory(file: BinaryIO, layout: _Layout) -> tuple[dict[int, int], int]:
+def _directory(file: BinaryIO, layout: _Layout, is_first: bool) -> tuple[dict[int, int], int]:
     """Numbers by tag, and the place of the next directory."""
     (count,) = layout.read(file, layout.count)
     step = struct.calcsize(layout.order + layout.entry)
@@ -92,23 +112,28 @@ def _directory(file: BinaryIO, layout: _Layout) -> tuple[dict[int, int], int]:
         raise struct.error
     content, numbers = file.read(count * step), {}
     (following,) = layout.read(file, layout.place)
-    index = []
+    index, counts = [], dict.fromkeys(_INDEX, 0)
     for tag, kind, items, value in struct.iter_unpack(layout.order + layout.entry, content):
+        if tag in counts:
+            counts[tag] = items
         if tag in (_KIND, _COLS, _ROWS) and items == 1 and kind in _FORMATS:
             number = layout.order + _FORMATS[kind]
             if struct.calcsize(number) <= len(value):
                 (numbers[tag],) = struct.unpack_from(number, value)
         elif tag in _INDEX and items * _SIZES.get(kind, 0) > len(value):
             index.append((*struct.unpack(layout.order + layout.place, value), items * _SIZES[kind]))
+    if is_first and any(counts[tag] for tag in _LENGTHS) and not any(counts[tag] for tag in _PLACES):
+        # A sparse file may have neither.
+        raise _IndexError("it has lengths of blocks, but not where they are")
     if numbers.get(_KIND, 0) & _MASK:
-        _check_index(file, index)
+        _check_index(file, layout, index)
     return numbers, following
 
 
-def _check_index(file: BinaryIO, index: list[tuple[int, int]]) -> None:
+def _check_index(file: BinaryIO, layout: _Layout, index: list[tuple[int, int]]) -> None:
     """Check that the index of a mask can be read: GDAL takes blocks that it does not find for empty ones."""
     for place, size in index:
-        file.seek(place)
+        layout.seek(file, place)
         while size > 0:
             piece = file.read(min(size, 1 << 20))
             if not piece:

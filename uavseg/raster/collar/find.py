@@ -15,6 +15,7 @@ are what lossy compression and resampling leave: they go with it, within 16 pixe
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TypeVar
 
 from uavseg.errors import ParameterError
@@ -60,7 +61,8 @@ class _Found:
 def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     """The dataset with its collar as nodata, and a warning that says so; unchanged if it has none.
 
-    Where no corner of the raster is constant or nodata, only the corners are read.
+    Where no corner of the raster is constant or nodata, only the corners are read. Of a formula, it is
+    that of the bands that it uses.
 
     Parameters
     ----------
@@ -68,18 +70,19 @@ def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     tile_pass : TilePass
         Its executor is used; the result depends neither on it nor on its tiles.
     """
+    found = _find_collar(replace(dataset, choice=replace(dataset.choice, formula=None)), tile_pass)
+    return dataset if found is None else _masked(dataset, found)
+
+
+def _find_collar(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     if not _may_have_collar(dataset):
-        return dataset
-    corners = _corners(dataset)
+        return None
+    corners = list(tile_pass.silent.run(partial(_corner, dataset), _corner_windows(dataset)))
     for value in sorted({value for _, value in corners if value is not None}):
         found = _collar(dataset, value, tile_pass, corners)
         if found is not None:
-            return _masked(dataset, found)
-    if any(is_nodata for is_nodata, _ in corners):
-        found = _rim_of_nodata(dataset, tile_pass)
-        if found is not None:
-            return _masked(dataset, found)
-    return dataset
+            return found
+    return _rim_of_nodata(dataset, tile_pass) if any(is_nodata for is_nodata, _ in corners) else None
 
 
 def _masked(dataset: AnyDataset, found: _Found) -> AnyDataset:
@@ -91,10 +94,6 @@ def _may_have_collar(dataset: Dataset) -> bool:
     in_memory = any(file.driver == "array" for file in dataset.mosaic.files)
     plain = choice.dtype.kind == "u" and choice.dtype.itemsize <= 2 and choice.bits >= 8
     return plain and not choice.expanded and not in_memory and min(dataset.geobox.shape) >= MIN_SIDE
-
-
-def _corners(dataset: Dataset) -> list[Corner]:
-    return [_corner(dataset, window) for window in _corner_windows(dataset)]
 
 
 def _corner_windows(dataset: Dataset) -> list[Window]:
@@ -146,7 +145,7 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
 
 def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     """Nodata with the nearly constant pixels along it; None if there are none."""
-    value = _fill_value(dataset)
+    value = _fill_value(dataset, tile_pass)
     flooded = flood_from_edges(dataset, None, tile_pass)
     counts = count_rim(dataset, flooded, value, tile_pass)
     if not (counts.shows_picture and counts.is_textured and counts.is_smeared) or counts.is_speckled:
@@ -160,12 +159,21 @@ def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> _Found | None:
     return _Found(mask, pixels, note)
 
 
-def _fill_value(dataset: Dataset) -> int:
+def _fill_value(dataset: Dataset, tile_pass: TilePass) -> int:
     """What nodata at the corners was filled with: the largest value, or 0."""
-    white = (1 << dataset.bits) - 1
-    corners = [window for window in _corner_windows(dataset) if not dataset.is_empty(window)]
-    filled = [values for values, valid in map(dataset.read, corners) if valid is not None and not valid.any()]
-    return white if filled and all((values == white).all() for values in filled) else 0
+    found = list(tile_pass.silent.run(partial(_is_filled_white, dataset), _corner_windows(dataset)))
+    known = [is_white for is_white in found if is_white is not None]
+    return (1 << dataset.bits) - 1 if known and all(known) else 0
+
+
+def _is_filled_white(dataset: Dataset, window: Window) -> bool | None:
+    """Whether nodata was filled with the largest value; None where it is not stored, or not all is nodata."""
+    if dataset.is_empty(window):
+        return None
+    values, valid = dataset.read(window)
+    if valid is None or valid.any():
+        return None
+    return bool((values == (1 << dataset.bits) - 1).all())
 
 
 def _percent(share: float) -> str:

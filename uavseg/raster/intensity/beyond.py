@@ -36,13 +36,14 @@ def greys_beyond(
     if valid is not None:
         at_ends = at_ends[valid.reshape(-1)[at_ends]]
     pixels = np.ascontiguousarray(values).reshape(len(values), -1)[:, at_ends]
-    v = ((luminance(pixels) if len(pixels) == 3 else pixels[0].astype(np.float64)) - low) / (high - low)
-    outside = np.flatnonzero((v < 0) | (v > 1))
-    if not outside.size:
-        return None
-    v = v[outside]
+    with np.errstate(over="ignore"):  # infinity is clipped below
+        v = ((luminance(pixels) if len(pixels) == 3 else pixels[0].astype(np.float64)) - low) / (high - low)
+        outside = np.flatnonzero((v < 0) | (v > 1))
+        if not outside.size:
+            return None
+        v = v[outside]
+        steps = np.floor(GREY_MAX * np.where(v > 1, v - 1, v) + 0.5)
     beyond = np.zeros(grey.shape, np.int32)
-    steps = np.floor(GREY_MAX * np.where(v > 1, v - 1, v) + 0.5)
     beyond.reshape(-1)[at_ends[outside]] = np.clip(steps, -_LIMIT, _LIMIT)
     return beyond
 

@@ -1,5 +1,6 @@
 """What a file of regions holds: its format, CRS, extent and columns, and how the regions were made."""
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,7 +40,7 @@ class RegionFile:
     crs : str or None
         Name of the CRS.
     bounds : (float, float, float, float) or None
-        left, bottom, right, top in coordinates of the CRS.
+        left, bottom, right, top in coordinates of the CRS; None if the file is empty or they are not finite.
     columns : tuple of str
     metadata : dict
         What the regions were made from and how; empty where the file does not say.
@@ -148,7 +149,8 @@ def _bounds(found: Any) -> tuple[float, float, float, float] | None:
     if found is None or len(found) != 4:
         return None
     left, bottom, right, top = map(float, found)
-    return (left, bottom, right, top) if left <= right else None
+    is_extent = left <= right and all(map(math.isfinite, (left, bottom, right, top)))
+    return (left, bottom, right, top) if is_extent else None
 
 
 def _holds_tiles(path: str | os.PathLike[str]) -> bool:

@@ -33,9 +33,10 @@ def metadata_items(metadata: Mapping[str, Any]) -> dict[str, str]:
 
 
 def parse_metadata(text: str | None) -> dict[str, Any]:
-    """The metadata of a text; empty where it is none."""
+    """The metadata of a text; empty where it is not a JSON object of finite numbers."""
     try:
         found = parse_json(text or "{}")
+        json.dumps(found, allow_nan=False)  # NaN and infinity are not JSON, and could not be shown as it
     except (ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -1,28 +1,28 @@
 """Block maps as GeoTIFF: leaves as bands to display, the block map itself in further pages."""
 
 import json
-import math
 import os
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.access import current_policy, is_address
 from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.inputs import check_not_inputs
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.formats.geotiff import Page, check_geotiff_name, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.opening import GDAL_ERRORS, file_exists
-from uavseg.raster.spectral.formula import BandWords
-from uavseg.raster.value_scale import BandScale, ValueAxis
+from uavseg.raster.opening import GDAL_ERRORS
+from uavseg.segmentation.blocks.block_header import (
+    axis_of_header,
+    checked_header,
+    header_text,
+    origin_of_header,
+)
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
+from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.params import DivisionParams
 from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
 
@@ -30,66 +30,6 @@ _TAG = "UAVSEG_BLOCK_MAP"
 _BAND_NAMES = ("mean v", "side of the leaf in pixels")
 _RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k}" for k in range(16)))
 _SUMS, _COUNTS, _RATIOS = 2, 3, 4  # pages of the file
-
-
-@dataclass(frozen=True)
-class Origin:
-    """The rasters that a block map was made from, and how they were read.
-
-    Parameters
-    ----------
-    rasters : tuple of str
-        Paths as given by the user.
-    folder : str
-        Base folder of relative paths.
-    band, rgb, nodata
-        Options of the user, or None; bands by their numbers.
-    words : BandWords
-        An index or an expression, and names of bands.
-    collar : {"auto", "keep"}
-        "auto" if a collar was found, which counts as nodata.
-    """
-
-    rasters: tuple[str, ...]
-    folder: str
-    band: int | None = None
-    rgb: tuple[int, int, int] | None = None
-    nodata: float | None = None
-    words: BandWords = BandWords()
-    collar: str = "keep"
-
-    def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
-        """Paths of the rasters, at their old place or beside the block map; None if one does not exist."""
-        for folder in (Path(self.folder), Path(beside).resolve().parent):
-            paths = [raster if is_address(raster) else str(folder / raster) for raster in self.rasters]
-            if all(is_address(path) or file_exists(path) for path in paths):
-                return paths
-        return None
-
-    def allowed_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
-        """As `find_rasters`, to be opened.
-
-        Raises
-        ------
-        AccessError
-            If the access policy does not allow to open one of them.
-        """
-        found = self.find_rasters(beside)
-        for path in found or ():
-            current_policy().check_name(beside, path, Path())
-        return found
-
-
-@dataclass(frozen=True)
-class SavedBlocks:
-    """A block map with its georeference, the stretch that made its grey, its origin and its values."""
-
-    blocks: BlockMap
-    geobox: GeoBox
-    stretch: Stretch
-    band_names: str
-    origin: Origin
-    axis: ValueAxis | None = None
 
 
 def is_block_map(path: str | os.PathLike[str]) -> bool:
@@ -153,7 +93,7 @@ def write_block_map(
             Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
             Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
         ],
-        _tags(saved),
+        {_TAG: header_text(saved)},
         overwrite,
         nodata=float("nan"),
     )
@@ -174,7 +114,7 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
     """
     _, cells, _, tags = read_geotiff(path)
     try:
-        header = _checked_header(json.loads(tags[_TAG]))
+        header = checked_header(json.loads(tags[_TAG]))
         shape = (header["rows"], header["cols"])
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
         blocks = _read_blocks(path, shape, _checked_shape(shape, CELL, cells.shape))
@@ -183,25 +123,9 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
             f"{path} is not a block map that this version reads ({cause_of(error)}); make it again with "
             "uavseg divide"
         ) from error
-    rgb = None if header["rgb"] is None else tuple(header["rgb"])
-    nodata = None if header["nodata"] is None else float(header["nodata"])
-    words = BandWords(**header.get("formula", {}))
-    origin = Origin(
-        tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata, words, header["collar"]
-    )
     stretch = Stretch(header["low"], header["high"], header["stretch"])
-    return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, _axis(header, stretch))
-
-
-def _axis(header: dict[str, Any], stretch: Stretch) -> ValueAxis | None:
-    """How v maps to values; unknown in block maps of earlier versions."""
-    found = header.get("values")
-    if found is None:
-        return None
-    scale = BandScale.of_tags(found["scale"], found["offset"], found["unit"])
-    low, high = (None if end is None else float(end) for end in found["limits"])
-    limits = -math.inf if low is None else low, math.inf if high is None else high
-    return None if scale is None else ValueAxis(stretch.low, stretch.high, scale, limits)
+    origin, axis = origin_of_header(header), axis_of_header(header, stretch)
+    return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, axis)
 
 
 def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tuple[int, int]) -> BlockMap:
@@ -228,117 +152,8 @@ def _read_page(
     return found
 
 
-def _is_list(value: Any, fits: Callable[[Any], bool]) -> bool:
-    return isinstance(value, list) and len(value) > 0 and all(map(fits, value))
-
-
-def _is_name(value: Any) -> bool:
-    return isinstance(value, str) and value != "" and value.isprintable()
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 < value < 2**31
-
-
-def _is_number(value: Any) -> bool:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        return False
-    try:
-        float(value)
-    except (ValueError, OverflowError):
-        return False
-    return True
-
-
-def _is_finite(value: Any) -> bool:
-    return not isinstance(value, str) and _is_number(value) and math.isfinite(value)
-
-
-def _is_values(value: Any) -> bool:
-    """Whether a description of values is one, or missing."""
-    if value is None:
-        return True
-    if not isinstance(value, dict) or not {"scale", "offset", "unit", "limits"} <= value.keys():
-        return False
-    limits = value["limits"]
-    ends = isinstance(limits, list) and len(limits) == 2 and all(x is None or _is_finite(x) for x in limits)
-    return (
-        ends and _is_finite(value["scale"]) and _is_finite(value["offset"]) and isinstance(value["unit"], str)
-    )
-
-
-_SCHEMA: dict[str, Callable[[Any], bool]] = {
-    "rows": _is_whole,
-    "cols": _is_whole,
-    "low": _is_finite,
-    "high": _is_finite,
-    "stretch": lambda value: isinstance(value, str),
-    "bands": lambda value: isinstance(value, str),
-    "rasters": lambda value: _is_list(value, _is_name),
-    "folder": _is_name,
-    "band": lambda value: value is None or _is_whole(value),
-    "rgb": lambda value: value is None or (_is_list(value, _is_whole) and len(value) == 3),
-    "nodata": lambda value: value is None or _is_number(value),
-    "collar": lambda value: value in ("auto", "keep"),
-}
-
-
-def _checked_header(header: Any) -> dict[str, Any]:
-    """The description in a block map, each value of its kind.
-
-    Raises
-    ------
-    ValueError
-        If one is missing or of another kind.
-    """
-    if not isinstance(header, dict):
-        raise ValueError("its description is not an object")
-    header.setdefault("collar", "keep")  # of an earlier version
-    if not _is_values(header.get("values")):
-        raise ValueError(f"its values are {shown(header['values'])}")
-    for name, fits in _SCHEMA.items():
-        if name not in header or not fits(header[name]):
-            raise ValueError(f"its {name} are {shown(header.get(name))}")
-    if not _is_formula(header.get("formula", {})):
-        raise ValueError(f"its formula is {shown(header['formula'])}")
-    return header
-
-
-def _is_formula(value: Any) -> bool:
-    """Whether a value holds texts by the names of `BandWords`, of which one is a formula at most."""
-    known = {field.name for field in fields(BandWords)}
-    texts = isinstance(value, dict) and all(isinstance(text, str) for text in value.values())
-    return texts and set(value) <= known and not {"index", "expr"} <= set(value)
-
-
 def _checked_shape(shape: tuple[int, int], unit: int, found: tuple[int, int]) -> tuple[int, int]:
     """The shape of an array with a value for each `unit` pixels of the raster, which has to be that found."""
     if min(shape) < 1 or found != tuple(-(-length // unit) for length in shape):
         raise ValueError(f"{found} cells do not cover {shape} pixels")
     return found
-
-
-def _tags(saved: SavedBlocks) -> dict[str, str]:
-    origin = saved.origin
-    header = {
-        "rows": saved.geobox.shape[0],
-        "cols": saved.geobox.shape[1],
-        "low": saved.stretch.low,
-        "high": saved.stretch.high,
-        "stretch": saved.stretch.name,
-        "bands": saved.band_names,
-        "rasters": list(origin.rasters),
-        "folder": origin.folder,
-        "band": origin.band,
-        "rgb": origin.rgb,
-        "nodata": None if origin.nodata is None else repr(origin.nodata),
-    }
-    if origin.collar != "keep":
-        header["collar"] = origin.collar
-    if saved.axis is not None:
-        scale = saved.axis.scale
-        limits = [end if math.isfinite(end) else None for end in saved.axis.limits]
-        numbers = {"scale": scale.scale, "offset": scale.offset}
-        header["values"] = {**numbers, "unit": scale.unit, "limits": limits}
-    formula = {name: text for name, text in asdict(origin.words).items() if text is not None}
-    return {_TAG: json.dumps(header | ({"formula": formula} if formula else {}))}

@@ -1,0 +1,68 @@
+"""A TIFF whose directories lead nowhere, or whose index is incomplete, is refused in a sentence."""
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+
+from uavseg.errors import RasterReadError
+from uavseg.raster.dataset import Dataset
+
+PLACE = {"crs": "EPSG:32618", "transform": Affine(1, 0, 4e5, 0, -1, 5e6)}
+STRIP_OFFSETS, STRIP_LENGTHS = 273, 279
+
+
+def write(path: Path, **how: str) -> Path:
+    size = {"driver": "GTiff", "width": 40, "height": 30, "count": 1, "dtype": "uint8"}
+    with rasterio.open(path, "w", **size, **PLACE, **how) as file:
+        file.write(np.full((1, 30, 40), 7, np.uint8))
+    return path
+
+
+def put_next_directory(path: Path, place: int) -> None:
+    """Write where the directory after the first one is, in a BigTIFF."""
+    content = bytearray(path.read_bytes())
+    (first,) = struct.unpack_from("<Q", content, 8)
+    (count,) = struct.unpack_from("<Q", content, first)
+    struct.pack_into("<Q", content, first + 8 + 20 * count, place)
+    path.write_bytes(content)
+
+
+def empty_tag(path: Path, tag: int) -> None:
+    """Write that a tag of the first directory of a classic TIFF has no values."""
+    content = bytearray(path.read_bytes())
+    (first,) = struct.unpack_from("<I", content, 4)
+    (count,) = struct.unpack_from("<H", content, first)
+    [at] = [
+        at
+        for at in range(first + 2, first + 2 + 12 * count, 12)
+        if struct.unpack_from("<H", content, at) == (tag,)
+    ]
+    struct.pack_into("<I", content, at + 4, 0)
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("place", [1 << 20, 1 << 62, 1 << 63, (1 << 64) - 1])
+def test_a_next_directory_beyond_the_end_is_refused(tmp_path: Path, place: int) -> None:
+    path = write(tmp_path / "a.tif", bigtiff="YES")
+    assert Dataset.open(path).geobox.shape == (30, 40)
+    put_next_directory(path, place)
+    with pytest.raises(RasterReadError, match=r"directories cannot be read: it ends before\); the file is d"):
+        Dataset.open(path)
+
+
+def test_lengths_of_blocks_without_their_places_are_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif")
+    empty_tag(path, STRIP_OFFSETS)
+    with pytest.raises(RasterReadError, match="it has lengths of blocks, but not where they are"):
+        Dataset.open(path)
+
+
+def test_a_sparse_file_without_an_index_is_read(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif")
+    empty_tag(path, STRIP_OFFSETS)
+    empty_tag(path, STRIP_LENGTHS)
+    assert Dataset.open(path).geobox.shape == (30, 40)
