@@ -36,6 +36,11 @@ FILES = range(1000, 1040, 10)
 RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
 
 
+def some_fast(chunks: range) -> list[Any]:
+    """The chunks, those after the third marked slow."""
+    return [first if k < 3 else pytest.param(first, marks=pytest.mark.slow) for k, first in enumerate(chunks)]
+
+
 class Case(NamedTuple):
     """A raster, the request, and the expected labels."""
 
@@ -94,7 +99,9 @@ def describe(seed: int, case: Case, side: int) -> str:
     return f"seed {seed}, tiles of {side}, {case.params}"
 
 
-@pytest.mark.parametrize("first", RASTERS, ids=lambda first: f"seeds {first} to {first + CHUNK - 1}")
+@pytest.mark.parametrize(
+    "first", some_fast(RASTERS), ids=lambda first: f"seeds {first} to {first + CHUNK - 1}"
+)
 def test_labels_are_those_of_the_reference(reference: ModuleType, first: int) -> None:
     different = []
     for seed in range(first, first + CHUNK):

@@ -609,6 +609,7 @@ def test_paths(source: str, words: Words) -> None:
 FLIGHT: Words = {"altitude": 60, "home": "auto"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "words"),
     [
@@ -694,6 +695,7 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     assert_equal(in_python(planned), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".plan", ".kmz"])
 @pytest.mark.parametrize(
     "words",
@@ -738,6 +740,7 @@ def test_missions_over_what_is_extracted(words: Words) -> None:
     assert_equal(in_python(planned), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".kmz", ".csv", ".kml", ".geojson", ".plan"])
 @pytest.mark.parametrize("words", [{"spacing": 15}, {"camera": "phantom 4 rtk"}])
 def test_files_of_missions(words: Words, suffix: str) -> None:

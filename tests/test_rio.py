@@ -167,6 +167,7 @@ def test_fio_collects_and_loads_a_stream(raster: str, words: list[str]) -> None:
     assert frame.total_bounds == pytest.approx(BOUNDS, abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["--collection", "--sequence", "--rs"])
 @pytest.mark.parametrize("place", ["--geographic", "--projected"])
 def test_ogr2ogr_reads_a_stream(raster: str, form: str, place: str) -> None:

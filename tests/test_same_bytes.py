@@ -97,6 +97,7 @@ def outputs(raster: Path, folder: Path, *options: object) -> dict[str, bytes]:
 # Tiles and threads
 
 
+@pytest.mark.slow
 @settings(max_examples=4, deadline=None)
 @given(
     seed=st.integers(0, 10**6),

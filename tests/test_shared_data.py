@@ -187,7 +187,9 @@ def test_every_raster_has_an_expected_result(shared_data: Path) -> None:
     assert found <= set(CASES), "rasters without an expected result: inspect them and add one"
 
 
-@pytest.mark.parametrize("setting", SETTINGS)
+@pytest.mark.parametrize(
+    "setting", ["default", *(pytest.param(name, marks=pytest.mark.slow) for name in ("scan", "paper"))]
+)
 @pytest.mark.parametrize("name", CASES)
 def test_a_raster_gives_a_correct_result_or_a_one_line_error(
     shared_data: Path,

@@ -151,6 +151,7 @@ def test_pieces_are_the_whole() -> None:
     assert_geodataframe_equal(one, two)
 
 
+@pytest.mark.slow
 def test_the_program_itself_reads_files_of_regions() -> None:
     """It leaves out libraries that a command does not need: these two need them."""
     write()

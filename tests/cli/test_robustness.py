@@ -304,6 +304,7 @@ def assert_told(outcome: tuple[int, str]) -> None:
     assert "cannot" in lines[0] and len(lines[0]) < 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -335,6 +336,7 @@ def test_so_it_is_for_standard_output() -> None:
     assert_told((result.returncode, result.stderr))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
 @pytest.mark.parametrize(
     "words",

@@ -14,6 +14,7 @@ from uavseg.plot import preview_missions as module
 QUARRY = Path(__file__).resolve().parents[2] / "samples" / "quarry.tif"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints", ".kml"])
 @pytest.mark.parametrize("how", [(), ("--pattern", "survey", "--camera", "phantom 4 rtk")])
 def test_lengths_and_times_are_those_of_plan(

@@ -213,9 +213,8 @@ def _json_changed(document: Any, rng: Random) -> Any:
     elif kind == 3 and isinstance(holder[key], list) and holder[key]:
         holder[key] = holder[key][0]
     elif kind == 4 and isinstance(holder[key], int | float) and not isinstance(holder[key], bool):
-        holder[key] = rng.choice(
-            (holder[key] * 1e9, -holder[key], holder[key] + 0.5, str(holder[key]), 10**5)
-        )
+        number = min(max(holder[key], -1e300), 1e300)  # integers may be too large for sums with floats
+        holder[key] = rng.choice((number * 1e9, -holder[key], number + 0.5, str(holder[key]), 10**5))
     else:
         holder[key] = copy.deepcopy(rng.choice(VALUES))
     return document

@@ -85,6 +85,7 @@ def test_what_hangs_or_eats_memory_is_stopped(sandbox: Sandbox, monkeypatch: pyt
     assert [found.kind for found in judge(CASE, sandbox.run(CASE))] == ["MEM"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", campaign.KINDS)
 def test_a_case_is_always_the_same(kind: str) -> None:
     assert campaign.make(kind, 3, 5) == campaign.make(kind, 3, 5)

@@ -31,6 +31,7 @@ def test_what_proj_says_of_a_reference_system_is_not_printed(tmp_path: Path) -> 
     assert "no transformation to longitude and latitude" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CASES, reason="the folder of known cases, ../shared/hostile, does not exist")
 @pytest.mark.parametrize("name", CASES)
 def test_a_known_case_ends_cleanly(name: str, pool: ProcessPoolExecutor) -> None:

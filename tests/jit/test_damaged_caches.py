@@ -60,6 +60,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", DAMAGES)
 def test_a_damaged_object_file_is_compiled_again(
     cache: Path, compiled: list[str], notes: list[str], kind: str, twice: Callable[..., int]

@@ -132,6 +132,7 @@ def run(folder: Path, arguments: list[str], jit: str, program: tuple[str, ...] =
     return done.stderr
 
 
+@pytest.mark.slow
 def test_the_command_line_prints_the_note_once(tmp_path: Path) -> None:
     command = ["suggest", str(ROOT / "samples" / "quarry.tif")]
     told = run(tmp_path, command, "", ("-c", ON_ANOTHER_PLATFORM)).splitlines()

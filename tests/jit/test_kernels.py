@@ -145,6 +145,7 @@ def test_the_same_kernel_is_not_compiled_again(
     assert compiled == ["doubled"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "old, new, total",
     [

@@ -97,6 +97,7 @@ def test_no_kernel_is_compiled_and_neither_numba_nor_llvmlite_is_loaded(tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @here
 @pytest.mark.parametrize("choice", ["", "baseline", "objects", "numba"])
 def test_all_ways_give_the_same_results(
@@ -198,6 +199,7 @@ def test_a_processor_gets_the_best_level_whose_features_it_has(
     shipped.levels_here.cache_clear()
 
 
+@pytest.mark.slow
 @here
 def test_libraries_need_nothing_but_functions_of_the_c_library() -> None:
     known = {"exp", "log", "erf", "sqrt", "floor", "ceil", "memset", "memcpy", "memmove", "kernel"}

@@ -61,6 +61,7 @@ def content(folder: str) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["gpkg", "fgb", "parquet", "geojson"])
 @pytest.mark.parametrize("count", [1, 4])
 def test_each_is_as_if_it_had_been_alone(suffix: str, count: int) -> None:

@@ -16,6 +16,7 @@ def fork(width: float = 20) -> shapely.Polygon:
     return shapely.union_all([shapely.LineString([(0, 0), arm]).buffer(width / 2) for arm in arms])
 
 
+@pytest.mark.slow
 @given(st.floats(10, 60), st.floats(150, 600), st.floats(0, 180))
 @settings(deadline=None, max_examples=25)
 def test_the_axis_of_a_strip_is_its_middle(width: float, length: float, turn: float) -> None:

@@ -39,6 +39,7 @@ def check(region: shapely.Polygon, flown: Corridor, spacing: float) -> None:
         assert leg[-1].tolist() == flown.lines[k + 1][0].tolist()
 
 
+@pytest.mark.slow
 @given(rivers(), st.floats(12, 60))
 @settings(deadline=None, max_examples=15)
 def test_rivers(region: shapely.Polygon, spacing: float) -> None:

@@ -64,6 +64,7 @@ SURVEY = mission_of(
 )
 
 
+@pytest.mark.slow
 @given(mission=routes())
 @settings(max_examples=150, deadline=None)
 def test_documents_are_what_dji_publishes(mission: Mission) -> None:

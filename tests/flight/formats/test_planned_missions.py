@@ -60,6 +60,7 @@ def dem(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return draw(tmp_path_factory.mktemp("dem") / "hills.tif", hills(15, 3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pattern", "trigger", "autopilot", "terrain"), CASES)
 def test_independent_readers_find_every_item_and_the_check_refuses_nothing(
     mavsdk_reader: Any,

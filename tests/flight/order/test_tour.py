@@ -87,6 +87,7 @@ def near_stops(seed: int, count: int, size: float) -> tuple[Stops, np.ndarray, i
     return Stops.of([np.concatenate([one, one[:, ::-1]]) for one in pairs]), distances, 4 * count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [5, 30])
 def test_fifty_stops_are_within_two_per_cent_of_a_long_search(size: float) -> None:
     for seed in range(3):

@@ -25,6 +25,7 @@ def shown(
     return shapely.union_all([one.footprint(photos, height_m) for one in taken])
 
 
+@pytest.mark.slow
 @given(
     fields(),
     st.sampled_from(["distance", "interval", "hover"]),

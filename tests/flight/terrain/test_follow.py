@@ -37,6 +37,7 @@ gentle = st.one_of(
 paths = st.lists(st.tuples(st.integers(-900, 900), st.integers(-900, 900)), min_size=1, max_size=6)
 
 
+@pytest.mark.slow
 @given(gentle, paths, st.floats(0.5, 20), st.floats(40, 120), st.sampled_from([3.0, 11.0, 47.0]))
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_height_above_the_ground_is_within_the_tolerance_everywhere(
@@ -58,6 +59,7 @@ def test_the_height_above_the_ground_is_within_the_tolerance_everywhere(
     )
 
 
+@pytest.mark.slow
 @given(
     st.one_of(st.builds(cliff, st.floats(10, 100), st.floats(-300, 300)), st.builds(noise, st.floats(1, 60))),
     paths,

@@ -1,0 +1,23 @@
+"""Algorithms of the provider, one a file."""
+
+from __future__ import annotations
+
+from .check import CheckMission
+from .classify import ClassifyMap
+from .extract import ExtractRegions
+from .levels import SegmentByLevels
+from .match import RegionsLikeSample
+from .path import FindPath
+from .plan import PlanMission
+from .suggest import SuggestRanges
+
+ALGORITHMS = (
+    ExtractRegions,
+    SegmentByLevels,
+    RegionsLikeSample,
+    SuggestRanges,
+    PlanMission,
+    CheckMission,
+    ClassifyMap,
+    FindPath,
+)

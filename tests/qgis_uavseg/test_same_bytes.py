@@ -1,0 +1,238 @@
+"""Each algorithm, run by `qgis_process`, writes the bytes that the command line writes."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SAMPLES = Path(__file__).resolve().parents[2] / "samples"
+QUARRY, SHORE, FIELDS = SAMPLES / "quarry.tif", SAMPLES / "shore.tif", SAMPLES / "fields_rgb.tif"
+WETLANDS = SAMPLES / "wetlands.tif"
+NAMES = "red,green,blue,nir"
+
+# algorithm, parameters, names of outputs, words on the command line before its outputs
+CASES: dict[str, tuple[str, dict[str, Any], dict[str, str], list[object]]] = {
+    "range": ("extract", {"INPUT": QUARRY}, {"OUTPUT": "o.gpkg"}, ["extract", QUARRY, "--range", "0.55,1"]),
+    "options": (
+        "extract",
+        {
+            "INPUT": SHORE,
+            "RANGE": "0.5,1",
+            "MIN_AREA": "50",
+            "FILL_HOLES": "10px",
+            "SMOOTH_OUTLINE": 1,
+            "REFINE": "scan",
+        },
+        {"OUTPUT": "land.geojson", "LABELS": "land.tif"},
+        [
+            "extract",
+            SHORE,
+            *[
+                "--range",
+                "0.5,1",
+                "--min-area",
+                "50",
+                "--fill-holes",
+                "10px",
+                "--smooth-outline",
+                "1",
+                "--refine",
+                "scan",
+            ],
+        ],
+    ),
+    "open values": (
+        "extract",
+        {"INPUT": QUARRY, "RANGE": "140,nan", "RANGE_IN": 1},
+        {"OUTPUT": "o.fgb"},
+        ["extract", QUARRY, "--values", "140,"],
+    ),
+    "percentiles": (
+        "extract",
+        {"INPUT": QUARRY, "RANGE": "90,100", "RANGE_IN": 2, "BAND": 1},
+        {"OUTPUT": "o.shp"},
+        ["extract", QUARRY, "--percentile", "90,100", "--band", "1"],
+    ),
+    "index": (
+        "extract",
+        {"INPUT": WETLANDS, "RANGE": "0.5,1", "INDEX": "ndwi", "BAND_NAMES": NAMES, "MIN_AREA": "4000"},
+        {"OUTPUT": "water.gpkg"},
+        [
+            "extract",
+            WETLANDS,
+            "--range",
+            "0.5,1",
+            "--index",
+            "ndwi",
+            "--band-names",
+            NAMES,
+            "--min-area",
+            "4000",
+        ],
+    ),
+    "expression": (
+        "extract",
+        {
+            "INPUT": WETLANDS,
+            "RANGE": "0.5,1",
+            "EXPRESSION": "(green - nir) / (green + nir)",
+            "BAND_NAMES": NAMES,
+        },
+        {"OUTPUT": "water.fgb"},
+        [
+            "extract",
+            WETLANDS,
+            "--range",
+            "0.5,1",
+            "--expr",
+            "(green - nir) / (green + nir)",
+            "--band-names",
+            NAMES,
+        ],
+    ),
+    "classes": (
+        "extract",
+        {"INPUT": QUARRY, "CLASSES": "dark,0,0.3,light,0.3,1"},
+        {"OUTPUT": "classes.gpkg"},
+        ["extract", QUARRY, "--class", "dark=0,0.3", "--class", "light=0.3,1"],
+    ),
+    "width": (
+        "levels",
+        {"INPUT": QUARRY, "WIDTH": 0.2, "MIN_AREA": "50"},
+        {"OUTPUT": "levels.gpkg", "LABELS": "levels.tif"},
+        ["levels", QUARRY, "--width", "0.2", "--min-area", "50"],
+    ),
+    "breaks": (
+        "levels",
+        {"INPUT": QUARRY, "BREAKS": "otsu:3", "REFINE": "none"},
+        {"OUTPUT": "levels.geojson"},
+        ["levels", QUARRY, "--breaks", "otsu:3", "--refine", "none"],
+    ),
+    "disc": (
+        "match",
+        {"INPUT": FIELDS, "PLACE": "548225,6471890", "RADIUS": 4, "SIMILARITY": 0.85},
+        {"OUTPUT": "like.gpkg"},
+        ["match", FIELDS, "--like", "548225,6471890,4", "--similarity", "0.85"],
+    ),
+}
+
+
+def _files(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_the_bytes_are_those_of_the_command_line(case: str, qgis: Any, tmp_path: Path) -> None:
+    algorithm, parameters, outputs, words = CASES[case]
+    ours, theirs = tmp_path / "qgis", tmp_path / "typed"
+    ours.mkdir()
+    theirs.mkdir()
+    flags = {"OUTPUT": "--output", "LABELS": "--labels"}
+    answer = qgis.run(algorithm, **parameters, **{name: ours / file for name, file in outputs.items()})
+    assert answer.code == 0, answer.log
+    qgis.typed(*words, *(word for name, file in outputs.items() for word in (flags[name], theirs / file)))
+    assert _files(ours) == _files(theirs)
+    assert set(outputs.values()) <= set(_files(ours))
+    assert answer.results["COUNT"] > 0
+
+
+@pytest.fixture(scope="module")
+def occupancy_map(qgis: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path: Path = tmp_path_factory.mktemp("map") / "map.tif"
+    qgis.typed("simulate", "circles", "-o", path)
+    return path
+
+
+@pytest.mark.slow
+def test_states_and_objects_are_those_of_the_command_line(
+    qgis: Any, occupancy_map: Path, tmp_path: Path
+) -> None:
+    ours, theirs = tmp_path / "qgis", tmp_path / "typed"
+    ours.mkdir()
+    theirs.mkdir()
+    answer = qgis.run(
+        "classify", INPUT=occupancy_map, STRETCH="none", OUTPUT=ours / "s.tif", OBJECTS=ours / "o.gpkg"
+    )
+    assert answer.code == 0, answer.log
+    qgis.typed(
+        "classify", occupancy_map, "--stretch", "none", "-o", theirs / "s.tif", "--objects", theirs / "o.gpkg"
+    )
+    assert _files(ours) == _files(theirs)
+
+
+@pytest.mark.slow
+def test_a_path_is_that_of_the_command_line(qgis: Any, occupancy_map: Path, tmp_path: Path) -> None:
+    places = {"START": "0.715,1.595", "GOAL": "2.135,0.305"}
+    answer = qgis.run("path", INPUT=occupancy_map, **places, SMOOTH=True, OUTPUT=tmp_path / "a.geojson")
+    assert answer.code == 0, answer.log
+    words = [word for name, place in places.items() for word in (f"--{name.lower()}", place)]
+    qgis.typed("path", occupancy_map, "--range", "0,0.45", *words, "--smooth", "-o", tmp_path / "b.geojson")
+    assert (tmp_path / "a.geojson").read_bytes() == (tmp_path / "b.geojson").read_bytes()
+    length = json.loads((tmp_path / "b.geojson").read_text())["features"][0]["properties"]["length_m"]
+    assert answer.results["LENGTH"] == length
+
+
+@pytest.mark.slow
+def test_ranges_are_those_of_the_command_line(qgis: Any, tmp_path: Path) -> None:
+    files = {"JSON": tmp_path / "r.json", "PICTURE": tmp_path / "r.png", "REPORT": tmp_path / "r.html"}
+    answer = qgis.run("suggest", INPUT=QUARRY, CLASSES="3", **files)
+    assert answer.code == 0, answer.log
+    printed = qgis.typed("suggest", QUARRY, "--classes", "3", "--json", "-o", tmp_path / "typed.png")
+    assert files["JSON"].read_text(encoding="utf-8") == printed
+    assert files["PICTURE"].read_bytes() == (tmp_path / "typed.png").read_bytes()
+    ranges = json.loads(printed)["ranges"]
+    assert answer.results["RANGES"] == ";".join(f"{part['low']:g},{part['high']:g}" for part in ranges)
+    assert files["REPORT"].read_text(encoding="utf-8").count("<tr>") == 1 + len(ranges) == 4
+
+
+@pytest.fixture(scope="module")
+def regions(qgis: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path: Path = tmp_path_factory.mktemp("regions") / "pits.gpkg"
+    qgis.typed("extract", QUARRY, "--range", "0.55,1", "-o", path)
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["plan", "waypoints", "kml", "geojson"])
+def test_a_mission_is_that_of_the_command_line(suffix: str, qgis: Any, regions: Path, tmp_path: Path) -> None:
+    ours, theirs = tmp_path / "qgis", tmp_path / "typed"
+    ours.mkdir()
+    theirs.mkdir()
+    name = f"m.{suffix}"
+    answer = qgis.run(
+        "plan",
+        REGIONS=regions,
+        ALTITUDE=60,
+        HOME="-122.8272,49.4583 [EPSG:4326]",
+        HOME_ALTITUDE=212,
+        PATTERN="survey",
+        SPACING=15,
+        OUTPUT=ours / name,
+    )
+    assert answer.code == 0, answer.log
+    words = [
+        "--altitude",
+        "60",
+        "--home",
+        "49.4583,-122.8272,212",
+        "--pattern",
+        "survey",
+        "--spacing",
+        "15",
+        "--json",
+    ]
+    printed = json.loads(qgis.typed("plan", regions, *words, "-o", theirs / name))
+    assert _files(ours) == _files(theirs)
+    assert answer.results["DISTANCE_M"] == printed["flights"][0]["distance_m"]
+
+
+@pytest.mark.slow
+def test_a_report_is_that_of_the_command_line(qgis: Any, regions: Path, tmp_path: Path) -> None:
+    mission = tmp_path / "m.plan"
+    qgis.typed("plan", regions, "-o", mission, "--altitude", "60", "--home", "auto")
+    answer = qgis.run("check", INPUT=mission, AUTOPILOT="px4", REPORT=tmp_path / "r.json")
+    assert answer.code == 0, answer.log
+    assert (tmp_path / "r.json").read_text() == qgis.typed("check", mission, "--autopilot", "px4", "--json")
+    assert answer.results["OK"] is True
