@@ -418,6 +418,25 @@ def test_words_of_each_are_those_of_the_job(words: Words, text: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        {},
+        {"size": 64, "band": 1, "stretch": "minmax", "threshold": 1.5, "method": "paper"},
+        {"mission": "fly.plan", "collar": "keep", "tile": 64},
+        {"regions": "missing.gpkg"},
+        {"mission": "missing.plan"},
+        {"size": 5},
+        {"band": 9},
+    ],
+)
+def test_web_maps(words: Words) -> None:
+    assert CliRunner().invoke(main, [*PLAN_LINE, "-o", "fly.plan", "--overwrite"]).exit_code == 0
+    expected = on_the_command_line("map", ["tile.tif", *options(words), "-o", "out.html"], "out.html")
+    call = in_python(lambda: written(lambda name: uavseg.map_page("tile.tif", name, **words), "out.html"))
+    assert_equal(call, expected)
+
+
+@pytest.mark.parametrize(
     ("missions", "words"),
     [
         (["fly.plan"], {}),

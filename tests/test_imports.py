@@ -148,6 +148,7 @@ PHASES = {
     "blocks.thumbnail": set(),
     "blocks.block_map": {"blocks.division", "blocks.memory", "blocks.thumbnail", "params"},
     "blocks.leaves": {"blocks.block_map", "params", "partition"},
+    "blocks.leaf_codes": {"blocks.block_map", "params"},
     "refine.noise": {"dilation"},
     "refine.total_variation": set(),
     "refine.specks": set(),

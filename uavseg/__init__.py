@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
     from uavseg.occupancy.mapping.scan import Pose as Pose
     from uavseg.occupancy.mapping.scan import Scan as Scan
+    from uavseg.plot.web.words import map_page as map_page
     from uavseg.plot.words import preview as preview
     from uavseg.raster.dataset import Dataset as Dataset
     from uavseg.raster.geobox import GeoBox as GeoBox
@@ -51,6 +52,7 @@ _HOMES = {
     "suggest": "uavseg.api.questions",
     "plan": "uavseg.api.missions",
     "preview": "uavseg.plot.words",
+    "map_page": "uavseg.plot.web.words",
     "check": "uavseg.api.check",
     "upload": "uavseg.api.link",
     "download": "uavseg.api.link",

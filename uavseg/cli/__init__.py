@@ -32,6 +32,7 @@ _COMMANDS = {
     "build-map": "Merge the scans of a recorded bag into a map.",
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",
+    "map": "Make a web page of a raster, regions and missions for the field.",
     "doctor": "Check this installation: versions, kernels, QGIS, serial ports.",
     "warm-up": "Load or compile everything once, before going to the field.",
 }

@@ -206,7 +206,8 @@ def read_missions(given: Any) -> list[tuple[str, "Mission"]]:
     from uavseg.flight.files import read_mission
     from uavseg.flight.mission import Mission
 
-    parts = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    listed = given if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+    parts = [one for part in listed for one in getattr(part, "missions", [part])]  # of what uavseg.plan gives
     if not parts:
         raise MissionError("there is no mission to draw; give at least one")
     found = []

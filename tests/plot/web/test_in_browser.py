@@ -1,0 +1,107 @@
+"""The page of `uavseg map` in headless Chromium, without network."""
+
+import json
+import os
+import shutil
+import subprocess
+import warnings
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import pytest
+import shapely
+
+import uavseg
+
+SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
+CHROMIUM = shutil.which("chromium")
+NODE = shutil.which("node")
+EVIL = "</script><img src=x onerror=alert(1)><b class=injected>&amp;"
+
+
+def has_playwright() -> bool:
+    """Whether node finds playwright-core (through NODE_PATH)."""
+    if NODE is None or CHROMIUM is None:
+        return False
+    return subprocess.run([NODE, "-e", "require('playwright-core')"], capture_output=True).returncode == 0
+
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not has_playwright(), reason="needs chromium, node and playwright-core"),
+]
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    folder = Path(os.environ.get("UAVSEG_SCREENSHOTS") or tmp_path_factory.mktemp("screenshots"))
+    regions = uavseg.extract(SAMPLE, (0.55, 1), min_area=200)
+    regions["note"] = EVIL
+    regions[EVIL] = 1
+    with warnings.catch_warnings(action="ignore"):
+        mission = uavseg.plan(regions, home="auto", altitude=60, pattern="survey", camera="DJI Mavic 3")
+    html = folder / "map.html"
+    uavseg.map_page(SAMPLE, html, regions=regions, mission=mission, overwrite=True)
+    program = Path(__file__).with_name("drive_page.js")
+    found = subprocess.run(
+        [str(NODE), str(program), str(html), str(folder), str(CHROMIUM)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert found.returncode == 0, found.stderr
+    answer: dict[str, Any] = json.loads(found.stdout)
+    return answer
+
+
+def test_the_page_requests_nothing_and_has_no_errors(seen: dict[str, Any]) -> None:
+    assert seen["requests"] == []
+    assert seen["errors"] == []
+
+
+def test_the_slider_moves_regions(seen: dict[str, Any]) -> None:
+    assert seen["low"] == "0.58"
+    areas = [
+        sum(one["properties"]["pixels"] for one in seen[name]["features"]) for name in ("first", "moved")
+    ]
+    assert 0 < areas[1] < areas[0]
+    assert {one["properties"]["range_low"] for one in seen["moved"]["features"]} == {0.58}
+
+
+def test_one_end_of_the_range_moves_the_other(seen: dict[str, Any]) -> None:
+    assert seen["crossed"] == [199, 200]
+
+
+def test_what_is_downloaded_are_the_chosen_regions(seen: dict[str, Any]) -> None:
+    whole, rest = (geopandas.GeoDataFrame.from_features(seen[name], crs=4326) for name in ("all", "without"))
+    assert list(rest["id"]) == list(whole["id"])[1:]
+    assert shapely.is_valid(whole.geometry).all()
+    assert set(whole["note"]) == {EVIL}
+
+
+@pytest.mark.parametrize("name", ["without", "moved"])
+def test_a_mission_is_planned_over_what_is_downloaded(
+    name: str, seen: dict[str, Any], tmp_path: Path
+) -> None:
+    file = tmp_path / "chosen.geojson"
+    file.write_text(json.dumps(seen[name]))
+    with warnings.catch_warnings(action="ignore"):
+        planned = uavseg.plan(file, home="auto", altitude=60)
+    assert len(planned.missions) == 1
+
+
+def test_a_popup_shows_attributes_as_text(seen: dict[str, Any]) -> None:
+    assert "area_m2" in seen["popup"]
+    assert EVIL in seen["popup"]
+    assert seen["markup"] == 0
+
+
+def test_layers_can_be_hidden(seen: dict[str, Any]) -> None:
+    assert seen["raster"] == [1, 0]
+
+
+def test_a_telephone_shows_it_in_its_width_with_large_buttons(seen: dict[str, Any]) -> None:
+    assert seen["wider"] <= 0
+    assert seen["small"] == []
+    assert seen["closed"]

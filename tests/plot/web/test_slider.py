@@ -1,0 +1,113 @@
+"""The program of the page finds the regions that `uavseg extract blocks.tif --refine none` finds."""
+
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+import rasterio
+import shapely
+from affine import Affine
+from click.testing import CliRunner
+
+import uavseg
+from uavseg.cli import main
+from uavseg.plot.web import page
+
+NODE = shutil.which("node")
+ASSETS = Path(page.__file__).parent / "assets"
+SAMPLES = Path(uavseg.__file__).parents[1] / "samples"
+RANGES = [
+    *((0, 1000), (550, 1000), (0, 400), (300, 500), (412, 413)),
+    *((500, 501), (120, 777), (999, 1000), (205, 610), (640, 655)),
+]
+
+
+def data_of(html: Path) -> dict[str, Any]:
+    text = html.read_text()
+    [data] = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text, re.DOTALL)
+    found: dict[str, Any] = json.loads(data)
+    return found
+
+
+def speckled(path: Path) -> Path:
+    """A rotated raster with odd sides, holes of nodata, and cells that touch at corners."""
+    rng = np.random.default_rng(5)
+    cells = np.kron(rng.integers(1, 255, (30, 41)), np.ones((8, 8)))[:235, :323]
+    image = np.clip(cells + rng.normal(0, 3, cells.shape), 1, 255).astype(np.uint8)
+    image[np.kron(rng.random((30, 41)) < 0.1, np.ones((8, 8), bool))[:235, :323]] = 0
+    image[100:103, 40:90] = 0
+    transform = Affine.translation(5e5, 5e6) * Affine.rotation(20) * Affine.scale(0.5, -0.5)
+    how = {"driver": "GTiff", "height": 235, "width": 323, "count": 1, "dtype": "uint8", "nodata": 0}
+    with rasterio.open(path, "w", **how, crs="EPSG:32633", transform=transform) as file:
+        file.write(image, 1)
+    return path
+
+
+def in_page(cells: dict[str, Any], tmp_path: Path) -> list[Any]:
+    asked = tmp_path / "asked.json"
+    asked.write_text(json.dumps({"cells": cells, "ranges": RANGES}))
+    program = [
+        str(NODE),
+        str(Path(__file__).with_name("run_blocks.js")),
+        str(ASSETS / "blocks.js"),
+        str(asked),
+    ]
+    found = subprocess.run(program, capture_output=True, check=True, text=True)
+    answers: list[Any] = json.loads(found.stdout)
+    return answers
+
+
+def run(*words: object) -> None:
+    result = CliRunner().invoke(main, [str(word) for word in words], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+
+
+@pytest.mark.skipif(NODE is None, reason="needs node")
+@pytest.mark.parametrize("name", ["speckled", "quarry", "fields_rgb"])
+def test_the_slider_gives_the_regions_of_the_block_map(name: str, tmp_path: Path) -> None:
+    raster = speckled(tmp_path / "speckled.tif") if name == "speckled" else SAMPLES / f"{name}.tif"
+    blocks, html = tmp_path / "blocks.tif", tmp_path / "map.html"
+    run("divide", raster, "-o", blocks, "-q")
+    run("map", raster, "-o", html, "-q")
+    answers = in_page(data_of(html)["cells"], tmp_path)
+    regions = 0
+    for (low, high), answer in zip(RANGES, answers, strict=True):
+        expected = tmp_path / f"{low}-{high}.gpkg"
+        run(
+            "extract",
+            blocks,
+            "--refine",
+            "none",
+            "--range",
+            f"{low / 1000},{high / 1000}",
+            "-o",
+            expected,
+            "-q",
+        )
+        compare(answer, geopandas.read_file(expected, layer="regions"))
+        regions += len(answer["features"])
+    assert regions > 10
+
+
+def compare(answer: dict[str, Any], expected: geopandas.GeoDataFrame) -> None:
+    features = answer["features"]
+    assert [one["properties"]["id"] for one in features] == list(expected["id"])
+    if not features:
+        return
+    assert [one["properties"]["pixels"] for one in features] == list(expected["pixels"])
+    polygons = shapely.from_geojson([json.dumps(one["geometry"]) for one in features])
+    assert shapely.is_valid(polygons).all()
+    found = geopandas.GeoSeries(polygons, crs=4326).to_crs(expected.crs)
+    others = expected.geometry
+    # Seven decimals of a degree are a centimetre: sides move by less than two.
+    assert (found.symmetric_difference(others).area <= 0.02 * others.length).all()
+    np.testing.assert_allclose([one["properties"]["area_m2"] for one in features], expected["area_m2"], 1e-5)
+    np.testing.assert_allclose(
+        [one["properties"]["mean"] for one in features], expected["mean"], rtol=0, atol=1.01e-3
+    )

@@ -1,0 +1,1 @@
+"""Maps as web pages: one HTML file that loads nothing."""

@@ -1,0 +1,161 @@
+"""Map for the field: a raster with regions and missions as one HTML file that needs no network."""
+
+import base64
+import json
+import os
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
+
+from uavseg.atomic import atomic_file, check_target
+from uavseg.errors import OutputError
+from uavseg.jobs.field_map import FieldMap
+from uavseg.plain_text import printable
+from uavseg.plot.layers.mission_layer import read_missions
+from uavseg.plot.map_furniture import length_text
+from uavseg.plot.web.page import data_url, render_page
+from uavseg.raster.geodesy.globe import crs_name
+
+if TYPE_CHECKING:
+    from uavseg.flight.mission import Mission
+
+LARGE_BYTES = 10 << 20
+_RANGE = (550, 1000)  # steps of the slider at first
+
+
+def check_page_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
+    """Check that a page may be made, before the work.
+
+    Raises
+    ------
+    OutputError
+        If it does not end in .html, exists, or cannot be written there.
+    """
+    if Path(path).suffix.lower() not in {".html", ".htm"}:
+        raise OutputError(
+            f"a map is an HTML file: expected a name that ends in .html, got {Path(path).name!r}"
+        )
+    return check_target(path, overwrite)
+
+
+def page_of(found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[dict[str, Any]]) -> bytes:
+    """The content of the HTML file.
+
+    Parameters
+    ----------
+    found : FieldMap
+    regions : dict, optional
+        A GeoJSON FeatureCollection in WGS 84, see `region_features`.
+    missions : sequence of dict
+        See `read_flights`.
+    """
+    title = printable(found.info.name)
+    data = {
+        "title": title,
+        "about": _about(found),
+        "notes": [printable(note) for note in found.warnings],
+        "image": {"url": data_url(found.image.webp, "image/webp"), "bounds": found.image.bounds},
+        "cells": None if found.cells is None else _cells(found),
+        "range": _RANGE,
+        "regions": regions,
+        "missions": list(missions),
+    }
+    return render_page(title, data)
+
+
+def write_page(content: bytes, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+    """Write a page, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        If the file exists, or cannot be written.
+    """
+    with atomic_file(path, overwrite) as temporary:
+        temporary.write_bytes(content)
+
+
+def size_notes(content: bytes) -> list[str]:
+    """A note where a page is large for a telephone."""
+    if len(content) <= LARGE_BYTES:
+        return []
+    return [
+        f"the page has {len(content) / 1e6:.0f} MB, which is slow on a telephone: a smaller --size, or fewer "
+        "or simplified regions make it smaller"
+    ]
+
+
+def read_flights(missions: Any) -> list[dict[str, Any]]:
+    """Missions or mission files as values of JSON: features, path with numbers, estimates and warnings.
+
+    Raises
+    ------
+    MissionError
+        If a file cannot be read.
+    """
+    return [_flight(printable(name), mission) for name, mission in read_missions(missions)]
+
+
+def _flight(name: str, mission: "Mission") -> dict[str, Any]:
+    from uavseg.flight.estimate.words import estimate_text
+    from uavseg.flight.formats.geojson import write_geojson
+    from uavseg.flight.formats.options import FileOptions
+    from uavseg.flight.items import LANDINGS, RETURN, TAKEOFFS
+
+    lat, lon, _ = mission.path
+    aside, number, numbers = {*TAKEOFFS, RETURN, *LANDINGS}, 0, [0]
+    for item in mission.items:
+        if item.has_position or item.command == RETURN:
+            counts = item.command not in aside
+            number += counts
+            numbers.append(number if counts else 0)
+    estimate = mission.estimate
+    flown = estimate_text(estimate.distance_m, estimate.duration_s)
+    shots = f", {estimate.photographs:,} photographs" if estimate.photographs else ""
+    return {
+        "name": name,
+        "estimate": f"{len(mission.items)} items, {flown}{shots}",
+        "notes": [printable(note) for note in mission.warnings],
+        "path": [[round(float(y), 8), round(float(x), 8)] for y, x in zip(lat, lon, strict=True)],
+        "numbers": numbers,
+        "features": json.loads(write_geojson(mission, FileOptions())),
+    }
+
+
+def _about(found: FieldMap) -> str:
+    """Size, CRS and stretch of the raster, and what a pixel of the picture shows."""
+    rows, cols = found.info.geobox.shape
+    shown = found.image.shape
+    side = (rows * cols / (shown[0] * shown[1]) * float(found.ground.pixel_m2.mean())) ** 0.5
+    parts = [
+        f"{cols} x {rows} pixels",
+        str(crs_name(found.info.geobox.wkt)),
+        f"picture of {shown[1]} x {shown[0]} pixels of about {length_text(float(f'{side:.3g}'), 'm')}",
+        found.info.band_names,
+        f"v: {found.info.stretch.name}",
+    ]
+    return printable(" · ".join(parts))
+
+
+def _cells(found: FieldMap) -> dict[str, Any]:
+    cells, ground = found.cells, found.ground
+    assert cells is not None
+    return {
+        "shape": cells.shape,
+        "cells": cells.codes.shape,
+        "codes": _packed(cells.codes.astype("<u2")),
+        "counts": _packed(cells.counts),
+        "ground": {
+            "shape": ground.lon.shape,
+            "lon": [round(value, 10) for value in ground.lon.ravel().tolist()],
+            "lat": [round(value, 10) for value in ground.lat.ravel().tolist()],
+            "pixel_m2": [float(f"{value:.10g}") for value in ground.pixel_m2.ravel().tolist()],
+        },
+    }
+
+
+def _packed(values: NDArray[Any]) -> str:
+    return base64.b64encode(zlib.compress(values.tobytes(), 9)).decode()

@@ -1,0 +1,75 @@
+"""The HTML page of a web map: library, style, program and data in one file that loads nothing."""
+
+import base64
+import hashlib
+import html
+import json
+from functools import cache
+from pathlib import Path
+from string import Template
+from typing import Any
+
+_ASSETS = Path(__file__).parent / "assets"
+_MAPPED = "//# sourceMappingURL"
+
+
+def render_page(title: str, data: dict[str, Any]) -> bytes:
+    """The content of an HTML file.
+
+    The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
+    and images within the file: content of data can neither run nor load anything.
+
+    Parameters
+    ----------
+    title : str
+    data : dict
+        What the page's program reads; values of JSON.
+    """
+    script, style = _script(), _style()
+    policy = (
+        f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
+        "img-src data:; base-uri 'none'; form-action 'none'"
+    )
+    page = Template(_text("page.html")).substitute(
+        policy=policy,
+        title=html.escape(title),
+        licence=_text("leaflet/LICENSE").replace("--", "- -"),
+        style=style,
+        data=_json(data),
+        script=script,
+    )
+    return page.encode()
+
+
+def data_url(content: bytes, kind: str) -> str:
+    """A file as a URL that holds it."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def _json(data: dict[str, Any]) -> str:
+    """JSON without a character that ends a script element or begins a comment in one."""
+    text = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+@cache
+def _script() -> str:
+    library = _text("leaflet/leaflet.js")
+    return "\n".join([library[: library.rindex(_MAPPED)], _text("blocks.js"), _text("app.js")])
+
+
+@cache
+def _style() -> str:
+    style = _text("leaflet/leaflet.css").replace("url(images/marker-icon.png)", "none")
+    for name in ("layers.png", "layers-2x.png"):
+        url = data_url((_ASSETS / "leaflet" / name).read_bytes(), "image/png")
+        style = style.replace(f"url(images/{name})", f"url({url})")
+    return f"{style}\n{_text('page.css')}"
+
+
+def _hash(text: str) -> str:
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
+
+
+def _text(name: str) -> str:
+    return (_ASSETS / name).read_text(encoding="utf-8").replace("\r\n", "\n")

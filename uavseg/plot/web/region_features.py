@@ -1,0 +1,51 @@
+"""Regions of any origin as GeoJSON features in WGS 84."""
+
+import math
+import os
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.regions.formats.read import read_regions, regions_of_frame
+
+_DECIMALS = 7  # of degrees: a centimetre
+
+
+def read_collection(regions: Any) -> dict[str, Any]:
+    """Regions of a file or a GeoDataFrame as a GeoJSON FeatureCollection in WGS 84.
+
+    Parameters
+    ----------
+    regions : path or GeoDataFrame
+
+    Raises
+    ------
+    RegionError
+        If they cannot be read or have no place on Earth.
+    """
+    is_file = isinstance(regions, str | os.PathLike)
+    found = read_regions(regions) if is_file else regions_of_frame(regions)
+    columns = {name: _values(column) for name, column in found.columns.items()}
+    rounded = shapely.transform(shapely.orient_polygons(found.polygons), lambda xy: xy.round(_DECIMALS))
+    features = [
+        {
+            "type": "Feature",
+            "properties": {name: values[n] for name, values in columns.items()},
+            "geometry": shapely.geometry.mapping(polygon),
+        }
+        for n, polygon in enumerate(rounded)
+    ]
+    return {"type": "FeatureCollection", "features": features}
+
+
+def _values(column: NDArray[Any]) -> list[Any]:
+    """Values as JSON has them: floats with up to twelve significant digits; other kinds as text."""
+    return [_value(value) for value in np.asarray(column).tolist()]
+
+
+def _value(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.12g}") if math.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)

@@ -1,0 +1,98 @@
+"""The public function for maps as web pages: the words of `uavseg map`."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+from uavseg.access import Folders, allowing
+from uavseg.arguments import checked
+from uavseg.execution.executors import threads as thread_pool
+from uavseg.jobs.field_map import FieldMapRequest, field_map
+from uavseg.jobs.inputs import keep_inputs
+from uavseg.jobs.open_source import open_source
+from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.work import Work
+from uavseg.plot.web.field_map import check_page_target, page_of, read_flights, size_notes, write_page
+from uavseg.plot.web.region_features import read_collection
+from uavseg.raster.spectral.formula import BandWords
+
+
+@checked
+def map_page(
+    source: Any,
+    output: str | os.PathLike[str],
+    *,
+    regions: Any = None,
+    mission: Any = None,
+    size: int = 2048,
+    band: int | str | None = None,
+    rgb: tuple[int | str, int | str, int | str] | None = None,
+    index: str | None = None,
+    expr: str | None = None,
+    band_names: str | None = None,
+    nodata: float | None = None,
+    stretch: str = "auto",
+    method: str = "adaptive",
+    threshold: float = 1.2,
+    intensity_step: float = 0.05,
+    tile: int | None = None,
+    threads: int | None = None,
+    resume: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
+    skip_bad_tiles: bool = False,
+    collar: str = "auto",
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> Path:
+    """Make one HTML file that shows a raster, regions and missions in a browser without network.
+
+    Parameters
+    ----------
+    source : path, sequence of paths, DataArray or Dataset
+        Many paths are one mosaic. It has a coordinate system.
+    output : path
+        The page, .html.
+    regions : path or GeoDataFrame, optional
+    mission : Mission, path or sequence of these, optional
+        What `uavseg.plan` gives, or mission files.
+    size : int
+        Longest side of the picture of the raster in pixels, 64 to 8192.
+    method, threshold, intensity_step
+        How blocks are divided, for the slider of the page; as of `extract`.
+    overwrite : bool
+        Whether a page that is there may be replaced.
+    band, ..., allow_network
+        As of `extract`.
+
+    Returns
+    -------
+    output : Path
+
+    Raises
+    ------
+    UavsegError
+        If an input cannot be read or has no place on a map in Web Mercator, or the page may not be made.
+
+    Examples
+    --------
+    >>> import uavseg
+    >>> uavseg.map_page("tile.tif", "map.html", regions="regions.gpkg")  # doctest: +SKIP
+    """
+    words = BandWords(index, expr, band_names)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
+    request = FieldMapRequest.from_words(method, threshold, intensity_step, size)
+    run = thread_pool(threads)
+    with allowing(allow_path, allow_network):
+        target = check_page_target(output, overwrite)
+        keep_inputs([target], [source, regions, mission])
+        collection = None if regions is None else read_collection(regions)
+        flights = [] if mission is None else read_flights(mission)
+        found = field_map(open_source(source, options), request, Work(tile, run, run, checkpoint=resume))
+        content = page_of(found, collection, flights)
+        write_page(content, target, overwrite)
+    for warning in (*found.warnings, *size_notes(content)):
+        warnings.warn(warning, stacklevel=3)
+    return target
