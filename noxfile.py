@@ -112,7 +112,7 @@ def floors() -> list[str]:
     """Each dependency of the package and of its tests at the lowest version that pyproject.toml allows."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    parts = ("test", "cluster", "compile", "parquet", "serial")
+    parts = ("test", "cluster", "compile", "explore", "notebook", "parquet", "serial")
     wanted = [*project["dependencies"], *(text for part in parts for text in extras[part])]
     split = [
         re.fullmatch(r"([\w-]+)>=([\w.]+)(?:;.*)?", text) for text in wanted if not text.startswith("uavseg")

@@ -107,7 +107,7 @@ LEVELS = (
     {"jobs"},
     {"plot", "api"},
     {"uavseg"},  # public names, loaded on first use
-    {"xarray"},
+    {"xarray", "widget"},
     {"cli"},
     {"__main__"},
 )
@@ -202,6 +202,8 @@ ONLY_IN = {
     "click": {"cli"},
     "matplotlib": {"plot"},
     "rosbags": {"occupancy.bags"},
+    "anywidget": {"widget"},
+    "xarray": {"xarray"},
     "apsw": {"occupancy.bags"},
     "lz4": {"occupancy.bags"},
 }

@@ -2,7 +2,9 @@
 
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import geopandas
@@ -13,8 +15,11 @@ from shapely.geometry import box
 
 import uavseg
 from uavseg.errors import MissingLibraryError
+from uavseg.flight.fence import FencePolygon
 from uavseg.flight.files import write_mission
 from uavseg.flight.mission import Mission
+from uavseg.flight.safety.paper_check import PaperCheck
+from uavseg.jobs.plan import MissionPlan
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +63,9 @@ def test_the_drawing_has_the_flight_the_photographs_and_home(mission: Mission) -
     html = mission._repr_html_()
     root = ElementTree.fromstring(html)
     frame = mission.to_geodataframe()
-    lines = len(frame[frame["kind"].isin(["fence", "flight"]) | (frame["kind"] == "photographs")])
+    drawn = len(frame[frame["kind"].isin(["fence", "flight", "photographs", "rally", "home"])])
     svg = {"s": "http://www.w3.org/2000/svg"}
-    assert len(root.findall(".//s:polyline", svg)) + len(root.findall(".//s:circle", svg)) == lines + 1
+    assert len(root.findall(".//s:polyline", svg)) + len(root.findall(".//s:circle", svg)) == drawn
     width, height = (float(n) for n in re.findall(r'(?:width|height)="(\d+)"', html)[:2])
     places = [
         tuple(map(float, pair.split(","))) for pair in re.findall(r"[\d.-]+,[\d.-]+", html.split("<svg")[1])
@@ -78,9 +83,43 @@ def test_north_is_up_and_home_has_its_place(mission: Mission) -> None:
     assert (x, y) == tuple(map(float, first))
 
 
-def test_warnings_of_a_mission_are_shown_as_text(mission: Mission) -> None:
-    from dataclasses import replace
+def drawn_with(mission: Mission, **changes: Any) -> str:
+    return replace(mission, **changes)._repr_html_()
 
+
+def test_a_fence_to_stay_out_of_is_filled(mission: Mission) -> None:
+    [shape] = mission.fence
+    assert isinstance(shape, FencePolygon)
+    assert 'fill-opacity="0.3"' not in mission._repr_html_()
+    assert 'fill-opacity="0.3"' in drawn_with(mission, fence=(replace(shape, inclusion=False),))
+
+
+def test_the_drawing_is_the_same_across_the_antimeridian(mission: Mission) -> None:
+    def moved(degrees: float) -> str:
+        shift = degrees - mission.home.lon
+
+        def at(lon: float) -> float:
+            return (lon + shift + 180) % 360 - 180
+
+        items = [replace(one, lon=at(one.lon)) if one.has_position else one for one in mission.items]
+        home = replace(mission.home, lon=at(mission.home.lon))
+        return drawn_with(mission, home=home, items=tuple(items), fence=(), rally=(), blocks=(), ground=None)
+
+    def width(html: str) -> float:
+        return float(re.findall(r'width="(\d+)"', html)[0])
+
+    assert width(moved(180 - 1e-4)) == pytest.approx(width(moved(0)), abs=1)
+
+
+def test_a_plan_shows_each_flight(mission: Mission) -> None:
+    two = MissionPlan((mission, replace(mission, name="other")), 1, PaperCheck())
+    html = two._repr_html_()
+    ElementTree.fromstring(html)
+    assert html.count("<svg") == 2 and html.index("flight 1 of 2") < html.index("flight 2 of 2")
+    assert "flight 1" not in MissionPlan((mission,), 1, PaperCheck())._repr_html_()
+
+
+def test_warnings_of_a_mission_are_shown_as_text(mission: Mission) -> None:
     html = replace(mission, notes=("<b>too & high</b>",), name="<i>")._repr_html_()
     assert "<li>&lt;b&gt;too &amp; high&lt;/b&gt;</li>" in html and "&lt;i&gt;: " in html
     ElementTree.fromstring(html)
@@ -98,3 +137,21 @@ def test_the_map_shows_every_kind(mission: Mission) -> None:
     text = mission.explore().get_root().render()
     for kind in mission.to_geodataframe().dropna(subset="geometry")["kind"].unique():
         assert f'"kind": "{kind}"' in text
+
+
+def test_lines_of_the_map_are_not_filled_areas(mission: Mission) -> None:
+    folium = pytest.importorskip("folium")
+    pytest.importorskip("mapclassify")
+    layers = [one for one in mission.explore()._children.values() if isinstance(one, folium.GeoJson)]
+    styles = {one.layer_name: one.style_function(one.data["features"][0]) for one in layers}
+    assert styles.keys() >= {"fence", "flight", "photographs", "item", "home"}
+    for name in ("fence", "flight", "photographs"):
+        assert styles[name]["fill"] is False
+
+
+def test_flights_of_a_plan_share_a_map(mission: Mission) -> None:
+    folium = pytest.importorskip("folium")
+    pytest.importorskip("mapclassify")
+    shown = MissionPlan((mission, mission), 1, PaperCheck()).explore()
+    names = [one.layer_name for one in shown._children.values() if isinstance(one, folium.GeoJson)]
+    assert names.count("flight") == 2

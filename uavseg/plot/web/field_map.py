@@ -52,9 +52,20 @@ def page_of(found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[
     missions : sequence of dict
         See `read_flights`.
     """
-    title = printable(found.info.name)
-    data = {
-        "title": title,
+    return render_page(title_of(found), data_of(found, regions, missions))
+
+
+def title_of(found: FieldMap) -> str:
+    """The title of the page."""
+    return printable(found.info.name)
+
+
+def data_of(
+    found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[dict[str, Any]]
+) -> dict[str, Any]:
+    """What the page's program reads; parameters as of `page_of`."""
+    return {
+        "title": title_of(found),
         "about": _about(found),
         "notes": [printable(note) for note in found.warnings],
         "image": {"url": data_url(found.image.webp, "image/webp"), "bounds": found.image.bounds},
@@ -63,7 +74,6 @@ def page_of(found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[
         "regions": regions,
         "missions": list(missions),
     }
-    return render_page(title, data)
 
 
 def write_page(content: bytes, path: str | os.PathLike[str], overwrite: bool = False) -> None:

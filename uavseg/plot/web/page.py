@@ -13,7 +13,7 @@ _ASSETS = Path(__file__).parent / "assets"
 _MAPPED = "//# sourceMappingURL"
 
 
-def render_page(title: str, data: dict[str, Any]) -> bytes:
+def render_page(title: str, data: dict[str, Any], embedded: bool = False) -> bytes:
     """The content of an HTML file.
 
     The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
@@ -24,16 +24,18 @@ def render_page(title: str, data: dict[str, Any]) -> bytes:
     title : str
     data : dict
         What the page's program reads; values of JSON.
+    embedded : bool
+        Whether the page exchanges its range with the window that frames it.
     """
-    script, style = _script(), _style()
+    script, style = _script(embedded), _style()
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
-    page = Template(_text("page.html")).substitute(
+    page = Template(asset("page.html")).substitute(
         policy=policy,
         title=html.escape(title),
-        licence=_text("leaflet/LICENSE").replace("--", "- -"),
+        licence=asset("leaflet/LICENSE").replace("--", "- -"),
         style=style,
         data=_json(data),
         script=script,
@@ -53,23 +55,25 @@ def _json(data: dict[str, Any]) -> str:
 
 
 @cache
-def _script() -> str:
-    library = _text("leaflet/leaflet.js")
-    return "\n".join([library[: library.rindex(_MAPPED)], _text("blocks.js"), _text("app.js")])
+def _script(embedded: bool) -> str:
+    library = asset("leaflet/leaflet.js")
+    programs = ["blocks.js", "app.js", *(["embed.js"] if embedded else [])]
+    return "\n".join([library[: library.rindex(_MAPPED)], *map(asset, programs)])
 
 
 @cache
 def _style() -> str:
-    style = _text("leaflet/leaflet.css").replace("url(images/marker-icon.png)", "none")
+    style = asset("leaflet/leaflet.css").replace("url(images/marker-icon.png)", "none")
     for name in ("layers.png", "layers-2x.png"):
         url = data_url((_ASSETS / "leaflet" / name).read_bytes(), "image/png")
         style = style.replace(f"url(images/{name})", f"url({url})")
-    return f"{style}\n{_text('page.css')}"
+    return f"{style}\n{asset('page.css')}"
 
 
 def _hash(text: str) -> str:
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
-def _text(name: str) -> str:
+def asset(name: str) -> str:
+    """The text of a file of `assets`."""
     return (_ASSETS / name).read_text(encoding="utf-8").replace("\r\n", "\n")

@@ -32,6 +32,7 @@
   layers.addOverlay(raster, "Raster");
   L.control.scale({maxWidth: 160}).addTo(map);
   map.fitBounds(bounds);
+  if (!map.getSize().x || !map.getSize().y) map.once("resize", () => map.fitBounds(bounds));  // a frame has no size yet
   document.getElementById("title").textContent = data.title;
   document.getElementById("about").textContent = data.about;
   for (const note of data.notes) panel.append(make("p", {className: "warning", textContent: note}));
