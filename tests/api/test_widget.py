@@ -84,7 +84,7 @@ def test_changes_are_observed(name: str) -> None:
 def test_wrong_words_are_errors_at_once(name: str) -> None:
     with pytest.raises(TypeError, match="bandd"):
         RangeWidget(name, bandd=1)
-    with pytest.raises(ParameterError, match="values is for uavseg.extract"):
+    with pytest.raises(ParameterError, match=r"values is for uavseg\.extract"):
         RangeWidget(name, values=(20, 30))
     with pytest.raises(ParameterError, match="200 to 4000 pixels, not 5"):
         RangeWidget(name, height=5)

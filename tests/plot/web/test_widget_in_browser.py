@@ -25,7 +25,10 @@ const state = JSON.parse(document.getElementById("state").textContent);
 window.model = {
   listeners: {}, saved: 0,
   get: (name) => state[name],
-  set(name, value) { state[name] = value; for (const call of this.listeners[`change:${name}`] ?? []) call(); },
+  set(name, value) {
+    state[name] = value;
+    for (const call of this.listeners[`change:${name}`] ?? []) call();
+  },
   save_changes() { this.saved += 1; },
   on(name, call) { (this.listeners[name] ??= []).push(call); },
   off(name, call) { this.listeners[name] = this.listeners[name].filter((one) => one !== call); },
