@@ -85,7 +85,7 @@ def test_errors_are_reported_under_rio(rio: click.Group, raster: str) -> None:
     assert run(rio, "uavseg", "extract", raster).exit_code == 2
 
 
-@pytest.mark.parametrize("command", ["extract", "divide", "plan", "info", "preview"])
+@pytest.mark.parametrize("command", main.list_commands(click.Context(main)))
 def test_every_command_is_available(rio: click.Group, command: str) -> None:
     result = run(rio, "uavseg", command, "--help")
     assert result.exit_code == 0 and f"uavseg {command} [OPTIONS]" in result.stdout

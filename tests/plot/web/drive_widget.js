@@ -24,6 +24,10 @@ const [, , folder, pictures, executablePath] = process.argv;
   await page.waitForTimeout(500);
   seen.picture = (await inner.locator("img.leaflet-image-layer").boundingBox()).width;
   seen.height = await page.locator("iframe").evaluate((frame) => frame.offsetHeight);
+  await inner.locator("body").evaluate(() => {
+    window.received = 0;
+    window.addEventListener("message", () => { window.received += 1; });
+  });
   await inner.locator("#low-slider").focus();
   for (let n = 0; n < 20; n++) await page.keyboard.press("ArrowRight");
   await until(0.57);
@@ -34,6 +38,7 @@ const [, , folder, pictures, executablePath] = process.argv;
   await page.waitForFunction(() => window.model.get("range")[1] === 0.8);
   seen.typed = await page.evaluate(() => window.model.get("range"));
 
+  seen.echoes = await inner.locator("body").evaluate(() => window.received);
   await page.evaluate(() => window.model.set("range", [0.1, 0.3]));
   await inner.locator("h2", {hasText: "range"}).waitFor();
   await page.waitForTimeout(300);

@@ -77,6 +77,10 @@ def test_the_slider_and_the_number_set_the_range(seen: dict[str, Any]) -> None:
     assert seen["saved"] >= 1
 
 
+def test_a_slider_that_is_dragged_is_not_set_back(seen: dict[str, Any]) -> None:
+    assert seen["echoes"] == 0
+
+
 @pytest.mark.parametrize(("name", "shown"), [("given", ["0.1", "0.3"]), ("again", ["0.6", "1"])])
 def test_a_range_that_is_set_moves_the_slider(name: str, shown: list[str], seen: dict[str, Any]) -> None:
     assert seen[name] == shown

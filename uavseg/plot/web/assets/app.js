@@ -31,8 +31,10 @@
   const layers = L.control.layers({}, {}, {position: "topright"}).addTo(map);
   layers.addOverlay(raster, "Raster");
   L.control.scale({maxWidth: 160}).addTo(map);
-  map.fitBounds(bounds);
-  if (!map.getSize().x || !map.getSize().y) map.once("resize", () => map.fitBounds(bounds));  // a frame has no size yet
+  const fit = () => map.fitBounds(bounds);
+  fit();
+  map.on("resize", fit);  // until the page is used: a frame gets its size late
+  for (const used of ["pointerdown", "keydown"]) addEventListener(used, () => map.off("resize", fit), {once: true});
   document.getElementById("title").textContent = data.title;
   document.getElementById("about").textContent = data.about;
   for (const note of data.notes) panel.append(make("p", {className: "warning", textContent: note}));

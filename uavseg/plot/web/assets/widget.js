@@ -8,7 +8,9 @@ function render({model, el}) {
   frame.title = "Raster with a range slider";
   frame.style.cssText = "width: 100%; border: 1px solid #777; box-sizing: border-box";
   const resize = () => { frame.style.height = `${model.get("height")}px`; };
+  let said = false;  // by this page, which is not to be set back while it is dragged on
   const show = () => {
+    if (said) return;
     const steps = model.get("range").map((bound) => Math.round(bound * STEPS));
     frame.contentWindow?.postMessage({uavseg: "range", steps}, "*");
   };
@@ -16,7 +18,9 @@ function render({model, el}) {
     if (event.source !== frame.contentWindow) return;
     if (event.data?.uavseg === "ready") show();
     if (event.data?.uavseg !== "range") return;
+    said = true;
     model.set("range", event.data.steps.map((step) => step / STEPS));
+    said = false;
     model.save_changes();
   };
   window.addEventListener("message", hear);
