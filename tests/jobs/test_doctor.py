@@ -147,6 +147,17 @@ def test_qgis_says_its_version(
     assert qgis.find_qgis() == expected
 
 
+@pytest.mark.skipif(shutil.which("sh") is None, reason="a program of the shell")
+def test_what_qgis_writes_stays_out_of_the_home_of_the_user(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    program(tmp_path / "bin", "qgis_process", 'echo settings > "$HOME/left" && echo "QGIS 3.40"')
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert qgis.find_qgis() == "3.40"
+    assert not (tmp_path / "left").exists()
+
+
 def test_no_qgis(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     assert qgis.find_qgis() == ""

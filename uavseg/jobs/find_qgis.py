@@ -6,14 +6,8 @@ import subprocess
 import tempfile
 
 _PROGRAMS = ("qgis_process.bin", "qgis_process", "qgis_process-qgis.bat", "qgis_process-qgis-ltr.bat")
-_KEPT = (
-    "PATH",
-    "HOME",
-    "LANG",
-    "SYSTEMROOT",
-    "TEMP",
-    "TMP",
-)  # other variables may name libraries of Python's
+_KEPT = ("PATH", "LANG", "SYSTEMROOT")  # other variables may name libraries of Python's
+_FOLDERS = ("HOME", "XDG_RUNTIME_DIR", "QGIS_CUSTOM_CONFIG_PATH", "TEMP", "TMP")  # that QGIS may write to
 _TIMEOUT_S = 20.0
 
 
@@ -36,14 +30,14 @@ def _version(program: str) -> str:
     """What a program says in the line that begins with "QGIS"."""
     with tempfile.TemporaryDirectory(prefix="uavseg-") as folder:
         kept = {name: os.environ[name] for name in _KEPT if name in os.environ}
-        settings = {"QT_QPA_PLATFORM": "offscreen", "QGIS_CUSTOM_CONFIG_PATH": folder}
+        own = {"QT_QPA_PLATFORM": "offscreen"} | dict.fromkeys(_FOLDERS, folder)
         try:
             answer = subprocess.run(
                 [shutil.which(program) or program, "--version"],
                 capture_output=True,
                 timeout=_TIMEOUT_S,
                 check=False,
-                env=kept | settings | {"XDG_RUNTIME_DIR": folder},
+                env=kept | own,
                 stdin=subprocess.DEVNULL,
             )
         except (OSError, subprocess.TimeoutExpired):  # then it says nothing of itself
