@@ -78,6 +78,7 @@ LINES = tuple(
         "build-map a.bag -o out.yaml --scan /scan --odom /odom --resolution 0.1 --sigma 0.05 --max-range 2",
         "build-map a.db3 -o out.tif --scan /scan --tf --resolution 0.1",
         "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
+        "map x.tif -o out.html --size 100 --mission a.waypoints --camera Altum --band 1 --stretch dtype",
         "map x.tif -o out.html --size 64 --regions r.geojson --mission a.plan --threshold 1.3",
         "preview a.plan a.waypoints -o out.png --width 300 --dem g.tif",
         "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",

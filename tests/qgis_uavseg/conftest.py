@@ -71,6 +71,8 @@ def _environment(folder: Path, program: Path) -> dict[str, str]:
         "QGIS_CUSTOM_CONFIG_PATH": str(folder / "profile"),
         "QGIS_PLUGINPATH": str(ROOT),
         "UAVSEG_PROGRAM": str(program),
+        # QGIS takes the first python3 on the PATH for its own, which is the system's.
+        "PATH": os.pathsep.join(["/usr/bin", "/bin", os.environ.get("PATH", "")]),
         # What QGIS sets on other systems, for libraries of its own; the program must not see it.
         "PROJ_LIB": "/usr/share/proj",
         "PROJ_DATA": "/usr/share/proj",

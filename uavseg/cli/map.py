@@ -22,6 +22,11 @@ from uavseg.cli.options.running import RunOptions, running_options
     type=click.Path(),
     help="Mission to show, in any format of uavseg plan. May be given several times.",
 )
+@click.option(
+    "--camera",
+    metavar="NAME|FILE.json",
+    help="The camera of the missions, for the footprints of their photographs; uavseg cameras lists them.",
+)
 @click.option("-o", "--output", required=True, metavar="PATH.html", help="The page.")
 @click.option(
     "--size", default=2048, show_default=True, help="Longest side of the picture of the raster, in pixels."
@@ -39,6 +44,7 @@ def command(**options: Any) -> None:
     from uavseg.jobs.open_source import open_source
     from uavseg.plot.web.field_map import (
         check_page_target,
+        footprint_notes,
         page_of,
         read_flights,
         size_notes,
@@ -48,15 +54,16 @@ def command(**options: Any) -> None:
 
     run = RunOptions.of(options)
     output, regions, missions = options["output"], options["regions"], options["mission"]
+    camera = options["camera"]
     check_page_target(output, run.overwrite)
-    keep_inputs([output], options["rasters"], regions, missions)
+    keep_inputs([output], options["rasters"], regions, missions, camera)
     request = FieldMapRequest(segment_params(options, None), options["size"])
     collection = None if regions is None else read_collection(regions)
-    flights = read_flights(missions) if missions else []
+    flights = read_flights(missions, camera) if missions else []
     found = field_map(open_source(options["rasters"], read_options(options)), request, run.work())
     content = page_of(found, collection, flights)
     write_page(content, output, run.overwrite)
-    run.reporter.finish((*found.warnings, *size_notes(content)))
+    run.reporter.finish((*found.warnings, *footprint_notes(flights, camera), *size_notes(content)))
     rows, cols = found.image.shape
     run.reporter.table(
         {

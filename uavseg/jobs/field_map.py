@@ -20,9 +20,11 @@ from uavseg.raster.mercator import MercatorImage, to_mercator
 from uavseg.raster.overview import DatasetOverview
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaf_codes import leaf_codes
+from uavseg.segmentation.blocks.leaf_codes import STEPS, leaf_codes
 from uavseg.segmentation.params import SegmentParams
 from uavseg.units import CELL
+
+__all__ = ["STEPS", "CellCodes", "FieldMap", "FieldMapRequest", "field_map"]
 
 MIN_SIZE, MAX_SIZE = 64, 8192
 MAX_CELLS = 1 << 22  # about 16384 x 16384 pixels

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import warnings
@@ -10,6 +11,7 @@ from typing import Any
 
 import geopandas
 import pytest
+import rasterio
 import shapely
 
 import uavseg
@@ -18,6 +20,9 @@ SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 CHROMIUM = shutil.which("chromium")
 NODE = shutil.which("node")
 EVIL = "</script><img src=x onerror=alert(1)><b class=injected>&amp;"
+
+
+REQUIRED = bool(os.environ.get("UAVSEG_REQUIRE_CHROMIUM"))  # a failure where it is not there, not a skip
 
 
 def has_playwright() -> bool:
@@ -29,14 +34,17 @@ def has_playwright() -> bool:
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not has_playwright(), reason="needs chromium, node and playwright-core"),
+    pytest.mark.skipif(
+        not REQUIRED and not has_playwright(), reason="needs chromium, node and playwright-core"
+    ),
 ]
 
 
 @pytest.fixture(scope="module")
 def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    assert has_playwright(), "chromium, node and playwright-core (through NODE_PATH) are not there"
     folder = Path(os.environ.get("UAVSEG_SCREENSHOTS") or tmp_path_factory.mktemp("screenshots"))
-    regions = uavseg.extract(SAMPLE, (0.55, 1), min_area=200)
+    regions = uavseg.extract(SAMPLE, (0.552, 0.9), min_area=200)
     regions["note"] = EVIL
     regions[EVIL] = 1
     with warnings.catch_warnings(action="ignore"):
@@ -58,6 +66,34 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 def test_the_page_requests_nothing_and_has_no_errors(seen: dict[str, Any]) -> None:
     assert seen["requests"] == []
     assert seen["errors"] == []
+
+
+def test_the_slider_begins_with_the_range_of_the_regions(seen: dict[str, Any]) -> None:
+    assert seen["start"] == ["0.552", "0.9"]
+
+
+def test_cells_follow_while_the_slider_is_dragged_and_regions_when_it_is_released(
+    seen: dict[str, Any],
+) -> None:
+    (shown, first), (_, second) = seen["dragged"]
+    assert shown == 1
+    assert first != second
+    low, regions = seen["released"]
+    assert {one["properties"]["range_low"] for one in regions["features"]} == {low}
+    area = sum(one["properties"]["area_m2"] for one in regions["features"])
+    assert second == f"v {low:g} to 0.9: {area / 1e4:.2f} ha in range"
+    with rasterio.open(SAMPLE) as raster:
+        ground = abs(raster.transform.determinant) * raster.width * raster.height
+        edges = geopandas.GeoSeries([shapely.box(*raster.bounds)], crs=raster.crs).to_crs(3857)
+    assert seen["colored"] == pytest.approx(area / ground * edges.area[0] / edges.envelope.area[0], rel=0.02)
+
+
+def test_footprints_are_shown_on_request(seen: dict[str, Any]) -> None:
+    assert re.fullmatch(r"\W*Footprints of [1-9]\d+ photographs", seen["footprints"])
+
+
+def test_text_is_readable_in_sunlight(seen: dict[str, Any]) -> None:
+    assert seen["contrast"] >= 7  # level AAA of WCAG 2
 
 
 def test_the_slider_moves_regions(seen: dict[str, Any]) -> None:

@@ -25,7 +25,7 @@ import uavseg
 from uavseg.cli import main
 from uavseg.errors import OutputError, ParameterError, RasterError
 from uavseg.plot.web.page import render_page
-from uavseg.plot.web.region_features import read_collection
+from uavseg.plot.web.region_features import DEFAULT_RANGE, first_range, read_collection
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.ground_grid import ground_grid
 
@@ -151,6 +151,30 @@ def test_the_picture_lies_where_the_raster_lies(angle: float, tmp_path: Path) ->
     corners = [transform * place for place in ((0, 0), (128, 0), (0, 64), (128, 64))]
     outline = geopandas.GeoSeries([shapely.MultiPoint(corners)], crs=32633).to_crs(4326)
     np.testing.assert_allclose(found, outline.total_bounds, rtol=0, atol=1e-6)
+
+
+def collection(*ranges: tuple[Any, Any]) -> dict[str, Any]:
+    return {"features": [{"properties": {"range_low": low, "range_high": high}} for low, high in ranges]}
+
+
+@pytest.mark.parametrize(
+    ("regions", "steps"),
+    [
+        (collection((0.4, 0.7), (0.4, 0.7)), (400, 700)),
+        (collection((0.12345, 0.1239)), (123, 124)),
+        (collection((1.0, 1.0)), (999, 1000)),
+        (collection((0.4, 0.7), (0.7, 0.9)), DEFAULT_RANGE),
+        (collection((None, None)), DEFAULT_RANGE),
+        (collection(("0.4", True)), DEFAULT_RANGE),
+        (collection((-3, 0.5)), DEFAULT_RANGE),
+        (collection(), DEFAULT_RANGE),
+        (None, DEFAULT_RANGE),
+    ],
+)
+def test_the_slider_begins_with_the_range_that_all_regions_have(
+    regions: dict[str, Any] | None, steps: tuple[int, int]
+) -> None:
+    assert first_range(regions) == steps
 
 
 REFUSED = {

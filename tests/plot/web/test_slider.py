@@ -1,6 +1,7 @@
 """The program of the page finds the regions that `uavseg extract blocks.tif --refine none` finds."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ import rasterio
 import shapely
 from affine import Affine
 from click.testing import CliRunner
+from pyproj import Transformer
 
 import uavseg
 from uavseg.cli import main
@@ -22,6 +24,9 @@ from uavseg.plot.web import page
 NODE = shutil.which("node")
 ASSETS = Path(page.__file__).parent / "assets"
 SAMPLES = Path(uavseg.__file__).parents[1] / "samples"
+needs_node = pytest.mark.skipif(
+    NODE is None and not os.environ.get("UAVSEG_REQUIRE_CHROMIUM"), reason="needs node"
+)
 RANGES = [
     *((0, 1000), (550, 1000), (0, 400), (300, 500), (412, 413)),
     *((500, 501), (120, 777), (999, 1000), (205, 610), (640, 655)),
@@ -49,18 +54,12 @@ def speckled(path: Path) -> Path:
     return path
 
 
-def in_page(cells: dict[str, Any], tmp_path: Path) -> list[Any]:
-    asked = tmp_path / "asked.json"
-    asked.write_text(json.dumps({"cells": cells, "ranges": RANGES}))
-    program = [
-        str(NODE),
-        str(Path(__file__).with_name("run_blocks.js")),
-        str(ASSETS / "blocks.js"),
-        str(asked),
-    ]
-    found = subprocess.run(program, capture_output=True, check=True, text=True)
-    answers: list[Any] = json.loads(found.stdout)
-    return answers
+def in_page(program: str, asked: dict[str, Any], tmp_path: Path) -> Any:
+    """What a program of this folder answers with the page's own code."""
+    question = tmp_path / "asked.json"
+    question.write_text(json.dumps(asked))
+    words = [str(NODE), str(Path(__file__).with_name(program)), str(ASSETS), str(question)]
+    return json.loads(subprocess.run(words, capture_output=True, check=True, text=True).stdout)
 
 
 def run(*words: object) -> None:
@@ -68,14 +67,14 @@ def run(*words: object) -> None:
     assert result.exit_code == 0, result.output
 
 
-@pytest.mark.skipif(NODE is None, reason="needs node")
+@needs_node
 @pytest.mark.parametrize("name", ["speckled", "quarry", "fields_rgb"])
 def test_the_slider_gives_the_regions_of_the_block_map(name: str, tmp_path: Path) -> None:
     raster = speckled(tmp_path / "speckled.tif") if name == "speckled" else SAMPLES / f"{name}.tif"
     blocks, html = tmp_path / "blocks.tif", tmp_path / "map.html"
     run("divide", raster, "-o", blocks, "-q")
     run("map", raster, "-o", html, "-q")
-    answers = in_page(data_of(html)["cells"], tmp_path)
+    answers = in_page("run_blocks.js", {"cells": data_of(html)["cells"], "ranges": RANGES}, tmp_path)
     regions = 0
     for (low, high), answer in zip(RANGES, answers, strict=True):
         expected = tmp_path / f"{low}-{high}.gpkg"
@@ -93,6 +92,35 @@ def test_the_slider_gives_the_regions_of_the_block_map(name: str, tmp_path: Path
         compare(answer, geopandas.read_file(expected, layer="regions"))
         regions += len(answer["features"])
     assert regions > 10
+
+
+@needs_node
+def test_the_picture_of_cells_lies_where_the_raster_lies_and_its_area_is_that_of_the_regions(
+    tmp_path: Path,
+) -> None:
+    raster, html = speckled(tmp_path / "speckled.tif"), tmp_path / "map.html"
+    run("map", raster, "-o", html, "-q")
+    data = data_of(html)
+    asked = {"cells": data["cells"], "bounds": data["image"]["bounds"], "size": [300, 250], "ranges": RANGES}
+    answer = in_page("run_cells.js", asked, tmp_path)
+    west, south, east, north = data["image"]["bounds"]
+    to_3857 = Transformer.from_crs(4326, 3857, always_xy=True)
+    (left, right), (bottom, top) = to_3857.transform([west, east], [south, north])
+    x, y = np.meshgrid(
+        left + (np.arange(300) + 0.5) / 300 * (right - left),
+        top - (np.arange(250) + 0.5) / 250 * (top - bottom),
+    )
+    with rasterio.open(raster) as file:
+        ground = Transformer.from_crs(3857, file.crs, always_xy=True).transform(x, y)
+        cols, rows = ~file.transform * ground
+        inside = (rows >= 0) & (cols >= 0) & (rows < file.height) & (cols < file.width)
+    across = data["cells"]["cells"][1]
+    expected = np.where(inside, rows // 8 * across + cols // 8, np.prod(data["cells"]["cells"])).astype(int)
+    assert (expected.ravel() == answer["cells"]).mean() > 0.999  # others lie on an edge of two cells
+    assert 0.5 < inside.mean() < 0.9
+    regions = in_page("run_blocks.js", asked, tmp_path)
+    sums = [sum(one["properties"]["area_m2"] for one in found["features"]) for found in regions]
+    np.testing.assert_allclose(answer["areas"], sums, rtol=1e-5)
 
 
 def compare(answer: dict[str, Any], expected: geopandas.GeoDataFrame) -> None:

@@ -47,6 +47,8 @@ class FlownPath:
         Wait at each position, and how far the ground there lies above home, 0 where it is not known.
     photographs : (n - 1,) int64 array
         Photographs on each leg; those taken while waiting count on the leg before.
+    shots : tuple of ShotRun
+        Where they are taken.
     return_hold_s, landing_s : float
     is_line : (n - 1,) bool array
         Whether photographs are taken along the leg, by distance or time.
@@ -60,6 +62,7 @@ class FlownPath:
     hold_s: Floats
     rise_m: Floats
     photographs: NDArray[np.int64]
+    shots: tuple["ShotRun", ...]
     return_hold_s: float
     landing_s: float
     is_line: NDArray[np.bool_]
@@ -77,6 +80,24 @@ class FlownPath:
         """Height of each leg above the ground at its higher end."""
         above = self.xyz_m[:, 2] - self.rise_m
         return np.maximum(above[:-1], above[1:])
+
+
+@dataclass(frozen=True, slots=True)
+class ShotRun:
+    """Photographs at even steps along a leg.
+
+    Parameters
+    ----------
+    leg, count : int
+    first, step : float
+        Where the first is taken, and how far each is from the one before, as shares of the leg: 0 is its
+        start, 1 its end.
+    """
+
+    leg: int
+    count: int
+    first: float
+    step: float
 
 
 @dataclass(slots=True)
@@ -184,13 +205,18 @@ def _path(walk: _Walk, vehicle: Vehicle, ends: str) -> FlownPath:
     seconds = leg_seconds(xyz, np.array(walk.speed, np.float64), vehicle, np.array(walk.stop), hold)
     climbs = np.flatnonzero(np.array(walk.part) == "climb")
     seconds[climbs] += _first_metres_s(np.diff(xyz[:, 2])[climbs], vehicle)
+    shots = _shots(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:])
+    photographs = np.zeros(len(seconds), np.int64)
+    for run in shots:
+        photographs[run.leg] += run.count
     return FlownPath(
         xyz,
         seconds,
         np.array(walk.part, dtype="<U6"),
         hold,
         np.array(walk.rise),
-        _photographs(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:]),
+        photographs,
+        shots,
         vehicle.return_hold_s if ends == "return" else 0.0,
         landing_seconds(float(xyz[-1, 2]), vehicle) if ends else 0.0,
         np.array([any(trigger) for trigger in walk.trigger], np.bool_),
@@ -211,9 +237,9 @@ def landing_seconds(height_m: float, vehicle: Vehicle) -> float:
     return slow / vehicle.landing_m_s + max(height_m - slow, 0.0) / vehicle.descent_m_s
 
 
-def _photographs(walk: _Walk, length: Floats, seconds: Floats) -> NDArray[np.int64]:
+def _shots(walk: _Walk, length: Floats, seconds: Floats) -> tuple[ShotRun, ...]:
     """Photographs of each leg: a distance or a time goes on over the corners until it is changed."""
-    taken = np.zeros(len(length), np.int64)
+    runs: list[ShotRun] = []
     carried, before = 0.0, (0.0, 0.0)
     for leg, (trigger, shots) in enumerate(zip(walk.trigger, walk.shots, strict=True)):
         if trigger != before or (leg and walk.shots[leg - 1]):
@@ -221,10 +247,16 @@ def _photographs(walk: _Walk, length: Floats, seconds: Floats) -> NDArray[np.int
         before = trigger
         every = trigger[0] or trigger[1]
         if every:
-            done = carried + (length[leg] if trigger[0] else seconds[leg])
+            whole = float(length[leg] if trigger[0] else seconds[leg])
+            done = carried + whole
             count = math.floor(done / every + 1e-6)
-            taken[leg] += count
+            if count and whole:
+                runs.append(ShotRun(leg, count, (every - carried) / whole, every / whole))
+            elif count:
+                runs.append(ShotRun(leg, count, 1.0, 0.0))
             carried = max(done - count * every, 0.0)
         # a photograph that starts a line is taken where the leg before ends, and shows the line
-        taken[min(leg + 1, len(length) - 1)] += shots
-    return taken
+        if shots:
+            last = len(length) - 1
+            runs.append(ShotRun(min(leg + 1, last), shots, float(leg == last), 0.0))
+    return tuple(runs)

@@ -8,22 +8,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
+from uavseg.flight.camera.photos import Photos
 from uavseg.jobs.field_map import FieldMap
+from uavseg.jobs.words.photo_words import PhotoWords, photos_of
 from uavseg.plain_text import printable
 from uavseg.plot.layers.mission_layer import read_missions
 from uavseg.plot.map_furniture import length_text
 from uavseg.plot.web.page import data_url, render_page
+from uavseg.plot.web.region_features import first_range
 from uavseg.raster.geodesy.globe import crs_name
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
 
 LARGE_BYTES = 10 << 20
-_RANGE = (550, 1000)  # steps of the slider at first
+_DECIMALS = 7  # of degrees: a centimetre
 
 
 def check_page_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
@@ -70,7 +74,7 @@ def data_of(
         "notes": [printable(note) for note in found.warnings],
         "image": {"url": data_url(found.image.webp, "image/webp"), "bounds": found.image.bounds},
         "cells": None if found.cells is None else _cells(found),
-        "range": _RANGE,
+        "range": first_range(regions),
         "regions": regions,
         "missions": list(missions),
     }
@@ -98,18 +102,37 @@ def size_notes(content: bytes) -> list[str]:
     ]
 
 
-def read_flights(missions: Any) -> list[dict[str, Any]]:
+def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
     """Missions or mission files as values of JSON: features, path with numbers, estimates and warnings.
+
+    Parameters
+    ----------
+    missions : Mission, path or sequence of these
+    camera : str, path or Camera, optional
+        What photographs, for footprints; by default the missions' own, which files do not hold.
 
     Raises
     ------
     MissionError
         If a file cannot be read.
+    ParameterError
+        If the camera is not known.
     """
-    return [_flight(printable(name), mission) for name, mission in read_missions(missions)]
+    photos = photos_of(PhotoWords(camera=camera))
+    return [_flight(printable(name), mission, photos) for name, mission in read_missions(missions)]
 
 
-def _flight(name: str, mission: "Mission") -> dict[str, Any]:
+def footprint_notes(flights: Sequence[dict[str, Any]], camera: Any) -> list[str]:
+    """Why footprints are not shown, where a camera was named for them."""
+    if camera is None:
+        return []
+    if not flights:
+        return ["the camera is for footprints of photographs; name a mission too"]
+    return [f"{flight['name']}: {flight['unseen']}" for flight in flights if flight["unseen"]]
+
+
+def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
+    from uavseg.flight.estimate.footprints import footprints
     from uavseg.flight.estimate.words import estimate_text
     from uavseg.flight.formats.geojson import write_geojson
     from uavseg.flight.formats.options import FileOptions
@@ -122,7 +145,7 @@ def _flight(name: str, mission: "Mission") -> dict[str, Any]:
             counts = item.command not in aside
             number += counts
             numbers.append(number if counts else 0)
-    estimate = mission.estimate
+    estimate, shown = mission.estimate, footprints(mission, photos)
     flown = estimate_text(estimate.distance_m, estimate.duration_s)
     shots = f", {estimate.photographs:,} photographs" if estimate.photographs else ""
     return {
@@ -131,6 +154,8 @@ def _flight(name: str, mission: "Mission") -> dict[str, Any]:
         "notes": [printable(note) for note in mission.warnings],
         "path": [[round(float(y), 8), round(float(x), 8)] for y, x in zip(lat, lon, strict=True)],
         "numbers": numbers,
+        "footprints": np.round(shown.lonlat, _DECIMALS).tolist(),
+        "unseen": shown.note,
         "features": json.loads(write_geojson(mission, FileOptions())),
     }
 

@@ -10,6 +10,10 @@ from string import Template
 from typing import Any
 
 _ASSETS = Path(__file__).parent / "assets"
+_PROGRAM = (
+    *("blocks.js", "elements.js", "regions.js", "cells.js", "slider.js", "missions.js", "position.js"),
+    "app.js",
+)
 _MAPPED = "//# sourceMappingURL"
 
 
@@ -57,7 +61,7 @@ def _json(data: dict[str, Any]) -> str:
 @cache
 def _script(embedded: bool) -> str:
     library = asset("leaflet/leaflet.js")
-    programs = ["blocks.js", "app.js", *(["embed.js"] if embedded else [])]
+    programs = [*_PROGRAM, *(["embed.js"] if embedded else [])]
     return "\n".join([library[: library.rindex(_MAPPED)], *map(asset, programs)])
 
 

@@ -8,8 +8,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.jobs.field_map import STEPS
 from uavseg.regions.formats.read import read_regions, regions_of_frame
 
+DEFAULT_RANGE = (550, 1000)
 _DECIMALS = 7  # of degrees: a centimetre
 
 
@@ -38,6 +40,20 @@ def read_collection(regions: Any) -> dict[str, Any]:
         for n, polygon in enumerate(rounded)
     ]
     return {"type": "FeatureCollection", "features": features}
+
+
+def first_range(collection: dict[str, Any] | None) -> tuple[int, int]:
+    """Where the slider begins, in steps: the range that all regions were made with, where they have one."""
+    features = [] if collection is None else collection["features"]
+    found = {tuple(one["properties"].get(name) for name in ("range_low", "range_high")) for one in features}
+    if len(found) != 1:
+        return DEFAULT_RANGE
+    [ends] = found
+    if not all(isinstance(end, float | int) and 0 <= end <= 1 for end in ends):
+        return DEFAULT_RANGE
+    low, high = (round(end * STEPS) for end in ends)
+    low = min(low, STEPS - 1)
+    return low, max(high, low + 1)  # the ends of the slider are never the same
 
 
 def _values(column: NDArray[Any]) -> list[Any]:

@@ -15,7 +15,14 @@ from uavseg.jobs.inputs import keep_inputs
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.work import Work
-from uavseg.plot.web.field_map import check_page_target, page_of, read_flights, size_notes, write_page
+from uavseg.plot.web.field_map import (
+    check_page_target,
+    footprint_notes,
+    page_of,
+    read_flights,
+    size_notes,
+    write_page,
+)
 from uavseg.plot.web.region_features import read_collection
 from uavseg.raster.spectral.formula import BandWords
 
@@ -27,6 +34,7 @@ def map_page(
     *,
     regions: Any = None,
     mission: Any = None,
+    camera: Any = None,
     size: int = 2048,
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -58,6 +66,9 @@ def map_page(
     regions : path or GeoDataFrame, optional
     mission : Mission, path or sequence of these, optional
         What `uavseg.plan` gives, or mission files.
+    camera : str, path or Camera, optional
+        The camera of the missions, for the footprints of their photographs: a name that `uavseg cameras`
+        lists, or a JSON file. By default that of what `uavseg.plan` gives; a file does not hold it.
     size : int
         Longest side of the picture of the raster in pixels, 64 to 8192.
     method, threshold, intensity_step
@@ -87,12 +98,12 @@ def map_page(
     run = thread_pool(threads)
     with allowing(allow_path, allow_network):
         target = check_page_target(output, overwrite)
-        keep_inputs([target], [source, regions, mission])
+        keep_inputs([target], [source, regions, mission, camera])
         collection = None if regions is None else read_collection(regions)
-        flights = [] if mission is None else read_flights(mission)
+        flights = [] if mission is None else read_flights(mission, camera)
         found = field_map(open_source(source, options), request, Work(tile, run, run, checkpoint=resume))
         content = page_of(found, collection, flights)
         write_page(content, target, overwrite)
-    for warning in (*found.warnings, *size_notes(content)):
+    for warning in (*found.warnings, *footprint_notes(flights, camera), *size_notes(content)):
         warnings.warn(warning, stacklevel=3)
     return target

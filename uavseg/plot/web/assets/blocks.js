@@ -124,6 +124,31 @@ const Blocks = (() => {
     return [mix(ground.lon), mix(ground.lat)].map((degrees) => Math.round(degrees * 1e7) / 1e7);
   }
 
+  /** Row and column in pixels of a longitude and latitude: Newton's method on the table of places. */
+  function rowCol(grid, lon, lat) {
+    const {shape, ground} = grid, [rows, cols] = ground.shape;
+    let y = (rows - 1) / 2, x = (cols - 1) / 2;
+    for (let step = 0; step < 8; step++) {
+      const top = Math.min(Math.max(Math.floor(y), 0), rows - 2), left = Math.min(Math.max(Math.floor(x), 0), cols - 2);
+      const at = top * cols + left, v = y - top, u = x - left;
+      const terms = [ground.lon, ground.lat].map((values) => {
+        const a = values[at], right = values[at + 1] - a, down = values[at + cols] - a;
+        const both = values[at + cols + 1] - a - right - down;
+        return [a + u * right + v * down + u * v * both, right + v * both, down + u * both];
+      });
+      const [[f, fu, fv], [g, gu, gv]] = terms, det = fu * gv - fv * gu, [df, dg] = [lon - f, lat - g];
+      x += (df * gv - fv * dg) / det;
+      y += (fu * dg - df * gu) / det;
+    }
+    return [(y / (rows - 1)) * shape[0], (x / (cols - 1)) * shape[1]];
+  }
+
+  /** A function from the column of a cell in a row to its area in square metres. */
+  function cellArea(grid, row) {
+    const top = CELL * row, height = Math.min(CELL, grid.shape[0] - top);
+    return (col) => height * Math.min(CELL, grid.shape[1] - CELL * col) * pixelArea(grid, top + CELL / 2, CELL * col + CELL / 2);
+  }
+
   /** Square metres of a pixel near a place. */
   function pixelArea(grid, row, col) {
     const {shape, ground} = grid, [rows, cols] = [ground.shape[0] - 1, ground.shape[1] - 1];
@@ -189,7 +214,7 @@ const Blocks = (() => {
     return twice > 0 === (n === 0) ? ring : [...ring].reverse();
   }
 
-  return {STEPS, decode, regions};
+  return {CELL, NONE, STEPS, cellArea, decode, lonLat, regions, rowCol};
 })();
 
 if (typeof module !== "undefined") module.exports = Blocks;
