@@ -20,9 +20,15 @@ const [, , folder, pictures, executablePath] = process.argv;
   const shown = async () => [await inner.locator("#low-number").inputValue(), await inner.locator("#high-number").inputValue()];
   const until = (low) => page.waitForFunction((value) => window.model.get("range")[0] === value, low);
 
+  /** What a function gives as soon as it is as expected, or after ten seconds. */
+  async function soon(ask, expected) {
+    for (let n = 0; n < 100 && !expected(await ask()); n++) await page.waitForTimeout(100);
+    return ask();
+  }
+  const width = async () => (await inner.locator("img.leaflet-image-layer").boundingBox()).width;
+
   seen.first = await shown();
-  await page.waitForTimeout(500);
-  seen.picture = (await inner.locator("img.leaflet-image-layer").boundingBox()).width;
+  seen.picture = await soon(width, (pixels) => pixels > 300);
   seen.height = await page.locator("iframe").evaluate((frame) => frame.offsetHeight);
   await inner.locator("body").evaluate(() => {
     window.received = 0;
@@ -40,12 +46,10 @@ const [, , folder, pictures, executablePath] = process.argv;
 
   seen.echoes = await inner.locator("body").evaluate(() => window.received);
   await page.evaluate(() => window.model.set("range", [0.1, 0.3]));
-  await inner.locator("h2", {hasText: "range"}).waitFor();
-  await page.waitForTimeout(300);
-  seen.given = await shown();
+  seen.given = await soon(shown, ([low]) => low === "0.1");
   await page.evaluate(() => window.model.set("range", [0.6, 1]));
-  await page.waitForTimeout(500);
-  seen.again = await shown();
+  seen.again = await soon(shown, ([low]) => low === "0.6");
+  await page.waitForTimeout(1000);  // until the regions are outlined
   await page.screenshot({path: `${pictures}/widget.png`});
 
   await page.evaluate(() => window.postMessage({uavseg: "range", steps: [1, 2]}, "*"));
