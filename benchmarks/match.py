@@ -97,7 +97,8 @@ def by_match(refine: str = "pixel") -> Callable[[Scene], Any]:
     def find(scene: Scene) -> Any:
         from affine import Affine
 
-        from uavseg.jobs.match import MatchRequest, match
+        from uavseg.jobs.like.request import MatchRequest
+        from uavseg.jobs.match import match
         from uavseg.jobs.source import Raster
         from uavseg.raster.dataset import Dataset
         from uavseg.raster.geobox import GeoBox

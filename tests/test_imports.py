@@ -163,6 +163,8 @@ PHASES = {
     "sample.pixel_decision": {"dilation", "sample.g_scores", "blocks.lbp"},
     "sample.color_decision": {"sample.pixel_decision", "blocks.lbp"},
     "sample.coarse_lbp": {"blocks.lbp"},
+    "sample.mixture": set(),
+    "sample.likeness_table": {"sample.mixture"},
     "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
 }
 EVERY_PHASE = set(PHASES)

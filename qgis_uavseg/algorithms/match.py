@@ -44,8 +44,8 @@ class RegionsLikeSample(RegionAlgorithm):
     COMMAND = "match"
     SUMMARY = (
         "Finds the regions of a raster that look like a sample of it, by texture (G statistic of LBP and "
-        "contrast) "
-        "and intensity. The sample is polygons, or a disc around a place. Each region has its similarity."
+        "contrast) and intensity, or by color. The sample is polygons, or a disc around a place. Each region "
+        "has its similarity."
     )
     TAGS = ("segmentation", "texture", "similarity", "classification")
 
@@ -59,6 +59,13 @@ class RegionsLikeSample(RegionAlgorithm):
                     lambda _: [],
                     "Of the disc, in metres; in units of the raster where it has no CRS.",
                     False,
+                ),
+                choice(
+                    "BY",
+                    "Compare by",
+                    "--by",
+                    "Texture, or color, for which a disc of 8 pixels is enough. Empty: texture.",
+                    ("texture", "color"),
                 ),
                 number(
                     "SIMILARITY",
@@ -82,9 +89,9 @@ class RegionsLikeSample(RegionAlgorithm):
                 ),
                 text(
                     "BANDS",
-                    "Also compare bands",
+                    "Bands to compare",
                     "--bands",
-                    "The intensity of these bands as well, such as 1,2,3.",
+                    "Each of these bands by itself, such as 1,2,3; beside texture too.",
                 ),
                 choice(
                     "REFINE",

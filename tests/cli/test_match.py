@@ -184,6 +184,7 @@ def test_nothing_found_is_told() -> None:
         (["--like", "far.geojson"], "far.geojson lies outside of the raster"),
         (["--like", "a.tif"], "a.tif cannot be read as regions"),
         (["--like", f"{4e5 + 2 * 242},{CENTRE[1]},3"], "lies on nodata"),
+        (["--like", LIKE, "--by", "color", "--window", "16"], "are of texture"),
         (["--like", LIKE, "--similarity", "0"], "a similarity is above 0"),
         (["--like", LIKE, "--intensity", "-1"], "not negative, not -1"),
         (["--like", LIKE, "--window", "33"], "the side of a window is one of"),

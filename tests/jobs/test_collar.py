@@ -13,7 +13,8 @@ from uavseg.jobs.divide import DivideRequest, divide
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.info import info
 from uavseg.jobs.levels import LevelsRequest, levels
-from uavseg.jobs.match import MatchRequest, match
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.match import match
 from uavseg.jobs.open_source import open_probability_map, open_source
 from uavseg.jobs.result import Extraction
 from uavseg.jobs.source import ReadOptions

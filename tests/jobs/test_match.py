@@ -1,4 +1,4 @@
-"""Regions like a sample: where grey tells nothing, whatever the tiles, and as the words promise."""
+"""Regions like a sample by texture: where grey tells nothing, for any tiles, and as the words promise."""
 
 import pickle
 from collections.abc import Iterator
@@ -19,7 +19,9 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import serial, threads
-from uavseg.jobs.match import Match, MatchRequest, match
+from uavseg.jobs.like.by_texture import TextureSample
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.match import Match, match
 from uavseg.jobs.source import Raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
@@ -224,10 +226,11 @@ def test_each_region_tells_how_similar_it_is() -> None:
     columns = strict.found.regions.columns
     assert list(columns)[:3] == ["id", "similarity", "area_m2"]
     assert (columns["similarity"] >= 0.9).all() and (columns["similarity"] <= 1).all()
-    assert strict.limit == pytest.approx(strict.own - 2 * np.log(0.9), abs=0.001)
+    assert isinstance(strict.how, TextureSample)
+    assert strict.how.limit == pytest.approx(strict.how.own - 2 * np.log(0.9), abs=0.001)
     grey = image[truth].astype(float) / 255
-    assert strict.sample.mean / 65535 == pytest.approx(grey.mean(), abs=0.01)
-    assert strict.sample.deviation / 65535 == pytest.approx(grey.std(), abs=0.01)
+    assert strict.how.sample.mean / 65535 == pytest.approx(grey.mean(), abs=0.01)
+    assert strict.how.sample.deviation / 65535 == pytest.approx(grey.std(), abs=0.01)
     low, high = columns["range_low"][0], columns["range_high"][0]
     assert (low, high) == pytest.approx((grey.mean() - grey.std(), grey.mean() + grey.std()), abs=0.02)
 
@@ -277,7 +280,9 @@ def test_a_sample_that_is_too_small_is_refused_and_told_how_large_it_must_be(rad
 @given(x=st.floats(100, 120), y=st.floats(100, 120), window=st.sampled_from([16, 32, 64]))
 def test_a_disc_as_large_as_it_is_told_is_enough(x: float, y: float, window: int) -> None:
     image, _ = scene("rows", "meadow", shape=(220, 220))
-    assert found(image, Disc(x, y, window), MatchRequest(INSIDE, window)).sample.model.count > 2 * window**2
+    assert (
+        found(image, Disc(x, y, window), MatchRequest(INSIDE, window)).how.sample.model.count > 2 * window**2
+    )
 
 
 def test_a_sample_on_nodata_is_refused() -> None:

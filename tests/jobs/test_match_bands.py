@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from uavseg.errors import BandError, ParameterError, SampleError
 from uavseg.execution.executors import threads
-from uavseg.jobs.match import Match, MatchRequest, match
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.match import Match, match
 from uavseg.jobs.open_source import open_raster
 from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.work import SERIAL, Work

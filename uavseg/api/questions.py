@@ -12,7 +12,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.each import RegionJob
-from uavseg.jobs.match import MatchRequest
+from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import match as run_match
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.result import Drawing
@@ -36,6 +36,7 @@ def match(
     window: int = 32,
     similarity: float = 0.9,
     intensity: float = 1.0,
+    by: str = "texture",
     bands: Sequence[int | str] = (),
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -57,9 +58,11 @@ def match(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """Regions of a raster whose texture and intensity are like those of a sample of it.
+    """Regions of a raster that are like a sample of it, by color or by texture.
 
-    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast.
+    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast. By
+    color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far more
+    frequent in the sample are its kind.
 
     Parameters
     ----------
@@ -74,8 +77,11 @@ def match(
         How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
     intensity : float
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
+    by : {"texture", "color"}
+        What is compared: texture with intensity, or color, for which a disc with a radius of 8 pixels is
+        enough.
     bands : sequence of int or str
-        Bands whose intensity is compared as well, each by itself: colour beside texture.
+        Bands to compare, each by itself; beside texture too.
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
     band, ..., allow_network
@@ -111,6 +117,7 @@ def match(
         as_area(fill_holes),
         as_area(min_area),
         tuple(bands),
+        by,
     )
     job = RegionJob(
         ReadOptions(

@@ -22,7 +22,8 @@ from uavseg.cli.options.stream import geojson_form, stream_options, stream_warni
 from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
-    from uavseg.jobs.match import Match, MatchRequest
+    from uavseg.jobs.like.request import MatchRequest
+    from uavseg.jobs.match import Match
 
 
 @click.command("match", short_help="Find regions whose texture and intensity are like a sample's.")
@@ -45,6 +46,13 @@ if TYPE_CHECKING:
     "--labels",
     metavar="PATH",
     help="Also write the labels of the regions as a raster: one .tif, or a .vrt over a folder of tiles.",
+)
+@click.option(
+    "--by",
+    type=click.Choice(["texture", "color"]),
+    default="texture",
+    show_default=True,
+    help="What is compared: texture with intensity, or color, for which a disc of 8 pixels is enough.",
 )
 @click.option(
     "--window",
@@ -74,7 +82,7 @@ if TYPE_CHECKING:
     "--bands",
     metavar="BAND,...",
     callback=many_bands,
-    help="Compare the intensity of these bands as well, each by itself: colour beside texture.",
+    help="Compare these bands, each by itself; beside texture too.",
 )
 @click.option(
     "--refine",
@@ -95,10 +103,14 @@ if TYPE_CHECKING:
 def command(**options: Any) -> None:
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
 
-    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast, so
-    that a ploughed field is told from a meadow of the same grey; and what looks more like the raster as a
-    whole than like the sample is left out. Each region has its similarity, 1 where it is as like the sample
-    as the sample is to itself.
+    By texture: G, the log-likelihood ratio between joint histograms of LBP codes and contrast, tells a
+    ploughed field from a meadow of the same grey; what looks more like the raster as a whole than like the
+    sample is left out. The sample has a radius of at least 32 pixels.
+
+    By color: mixtures of few kinds of ground are fitted to the colors of the whole raster, and those that are
+    far more frequent in the sample than elsewhere are its kind. A radius of 8 pixels is enough.
+
+    Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
     rasters are one mosaic, unless --each is given.
@@ -137,7 +149,7 @@ def command(**options: Any) -> None:
 
 
 def _request(options: dict[str, Any]) -> MatchRequest:
-    from uavseg.jobs.match import MatchRequest
+    from uavseg.jobs.like.request import MatchRequest
     from uavseg.regions.sample.place import parse_like
 
     return MatchRequest(
@@ -150,22 +162,28 @@ def _request(options: dict[str, Any]) -> MatchRequest:
         area(options["fill_holes"]),
         area(options["min_area"]),
         options["bands"],
+        options["by"],
     )
 
 
 def _rows(match: Match, target: str) -> dict[str, str]:
     """The short table at the end."""
+    from uavseg.jobs.like.by_texture import TextureSample
     from uavseg.units import GREY_MAX
 
-    found, sample = match.found, match.sample
-    mean, deviation = sample.mean / GREY_MAX, sample.deviation / GREY_MAX
+    found, how = match.found, match.how
     common = summary_rows(found)
-    return {
+    rows = {
         "regions": f"{len(found.regions):,} -> {shown(target)}",
         "total area": common["total area"],
         "largest": common["largest"],
-        "sample": f"{sample.model.count:,} pixels, v {mean:.3f} +- {deviation:.3f}",
-        "G per pixel": f"{match.own:.3f} beyond chance in the sample, up to {match.limit:.3f} is like it",
-        "stretch": common["stretch"],
-        "band": common["band"],
     }
+    if isinstance(how, TextureSample):
+        sample = how.sample
+        mean, deviation = sample.mean / GREY_MAX, sample.deviation / GREY_MAX
+        rows["compared"] = "texture and intensity"
+        rows["sample"] = f"{sample.model.count:,} pixels, v {mean:.3f} +- {deviation:.3f}"
+        rows["G per pixel"] = f"{how.own:.3f} beyond chance in the sample, up to {how.limit:.3f} is like it"
+    else:
+        rows["compared"] = f"color; likeness {how.own:.2f} in the sample, {how.share:.2f} in the raster"
+    return rows | {"stretch": common["stretch"], "band": common["band"]}

@@ -161,7 +161,7 @@ def _too_small(source: GreySource, count: int, window: int) -> str:
     return (
         f"the sample has {count:,} pixels with a texture; expected at least {2 * window**2:,}, with a window "
         f"of {window} x {window} among them, as a disc with a radius of {_radius(source, window)} has; "
-        "give a larger sample or a smaller --window"
+        "give a larger sample or a smaller --window, or compare colors (--by color)"
     )
 
 

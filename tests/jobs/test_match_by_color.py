@@ -1,0 +1,171 @@
+"""Regions like a sample by colour: one small disc finds its kind, for any tiles, and says when it cannot."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from affine import Affine
+from numpy.typing import NDArray
+from scipy import ndimage
+
+import uavseg
+from uavseg.errors import ParameterError, SampleError
+from uavseg.execution.executors import threads
+from uavseg.jobs.like.by_texture import TextureSample
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.match import Match, match
+from uavseg.jobs.open_source import open_raster
+from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.work import Work
+from uavseg.raster.tiling import Window
+from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.sample.place import Disc
+
+SHAPE = (200, 264)
+DISC = Disc(1070, 940, 8)
+KINDS = np.array([[60, 80, 60], [120, 70, 60], [60, 80, 130]], float)  # meadow, roofs, water
+
+
+def truth() -> NDArray[np.intp]:
+    """Which kind lies where: roofs in a meadow beside water."""
+    row, col = np.indices(SHAPE)
+    kinds = np.where(col > 190, 2, 0)
+    for r, c in ((60, 70), (150, 60), (100, 150)):
+        kinds[(np.abs(row - r) < 22) & (np.abs(col - c) < 26)] = 1
+    return kinds
+
+
+def picture(seed: int = 0) -> NDArray[np.uint8]:
+    """The three kinds with noise of a deviation of 12."""
+    noise = np.random.default_rng(seed).normal(0, 12, (3, *SHAPE))
+    return np.rint(np.clip(KINDS[truth()].transpose(2, 0, 1) + noise, 0, 255)).astype(np.uint8)
+
+
+def write(path: Path, planes: NDArray[Any]) -> Path:
+    size = dict(zip(("count", "height", "width"), planes.shape, strict=True)) | {"dtype": planes.dtype.name}
+    place = {"crs": "EPSG:32618", "transform": Affine(1, 0, 1000, 0, -1, 1000)}
+    with rasterio.open(path, "w", "GTiff", **size, **place) as file:
+        file.write(planes)
+    return path
+
+
+@pytest.fixture
+def tile(tmp_path: Path) -> Path:
+    return write(tmp_path / "tile.tif", picture())
+
+
+def painted(made: Match) -> NDArray[np.bool_]:
+    return rasterise(made.found.rings, Window(0, 0, *SHAPE)) > 0
+
+
+def overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
+    return float((one & other).sum() / (one | other).sum())
+
+
+@pytest.mark.parametrize("refine", ["pixel", "none"])
+def test_one_small_disc_finds_all_of_its_kind(tile: Path, refine: str) -> None:
+    made = match(open_raster(str(tile)), MatchRequest(DISC, by="color", refine=refine))
+    assert overlap(painted(made), truth() == 1) > (0.97 if refine == "pixel" else 0.8)
+    assert not isinstance(made.how, TextureSample) and made.how.own > 0.8
+    assert made.warnings == ()
+
+
+def test_a_sample_of_which_a_tenth_is_another_kind_finds_it_too(tile: Path) -> None:
+    edge = Disc(1089, 940, 9)  # across the edge of a roof
+    row, col = np.indices(SHAPE)
+    inside = (row - 60) ** 2 + (col - 89) ** 2 < 81
+    assert 0.05 < (truth() != 1)[inside].mean() < 0.15
+    assert overlap(painted(match(open_raster(str(tile)), MatchRequest(edge, by="color"))), truth() == 1) > 0.9
+
+
+def test_a_kind_that_is_half_of_the_raster_is_found(tile: Path) -> None:
+    made = match(open_raster(str(tile)), MatchRequest(Disc(1020, 980, 10), by="color"))
+    assert (truth() == 0).mean() > 0.5
+    assert overlap(painted(made), truth() == 0) > 0.97
+
+
+def test_tiles_and_threads_change_nothing(tile: Path) -> None:
+    source = open_raster(str(tile))
+    whole = match(source, MatchRequest(DISC, by="color"))
+    other = match(source, MatchRequest(DISC, by="color"), Work(64, threads(2)))
+    assert (painted(whole) == painted(other)).all()
+    for name, column in whole.found.regions.columns.items():
+        np.testing.assert_array_equal(column, other.found.regions.columns[name])
+
+
+def test_turned_by_a_quarter_it_is_the_same_but_at_edges(tmp_path: Path, tile: Path) -> None:
+    turned = write(tmp_path / "turned.tif", np.ascontiguousarray(np.rot90(picture(), 2, (1, 2))))
+    back = Disc(2000 + SHAPE[1] - DISC.x, 2000 - SHAPE[0] - DISC.y, DISC.radius)
+    one, other = (
+        painted(match(open_raster(str(path)), MatchRequest(where, by="color")))
+        for path, where in ((tile, DISC), (turned, back))
+    )
+    assert overlap(one, other[::-1, ::-1]) > 0.96
+
+
+def test_attributes_are_of_the_intensity_and_the_similarity_of_the_colors(tile: Path) -> None:
+    made = match(open_raster(str(tile)), MatchRequest(DISC, by="color"))
+    luminance = np.tensordot([0.2126, 0.7152, 0.0722], picture().astype(float), 1) / 255
+    labels = rasterise(made.found.rings, Window(0, 0, *SHAPE))
+    columns = made.found.regions.columns
+    means = ndimage.mean(luminance, labels, columns["id"])
+    np.testing.assert_allclose(columns["mean"], means, atol=0.005)
+    assert ((columns["similarity"] > 0.5) & (columns["similarity"] <= 1)).all()
+
+
+def test_nodata_is_in_no_region(tmp_path: Path) -> None:
+    planes = picture().astype(np.float32)
+    planes[:, 50:70, 40:60] = np.nan
+    made = match(
+        open_raster(str(write(tmp_path / "holes.tif", planes))), MatchRequest(Disc(1080, 940, 8), by="color")
+    )
+    assert not painted(made)[50:70, 40:60].any()
+    assert overlap(painted(made), (truth() == 1) & ~np.isnan(planes[0])) > 0.95
+
+
+def test_five_bands_are_compared_together(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    more = rng.normal(90, 12, (2, *SHAPE)) + 30 * (truth() == 1)
+    planes = np.concatenate([picture(), np.clip(more, 0, 255).astype(np.uint8)])
+    source = open_raster(str(write(tmp_path / "five.tif", planes)), ReadOptions(band=1))
+    made = match(source, MatchRequest(DISC, by="color", bands=(1, 2, 3, 4, 5)))
+    assert overlap(painted(made), truth() == 1) > 0.97
+
+
+def test_texture_is_compared_unless_color_is_asked_for(tile: Path) -> None:
+    large = Disc(1070, 940, 20)
+    assert isinstance(match(open_raster(str(tile)), MatchRequest(large, window=16)).how, TextureSample)
+    with pytest.raises(ParameterError, match="are of texture"):
+        MatchRequest(large, window=16, by="color")
+    with pytest.raises(ParameterError, match="by texture or color"):
+        replace(MatchRequest(large), by="shape")
+
+
+def test_where_color_says_little_a_warning_says_so(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).normal(100, 12, (1, *SHAPE)).astype(np.uint8)
+    path = write(tmp_path / "noise.tif", noise)
+    with pytest.warns(UserWarning, match="color hardly parts the sample"):
+        uavseg.match(path, (1070, 940, 8), by="color")
+
+
+def test_a_sample_of_few_pixels_is_refused(tile: Path) -> None:
+    with pytest.raises(SampleError, match="32 valid pixels; expected at least 64"):
+        match(open_raster(str(tile)), MatchRequest(Disc(1070, 940, 3), by="color"))
+
+
+@pytest.mark.parametrize(("name", "least"), [("pond0", 0.8), ("pond2", 0.7), ("pond3", 0.7), ("cloud", 0.5)])
+def test_real_pictures(shared_data: Path, name: str, least: float) -> None:
+    """Melt ponds and a cloud by one disc of a radius of 8 pixels at the most inner pixel of the truth."""
+    folder = shared_data / "labelled"
+    with rasterio.open(folder / f"{name}_truth.tif") as file:
+        wanted = file.read(1) == 1
+    depths = ndimage.distance_transform_edt(np.pad(wanted, 1))[1:-1, 1:-1]
+    row, col = np.unravel_index(np.argmax(depths), depths.shape)
+    source = open_raster(str(folder / f"{name}.tif"))
+    x, y = source.geobox.transform * (float(col) + 0.5, float(row) + 0.5)
+    made = match(source, MatchRequest(Disc(x, y, 8 * abs(source.geobox.transform.a)), by="color"))
+    box = made.found.geobox
+    assert overlap(rasterise(made.found.rings, Window(0, 0, *box.shape)) > 0, wanted) > least

@@ -1,0 +1,74 @@
+"""Mixtures of Gaussians: what they are of is found again, and a sample says which components are its kind."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from uavseg.segmentation.sample.mixture import Mixture, SampleVote, fit_mixtures
+
+
+def clouds(seed: int, centres: list[list[float]], each: int = 400) -> NDArray[np.float64]:
+    """Points around centres, 0.3 wide, one group after the other."""
+    rng = np.random.default_rng(seed)
+    return np.concatenate([rng.normal(centre, 0.3, (each, len(centre))) for centre in centres])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_groups_that_lie_apart_are_the_components(seed: int) -> None:
+    centres = [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]]
+    found = fit_mixtures(clouds(seed, centres), (3,))[0]
+    nearest = np.sort([np.abs(found.means - centre).max(1).min() for centre in centres])
+    assert (nearest < 0.1).all()
+    np.testing.assert_allclose(found.shares, 1 / 3, atol=0.02)
+    np.testing.assert_allclose(found.covariances, np.broadcast_to(0.1 * np.eye(2), (3, 2, 2)), atol=0.04)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
+@settings(max_examples=20, deadline=None)
+def test_memberships_are_those_of_bayes_rule(seed: int, dims: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(50, dims))
+    for mixture in fit_mixtures(points, (2, 3)):
+        densities = [plain_density(mixture, k, points) for k in range(len(mixture))]
+        np.testing.assert_allclose(mixture.memberships(points), densities / np.sum(densities, 0), atol=1e-9)
+        assert mixture.shares.sum() == pytest.approx(1)
+
+
+def plain_density(mixture: Mixture, k: int, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share times the density of a Gaussian, by its formula."""
+    covariance, away = mixture.covariances[k], points - mixture.means[k]
+    squares = np.einsum("ni,ij,nj->n", away, np.linalg.inv(covariance), away)
+    dims = points.shape[1]
+    scale = np.sqrt((2 * np.pi) ** dims * np.linalg.det(covariance))
+    found: NDArray[np.float64] = mixture.shares[k] * np.exp(-0.5 * squares) / scale
+    return found
+
+
+def test_the_order_of_points_changes_nothing_but_rounding() -> None:
+    points = clouds(0, [[-1.0], [1.0]])
+    turned = fit_mixtures(points[::-1], (2,))[0]
+    np.testing.assert_allclose(turned.means, fit_mixtures(points, (2,))[0].means, atol=1e-6)
+
+
+def test_one_kind_of_three_is_likely_where_its_group_lies() -> None:
+    points = clouds(1, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]])
+    vote = SampleVote.of(fit_mixtures(points), points[400:440])
+    likeness = vote.likeness(points)
+    assert likeness[400:800].mean() > 0.8
+    assert np.delete(likeness, np.s_[400:800]).mean() < 0.1
+    assert sum(vote.weights) == pytest.approx(1)
+
+
+def test_a_sample_of_everything_finds_everything() -> None:
+    points = clouds(2, [[-2.0], [2.0]])
+    assert SampleVote.of(fit_mixtures(points), points[::7]).likeness(points).min() > 0.5
+
+
+def test_a_sample_of_which_a_tenth_is_wrong_still_finds_its_kind() -> None:
+    points = clouds(3, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]])
+    sample = np.concatenate([points[400:490], points[:10]])
+    likeness = SampleVote.of(fit_mixtures(points), sample).likeness(points)
+    assert likeness[400:800].mean() > 0.8
+    assert np.delete(likeness, np.s_[400:800]).mean() < 0.2

@@ -1,0 +1,66 @@
+"""Regions like a sample by colour: likeness takes the place of grey, and regions are extracted from it.
+
+sample and raster -> likeness: which colours are of the sample's kind
+                  -> extracted: where it is one half and more, as `jobs.extract` does
+                  -> measured: intensity, read again within the regions
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from uavseg.execution.phases import decided, phase
+from uavseg.jobs.fill_holes import filled
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.result import Extraction, SourceInfo, measured
+from uavseg.raster.tiling import TilePass
+from uavseg.regions.edit.small import drop_small_regions
+from uavseg.regions.sample.likeness import LikenessSource, fit_likeness
+from uavseg.regions.sample.place import SampleMask
+from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
+from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
+from uavseg.segmentation.source import GreySource
+from uavseg.units import GREY_MAX
+
+_LIKELY = IntensityRange(0.5, 1)
+
+
+def learn(bands: Sequence[GreySource], place: SampleMask, tile_pass: TilePass) -> LikenessSource:
+    """The raster as likeness to a sample."""
+    with phase("colours of the sample"):
+        found = fit_likeness(bands, place, tile_pass)
+    decided("likeness %.3f in the sample, %.3f in the raster", found.table.own, found.table.share)
+    return found
+
+
+def regions_by_color(
+    grey: GreySource, likeness: LikenessSource, request: MatchRequest, passes: Sequence[TilePass]
+) -> Extraction:
+    """Regions where the likeness is one half and more.
+
+    Parameters
+    ----------
+    grey : GreySource
+        The intensity that their attributes are of.
+    likeness : LikenessSource
+    request : MatchRequest
+    passes : two of TilePass
+    """
+    params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
+    with phase("division"):
+        blocks = measure_block_map_for(likeness, _LIKELY, params, passes[0])
+        cells = cells_to_refine(blocks, _LIKELY, params)
+    del blocks
+    with phase("refinement and outlines"):
+        outlined = outline_regions(likeness, cells, _LIKELY, params.refine, passes[1])
+        outlined = filled(likeness, outlined, request.fill_holes, passes[1])
+    if request.min_area is not None:
+        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
+    similarity = np.minimum(means / max(likeness.table.own, 1e-9), 1)
+    with phase("attributes and drawing"):
+        outlined = replace(outlined, sums=sum_regions(grey, outlined, passes[1]))
+        info = SourceInfo.of(grey)
+        return measured(outlined, info, (0.0, 1.0), request.drawing, {"similarity": similarity})

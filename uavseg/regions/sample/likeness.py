@@ -1,0 +1,113 @@
+"""A raster as the probability that each pixel is of a sample's kind, by its colour."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.errors import SampleError
+from uavseg.raster.tiling import TilePass, Window
+from uavseg.regions.sample.place import SampleMask
+from uavseg.segmentation.sample.likeness_table import BLUR_HALO, LikenessTable, blurred
+from uavseg.segmentation.source import GreySource, GreyTile
+
+MIN_PIXELS = 64  # of a sample
+_WINDOWS = 32  # along each side of the raster, where its colours are looked at
+_WINDOW = 12  # pixels, at most
+_STEP = 4  # pixels between those that are looked at
+
+
+@dataclass(frozen=True)
+class LikenessSource(GreySource):
+    """Likeness to a sample in place of grey, 65535 for certain; valid where all bands are.
+
+    Parameters
+    ----------
+    bands : tuple of GreySource
+    table : LikenessTable
+    """
+
+    bands: tuple[GreySource, ...]
+    table: LikenessTable
+
+    def read(self, window: Window, margin: int, beyond: bool = False) -> GreyTile:
+        """As of `GreySource`; nothing lies beyond the ends."""
+        planes, valid = _read_blurred(self.bands, window, margin)
+        grey = self.table.apply(planes)
+        all_valid = bool(valid.all())
+        if not all_valid:
+            grey[valid == 0] = 0
+        return GreyTile(grey, valid, all_valid)
+
+
+def fit_likeness(bands: Sequence[GreySource], place: SampleMask, tile_pass: TilePass) -> LikenessSource:
+    """Learn what a sample's colours are, against those of the whole raster.
+
+    Parameters
+    ----------
+    bands : sequence of GreySource
+        Of one raster.
+    place : SampleMask
+    tile_pass : TilePass
+        Its executor reads; the result depends neither on it nor on its tiles.
+
+    Raises
+    ------
+    SampleError
+        If the sample has fewer than 64 valid pixels.
+    """
+    [sample] = tile_pass.silent.run(partial(_sample_colors, bands), [place])
+    if len(sample) == 0:
+        raise SampleError("the sample has no valid pixel; it probably lies on nodata")
+    if len(sample) < MIN_PIXELS:
+        pixels = "1 valid pixel" if len(sample) == 1 else f"{len(sample)} valid pixels"
+        raise SampleError(
+            f"the sample has {pixels}; expected at least {MIN_PIXELS}, as a disc with a radius of 5 pixels "
+            "has; give a larger one"
+        )
+    looked = list(tile_pass.silent.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
+    table = LikenessTable.fit(np.concatenate([*looked, sample[:1]]), sample)
+    return LikenessSource(bands[0].dataset, bands[0].stretch, tuple(bands), table)
+
+
+def _spread_windows(shape: tuple[int, int]) -> list[Window]:
+    """Small windows that are spread evenly over the raster."""
+    starts = []
+    for length in shape:
+        count = min(_WINDOWS, -(-length // _WINDOW))
+        side = min(_WINDOW, length)
+        starts.append([(2 * k + 1) * length // (2 * count) - side // 2 for k in range(count)])
+    sides = min(_WINDOW, shape[0]), min(_WINDOW, shape[1])
+    return [Window(max(row, 0), max(col, 0), *sides).clipped(shape) for row in starts[0] for col in starts[1]]
+
+
+def _colors(bands: Sequence[GreySource], window: Window) -> NDArray[np.uint16]:
+    """Blurred colours of every fourth pixel of a window in every fourth row: (n, bands)."""
+    if bands[0].dataset.is_empty(window):
+        return np.empty((0, len(bands)), np.uint16)
+    planes, valid = _read_blurred(bands, window, 0)
+    chosen = np.zeros(valid.shape, bool)
+    chosen[_STEP // 2 : window.rows : _STEP, _STEP // 2 : window.cols : _STEP] = True
+    return np.stack([plane[chosen & (valid != 0)] for plane in planes], 1)
+
+
+def _sample_colors(bands: Sequence[GreySource], place: SampleMask) -> NDArray[np.uint16]:
+    """Blurred colours of the pixels of a sample: (m, bands)."""
+    planes, valid = _read_blurred(bands, place.window, 0)
+    chosen = valid != 0
+    rows, cols = place.window.rows, place.window.cols
+    chosen[:rows, :cols] &= place.mask
+    chosen[rows:], chosen[:, cols:] = False, False
+    return np.stack([plane[chosen] for plane in planes], 1)
+
+
+def _read_blurred(
+    bands: Sequence[GreySource], window: Window, margin: int
+) -> tuple[list[NDArray[np.uint16]], NDArray[np.uint8]]:
+    """Blurred bands of a window with a margin, and where all of them are valid."""
+    inner = np.s_[BLUR_HALO:-BLUR_HALO, BLUR_HALO:-BLUR_HALO]
+    tiles = [band.read(window, margin + BLUR_HALO) for band in bands]
+    valid = np.bitwise_and.reduce([tile.valid[inner] for tile in tiles])
+    return [blurred(tile.grey, tile.valid) for tile in tiles], np.ascontiguousarray(valid)

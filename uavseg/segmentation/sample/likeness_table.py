@@ -1,0 +1,172 @@
+"""How likely pixels are of a sample's kind, by their colour: blurred bands, looked up in a table.
+
+Bands are blurred by a binomial filter of 5 x 5 pixels (a Gaussian of one pixel), which halves the noise of
+single pixels and leaves edges where they are. Of more than three bands, three linear combinations are used.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import kernel
+from uavseg.segmentation.sample.mixture import Points, SampleVote, fit_mixtures
+from uavseg.units import GREY_MAX
+
+BLUR_HALO = 2  # pixels
+_BINS = {1: 4096, 2: 512, 3: 64}  # along each of so many axes
+_TAILS = (0.001, 0.999)  # quantiles between which bins lie; what is beyond belongs to the outer ones
+_AXES = 3
+_OTHERS = 0.05  # share of the raster that is certainly of other kinds
+
+
+@dataclass(frozen=True)
+class LikenessTable:
+    """Probability that a colour is of the sample's kind.
+
+    Parameters
+    ----------
+    weights : (axes, bands) float64 array
+        Of the bands in each axis.
+    lows, scales : (axes,) float64 arrays
+        Where the first bin of each axis begins, and bins per unit.
+    likeness : (bins ** axes,) uint16 array
+        Probability of each bin, 65535 for 1; the last axis runs fastest.
+    own : float
+        Mean probability of the sample's pixels.
+    share : float
+        Mean probability of the raster's pixels.
+    """
+
+    weights: NDArray[np.float64]
+    lows: NDArray[np.float64]
+    scales: NDArray[np.float64]
+    likeness: NDArray[np.uint16]
+    own: float
+    share: float
+
+    @classmethod
+    def fit(cls, points: NDArray[np.uint16], sample: NDArray[np.uint16]) -> "LikenessTable":
+        """Fit a table to colours.
+
+        One half lies at least in the middle between the likeness of the sample and that of the least likely
+        twentieth of the raster.
+
+        Parameters
+        ----------
+        points : (n, bands) uint16 array
+            Blurred colours of pixels all over the raster.
+        sample : (m, bands) uint16 array
+            Those of the sample's pixels.
+        """
+        weights = _axes(points.astype(np.float64), sample.astype(np.float64))
+        raster, own = (_project(values, weights) for values in (points, sample))
+        mean = raster.mean(0)
+        deviation = np.maximum(raster.std(0), 1)
+        vote = SampleVote.of(fit_mixtures((raster - mean) / deviation), (own - mean) / deviation)
+        bins = _BINS[len(weights)]
+        lows, highs = np.quantile(np.concatenate([raster, own]), _TAILS, axis=0)
+        scales = bins / np.maximum(highs - lows, 1)
+        middles = [low + (np.arange(bins) + 0.5) / scale for low, scale in zip(lows, scales, strict=True)]
+        grid = np.stack(np.meshgrid(*middles, indexing="ij"), -1).reshape(-1, len(weights))
+        of_raster, of_own = (vote.likeness((values - mean) / deviation) for values in (raster, own))
+        middle = max(0.5, (float(np.quantile(of_raster, _OTHERS)) + float(of_own.mean())) / 2)
+        of_grid = np.interp(vote.likeness((grid - mean) / deviation), [0, middle, 1], [0, 0.5, 1])
+        likeness = np.rint(of_grid * GREY_MAX).astype(np.uint16)
+        table = cls(weights, lows, scales, likeness, 0.0, 0.0)
+        parts = (float(table._of(values).mean()) / GREY_MAX for values in (sample, points))
+        return cls(weights, lows, scales, likeness, *parts)
+
+    def _of(self, colors: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        """Likeness of (n, bands) colours."""
+        found: NDArray[np.uint16] = self.apply([column[None] for column in colors.T])[0]
+        return found
+
+    def apply(self, planes: Sequence[NDArray[np.uint16]]) -> NDArray[np.uint16]:
+        """Likeness of the pixels of blurred bands, each (M, N)."""
+        stacked = np.stack(planes)
+        found = np.empty(stacked.shape[1:], np.uint16)
+        bins = _BINS[len(self.weights)]
+        _look_up(stacked, self.weights, self.lows, self.scales, bins, self.likeness, found)
+        return found
+
+
+def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Binomial mean of 5 x 5 pixels, of those that are valid.
+
+    Parameters
+    ----------
+    grey : (M + 4, N + 4) uint16 array
+    valid : (M + 4, N + 4) uint8 array
+
+    Returns
+    -------
+    means : (M, N) uint16 array, rounded down; 0 where no pixel is valid
+    """
+    rows, cols = (max(length - 2 * BLUR_HALO, 0) for length in grey.shape)
+    means = np.empty((rows, cols), np.uint16)
+    sums, counts = np.empty((2, grey.shape[1]), np.int64)
+    _blur(grey, valid, sums, counts, means)
+    return means
+
+
+def _axes(points: Points, sample: Points) -> Points:
+    """Weights of bands: the bands themselves, or of more than three the directions that show most.
+
+    The first parts the sample from the raster best (Fisher's discriminant, with the scatter of the sample),
+    the others show most of what remains.
+    """
+    bands = points.shape[1]
+    if bands <= _AXES:
+        return np.eye(bands)
+    scale = 1 / np.maximum(points.std(0), 1)
+    values, own = points * scale, sample * scale
+    scatter = np.cov(own.T) + 0.05 * np.eye(bands)
+    first = np.linalg.solve(scatter, own.mean(0) - values.mean(0))
+    first /= max(float(np.sqrt((first * first).sum())), 1e-12)
+    rest = np.cov(values.T)
+    keep = np.eye(bands) - np.outer(first, first)
+    _, vectors = np.linalg.eigh(keep @ rest @ keep)
+    weights: Points = np.stack([first, vectors[:, -1], vectors[:, -2]]) * scale
+    return weights
+
+
+def _project(colors: NDArray[np.uint16], weights: Points) -> Points:
+    parts = [sum(weight * colors[:, k] for k, weight in enumerate(row)) for row in weights]
+    return np.stack(parts, 1)
+
+
+@kernel("void(u2[:,::1], u1[:,::1], i8[::1], i8[::1], u2[:,::1])")
+def _blur(grey, valid, sums, counts, means):  # type: ignore[no-untyped-def]
+    rows, cols = means.shape
+    for r in range(rows):
+        for c in range(cols + 4):
+            total = np.int64(0)
+            count = np.int64(0)
+            for k in range(5):
+                weight = np.int64(6 if k == 2 else (4 if k == 1 or k == 3 else 1))
+                if valid[r + k, c]:
+                    total += weight * np.int64(grey[r + k, c])
+                    count += weight
+            sums[c] = total
+            counts[c] = count
+        for c in range(cols):
+            total = sums[c] + sums[c + 4] + 4 * (sums[c + 1] + sums[c + 3]) + 6 * sums[c + 2]
+            count = counts[c] + counts[c + 4] + 4 * (counts[c + 1] + counts[c + 3]) + 6 * counts[c + 2]
+            means[r, c] = total // count if count else 0
+
+
+@kernel("void(u2[:,:,::1], f8[:,::1], f8[::1], f8[::1], i8, u2[::1], u2[:,::1])")
+def _look_up(planes, weights, lows, scales, bins, likeness, found):  # type: ignore[no-untyped-def]
+    bands, rows, cols = planes.shape
+    for r in range(rows):
+        for c in range(cols):
+            index = np.int64(0)
+            for axis in range(weights.shape[0]):
+                value = 0.0
+                for band in range(bands):
+                    value += weights[axis, band] * planes[band, r, c]
+                place = np.int64(min(max((value - lows[axis]) * scales[axis], 0.0), bins - 1.0))
+                index = index * bins + place
+            found[r, c] = likeness[index]
