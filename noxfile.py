@@ -1,4 +1,4 @@
-"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`, `kernels`, `hostile`; `nox -l` lists them.
+"""What one runs: `nox -s fast`, `tests`, `lint`, `docs`, `bench`, `kernels`, `hostile`; `nox -l` lists more.
 
 ``nox -s lowest`` and ``nox -s newest`` run the main job and the fast tests on each Python that is installed,
 with the lowest version of every dependency that pyproject.toml allows and with the newest; ``-- job`` or
@@ -11,7 +11,9 @@ import hashlib
 import os
 import re
 import shutil
+import tarfile
 import tomllib
+import zipfile
 from pathlib import Path
 
 import nox
@@ -92,6 +94,68 @@ def hostile(session: nox.Session) -> None:
     session.run("python", "-m", "tests.hostile", *(session.posargs or ["4000"]), "--processes", cores)
 
 
+@nox.session
+def distributions(session: nox.Session) -> None:
+    """The wheel and the sdist hold each file of the package, install in empty environments, and run alike."""
+    session.install("build")
+    folder = Path(session.create_tmp()).resolve() / "distributions"
+    shutil.rmtree(folder, ignore_errors=True)
+    listed = session.run("git", "-C", str(ROOT), "ls-files", external=True, silent=True)
+    tracked = str(listed).splitlines()
+    source_folder = folder / "source"  # without what an earlier build has left in this one
+    for name in tracked:
+        (source_folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / name, source_folder / name)
+    session.run("python", "-m", "build", "--outdir", str(folder), str(source_folder), silent=True)
+    [wheel], [sdist] = folder.glob("*.whl"), folder.glob("*.tar.gz")
+    expected = {name for name in tracked if name.startswith("uavseg/")}
+    with zipfile.ZipFile(wheel) as archive, tarfile.open(sdist) as source:
+        inside = {
+            wheel: archive.namelist(),
+            sdist: [member.name.partition("/")[2] for member in source.getmembers() if member.isfile()],
+        }
+    for file, names in inside.items():
+        different = sorted({name for name in names if name.startswith("uavseg/")} ^ expected)
+        if different:
+            session.error(f"{file.name} and the folder differ in: {', '.join(different)}")
+    found = {file.name: installed_job(session, file) for file in (wheel, sdist)}
+    if len(set(found.values())) != 1:
+        session.error("the regions of the wheel are not those of the sdist")
+
+
+def installed_job(session: nox.Session, file: Path) -> str:
+    """Install a distribution into an empty environment and run its programs; the hash of what they wrote."""
+    environment = file.with_name(f"of-{file.name}")
+    session.run("python", "-m", "venv", str(environment))
+    programs = environment / ("Scripts" if os.name == "nt" else "bin")
+    session.run(
+        str(programs / "python"), "-m", "pip", "install", "-q", "--no-compile", str(file), external=True
+    )
+    raster, run = ROOT / "samples" / "quarry.tif", programs / "uavseg"
+    with session.chdir(environment):
+        for line in (
+            (run, "doctor"),
+            (run, "extract", raster, "--range", "0.55,1", "-o", "regions.geojson", "-q"),
+            (run, "plan", "regions.geojson", "--altitude", "60", "--home", "auto", "-o", "fly.plan", "-q"),
+            (
+                run,
+                "map",
+                raster,
+                "--regions",
+                "regions.geojson",
+                "--mission",
+                "fly.plan",
+                "-o",
+                "map.html",
+                "-q",
+            ),
+            (programs / "rio", "uavseg", "cameras"),
+        ):
+            session.run(*map(str, line), external=True, env={"PYTHONPATH": ""}, silent=True)
+    written = [environment / name for name in ("regions.geojson", "fly.plan", "map.html")]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in written)).hexdigest()
+
+
 @nox.session(python=PYTHONS)
 def lowest(session: nox.Session) -> None:
     """The lowest versions of the dependencies."""
@@ -112,7 +176,7 @@ def floors() -> list[str]:
     """Each dependency of the package and of its tests at the lowest version that pyproject.toml allows."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    parts = ("test", "cluster", "compile", "parquet", "serial")
+    parts = ("test", "cluster", "compile", "explore", "notebook", "parquet", "serial")
     wanted = [*project["dependencies"], *(text for part in parts for text in extras[part])]
     split = [
         re.fullmatch(r"([\w-]+)>=([\w.]+)(?:;.*)?", text) for text in wanted if not text.startswith("uavseg")

@@ -108,6 +108,7 @@ LEVELS = (
     {"plot", "api"},
     {"server"},
     {"uavseg"},  # public names, loaded on first use
+    {"xarray", "widget"},
     {"cli"},
     {"__main__"},
 )
@@ -145,7 +146,8 @@ PHASES = {
     "blocks.g_statistic": set(),
     "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
     "blocks.memory": {"blocks.division"},
-    "blocks.block_map": {"blocks.division", "blocks.memory", "params"},
+    "blocks.thumbnail": set(),
+    "blocks.block_map": {"blocks.division", "blocks.memory", "blocks.thumbnail", "params"},
     "blocks.leaves": {"blocks.block_map", "params", "partition"},
     "blocks.leaf_codes": {"blocks.block_map", "params"},
     "refine.noise": {"dilation"},
@@ -195,15 +197,17 @@ ONLY_IN = {
     "rio_tiler": {"raster.map_tile"},
     "numba": {"_jit.compiling", "_jit.fallback"},
     "llvmlite": {"_jit.compiling", "_jit.fallback"},
-    "geopandas": {"regions"},
+    "geopandas": {"regions", "flight.frame"},
     "pandas": {"regions"},
     "pymavlink": {"flight.link"},
-    "serial": {"flight.link.transport"},
+    "serial": {"flight.link.transport", "flight.link.serial_ports"},
     "dask": {"execution.cluster"},
     "distributed": {"execution.cluster"},
     "click": {"cli"},
     "matplotlib": {"plot"},
     "rosbags": {"occupancy.bags"},
+    "anywidget": {"widget"},
+    "xarray": {"xarray"},
     "apsw": {"occupancy.bags"},
     "lz4": {"occupancy.bags"},
 }

@@ -85,7 +85,7 @@ def test_errors_are_reported_under_rio(rio: click.Group, raster: str) -> None:
     assert run(rio, "uavseg", "extract", raster).exit_code == 2
 
 
-@pytest.mark.parametrize("command", ["extract", "divide", "plan", "info", "preview"])
+@pytest.mark.parametrize("command", main.list_commands(click.Context(main)))
 def test_every_command_is_available(rio: click.Group, command: str) -> None:
     result = run(rio, "uavseg", command, "--help")
     assert result.exit_code == 0 and f"uavseg {command} [OPTIONS]" in result.stdout
@@ -211,3 +211,24 @@ def test_coordinates_of_another_world_need_to_be_projected(rio: click.Group, ras
     assert run(rio, *words).exit_code == 1
     result = run(rio, *words, "--projected")
     assert result.exit_code == 0 and "1737400" in json.loads(result.stdout)["crs"]["properties"]["name"]
+
+
+# Names of rio's own options
+
+
+def test_bands_are_chosen_as_in_rio(rio: click.Group, raster: str) -> None:
+    line = ["uavseg", "extract", raster, "--range", "0.55,1", "-o", "-"]
+    expected = run(rio, *line, "--band", "1").stdout
+    assert expected and run(rio, *line, "--bidx", "1").stdout == expected == run(rio, *line, "-b", "1").stdout
+    assert run(rio, *line, "--bidx", "2").exit_code == 1
+
+
+def test_every_command_that_reads_rasters_has_the_names_of_rio() -> None:
+    for name in main.list_commands(click.Context(main)):
+        command = main.get_command(click.Context(main), name)
+        assert command is not None
+        options = {option for parameter in command.params for option in parameter.opts}
+        if "--band" in options:
+            assert options >= {"-b", "--bidx", "--nodata"}, name
+        if options & {"-o", "--output"} and name != "suggest":
+            assert "--overwrite" in options and "-q" in options, name

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from uavseg.api.rasters import levels as levels
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.params import PlanParams as PlanParams
+    from uavseg.jobs.doctor import doctor as doctor
     from uavseg.jobs.warm_up import warm_up as warm_up
     from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
     from uavseg.occupancy.mapping.scan import Pose as Pose
@@ -58,6 +59,7 @@ _HOMES = {
     "upload": "uavseg.api.link",
     "download": "uavseg.api.link",
     "warm_up": "uavseg.jobs.warm_up",
+    "doctor": "uavseg.jobs.doctor",
     "PlanParams": "uavseg.flight.params",
     "Dataset": "uavseg.raster.dataset",
     "GeoBox": "uavseg.raster.geobox",

@@ -193,10 +193,10 @@ def test_a_processor_gets_the_best_level_whose_features_it_has(
         if listed is not None:
             cpuinfo.write_text(f"processor\t: 0\nflags\t\t: fpu {' '.join(listed)} sse\nbugs\t\t:\n")
         monkeypatch.setattr(shipped, "_CPUINFO", cpuinfo)
-        shipped._levels_here.cache_clear()
+        shipped.levels_here.cache_clear()
         found = shipped.load(twice_module.twice)
         assert found is not None and Path(found[0]._name).parent.name == level
-    shipped._levels_here.cache_clear()
+    shipped.levels_here.cache_clear()
 
 
 @pytest.mark.slow

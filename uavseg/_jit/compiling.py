@@ -24,11 +24,7 @@ _BARE = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 def machine_code(kernel: LoopNest) -> tuple[Any, int]:
     """The machine code of a kernel from its object file, and its address; compiled where there is no file."""
-    import llvmlite
-    import llvmlite.binding as llvm
-
-    compiler = [llvmlite.__version__, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()]
-    name = f"{kernel.__name__}-{fingerprint(kernel, compiler)}"
+    name = _cached_name(kernel)
     folder = object_cache.cache_folder()
     content = object_cache.read(folder, name) if folder is not None else None
     if content is not None:
@@ -39,6 +35,21 @@ def machine_code(kernel: LoopNest) -> tuple[Any, int]:
     if folder is not None:
         object_cache.store(folder, name, content)
     return _link(content)
+
+
+def is_cached(kernel: LoopNest) -> bool:
+    """Whether the cache has the object file of a kernel, whole and trusted."""
+    folder = object_cache.cache_folder()
+    return folder is not None and object_cache.read(folder, _cached_name(kernel)) is not None
+
+
+def _cached_name(kernel: LoopNest) -> str:
+    """Name of the object file of a kernel in the cache, for this compiler and processor."""
+    import llvmlite
+    import llvmlite.binding as llvm
+
+    compiler = [llvmlite.__version__, llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()]
+    return f"{kernel.__name__}-{fingerprint(kernel, compiler)}"
 
 
 def fingerprint(kernel: LoopNest, compiler: list[str]) -> str:

@@ -49,7 +49,7 @@ def load(kernel: LoopNest, baseline: bool = False) -> tuple[Any, int] | None:
     if sys.platform != "linux" or platform.machine() != "x86_64":
         return None
     name = library_name(kernel)
-    for level in (BASELINE,) if baseline else _levels_here():
+    for level in (BASELINE,) if baseline else levels_here():
         path = FOLDER / level / name
         if name and _intact(path):
             try:
@@ -112,7 +112,7 @@ def sealed(name: str, library: bytes) -> bytes:
 
 
 @cache
-def _levels_here() -> tuple[str, ...]:
+def levels_here() -> tuple[str, ...]:
     """The levels whose features this processor has by the system's list of them, the best first."""
     try:
         with _CPUINFO.open(encoding="ascii", errors="replace") as lines:

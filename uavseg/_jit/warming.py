@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from uavseg._jit import messages
+from uavseg._jit import compiling, messages
 from uavseg._jit.kernels import Kernel
 
 PACKAGES = ("raster", "segmentation", "regions", "occupancy", "flight")
@@ -64,6 +64,24 @@ def warm(kernels: dict[str, Kernel], processes: int, progress: Callable[[int], N
     counts["compiled"], counts["kept"] = len(compiled), len(rest) - len(compiled)
     progress(len(kernels))
     return counts
+
+
+def states(kernels: dict[str, Kernel]) -> Counter[str]:
+    """How many kernels are "shipped" with the package, "kept" in the cache or "missing"; none is compiled."""
+    found = Counter({"shipped": 0, "kept": 0, "missing": 0})
+    for kernel in kernels.values():
+        if kernel.load_shipped():
+            found["shipped"] += 1
+        else:
+            found["kept" if _is_cached(kernel) else "missing"] += 1
+    return found
+
+
+def _is_cached(kernel: Kernel) -> bool:
+    try:
+        return compiling.is_cached(kernel)
+    except ImportError:  # without llvmlite nothing that is cached can be loaded
+        return False
 
 
 def prepare(names: Sequence[str]) -> None:

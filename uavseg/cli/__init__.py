@@ -34,6 +34,7 @@ _COMMANDS = {
     "preview": "Draw a raster and what was found in it as a picture.",
     "map": "Make a web page of a raster, regions and missions for the field.",
     "serve": "Serve that page to a browser here, with exact regions and missions.",
+    "doctor": "Check this installation: versions, kernels, QGIS, serial ports.",
     "warm-up": "Load or compile everything once, before going to the field.",
 }
 
@@ -48,6 +49,10 @@ class _Group(click.Group):
         if name not in _COMMANDS:
             return None
         command: click.Command = importlib.import_module(f"uavseg.cli.{name.replace('-', '_')}").command
+        if ctx.resilient_parsing:  # of a shell that completes the line
+            from uavseg.cli._complete import completing_files
+
+            return completing_files(command)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -1,7 +1,7 @@
 """Missions: home and items, their length and duration, safety checks and warnings."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,8 @@ from uavseg.flight.terrain.ground import Ground
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
     from uavseg.flight.estimate.summary import Estimate
 
 BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
@@ -206,6 +208,42 @@ class Mission:
             )
         found += self._endurance_warnings()
         return tuple(found)
+
+    def to_geodataframe(self) -> "GeoDataFrame":
+        """The mission as map features in WGS 84, as its .geojson file has them.
+
+        Returns
+        -------
+        GeoDataFrame
+            Rows for home, items (some without geometry), fence and rally points, and of `kind`
+            "flight" and "photographs" for what is flown. `height_above` says from where heights count.
+        """
+        from uavseg.flight.frame import to_geodataframe
+
+        return to_geodataframe(self)
+
+    def explore(self, **words: Any) -> Any:
+        """An interactive map (folium.Map) of the mission, for notebooks.
+
+        Parameters
+        ----------
+        **words
+            As of `geopandas.GeoDataFrame.explore`, such as `tiles` or `m`, a map to draw on.
+
+        Raises
+        ------
+        MissingLibraryError
+            If folium or mapclassify is not installed.
+        """
+        from uavseg.flight.frame import explore
+
+        return explore(self, **words)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: facts, a drawing and the warnings."""
+        from uavseg.flight.frame import as_html
+
+        return as_html(self)
 
     def _endurance_warnings(self) -> list[str]:
         flight = self.estimate

@@ -115,6 +115,21 @@ class MissionPlan:
             for text, numbers in flights.items()
         )
 
+    def explore(self, **words: Any) -> Any:
+        """An interactive map (folium.Map) of all flights, for notebooks; words as of `Mission.explore`."""
+        from uavseg.flight.frame import explore
+
+        return explore(*self.missions, **words)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: each flight."""
+        from uavseg.flight.frame import as_html
+
+        count = len(self.missions)
+        titles = ["" if count == 1 else f"<p>flight {k} of {count}</p>" for k in range(1, count + 1)]
+        shown = zip(titles, self.missions, strict=True)
+        return f"<div>{''.join(title + as_html(mission) for title, mission in shown)}</div>"
+
     def write(
         self,
         path: str | os.PathLike[str],

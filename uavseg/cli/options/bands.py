@@ -50,10 +50,13 @@ def _number_or_name(text: str, ctx: click.Context, param: click.Parameter) -> in
 
 
 band_option = click.option(
+    "-b",
     "--band",
+    "--bidx",
+    "band",
     metavar="N|NAME",
     callback=one_band,
-    help="Use this band, counted from 1, or by its name (B8, nir, red).",
+    help="Use this band, counted from 1, or by its name (B8, nir, red); --bidx as in rio.",
 )
 
 

@@ -169,7 +169,7 @@ def _with_standard_input(
     ctx: click.Context, param: click.Parameter, value: tuple[str, ...]
 ) -> tuple[str, ...]:
     """The rasters, with the names that standard input holds in place of -."""
-    if "-" not in value:
+    if "-" not in value or ctx.resilient_parsing:  # a shell that completes the line has a terminal as input
         return value
     from uavseg.errors import RasterReadError
     from uavseg.raster.source_list import MAX_LIST, parse_list

@@ -18,11 +18,12 @@ from uavseg.plain_text import shown
 
 def write_geojson(mission: Mission, options: FileOptions) -> bytes:
     """A mission as the content of a .geojson file, a feature on each line."""
-    lines = ",\n".join(json.dumps(_feature(one), allow_nan=False) for one in features_of(mission))
+    lines = ",\n".join(json.dumps(as_geojson(one), allow_nan=False) for one in features_of(mission))
     return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'.encode()
 
 
-def _feature(feature: Feature) -> dict[str, Any]:
+def as_geojson(feature: Feature) -> dict[str, Any]:
+    """A feature of a mission as GeoJSON has it."""
     properties: dict[str, Any] = {"kind": feature.kind, **feature.values}
     if feature.shape in {"Point", "LineString"}:
         properties["height_above"] = feature.heights

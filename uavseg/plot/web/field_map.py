@@ -63,9 +63,21 @@ def page_of(
     server : dict, optional
         What a server offers, for a page that asks one.
     """
-    title = printable(found.info.name)
-    data = {
-        "title": title,
+    data = data_of(found, regions, missions) | {"server": server}
+    return render_page(title_of(found), data, served=server is not None)
+
+
+def title_of(found: FieldMap) -> str:
+    """The title of the page."""
+    return printable(found.info.name)
+
+
+def data_of(
+    found: FieldMap, regions: dict[str, Any] | None, missions: Sequence[dict[str, Any]]
+) -> dict[str, Any]:
+    """What the page's program reads; parameters as of `page_of`."""
+    return {
+        "title": title_of(found),
         "about": _about(found),
         "notes": [printable(note) for note in found.warnings],
         "image": {"url": data_url(found.image.webp, "image/webp"), "bounds": found.image.bounds},
@@ -73,9 +85,8 @@ def page_of(
         "range": first_range(regions),
         "regions": regions,
         "missions": list(missions),
-        "server": server,
+        "server": None,
     }
-    return render_page(title, data, server is not None)
 
 
 def write_page(content: bytes, path: str | os.PathLike[str], overwrite: bool = False) -> None:

@@ -18,7 +18,7 @@ _SERVED = ("asking.js", "drawing.js", "served.js")  # before app.js
 _MAPPED = "//# sourceMappingURL"
 
 
-def render_page(title: str, data: dict[str, Any], served: bool = False) -> bytes:
+def render_page(title: str, data: dict[str, Any], served: bool = False, embedded: bool = False) -> bytes:
     """The content of an HTML file.
 
     The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
@@ -31,18 +31,20 @@ def render_page(title: str, data: dict[str, Any], served: bool = False) -> bytes
         What the page's program reads; values of JSON.
     served : bool
         Whether a server sends the page, which may ask that server, and no other.
+    embedded : bool
+        Whether the page exchanges its range with the window that frames it.
     """
-    script, style = _script(served), _style()
+    script, style = _script(served, embedded), _style()
     asked = "img-src data: 'self'; connect-src 'self'" if served else "img-src data:"
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
         f"{asked}; base-uri 'none'; form-action 'none'"
     )
-    page = Template(_text("page.html")).substitute(
+    page = Template(asset("page.html")).substitute(
         policy=policy,
         title=html.escape(title),
         icon='<link rel="icon" href="data:,">' if served else "",  # or the browser asks for one
-        licence=_text("leaflet/LICENSE").replace("--", "- -"),
+        licence=asset("leaflet/LICENSE").replace("--", "- -"),
         style=style,
         data=_json(data),
         script=script,
@@ -62,24 +64,25 @@ def _json(data: dict[str, Any]) -> str:
 
 
 @cache
-def _script(served: bool) -> str:
-    library = _text("leaflet/leaflet.js")
-    parts = (*_PROGRAM[:-1], *_SERVED * served, _PROGRAM[-1])
-    return "\n".join([library[: library.rindex(_MAPPED)], *map(_text, parts)])
+def _script(served: bool, embedded: bool) -> str:
+    library = asset("leaflet/leaflet.js")
+    programs = [*_PROGRAM[:-1], *_SERVED * served, _PROGRAM[-1], *["embed.js"] * embedded]
+    return "\n".join([library[: library.rindex(_MAPPED)], *map(asset, programs)])
 
 
 @cache
 def _style() -> str:
-    style = _text("leaflet/leaflet.css").replace("url(images/marker-icon.png)", "none")
+    style = asset("leaflet/leaflet.css").replace("url(images/marker-icon.png)", "none")
     for name in ("layers.png", "layers-2x.png"):
         url = data_url((_ASSETS / "leaflet" / name).read_bytes(), "image/png")
         style = style.replace(f"url(images/{name})", f"url({url})")
-    return f"{style}\n{_text('page.css')}"
+    return f"{style}\n{asset('page.css')}"
 
 
 def _hash(text: str) -> str:
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
-def _text(name: str) -> str:
+def asset(name: str) -> str:
+    """The text of a file of `assets`."""
     return (_ASSETS / name).read_text(encoding="utf-8").replace("\r\n", "\n")

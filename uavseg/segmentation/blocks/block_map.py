@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.blocks.division import RATIOS
 from uavseg.segmentation.blocks.memory import check_memory
+from uavseg.segmentation.blocks.thumbnail import thumbnail
 from uavseg.segmentation.params import DivisionParams
-from uavseg.units import CELLS
+from uavseg.units import CELL, CELLS, GREY_MAX
 
 _STRIP_BLOCKS = 64  # rows of blocks in a strip of `leaf_means_by_strip`
 
@@ -60,6 +61,19 @@ class BlockMap:
     def blocks(self) -> tuple[int, int]:
         """Rows and columns of blocks."""
         return self.ratios.shape[0], self.ratios.shape[1]
+
+    def _repr_html_(self) -> str:
+        """For notebooks: its size, and a picture of the means of its cells."""
+        rows, cols = self.shape
+        valid = int(self.counts.sum(dtype=np.int64))
+        share = 100 * valid / max(rows * cols, 1)
+        down, across = self.blocks
+        facts = f"block map of {rows:,} x {cols:,} pixels: {down:,} x {across:,} blocks of 64 x 64"
+        cells = (slice(-(-rows // CELL)), slice(-(-cols // CELL)))
+        if not valid:
+            return f"<div><p>{facts}, no valid pixel</p></div>"
+        picture = thumbnail(self.sums[cells], self.counts[cells], GREY_MAX)
+        return f'<div><p>{facts}, {share:.1f} % valid</p><img alt="means of the cells" src="{picture}"></div>'
 
 
 def find_leaves(

@@ -13,6 +13,10 @@
   layers.addOverlay(raster, "Raster");
   L.control.scale({maxWidth: 160}).addTo(map);
   map.fitBounds(bounds);
+  // Until the page is used it shows the whole raster: a frame gets its size late, in several steps.
+  const sized = new ResizeObserver(() => map.invalidateSize({animate: false}).fitBounds(bounds, {animate: false}));
+  sized.observe(map.getContainer());
+  for (const used of ["pointerdown", "keydown"]) addEventListener(used, () => sized.disconnect(), {once: true});
   document.getElementById("title").textContent = data.title;
   document.getElementById("about").textContent = data.about;
   for (const note of data.notes) panel.append(make("p", {className: "warning", textContent: note}));

@@ -1,0 +1,19 @@
+# The wheel is built in the first stage; the second one has the tool and its libraries alone.
+FROM python:3.13-slim AS build
+WORKDIR /source
+COPY pyproject.toml README.md CHANGELOG.md CITATION.cff LICENSE MANIFEST.in ./
+COPY uavseg uavseg
+RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
+
+FROM python:3.13-slim
+COPY --from=build /wheels /wheels
+RUN pip install --no-cache-dir /wheels/*.whl pyserial \
+    && rm -r /wheels \
+    && useradd --create-home pilot
+USER pilot
+# A user without a home, such as of `docker run --user`, has its caches here.
+ENV MPLCONFIGDIR=/tmp/matplotlib
+WORKDIR /data
+RUN uavseg doctor
+ENTRYPOINT ["uavseg"]
+CMD ["--help"]

@@ -1,0 +1,55 @@
+"""Packaging: what the recipe, the container and the source distribution say follows pyproject.toml."""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+import uavseg
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+RECIPE: dict[str, Any] = yaml.safe_load((ROOT / "recipe" / "recipe.yaml").read_text())
+CONDA_NAMES = {"matplotlib": "matplotlib-base", "PyYAML": "pyyaml"}
+
+
+def requirement(text: str) -> tuple[str, str]:
+    """Name of a distribution, and its least version."""
+    found = re.match(r"([\w.-]+)\s*>=\s*([\w.]+)", text)
+    assert found is not None, text
+    return CONDA_NAMES.get(found[1], found[1]), found[2]
+
+
+def test_the_recipe_requires_what_the_project_requires() -> None:
+    run = dict(map(requirement, RECIPE["requirements"]["run"]))
+    assert run.pop("python") == PROJECT["requires-python"].removeprefix(">=")
+    assert run == dict(map(requirement, PROJECT["dependencies"]))
+
+
+def test_the_recipe_has_the_version_program_and_licence_of_the_project() -> None:
+    assert RECIPE["context"]["version"] == uavseg.__version__
+    [program] = RECIPE["build"]["python"]["entry_points"]
+    assert dict([program.split(" = ")]) == PROJECT["scripts"]
+    assert RECIPE["about"]["license"] == PROJECT["license"]
+    assert RECIPE["about"]["summary"] == PROJECT["description"]
+
+
+def test_the_container_copies_files_that_are_there_and_not_ignored() -> None:
+    lines = (ROOT / "Dockerfile").read_text().splitlines()
+    copied = {
+        word
+        for line in lines
+        if line.startswith("COPY ") and "--from" not in line
+        for word in line.split()[1:-1]
+    }
+    assert "uavseg" in copied and all((ROOT / name).exists() for name in copied)
+    kept = {line[1:] for line in (ROOT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    assert copied == kept
+
+
+@pytest.mark.parametrize("named", [PROJECT["readme"], *PROJECT["license-files"][:1]])
+def test_files_that_a_build_needs_are_copied_into_the_container(named: str) -> None:
+    assert f"!{named}" in (ROOT / ".dockerignore").read_text().splitlines()

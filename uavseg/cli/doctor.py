@@ -1,0 +1,24 @@
+"""`uavseg doctor`: versions and state of this installation, for an issue report."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command("doctor")
+@click.option("--json", "as_json", is_flag=True, help="The same as JSON.")
+def command(as_json: bool) -> None:
+    """Check this installation: versions of GDAL, PROJ and numba, kernels, threads, QGIS, serial ports.
+
+    The output fits an issue report: it has no names of folders. The exit code is 1 if something is wrong;
+    each problem is a line that says what to do. Nothing is compiled, and nothing is sent to a vehicle.
+    """
+    import json
+
+    from uavseg.cli._say import show
+    from uavseg.jobs.doctor import doctor
+
+    found = doctor()
+    show(json.dumps(found.as_dict(), indent=2) if as_json else str(found))
+    if found.problems:
+        click.get_current_context().exit(1)
