@@ -1,5 +1,6 @@
 """Pictures of suggested ranges: colours in their positions."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from tests.plot.halves import found_in, halves
 from uavseg.errors import OutputError, OutputExistsError
 from uavseg.plot.layers.range_layer import range_colors
 from uavseg.plot.suggestions import draw_suggestions
+from uavseg.raster.value_scale import BandScale, ValueAxis
 
 
 def has(picture: np.ndarray, color: tuple[float, ...]) -> bool:
@@ -47,3 +49,12 @@ def test_a_picture_is_a_png_and_replaces_nothing(tmp_path: Path) -> None:
     with pytest.raises(OutputExistsError, match="--overwrite"):
         draw_suggestions(found, tmp_path / "look.png")
     assert draw_suggestions(found, tmp_path / "look.png", overwrite=True).stat().st_size > 1000
+
+
+def test_a_scale_beyond_floats_has_no_axis_of_values(tmp_path: Path) -> None:
+    """A damaged block map may say anything of its scale."""
+    found, _ = found_in(halves())
+    axis = ValueAxis(0.0, 255.0, BandScale(1e308))
+    odd = replace(found, source=replace(found.source, axis=axis))
+    with np.errstate(over="ignore"):
+        assert draw_suggestions(odd, tmp_path / "odd.png", None).is_file()

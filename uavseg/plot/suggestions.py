@@ -136,8 +136,11 @@ def _draw_histogram(ax: Any, found: Suggestions) -> None:
 
 def _draw_values(ax: Any, axis: ValueAxis) -> None:
     """The same axis in values, on the right."""
+    ends = np.asarray(axis.values(ax.get_ylim()))
+    if not np.isfinite(ends).all():  # a damaged file may say anything of its scale
+        return
     other = ax.twinx()
-    other.set_ylim(axis.values(ax.get_ylim()))
+    other.set_ylim(ends)
     other.tick_params(labelsize=7, colors=CAPTION_COLOR, length=2.5)
     other.ticklabel_format(useOffset=False)
     other.set_title(axis.unit or "value", size=7, color=CAPTION_COLOR, loc="right", pad=3)

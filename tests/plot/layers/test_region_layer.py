@@ -89,3 +89,13 @@ def test_a_layer_of_another_type_is_refused(tmp_path: Path, layer: str, value: o
     raster = write(tmp_path / "a.tif", np.full((40, 60), 128, np.uint8))
     with pytest.raises(UavsegError, match=r"to draw (is|are) a file"):
         preview(raster, tmp_path / "a.png", **{layer: value}, width_px=300)
+
+
+def test_regions_whose_ids_are_lists_or_missing_are_numbered(tmp_path: Path) -> None:
+    raster = write(tmp_path / "a.tif", np.full((200, 200), 128, np.uint8))
+    regions = [box_of(NORTH_UP, 20, 20, 60, 60), box_of(NORTH_UP, 100, 100, 180, 180)]
+    plain = preview(raster, tmp_path / "plain.png", table(regions), width_px=500).read_bytes()
+    for name, ids in {"lists": [np.array([7, 8]), np.array([9])], "missing": [7, None]}.items():
+        odd = table(regions)
+        odd["id"] = np.array([*ids, None], object)[:2]
+        assert preview(raster, tmp_path / f"{name}.png", odd, width_px=500).read_bytes() == plain

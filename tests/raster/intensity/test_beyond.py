@@ -14,3 +14,9 @@ def test_values_near_the_largest_float_are_bounded_without_a_warning() -> None:
     found = greys_beyond(values, None, grey, stretch)
     assert found is not None
     assert found.tolist() == [[0, round(65535 * (2 / 1.5 - 1)), _LIMIT, -_LIMIT]]
+
+
+def test_nothing_lies_beyond_a_stretch_that_is_infinitely_wide() -> None:
+    values = np.array([[[-1.7e308, 0.0, 1.7e308]]])
+    stretch = Stretch(-1.7e308, 1.7e308, "minmax")
+    assert greys_beyond(values, None, np.array([[0, 0, 65535]], np.uint16), stretch) is None

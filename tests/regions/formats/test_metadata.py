@@ -169,3 +169,12 @@ def test_what_is_not_finite_is_not_shown_as_json(tmp_path: Path, number: str) ->
     with chdir(tmp_path):
         facts = json.loads(run("info", "r.geojson", "--json").stdout)
     assert facts["bounds"] is None and facts["regions"] == 1
+
+
+def test_a_geopackage_whose_text_is_damaged_is_still_told_apart(tmp_path: Path) -> None:
+    path = tmp_path / "r.gpkg"
+    write_regions(regions({}), path)
+    content = path.read_bytes()
+    for damaged in (content, content.replace(b"features", b"feat\xffres")):
+        path.write_bytes(damaged)
+        assert is_region_file(path) == (damaged == content)

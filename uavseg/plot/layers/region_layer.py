@@ -23,6 +23,11 @@ def _total(areas: NDArray[Any]) -> float | None:
     return float(np.nansum(areas)) if areas.dtype.kind in "iuf" else None
 
 
+def _is_name(own: Any) -> bool:
+    """Whether an entry of a column is one number or text that is known."""
+    return own is not None and np.ndim(own) == 0 and own == own
+
+
 @dataclass(frozen=True)
 class RegionLayer:
     """Polygons in plot coordinates, with their ids.
@@ -53,7 +58,7 @@ class RegionLayer:
         """
         found = PolygonTable.of(regions)
         ids, areas = found.columns.get("id"), found.columns.get("area_m2")
-        if ids is None or any(own is None or own != own for own in ids):
+        if ids is None or not all(map(_is_name, ids)):
             ids = np.arange(1, len(found.polygons) + 1)
         total = None if areas is None else _total(areas)
         return cls(ids, found.in_plot(frame), total, ClassColors.of(found.columns, _COLORS))

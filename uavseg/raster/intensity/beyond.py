@@ -36,7 +36,8 @@ def greys_beyond(
     if valid is not None:
         at_ends = at_ends[valid.reshape(-1)[at_ends]]
     pixels = np.ascontiguousarray(values).reshape(len(values), -1)[:, at_ends]
-    with np.errstate(over="ignore"):  # infinity is clipped below
+    # Infinity is clipped below; where the stretch is infinitely wide, a quotient is no number and not beyond.
+    with np.errstate(over="ignore", invalid="ignore"):
         v = ((luminance(pixels) if len(pixels) == 3 else pixels[0].astype(np.float64)) - low) / (high - low)
         outside = np.flatnonzero((v < 0) | (v > 1))
         if not outside.size:

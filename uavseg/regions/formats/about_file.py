@@ -162,7 +162,8 @@ def _holds_tiles(path: str | os.PathLike[str]) -> bool:
         with closing(
             sqlite3.connect(f"{Path(path).resolve().as_uri()}?mode=ro&immutable=1", uri=True)
         ) as base:
+            base.text_factory = bytes  # text of a damaged file may not be UTF-8
             kinds = {kind for (kind,) in base.execute("SELECT data_type FROM gpkg_contents")}
     except sqlite3.Error:
         return True  # MBTiles and others
-    return "features" not in kinds
+    return b"features" not in kinds
