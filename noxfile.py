@@ -46,7 +46,14 @@ _jobs: dict[str, dict[str, str]] = {}
 def fast(session: nox.Session) -> None:
     """Tests without clusters and killed processes."""
     session.install("-e", ".[test]")
-    session.run("pytest", "-n", "auto", "-m", "not slow", *session.posargs)
+    session.run("pytest", "-n", "auto", "-m", "not slow and not thorough", *session.posargs)
+
+
+@nox.session
+def thorough(session: nox.Session) -> None:
+    """More cases of faults, damaged files and kernels than a check has the time for."""
+    session.install("-e", ".[test]")
+    session.run("pytest", "-n", "auto", "-m", "thorough", *session.posargs)
 
 
 @nox.session

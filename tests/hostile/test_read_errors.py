@@ -93,7 +93,10 @@ def _fires(pool: ProcessPoolExecutor, case: Case, log: Path, at: int) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name",
+    [one if k % 3 == 0 else pytest.param(one, marks=pytest.mark.thorough) for k, one in enumerate(COMMANDS)],
+)
 def test_a_disk_that_fails_for_good(pool: ProcessPoolExecutor, tmp_path: Path, name: str) -> None:
     kind, names, command = COMMANDS[name]
     drawn = getattr(seeds, kind)()

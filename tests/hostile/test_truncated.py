@@ -32,7 +32,13 @@ def check(pool: ProcessPoolExecutor, files: dict[str, bytes], name: str, command
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", seeds.rasters())
+@pytest.mark.parametrize(
+    "name",
+    [
+        one if k % 3 == 0 else pytest.param(one, marks=pytest.mark.thorough)
+        for k, one in enumerate(seeds.rasters())
+    ],
+)
 def test_a_raster(pool: ProcessPoolExecutor, name: str) -> None:
     command = ("extract", "x.tif", "--range", "0.4,1", "-o", "out.gpkg", "--threads", "1")
     check(pool, {"x.tif": seeds.rasters()[name]}, "x.tif", command)

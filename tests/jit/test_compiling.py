@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
+import pytest
+
 import uavseg
 from uavseg._jit import Kernel, object_cache
 
@@ -40,6 +42,8 @@ def all_kernels() -> Iterator[Kernel]:
                 yield Kernel(value.function, value.signature)
 
 
+@pytest.mark.slow
+@pytest.mark.thorough
 def test_no_kernel_of_the_package_needs_the_fallback(notes: list[str]) -> None:
     kernels = list(all_kernels())
     for kernel in kernels:

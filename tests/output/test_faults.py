@@ -38,6 +38,13 @@ COMMANDS = {
     "simulate": "simulate lens --poses 1 -o o.tif --png o.png --truth t.tif",
     "plan": "plan r.geojson --altitude 60 --home auto -o o.plan",
 }
+
+
+def thorough(*words: object) -> Any:
+    """A case of the thorough suite."""
+    return pytest.param(*words, marks=pytest.mark.thorough)
+
+
 OTHERS = {  # the same outputs with other content
     "0.5,1": "0,0.4",
     "--stretch dtype": "--stretch dtype --occupied-above 0.7",
@@ -178,7 +185,10 @@ def assert_changes(runs: Runs) -> None:
 
 @pytest.mark.parametrize(
     ("name", "older"),
-    [*((name, True) for name in ("shp", "gpkg", "labels", "vrt", "objects", "ros")), ("shp", False)],
+    [
+        *(("shp", True), ("shp", False), ("vrt", True)),
+        *(thorough(name, True) for name in ("gpkg", "labels", "objects", "ros")),
+    ],
 )
 def test_a_run_that_is_killed_at_any_call(name: str, inputs: Path, work: Path, older: bool) -> None:
     found = runs(name, "SIGKILL", inputs, work, older)
@@ -190,7 +200,7 @@ def test_a_run_that_is_killed_at_any_call(name: str, inputs: Path, work: Path, o
     assert found.seen[-1].code == 0 and found.seen[-1].found == found.after
 
 
-@pytest.mark.parametrize("name", ["shp", "vrt", "objects", "simulate", "plan"])
+@pytest.mark.parametrize("name", ["shp", "simulate", *map(thorough, ("vrt", "objects", "plan"))])
 def test_an_error_at_any_call_leaves_everything_as_it_was(
     name: str, inputs: Path, work: Path, older: bool
 ) -> None:
@@ -226,7 +236,9 @@ def test_a_signal_at_any_call_leaves_all_or_nothing_and_tells_which(
             assert seen.found == found.after, seen
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize(
+    "name", [name if name in ("shp", "vrt", "ros") else thorough(name) for name in COMMANDS]
+)
 def test_a_disk_that_is_full_after_any_size_leaves_everything_as_it_was(
     name: str, inputs: Path, work: Path, older: bool
 ) -> None:
