@@ -10,6 +10,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import click
 import geopandas
 import numpy as np
 import pytest
@@ -160,7 +161,7 @@ def told(lines: str) -> set[str]:
 def on_the_command_line(job: str, arguments: list[str], output: str) -> Answer:
     if output:
         Path(output).unlink(missing_ok=True)
-    command = main.get_command(None, job)  # type: ignore[arg-type]
+    command = main.get_command(click.Context(main), job)
     result = CliRunner().invoke(command, arguments)  # type: ignore[arg-type]
     if isinstance(result.exception, uavseg.UavsegError):
         assert not output or not Path(output).exists()
@@ -737,7 +738,7 @@ def test_several_flights(words: Words, suffix: str) -> None:
     for old in Path().glob(f"*several*{suffix}"):
         old.unlink()
     line = ["regions.geojson", *options(words), "-o", f"several{suffix}"]
-    command = main.get_command(None, "plan")  # type: ignore[arg-type]
+    command = main.get_command(click.Context(main), "plan")
     result = CliRunner().invoke(command, [*line, "--json"])  # type: ignore[arg-type]
     assert result.exit_code == 0, result.output
     with warnings.catch_warnings(record=True) as caught:
