@@ -13,7 +13,7 @@ from benchmarks.flight.measured import covered, fly, in_metres, least_distance_m
 from uavseg.flight.items import WAYPOINT
 from uavseg.flight.mission import Mission
 from uavseg.flight.planner import plan_missions
-from uavseg.jobs.plan import flight_params
+from uavseg.jobs.words.flight_params import flight_params
 from uavseg.jobs.words.photo_words import PhotoWords
 
 

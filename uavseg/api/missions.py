@@ -16,9 +16,10 @@ from uavseg.flight.fence import RallyPoint
 from uavseg.flight.safety.limits import LimitParams, SafetyParams
 from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.open_source import open_source
-from uavseg.jobs.plan import Home, MissionPlan, PlanRequest, flight_params
+from uavseg.jobs.plan import Home, MissionPlan, PlanRequest
 from uavseg.jobs.plan import plan as run_plan
 from uavseg.jobs.plan_regions import open_regions, zone_polygons
+from uavseg.jobs.words.flight_params import flight_params
 from uavseg.jobs.words.pattern_words import PatternWords
 from uavseg.jobs.words.photo_words import PhotoWords
 from uavseg.plain_text import shown

@@ -1,6 +1,5 @@
 """Planning of a mission over regions: which of them, from where, and how to fly."""
 
-import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,27 +9,19 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from uavseg.errors import ParameterError
-from uavseg.flight.estimate.vehicle import Vehicle, read_vehicle
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
 from uavseg.flight.mission import Mission
 from uavseg.flight.numbered import write_flights
-from uavseg.flight.params import COVERING, PlanParams
+from uavseg.flight.params import PlanParams
 from uavseg.flight.planner import plan_missions
 from uavseg.flight.safety.home_place import IsGround, home_outside
-from uavseg.flight.safety.limits import LimitParams, SafetyParams
 from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.clearance import clearance_of
-from uavseg.flight.terrain.params import TerrainParams
-from uavseg.jobs.words.pattern_words import PatternWords, pattern_params
-from uavseg.jobs.words.photo_words import PhotoWords, photos_of
 from uavseg.regions.select.choose import of_classes, select_regions
 from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:
     from uavseg.jobs.source import Source
-
-MAX_GSD_CM = 100.0
-NO_PHOTOS, NOTHING_SAID = PhotoWords(), PatternWords()
 
 Home = tuple[float, ...] | Literal["auto"]
 
@@ -245,62 +236,3 @@ def _valid_ground(raster: "Source") -> IsGround | None:
 
 def _points(regions: Regions) -> list[tuple[float, float]]:
     return list(zip(regions.columns["lon"].tolist(), regions.columns["lat"].tolist(), strict=True))
-
-
-def flight_params(
-    altitude: float | None,
-    *,
-    pattern: str | None = None,
-    spacing: float | None = None,
-    angle: float | None = None,
-    speed: float = 5.0,
-    autopilot: str = "ardupilot",
-    tolerance: float | None = None,
-    photos: PhotoWords = NO_PHOTOS,
-    words: PatternWords = NOTHING_SAID,
-    gsd: float | None = None,
-    vehicle: str | os.PathLike[str] | Vehicle | None = None,
-    limits: LimitParams = LimitParams(),
-    safety: SafetyParams = SafetyParams(),
-    terrain: TerrainParams | None = None,
-) -> PlanParams:
-    """How to fly; without a pattern, regions are visited, or surveyed where a spacing or camera is given.
-
-    With a camera, the height follows from the ground sampling distance (`gsd`, centimetres) where that is
-    given, and the spacing from the overlap. A vehicle is one, or its JSON file.
-
-    Raises
-    ------
-    ParameterError
-        If a value is out of bounds, or values do not go together.
-    """
-    taken = photos_of(photos, pattern)
-    if gsd is not None:
-        if taken is None:
-            raise ParameterError("a ground sampling distance needs a camera (--camera)")
-        if altitude is not None:
-            raise ParameterError("the height follows from the ground sampling distance; give one of the two")
-        if not 0 < gsd <= MAX_GSD_CM:
-            raise ParameterError(f"a ground sampling distance is above 0 and at most 100 cm, not {gsd:g}")
-        altitude = taken.camera.height_m(gsd / 100, taken.pitch_deg)
-    if altitude is None:
-        raise ParameterError("a mission needs --altitude, in metres above home, or --camera and --gsd")
-    if pattern is None:
-        pattern = "visit" if spacing is None and taken is None else "survey"
-    if taken is not None and pattern in COVERING and 0 < altitude < math.inf:
-        spacing = taken.spacing_m(altitude) if spacing is None else spacing
-    return PlanParams(
-        altitude_m=altitude,
-        pattern=pattern,
-        spacing_m=spacing,
-        angle_deg=angle,
-        speed_m_s=speed,
-        autopilot=autopilot,
-        tolerance_m=tolerance,
-        photos=taken,
-        vehicle=read_vehicle(vehicle, autopilot) if isinstance(vehicle, str | os.PathLike) else vehicle,
-        how=pattern_params(pattern, words),
-        limits=limits,
-        safety=safety,
-        terrain=terrain,
-    )

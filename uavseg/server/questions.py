@@ -15,7 +15,8 @@ from uavseg.flight.patterns.pattern_params import PATTERNS
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.plan import Home, PlanRequest, flight_params
+from uavseg.jobs.plan import Home, PlanRequest
+from uavseg.jobs.words.flight_params import flight_params
 from uavseg.jobs.words.photo_words import PhotoWords
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84, transform_between

@@ -18,7 +18,7 @@ from uavseg.flight.planner import plan_missions
 from uavseg.flight.safety.paper_check import PaperCheck
 from uavseg.flight.terrain.params import terrain_params
 from uavseg.jobs.check import CheckRequest, check
-from uavseg.jobs.plan import flight_params
+from uavseg.jobs.words.flight_params import flight_params
 from uavseg.jobs.words.pattern_words import PatternWords
 from uavseg.jobs.words.photo_words import PhotoWords
 

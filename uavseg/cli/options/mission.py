@@ -116,7 +116,8 @@ def mission_options(command: F) -> F:
 
 def plan_request(options: dict[str, Any]) -> PlanRequest:
     """How to fly, from where and over which regions, from the values of `mission_options`."""
-    from uavseg.jobs.plan import PlanRequest, flight_params
+    from uavseg.jobs.plan import PlanRequest
+    from uavseg.jobs.words.flight_params import flight_params
 
     names = ("pattern", "spacing", "speed", "autopilot", "tolerance", "gsd", "vehicle")
     photos = photo_words(options, parse_overlap(options["overlap"]))
