@@ -7,6 +7,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.raster.tiling import Window
+from uavseg.warning_filters import changing_filters
 
 
 def pixels_inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.bool_]:
@@ -25,5 +26,6 @@ def pixels_inside(polygons: NDArray[np.object_], window: Window) -> NDArray[np.b
     from rasterio.features import geometry_mask
 
     shape, place = (window.rows, window.cols), Affine.translation(window.col, window.row)
-    mask: NDArray[Any] = geometry_mask(list(polygons), shape, place, invert=True)
+    with changing_filters():  # rasterio changes them itself
+        mask: NDArray[Any] = geometry_mask(list(polygons), shape, place, invert=True)
     return mask

@@ -25,6 +25,7 @@ from uavseg.regions.sample.place import Disc
 from uavseg.server.local_server import Answer, json_answer
 from uavseg.server.questions import PlanQuestion, extract_request, match_request, plan_question
 from uavseg.server.tasks import BusyError, Job, Tasks
+from uavseg.warning_filters import changing_filters
 
 KINDS = {".gpkg": "application/geopackage+sqlite3", ".plan": "application/json"}
 REGIONS = "regions.gpkg"
@@ -124,7 +125,7 @@ class Site:
     def _plan(self, question: PlanQuestion, regions: Path, folder: Path, progress: Progress) -> Made:
         progress(0, 1)
         planned = plan(open_regions(regions), question.request, question.zones, self.raster)
-        with warnings.catch_warnings(record=True) as caught:
+        with changing_filters(record=True) as caught:
             warnings.simplefilter("always", UserWarning)
             paths = planned.write(folder / "mission.plan")
         notes = [*planned.warnings, *dict.fromkeys(str(one.message) for one in caught)]

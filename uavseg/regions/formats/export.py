@@ -231,7 +231,8 @@ def _geo_metadata(regions: Regions) -> dict[str, Any]:
         "crs": None if regions.wkt is None else parse_crs(regions.wkt).to_json_dict(),
     }
     if len(regions):
-        column["bbox"] = [float(bound) for bound in shapely.total_bounds(regions.polygons)]
+        with changing_filters():  # shapely changes them itself
+            column["bbox"] = [float(bound) for bound in shapely.total_bounds(regions.polygons)]
     return {"version": "1.0.0", "primary_column": "geometry", "columns": {"geometry": column}}
 
 

@@ -14,6 +14,7 @@ from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_betwee
 from uavseg.raster.polygon_mask import pixels_inside
 from uavseg.raster.tiling import Window
 from uavseg.units import CELL
+from uavseg.warning_filters import changing_filters
 
 MAX_SAMPLE_PIXELS = 1 << 24  # of the bounding box of a sample, which is held in memory
 _CORNERS = 256  # of the polygon that approximates a disc
@@ -113,7 +114,8 @@ def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     polygons = _disc_polygon(like, geobox) if isinstance(like, Disc) else _file_polygons(like, geobox)
     name = "the sample" if isinstance(like, Disc) else f"the sample {like}"
     on_grid = _to_pixels(polygons, geobox)
-    bounds = shapely.total_bounds(on_grid)
+    with changing_filters():  # shapely changes them itself
+        bounds = shapely.total_bounds(on_grid)
     if not np.isfinite(bounds).all():
         raise SampleError(f"{name} has no coordinates in the raster's CRS")
     window = _bounding_cells(bounds, geobox.shape)
