@@ -8,8 +8,12 @@ from types import ModuleType
 
 import pytest
 from click.testing import CliRunner, Result
+from hypothesis import settings
 
 HERE = Path(__file__).resolve().parent
+
+settings.register_profile("uavseg", settings(), deadline=None)  # no test fails because a machine is busy
+settings.load_profile("uavseg")
 
 if "mix_stderr" in inspect.signature(CliRunner).parameters:  # click < 8.2: as in later versions
     CliRunner.__init__ = partialmethod(CliRunner.__init__, mix_stderr=False)  # type: ignore[assignment]

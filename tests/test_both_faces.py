@@ -444,6 +444,7 @@ def test_web_maps(words: Words) -> None:
     assert_equal(call, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("missions", "words"),
     [
@@ -966,6 +967,7 @@ def vehicle_lists(vehicle: FakeVehicle) -> bytes:
     return repr([vehicle.stored[kind] for kind in range(3)]).encode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "mission", "words"),
     [
@@ -993,6 +995,7 @@ def test_uploads(make: Callable[[], FakeVehicle], mission: Mission, words: Words
     assert_equal(in_python(upload), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "mission"),
     [

@@ -14,6 +14,8 @@ from uavseg.cli import main
 from uavseg.regions.formats import export
 from uavseg.regions.table import Regions
 
+pytestmark = pytest.mark.slow
+
 PACKAGE = Path(uavseg.__file__).resolve().parent
 QUARRY = PACKAGE.parent / "samples" / "quarry.tif"
 
@@ -76,7 +78,6 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", list(main.list_commands(None)))  # type: ignore[arg-type]
 def test_any_command_can_create_frames(name: str, file: Path) -> None:
     program(RUN, f"command({name!r}, '--help')", USE_WRITERS, "assert loaded() == []", USE_FRAMES, path=file)

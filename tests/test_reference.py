@@ -73,7 +73,7 @@ def test_each_neighbour_has_a_bit_of_its_own(reference: ModuleType) -> None:
 
 
 @given(values=greys)
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_contrast_is_the_floor_of_a_rational(reference: ModuleType, values: list[int]) -> None:
     centre, around = values[4], values[:4] + values[5:]
     above, below = [q for q in around if q >= centre], [q for q in around if q < centre]
@@ -117,7 +117,7 @@ def test_bin_edges_of_histograms_computed_by_hand(reference: ModuleType) -> None
 
 
 @given(contrasts=st.lists(st.integers(0, 12), min_size=1, max_size=40))
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 def test_a_bin_edge_is_the_smallest_value_with_enough_pixels_at_or_below_it(
     reference: ModuleType, contrasts: list[int]
 ) -> None:
@@ -135,7 +135,7 @@ def test_a_contrast_on_an_edge_is_below_it_and_equal_edges_leave_bins_empty(refe
 
 
 @given(table=counts)
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_G_is_the_log_likelihood_ratio_of_two_histograms(
     reference: ModuleType, table: list[tuple[int, int]]
 ) -> None:

@@ -21,6 +21,8 @@ from rasterio.rio.main import main_group
 
 from uavseg.cli import main
 
+pytestmark = pytest.mark.slow
+
 PLUGINS = "rasterio.rio_plugins"
 
 
@@ -167,7 +169,6 @@ def test_fio_collects_and_loads_a_stream(raster: str, words: list[str]) -> None:
     assert frame.total_bounds == pytest.approx(BOUNDS, abs=0.02)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("form", ["--collection", "--sequence", "--rs"])
 @pytest.mark.parametrize("place", ["--geographic", "--projected"])
 def test_ogr2ogr_reads_a_stream(raster: str, form: str, place: str) -> None:

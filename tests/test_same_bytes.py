@@ -98,7 +98,7 @@ def outputs(raster: Path, folder: Path, *options: object) -> dict[str, bytes]:
 
 
 @pytest.mark.slow
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(
     seed=st.integers(0, 10**6),
     shape=st.tuples(st.integers(1, 300), st.integers(1, 300)),
@@ -116,6 +116,7 @@ def test_tiles_and_threads_do_not_change_the_output(
         assert_same(wanted, outputs(raster, next(fresh), *how, "--tile", tile, "--threads", 1 + (k + 1) % 2))
 
 
+@pytest.mark.slow
 def test_the_output_of_a_sample_is_the_same_for_every_tile_size(fresh: Iterator[Path]) -> None:
     wanted = outputs(QUARRY, next(fresh))
     for k, tile in enumerate(TILES):
@@ -135,6 +136,7 @@ def test_the_output_does_not_depend_on_the_hash_seed(fresh: Iterator[Path]) -> N
     assert len(found[0]) == 3
 
 
+@pytest.mark.slow
 def test_missions_do_not_depend_on_the_tile_size(fresh: Iterator[Path]) -> None:
     found = []
     for tile in (64, 4096):
@@ -168,7 +170,7 @@ def test_a_block_map_gives_the_same_bytes_as_its_raster(fresh: Iterator[Path]) -
 # Storage and mosaics
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10**6), kind=st.sampled_from(["uint8", "uint16", "float32"]), data=st.data())
 def test_a_mosaic_in_any_order_equals_the_whole_raster(
     fresh: Iterator[Path], seed: int, kind: str, data: st.DataObject

@@ -25,6 +25,7 @@ def redrawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_the_script_draws_the_committed_pixels(name: str, redrawn: Path) -> None:
     with rasterio.open(SAMPLES / name) as committed, rasterio.open(redrawn / name) as again:

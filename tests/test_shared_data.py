@@ -85,7 +85,10 @@ SETTINGS = {
     "paper": ["--refine", "none", "--method", "paper"],
 }
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
+]
 
 
 def raster_of(shared_data: Path, name: str) -> Path:

@@ -25,6 +25,8 @@ from benchmarks.scenes import KINDS, Scene
 from benchmarks.startup import imports_s
 from benchmarks.vectors import vectorised
 
+pytestmark = pytest.mark.slow
+
 
 def make_raster(scene: Scene, folder: Path) -> Path:
     path = folder / f"{scene.kind}-{scene.side}.tif"
@@ -47,7 +49,7 @@ def test_a_scene_is_reproducible_and_the_corner_of_a_larger_one(kind: str, tmp_p
 
 
 @given(row=integers(0, 40), col=integers(0, 40), step=integers(16, 900))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_terrain_is_continuous_across_tiles(row: int, col: int, step: int) -> None:
     here = data.Terrain(512 * row, 512 * col).noise(step, 1)
     right = data.Terrain(512 * row, 512 * (col + 1)).noise(step, 1)
@@ -272,7 +274,6 @@ def test_docstring_examples(module: ModuleType) -> None:
     assert found.attempted and not found.failed
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["uavseg", "opencv", "gdal"])
 def test_a_competitor_extracts_the_bright_area(name: str, tmp_path: Path) -> None:
     [competitor] = select_competitors([name])

@@ -29,6 +29,8 @@ from uavseg.flight.estimate.vehicle import PX4
 from uavseg.flight.params import PlanParams
 from uavseg.flight.planner import plan_missions
 
+pytestmark = pytest.mark.slow
+
 SIMULATORS = pytest.mark.parametrize("fly", [arducopter.fly, px4.fly], ids=["ardupilot", "px4"])
 CAMERA = "DJI Mavic 3 Enterprise"
 
@@ -100,7 +102,7 @@ CIRCLES = st.tuples(st.integers(6, 60), st.floats(10, 120), st.floats(2, 12))
 
 
 @given(circle=CIRCLES)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_circles_of_short_legs_take_as_long_as_px4_flies_them(circle: tuple[int, float, float]) -> None:
     sides, radius, speed = circle
     angle = np.linspace(0, 2 * np.pi, sides + 1)
@@ -111,7 +113,7 @@ def test_circles_of_short_legs_take_as_long_as_px4_flies_them(circle: tuple[int,
 
 
 @given(length=st.floats(3, 60), hold=st.integers(1, 4), turn=st.floats(0, np.pi), speed=st.floats(2, 12))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_legs_between_holds_take_as_long_as_px4_flies_them(
     length: float, hold: int, turn: float, speed: float
 ) -> None:

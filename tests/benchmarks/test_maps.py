@@ -13,13 +13,14 @@ from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.simulation.paper_scenes import lens
 from uavseg.raster.geobox import GeoBox
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def scores() -> dict[tuple[str, str], accuracy.Score]:
     return {(score.scene, score.method): score for score in accuracy.scores(seeds=1)}
 
 
-@pytest.mark.slow
 def test_refinement_improves_free_and_unknown(scores: dict[tuple[str, str], accuracy.Score]) -> None:
     for scene, method in product(("lens", "circles"), ("uavseg", "uavseg adaptive")):
         before = scores[scene, f"{method}, division and creation"]
@@ -27,7 +28,6 @@ def test_refinement_improves_free_and_unknown(scores: dict[tuple[str, str], accu
         assert after.free > before.free + 0.05 and after.unknown > before.unknown + 0.05
 
 
-@pytest.mark.slow
 def test_the_original_lbpc_is_worse_than_segment_creation(
     scores: dict[tuple[str, str], accuracy.Score],
 ) -> None:

@@ -25,6 +25,8 @@ from benchmarks.quality.summary import Summary
 from benchmarks.quality.tables import tables
 from uavseg.errors import ParameterError
 
+pytestmark = pytest.mark.slow
+
 SIDE = 160
 SHAPES = [getattr(shapes, name) for name in ("blobs", "roads", "islands", "terraces", "holes", "parcels")]
 SHAPES += [shapes.coast, shapes.country]
@@ -129,7 +131,7 @@ def test_each_camera_parameter_has_its_effect() -> None:
 
 
 @given(masks())
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_a_mask_compared_with_itself_has_perfect_metrics(mask: np.ndarray) -> None:
     every = np.ones_like(mask)
     found = measure(mask, mask, every)
@@ -138,7 +140,7 @@ def test_a_mask_compared_with_itself_has_perfect_metrics(mask: np.ndarray) -> No
 
 
 @given(masks())
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_metrics_equal_those_of_a_slow_reference_implementation(mask: np.ndarray) -> None:
     other, every = np.roll(mask, 1, axis=1), np.ones_like(mask)
     other[0] = False

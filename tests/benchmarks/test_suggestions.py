@@ -10,6 +10,8 @@ pytest.importorskip("scipy")
 from benchmarks import suggestions
 from benchmarks.classscenes import FAMILIES, HELD_OUT
 
+pytestmark = pytest.mark.slow
+
 SAMPLE = dict(list((FAMILIES | HELD_OUT).items())[::2])
 SELECTED = "multi-Otsu, number by valleys (selected)"
 

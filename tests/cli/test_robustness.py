@@ -18,6 +18,8 @@ import uavseg
 from uavseg.cli import main
 from uavseg.errors import ParameterError, RasterReadError
 
+pytestmark = pytest.mark.slow
+
 SIDE, BLOCK = 640, 64
 FINE = ("--tile", 64)
 RANGE = ("--range", "0.5,1")
@@ -116,7 +118,6 @@ def resumed(result: Result) -> list[tuple[str, int, int]]:
 EXTRACT = ("extract", "a.tif", *RANGE, "--tile", 128)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("percent", "threads"), [(20, 1), (80, 2)])
 def test_a_killed_run_goes_on_where_it_stopped_and_ends_with_the_same_bytes(
     percent: int, threads: int
@@ -146,7 +147,6 @@ def test_a_killed_run_goes_on_where_it_stopped_and_ends_with_the_same_bytes(
     assert Path("labels.tif").read_bytes() == Path("whole.tif").read_bytes()
 
 
-@pytest.mark.slow
 def test_a_killed_division_goes_on_too() -> None:
     done("divide", "a.tif", "--tile", 64, "-o", "whole.tif")
     how = ("divide", "a.tif", "--tile", 64, "-o", "out.tif", "--resume", "kept")
@@ -304,7 +304,6 @@ def assert_told(outcome: tuple[int, str]) -> None:
     assert "cannot" in lines[0] and len(lines[0]) < 300
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -336,7 +335,6 @@ def test_so_it_is_for_standard_output() -> None:
     assert_told((result.returncode, result.stderr))
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no device that is always full")
 @pytest.mark.parametrize(
     "words",

@@ -74,6 +74,7 @@ def test_a_refusal_ends_with_1_and_names_the_item(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_mission_that_cannot_be_read_back_ends_with_3(tmp_path: Path) -> None:
     plan = tmp_path / "fly.plan"
     files.write_mission(survey(autopilot="px4"), plan)

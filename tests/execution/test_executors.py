@@ -34,7 +34,7 @@ class Items(Sequence[int]):
         return k
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.integers(), max_size=30), st.integers(1, 4))
 def test_results_are_those_of_a_loop(items: list[int], count: int) -> None:
     assert list(threads(count)(str, items)) == list(serial(str, items)) == [str(item) for item in items]

@@ -45,7 +45,7 @@ def assert_same(one: Any, other: Any) -> None:
         assert repr(one) == repr(other)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(results)
 def test_decoding_returns_what_was_encoded(result: Any) -> None:
     assert_same(result, decode_result(encode_result(result, "key"), "key"))
@@ -68,7 +68,6 @@ def test_the_same_result_gives_the_same_bytes_and_numpy_reads_them(tmp_path: Pat
         assert file["0"].tolist() == [0, 1, 2]
 
 
-@settings(deadline=None)
 @given(st.data())
 def test_damage_is_detected(data: Any) -> None:
     whole = encode_result(a_result(), "key")

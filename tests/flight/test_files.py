@@ -74,7 +74,7 @@ def written(mission: Mission, folder: Path, suffix: str) -> Path:
 
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
 @given(mission=missions)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_mission_written_is_read_equal(
     mission: Mission, suffix: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -227,7 +227,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
 
 
 @given(fence=fences, rally=rally_points)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_fence_and_rally_points_written_are_read_equal(
     fence: list[FencePolygon | FenceCircle],
     rally: list[RallyPoint],

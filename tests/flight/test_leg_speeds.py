@@ -42,7 +42,7 @@ def limits_of(track: Track) -> np.ndarray:
 
 
 @given(legs=LEGS)
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_no_other_changes_of_speed_save_more(legs: list[tuple[float, float]]) -> None:
     track = track_of(legs)
     limit, length = limits_of(track), np.array([length for length, _ in legs])
@@ -62,7 +62,7 @@ def test_no_other_changes_of_speed_save_more(legs: list[tuple[float, float]]) ->
 
 
 @given(legs=LEGS, autopilot=st.sampled_from(["ardupilot", "px4"]))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_speeds_keep_the_path_and_are_low_before_a_line(
     legs: list[tuple[float, float]], autopilot: str
 ) -> None:

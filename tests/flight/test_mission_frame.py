@@ -131,6 +131,7 @@ def test_a_map_without_folium_says_what_to_install(mission: Mission, monkeypatch
         mission.explore()
 
 
+@pytest.mark.slow
 def test_the_map_shows_every_kind(mission: Mission) -> None:
     pytest.importorskip("folium")
     pytest.importorskip("mapclassify")

@@ -15,7 +15,7 @@ near = st.tuples(st.floats(0, 360), st.floats(0, 50_000))
 
 
 @given(centres, near, near)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_distances_in_the_plane_are_those_on_the_ground(
     plane: Plane, here: tuple[float, float], there: tuple[float, float]
 ) -> None:

@@ -45,7 +45,7 @@ def test_a_mission_takes_off_at_home_sets_its_speed_and_returns(
 
 
 @given(st.floats(-80, 80), st.floats(-180, 180), st.floats(0, 180), st.floats(8, 60))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_survey_lines_are_evenly_apart_on_the_ground_by_a_spacing_at_most(
     lat: float, lon: float, angle_deg: float, spacing_m: float
 ) -> None:

@@ -51,7 +51,7 @@ def least_by_trying(points: np.ndarray, most: float) -> float:
 
 
 @given(st.integers(0, 10**6), st.integers(1, 8))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_flights_take_the_least_time_of_all_ways_to_cut(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.uniform(-100, 100, (count, 2))

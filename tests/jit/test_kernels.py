@@ -84,6 +84,7 @@ def test_arrays_are_changed_in_place_and_scalars_come_back(engine: str, cache: P
     assert [path.name.split("-")[0] for path in kept.iterdir()] == ["doubled"]  # and no temporary file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["plain", "read-only", "unaligned", "empty"])
 def test_any_memory_serves_that_is_contiguous(engine: str, cache: Path, kind: str, module_of: Load) -> None:
     square = np.ones((0, 3), np.int64) if kind == "empty" else np.ones((2, 3), np.int64)

@@ -55,7 +55,7 @@ def random_map(seed: int) -> NDArray[np.float32]:
     return values
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(
     st.integers(0, 10**6),
     st.sampled_from([64, 128, 192, 4096]),
@@ -73,7 +73,7 @@ def test_tiles_and_threads_change_nothing(seed: int, tile: int, many: bool, requ
     assert one.frame().to_wkb().equals(other.frame().to_wkb())
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6))
 def test_objects_are_the_occupied_cells(seed: int) -> None:
     values = random_map(seed)
@@ -167,7 +167,7 @@ def test_real_maps_keep_every_obstacle(shared_data: Path, name: str, lost: int) 
     assert found.unknown_in_free == ((values == 0.5) & (found.states == FREE)).sum()
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6))
 def test_a_trinary_map_keeps_every_occupied_cell(seed: int) -> None:
     values = random_map(seed)
@@ -179,7 +179,7 @@ def test_a_trinary_map_keeps_every_occupied_cell(seed: int) -> None:
     assert any("unknown cell" in warning for warning in found.warnings) == (unknown > 0)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 0.02, 0.05]))
 def test_a_map_of_probabilities_loses_no_obstacle_of_three_cells(seed: int, sigma: float) -> None:
     rng = np.random.default_rng(seed)

@@ -100,6 +100,7 @@ def test_a_library_that_does_not_load_is_a_problem(monkeypatch: pytest.MonkeyPat
     assert line.startswith("problem: shapely cannot be loaded (libgeos_c.so") and "pip install" in line
 
 
+@pytest.mark.slow
 def test_the_database_of_another_proj_is_a_problem_that_names_the_variable(tmp_path: Path) -> None:
     foreign = {**os.environ, "PROJ_DATA": str(tmp_path), "PATH": str(tmp_path)}
     foreign["PYTHONPATH"] = str(Path(uavseg.__file__).parents[1])

@@ -25,7 +25,7 @@ PLACES = [
 
 @pytest.mark.parametrize(("crs", "transform"), PLACES)
 @given(st.integers(0, ROWS - 2), st.integers(0, COLS - 2), st.integers(1, 40), st.integers(1, 40))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_box_of_pixels_touches_where_its_outline_is_within_a_pixel_of_the_edge(
     crs: str, transform: Affine, row: int, col: int, height: int, width: int
 ) -> None:

@@ -183,7 +183,8 @@ def test_nothing_in_range_is_no_region(opened: Opened) -> None:
         assert len(found.regions) == 0 and not labels_of(found).any()
 
 
-@settings(max_examples=15, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=15)
 @given(
     st.integers(0, 10**6),
     st.tuples(st.integers(1, 260), st.integers(1, 260)),
@@ -258,7 +259,7 @@ def test_what_was_in_a_filled_hole_is_measured_anew(reference: ModuleType, opene
     assert_measured(found, grey, everywhere)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 10**6), st.integers(0, 300), st.integers(0, 100), st.sampled_from([SCAN, SMOOTH]))
 def test_cleaned_regions_are_measured_over_their_valid_pixels(
     reference: ModuleType, opened: Opened, seed: int, holes: int, small: int, how: SegmentParams
@@ -308,7 +309,7 @@ def test_square_metres_want_a_crs(opened: Opened) -> None:
 # A block map
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     st.integers(0, 10**6),
     st.tuples(st.integers(1, 200), st.integers(1, 200)),

@@ -134,7 +134,7 @@ def test_what_is_found_goes_to_the_pixel() -> None:
     assert by_pixel > by_cell > 0.7
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(
     seed=st.integers(0, 10**6),
     shape=st.tuples(st.integers(70, 200), st.integers(70, 200)),
@@ -276,7 +276,7 @@ def test_a_sample_that_is_too_small_is_refused_and_told_how_large_it_must_be(rad
         found(image, Disc(110, 110, radius))
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(x=st.floats(100, 120), y=st.floats(100, 120), window=st.sampled_from([16, 32, 64]))
 def test_a_disc_as_large_as_it_is_told_is_enough(x: float, y: float, window: int) -> None:
     image, _ = scene("rows", "meadow", shape=(220, 220))

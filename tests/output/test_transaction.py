@@ -183,6 +183,7 @@ def test_of_three_runs_that_write_the_same_one_wins_and_two_are_told(tmp_path: P
     assert contents(tmp_path) == dict.fromkeys(("a.gpkg", "a.one", "a.two"), str(winner))
 
 
+@pytest.mark.slow
 def test_of_three_runs_that_may_replace_the_last_wins_whole(tmp_path: Path) -> None:
     for _ in range(2):
         assert race(tmp_path / "a.gpkg", overwrite=True) == [(0, "")] * 3

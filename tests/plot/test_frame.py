@@ -27,7 +27,7 @@ def test_a_unit_across_is_as_long_as_on_the_ellipsoid(epsg: int, x: float, y: fl
     assert frame.metres_per_unit == pytest.approx(metres / unit, rel=1e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.floats(-180, 180), st.sampled_from([1, -1]), st.floats(0.01, 100))
 def test_degrees_and_map_coordinates_have_one_position_in_the_plot(
     angle: float, flip: int, pixel: float

@@ -16,7 +16,7 @@ from uavseg.raster.geobox import GeoBox
 LENGTHS = st.floats(0.1, 1e5)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), LENGTHS, LENGTHS, st.floats(1, 12), st.floats(1, 12))
 def test_a_view_is_shown_whole_with_equal_units(
     x: float, y: float, across: float, up: float, width: float, height: float

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import shapely
 from affine import Affine
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.plot.pictures import UTM
@@ -21,7 +21,6 @@ PAIR = shapely.MultiPolygon(
 SHAPES = np.array([RING, PAIR, shapely.box(50, 0, 51, 1)], dtype=object)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2), st.floats(0.05, 54.95), st.floats(0.05, 9.95))
 def test_a_path_holds_the_points_of_its_polygon(number: int, x: float, y: float) -> None:
     paths = polygon_paths(SHAPES)

@@ -84,7 +84,7 @@ def test_exactly_the_bad_blocks_are_invalid(write_raster: Callable, side: Any, r
     assert found == bad_blocks(path, BAD)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.data())
 def test_any_window_reads_the_same_pixels(write_raster: Callable, data: Any) -> None:
     path = spoil(write_raster(PIXELS, **TILED), BAD)

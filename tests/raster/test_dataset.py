@@ -43,7 +43,7 @@ def holed(write_raster):
     return Dataset.open(write_raster(planes, **how))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(windows())
 def test_a_window_is_a_part_of_the_whole(holed, window):
     all_values, all_valid = holed.read(whole(holed))
@@ -219,7 +219,7 @@ def test_missing_blocks_of_a_sparse_file_are_known_to_be_empty(write_raster):
     assert np.array_equal(dense.read(whole(dense))[1], pixels != 5)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(1, 200))
 def test_a_downsampled_read_has_the_same_extent(holed, side):
     values, _, box = holed.read_coarse(side)

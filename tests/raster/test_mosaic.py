@@ -39,7 +39,7 @@ def pieces(draw):
     return draw(st.permutations(windows))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(pieces(), st.sampled_from(GRIDS), st.randoms(use_true_random=False))
 @pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")
 def test_parts_of_an_image_make_the_image(write_raster, windows, grid, random):

@@ -94,7 +94,7 @@ def test_a_large_raster_is_downsampled_and_marked_as_inexact(
     assert "800 pixels of 80000" in summary_text(found)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 1000), min_size=20, max_size=20).filter(any))
 def test_the_threshold_has_the_largest_between_class_variance(counts: list[int]) -> None:
     greys = np.zeros(1 << 16, np.int64)

@@ -15,7 +15,7 @@ places = st.integers(-50, 90)
 windows = st.builds(Window, places, places, st.integers(0, 60), st.integers(0, 60))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(shapes, sides, sides)
 def test_tiles_cover_a_raster_once(shape: tuple[int, int], rows: int, cols: int) -> None:
     covered = np.zeros(shape, int)
@@ -38,7 +38,6 @@ def test_a_side_that_is_not_a_multiple_of_64_is_refused(side: int | tuple[int, i
         tiles((100, 100), side)
 
 
-@settings(deadline=None)
 @given(windows, shapes)
 def test_a_clipped_window_is_the_intersection(window: Window, shape: tuple[int, int]) -> None:
     clipped = window.clipped(shape)
@@ -64,7 +63,7 @@ def test_slices_index_a_window() -> None:
 lengths = st.integers(1, 200_000)
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(st.tuples(lengths, lengths), st.tuples(lengths, lengths), st.integers(1, 1 << 24))
 def test_a_tile_that_suits_a_file_is_of_whole_blocks(
     shape: tuple[int, int], file_block: tuple[int, int], pixels: int

@@ -2,7 +2,7 @@
 
 import numpy as np
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.regions.shapes import RaggedPolygons
@@ -21,13 +21,11 @@ geometries = st.lists(st.sampled_from(KINDS), max_size=6).map(
 
 
 @given(geometries)
-@settings(deadline=None)
 def test_geometries_survive_flattening(some):
     assert shapely.equals_exact(RaggedPolygons.from_geometries(some).to_geometries(), some).all()
 
 
 @given(geometries, st.data())
-@settings(deadline=None)
 def test_dropping_regions_keeps_the_others(some, data):
     dropped = np.array(data.draw(st.lists(st.booleans(), min_size=len(some), max_size=len(some))), bool)
     left = RaggedPolygons.from_geometries(some).without(dropped).to_geometries()
@@ -36,7 +34,6 @@ def test_dropping_regions_keeps_the_others(some, data):
 
 
 @given(geometries)
-@settings(deadline=None)
 def test_every_vertex_belongs_to_its_region(some):
     flat = RaggedPolygons.from_geometries(some)
     expected = np.repeat(np.arange(len(some)), shapely.get_num_coordinates(some))

@@ -23,7 +23,7 @@ def labelled(seed: int) -> NDArray[np.uint32]:
     )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.sampled_from(TRANSFORMS), st.integers(0, 7), st.integers(0, 7))
 def test_a_slice_equals_the_slice_of_all(seed: int, transform: Affine, first: int, last: int) -> None:
     shapes = LazyPolygons(trace(labelled(seed)), transform)
@@ -37,7 +37,6 @@ def test_a_slice_equals_the_slice_of_all(seed: int, transform: Affine, first: in
     assert has_multipolygons(shapes) == has_multipolygons(together)
 
 
-@settings(deadline=None)
 @given(arrays.arrays(np.uint32, (8, 8), elements=st.integers(0, 3)), st.integers(1, 60))
 def test_batches_are_all_regions_in_order(image: NDArray[np.uint32], vertices: int) -> None:
     names = np.unique(image, return_inverse=True)[1].reshape(8, 8)

@@ -58,7 +58,7 @@ def by_rasterio(labels, transform):
 
 
 @given(pictures(), st.sampled_from(sorted(TRANSFORMS)))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_polygons_are_those_of_rasterio(labels, name):
     built = np.asarray(LazyPolygons(trace(labels), TRANSFORMS[name]))
     expected = by_rasterio(labels, TRANSFORMS[name])
@@ -68,7 +68,7 @@ def test_polygons_are_those_of_rasterio(labels, name):
 
 
 @given(pictures(), st.sampled_from(sorted(TRANSFORMS)))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_exteriors_run_counter_clockwise_and_holes_clockwise(labels, name):
     for part in shapely.get_parts(LazyPolygons(trace(labels), TRANSFORMS[name])):
         exterior, *holes = shapely.get_rings(part)
@@ -76,7 +76,7 @@ def test_exteriors_run_counter_clockwise_and_holes_clockwise(labels, name):
 
 
 @given(pictures(), st.sampled_from(sorted(TRANSFORMS)))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_without_a_crs_measures_are_those_of_the_polygons(labels, name):
     regions = made(labels, TRANSFORMS[name], None)
     assert regions.columns["area_m2"] == pytest.approx(shapely.area(regions.polygons))
@@ -88,7 +88,7 @@ def test_without_a_crs_measures_are_those_of_the_polygons(labels, name):
 
 
 @given(pictures(), st.integers(0, 2**32 - 1))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_mean_and_deviation_are_those_of_the_pixels(labels, seed):
     grey = np.random.default_rng(seed).integers(0, 65536, labels.shape)
     columns = made(labels, grey=grey).columns
@@ -118,7 +118,7 @@ def test_columns_come_in_their_order_and_kinds():
 
 
 @given(pictures())
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_the_point_lies_inside(labels):
     regions = made(labels, Affine(1e-5, 0, 10, 0, -1e-5, 50), 4326)
     points = shapely.points(regions.columns["lon"], regions.columns["lat"])

@@ -16,7 +16,7 @@ def blots(seed: int, shape: tuple[int, int]) -> NDArray[np.uint8]:
     return (np.random.default_rng(seed).random(shape) < 0.6).astype(np.uint8)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds, shapes, st.integers(0, 3))
 def test_sums_are_those_of_each_component_alone(seed: int, shape: tuple[int, int], margin: int) -> None:
     labels, count = label_components(blots(seed, shape))
@@ -40,7 +40,7 @@ def test_squares_of_a_large_white_component_are_exact() -> None:
     assert int(sums.squares[0]) == white.size * 65535**2
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, shapes, st.integers(0, 45))
 def test_sums_of_two_halves_add_up(seed: int, shape: tuple[int, int], split: int) -> None:
     labels, count = label_components(blots(seed, shape))

@@ -33,7 +33,7 @@ def picture(text: str) -> NDArray[np.uint32]:
     return np.array([[0 if char == "." else int(char) for char in line] for line in text.split()], np.uint32)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(seeds, shapes)
 def test_components_are_those_of_scipy(seed: int, shape: tuple[int, int]) -> None:
     inside = blots(seed, shape)
@@ -43,7 +43,7 @@ def test_components_are_those_of_scipy(seed: int, shape: tuple[int, int]) -> Non
     assert np.array_equal(labels, expected)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, shapes, st.integers(0, 9))
 def test_a_margin_is_left_out_as_if_it_were_not_there(seed: int, shape: tuple[int, int], margin: int) -> None:
     inside = blots(seed, (shape[0] + 2 * margin, shape[1] + 2 * margin))
@@ -53,7 +53,7 @@ def test_a_margin_is_left_out_as_if_it_were_not_there(seed: int, shape: tuple[in
     assert count == number and np.array_equal(labels, expected)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds, st.integers(1, 30), st.integers(1, 9), st.sampled_from([0, 8, 16]))
 def test_eight_pixels_at_once_are_as_one_by_one(seed: int, rows: int, words: int, margin: int) -> None:
     inside = blots(seed, (rows + 2 * margin, 8 * words + 2 * margin))
@@ -64,7 +64,7 @@ def test_eight_pixels_at_once_are_as_one_by_one(seed: int, rows: int, words: int
     assert count == number and np.array_equal(labels, expected)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds, shapes)
 def test_components_of_equal_value_are_those_of_scikit_image(seed: int, shape: tuple[int, int]) -> None:
     image = (blots(seed, shape) + 2 * blots(seed + 1, shape) * blots(seed + 2, shape)).astype(np.uint32)
@@ -108,7 +108,7 @@ def test_a_checkerboard_has_as_many_components_as_there_can_be(shape: tuple[int,
     assert count == board.sum() == labels.max()
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(
     st.integers(1, 40).flatmap(
         lambda n: st.tuples(st.just(n), st.lists(st.tuples(*[st.integers(0, n - 1)] * 2)))

@@ -8,7 +8,7 @@ from scipy import ndimage
 from uavseg.segmentation.dilation import dilate
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.integers(0, 100_000),
     st.tuples(st.integers(1, 12), st.integers(1, 12)),

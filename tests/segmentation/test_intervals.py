@@ -24,7 +24,7 @@ def test_a_range_that_is_none_is_refused_with_what_it_should_be(pair: tuple[floa
         IntensityRange(*pair)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(ends, ends)
 def test_greys_of_a_range_are_those_whose_v_lies_in_it(first: float, second: float) -> None:
     low, high = sorted((first, second))
@@ -58,7 +58,7 @@ def test_a_width_that_is_none_is_refused(width: float) -> None:
         Levels(width)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.one_of(st.floats(1 / 65535, 1), st.integers(1, 500).map(lambda k: 1 / k), st.just(0.1)))
 def test_levels_cover_everything_once(width: float) -> None:
     levels = Levels(width)

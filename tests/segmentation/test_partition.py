@@ -18,7 +18,7 @@ def classes(*ranges: tuple[float, float]) -> ValueClasses:
     return ValueClasses(tuple(ValueClass(f"c{n}", IntensityRange(*pair)) for n, pair in enumerate(ranges)))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(st.integers(0, 65535), min_size=2, max_size=8, unique=True), st.randoms())
 def test_a_grey_has_the_class_in_whose_range_it_lies_and_a_shared_end_the_lower(greys, random) -> None:  # type: ignore[no-untyped-def]
     ends = [grey / 65535 for grey in sorted(greys)]

@@ -167,7 +167,7 @@ def test_a_tile_with_nothing_in_range_around_it_is_not_read() -> None:
     assert not dataset.reads
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(shapes, st.sampled_from([64, 128]))
 def test_cells_around_a_tile_are_those_of_the_map_with_nothing_beyond(
     shape: tuple[int, int], side: int

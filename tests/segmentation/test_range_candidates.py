@@ -24,7 +24,7 @@ def histograms(draw: st.DrawFn) -> np.ndarray:
     return histogram
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(histograms(), st.sampled_from([None, 2, 3, 5, 8]))
 def test_no_range_is_empty(histogram: np.ndarray, count: int | None) -> None:
     candidates = propose_ranges(histogram, count)

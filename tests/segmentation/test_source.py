@@ -12,7 +12,7 @@ from uavseg.segmentation.refine.range_scans import REFINE_HALO
 shapes = st.tuples(st.integers(1, 200), st.integers(1, 200))
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 999), shapes, st.sampled_from([64, 128]), st.sampled_from([0, 1, REFINE_HALO]))
 def test_a_tile_is_the_raster_padded_with_zeros(
     seed: int, shape: tuple[int, int], side: int, margin: int

@@ -37,7 +37,7 @@ def brute_force(space: FreeSpace, corners: list[tuple[float, float]]) -> float:
 
 
 @given(st.lists(boxes, min_size=1, max_size=3))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_a_path_is_as_short_as_any_over_all_corners(obstacles: list[shapely.Polygon]) -> None:
     space = FreeSpace(obstacles=obstacles)
     corners = [tuple(c) for box in obstacles for c in shapely.get_coordinates(box)[:-1].tolist()]
@@ -49,7 +49,7 @@ def test_a_path_is_as_short_as_any_over_all_corners(obstacles: list[shapely.Poly
 
 
 @given(st.lists(boxes, min_size=1, max_size=4))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_lengths_are_a_metric(obstacles: list[shapely.Polygon]) -> None:
     points = np.array([[0, 0], [12, 12], [0, 12], [12, 0], [6.5, 0.5]])
     found = FreeSpace(obstacles=obstacles).paths(points)

@@ -9,7 +9,7 @@ from uavseg.flight.avoid.visibility import Edges, cheapest, shortest_paths
 
 
 @given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_a_leg_crosses_what_shapely_says(seed: int) -> None:
     rng = np.random.default_rng(seed)
     corners = rng.integers(0, 12, (4, 2, 2))
@@ -29,7 +29,7 @@ def test_nothing_blocks_where_there_are_no_edges() -> None:
 
 
 @given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_paths_are_shortest_and_their_nodes_add_up(seed: int) -> None:
     rng = np.random.default_rng(seed)
     weights = np.where(rng.random((9, 9)) < 0.35, rng.random((9, 9)), np.inf)
@@ -48,7 +48,7 @@ def test_paths_are_shortest_and_their_nodes_add_up(seed: int) -> None:
 
 
 @given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_least_sums(seed: int) -> None:
     rng = np.random.default_rng(seed)
     sparse = np.where(rng.random((5, 7)) < 0.5, rng.random((5, 7)), np.inf)

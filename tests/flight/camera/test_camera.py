@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.errors import ParameterError
@@ -29,7 +29,6 @@ def project(camera: Camera, height_m: float, pitch_deg: float, col: float, row: 
 
 
 @given(heights, pitches)
-@settings(deadline=None)
 def test_corners_are_where_rays_through_the_corner_pixels_meet_the_ground(
     height: float, pitch: float
 ) -> None:
@@ -40,7 +39,6 @@ def test_corners_are_where_rays_through_the_corner_pixels_meet_the_ground(
 
 
 @given(heights, pitches)
-@settings(deadline=None)
 def test_the_height_of_a_ground_sampling_distance_gives_it_back(height: float, pitch: float) -> None:
     gsd = PHANTOM.gsd_m(height, pitch)
     assert PHANTOM.height_m(gsd, pitch) == pytest.approx(height)
@@ -48,7 +46,6 @@ def test_the_height_of_a_ground_sampling_distance_gives_it_back(height: float, p
 
 
 @given(heights)
-@settings(deadline=None)
 def test_straight_down_a_footprint_has_as_many_samples_as_the_image_has_pixels(height: float) -> None:
     across, along = PHANTOM.footprint_m(height)
     gsd = PHANTOM.gsd_m(height)
@@ -68,7 +65,6 @@ def test_a_width_that_is_sure_is_that_of_the_near_edge() -> None:
 
 
 @given(st.floats(0, 95), st.floats(0, 95))
-@settings(deadline=None)
 def test_neighbouring_footprints_share_the_overlap(front: float, side: float) -> None:
     across, along = PHANTOM.footprint_m(60)
     line, photo = Overlap(front, side).spacing_m((across, along))

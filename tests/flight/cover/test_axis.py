@@ -18,7 +18,7 @@ def fork(width: float = 20) -> shapely.Polygon:
 
 @pytest.mark.slow
 @given(st.floats(10, 60), st.floats(150, 600), st.floats(0, 180))
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_the_axis_of_a_strip_is_its_middle(width: float, length: float, turn: float) -> None:
     strip = shapely.affinity.rotate(shapely.box(0, 0, length, width), turn, origin=(0, 0))
     [branch] = medial_axis(strip, width / 4)

@@ -10,7 +10,7 @@ from uavseg.flight.cover.cells import monotone_cells
 
 
 @given(fields())
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 def test_cells_partition_the_polygon(field: shapely.Polygon) -> None:
     cells = monotone_cells(field)
     assert sum(cell.area for cell in cells) == pytest.approx(field.area)
@@ -18,7 +18,7 @@ def test_cells_partition_the_polygon(field: shapely.Polygon) -> None:
 
 
 @given(fields())
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 def test_every_line_meets_a_cell_in_one_piece(field: shapely.Polygon) -> None:
     for cell in monotone_cells(field):
         west, south, east, north = cell.bounds

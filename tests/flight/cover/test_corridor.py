@@ -41,13 +41,13 @@ def check(region: shapely.Polygon, flown: Corridor, spacing: float) -> None:
 
 @pytest.mark.slow
 @given(rivers(), st.floats(12, 60))
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_rivers(region: shapely.Polygon, spacing: float) -> None:
     check(region, corridor(region, spacing), spacing)
 
 
 @given(fields(), st.floats(8, 40))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_other_regions_are_covered_too(region: shapely.Polygon, spacing: float) -> None:
     check(region, corridor(region, spacing), spacing)
 

@@ -20,14 +20,14 @@ def always(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
 
 
 @given(fields(), st.floats(4, 40), st.floats(0, 30), st.sampled_from([never, always]))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_lines_cover_the_polygon(field: shapely.Polygon, spacing: float, reach: float, joins: object) -> None:
     cells = grid_lines(field, spacing, (reach, 5.0), joins)  # type: ignore[arg-type]
     assert uncovered(field, np.concatenate(cells), (1 + WIDTH_SLACK) * spacing, reach) <= 1e-6
 
 
 @given(fields(), st.floats(4, 40))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_cells_have_neighbouring_lines_only(field: shapely.Polygon, spacing: float) -> None:
     _, south, _, north = field.bounds
     most = int(np.ceil((north - south) / spacing))

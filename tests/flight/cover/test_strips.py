@@ -22,7 +22,7 @@ def uncovered(polygon: shapely.Polygon, lines: np.ndarray, spacing: float, reach
 
 
 @given(fields(), st.floats(4, 40), st.floats(0, 30))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_swaths_of_the_lines_cover_the_cell(field: shapely.Polygon, spacing: float, reach: float) -> None:
     for cell in monotone_cells(field):
         lines = strip_lines(cell, spacing, reach)
@@ -36,7 +36,7 @@ def test_swaths_of_the_lines_cover_the_cell(field: shapely.Polygon, spacing: flo
 
 
 @given(fields(), st.floats(4, 40))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_lines_stay_within_half_a_spacing_of_the_cell(field: shapely.Polygon, spacing: float) -> None:
     for cell in monotone_cells(field):
         allowed = shapely.buffer(cell, spacing / 2 + 0.05, quad_segs=32)

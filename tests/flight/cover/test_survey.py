@@ -66,7 +66,7 @@ def check(region: shapely.Polygon, flown: Survey, params: CoverParams) -> None:
 
 
 @given(fields(), st.floats(6, 40), st.sampled_from([0.0, 0.5, 1.1]), st.none() | st.floats(0, 180))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_random_fields_with_holes(
     field: shapely.Polygon, spacing: float, reach: float, angle: float | None
 ) -> None:
@@ -130,7 +130,7 @@ def test_more_lines_than_a_mission_holds_are_refused() -> None:
 
 
 @given(fields(), st.floats(8, 40), st.none() | st.floats(0, 180))
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_a_crosshatch_covers_twice_at_a_right_angle(
     field: shapely.Polygon, spacing: float, angle: float | None
 ) -> None:
@@ -148,7 +148,7 @@ def test_a_crosshatch_covers_twice_at_a_right_angle(
 
 
 @given(fields(), st.floats(8, 40), st.floats(5, 60))
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_turnarounds_are_straight_and_stay_near(field: shapely.Polygon, spacing: float, lead: float) -> None:
     params = CoverParams(spacing, lead_m=lead)
     flown = survey(field, params)

@@ -17,7 +17,7 @@ def circle(sides: int, radius: float) -> np.ndarray:
 
 
 @given(sides=st.integers(3, 90), radius=st.floats(2, 150), speed=st.floats(0.5, 20))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_short_legs_are_not_flown_faster_than_the_speed(sides: int, radius: float, speed: float) -> None:
     path = circle(sides, radius)
     length = np.hypot(*np.diff(path[:, :2], axis=0).T)
@@ -57,7 +57,7 @@ def test_a_brief_hold_leaves_more_way_than_a_long_one() -> None:
     factor=st.sampled_from([1e-6, 1e-3, 0.1, 10.0, 1e3, 1e6]),
     seed=st.integers(0, 99),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_vehicles_with_unusual_limits_arrive(key: str, factor: float, seed: int) -> None:
     path = np.random.default_rng(seed).uniform(-100, 100, (4, 3))
     vehicle = replace(PX4, **{key: getattr(PX4, key) * factor})

@@ -32,7 +32,7 @@ def turning(angle_deg: float) -> np.ndarray:
 
 @VEHICLES
 @given(path=PATHS, speed=st.floats(0.5, 20))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_no_leg_is_faster_than_its_limits_allow(vehicle: Vehicle, path: np.ndarray, speed: float) -> None:
     seconds = leg_seconds(path, speed, vehicle)
     assert np.isfinite(seconds).all() and (seconds >= 0).all()
@@ -64,7 +64,7 @@ def test_sharper_turns_and_stops_take_longer(vehicle: Vehicle) -> None:
 
 @VEHICLES
 @given(path=PATHS, turn_deg=st.floats(0, 360), shift=st.floats(-1e4, 1e4))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_path_takes_as_long_wherever_it_points(
     vehicle: Vehicle, path: np.ndarray, turn_deg: float, shift: float
 ) -> None:

@@ -66,7 +66,7 @@ SURVEY = mission_of(
 
 @pytest.mark.slow
 @given(mission=routes())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_documents_are_what_dji_publishes(mission: Mission) -> None:
     template, waylines = documents(mission)
     assert faults(template, TEMPLATE) == []

@@ -29,7 +29,7 @@ def read_back(mission: Mission, folder: Path, suffix: str) -> Mission:
 
 @pytest.mark.parametrize("suffix", [".plan", ".kml", ".geojson"])
 @given(mission=missions())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_formats_that_hold_everything_are_read_back_equal(
     mission: Mission, suffix: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -37,7 +37,7 @@ def test_formats_that_hold_everything_are_read_back_equal(
 
 
 @given(mission=missions())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_waypoints_are_read_back_equal_but_for_what_they_cannot_hold(
     mission: Mission, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -66,7 +66,7 @@ def same_points(found: Route, expected: Route) -> None:
 
 
 @given(mission=routes())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_a_kmz_makes_an_aircraft_fly_the_same(
     mission: Mission, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -84,7 +84,7 @@ def test_a_kmz_makes_an_aircraft_fly_the_same(
 
 
 @given(mission=routes())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_a_csv_makes_litchi_fly_the_same(mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> None:
     found = read_back(mission, tmp_path_factory.getbasetemp(), ".csv")
     same_points(route_of(found, "it"), route_of(mission, "it"))
@@ -92,7 +92,7 @@ def test_a_csv_makes_litchi_fly_the_same(mission: Mission, tmp_path_factory: pyt
 
 
 @given(mission=missions())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_mavwp_reads_every_row(mission: Mission, tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.getbasetemp()
     read_back(mission, folder, ".waypoints")
@@ -108,7 +108,7 @@ def test_mavwp_reads_every_row(mission: Mission, tmp_path_factory: pytest.TempPa
 
 
 @given(mission=missions())
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_mavsdk_reads_every_item(
     mission: Mission, mavsdk_reader: Any, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -49,7 +49,7 @@ def flat(plan: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 @given(field=fields())
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_the_flown_items_are_the_same(
     field: shapely.Polygon, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

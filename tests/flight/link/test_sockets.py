@@ -28,6 +28,8 @@ from uavseg.flight.link.link_items import LinkItem, items_of_fence, items_of_mis
 from uavseg.flight.mission import Mission
 from uavseg.jobs.link import LinkRequest, download, upload
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,7 +86,6 @@ def test_mavsdk_takes_a_mission_and_a_fence_over_tcp() -> None:
         sent_and_read(fenced(survey(30)), f"tcp:{LOOPBACK}:{port}", taken)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("loss", "count"), [(0.0, 500), (0.05, 200), (0.2, 100)])
 def test_mavsdk_takes_all_items_whatever_is_lost(loss: float, count: int) -> None:
     port = free_port()
@@ -97,7 +98,6 @@ def test_mavsdk_takes_all_items_whatever_is_lost(loss: float, count: int) -> Non
         assert_alike(as_link_items(taken[-1]), items_of_mission(mission, False))
 
 
-@pytest.mark.slow
 def test_mavsdk_takes_500_items_over_tcp() -> None:
     port = free_port(socket.SOCK_STREAM)
     with mavsdk_vehicle(f"tcpin://{LOOPBACK}:{port}") as taken:

@@ -44,7 +44,7 @@ def brute_force(stops: Stops, distances: np.ndarray, start: int, end: int) -> fl
 
 
 @given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 2), st.booleans(), st.booleans())
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_few_stops_get_the_shortest_tour(
     seed: int, count: int, kinds: int, from_home: bool, to: bool
 ) -> None:
@@ -56,7 +56,7 @@ def test_few_stops_get_the_shortest_tour(
 
 
 @given(st.integers(0, 10**6), st.integers(5, 9))
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_the_search_comes_near_the_exact_tour_of_few_stops(seed: int, count: int) -> None:
     stops, distances, home = near_stops(seed, count, 20)
     exact, searched = (
@@ -67,7 +67,7 @@ def test_the_search_comes_near_the_exact_tour_of_few_stops(seed: int, count: int
 
 
 @given(st.integers(0, 10**6), st.integers(1, 60), st.booleans())
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_a_tour_visits_every_stop_once_and_is_always_the_same(seed: int, count: int, from_home: bool) -> None:
     stops, distances, home = random_stops(seed, count, 1)
     start = home if from_home else -1

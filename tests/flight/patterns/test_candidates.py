@@ -52,7 +52,7 @@ def test_photographs_begin_and_end_with_each_line() -> None:
 
 
 @given(st.floats(1, 3000), st.floats(20, 200), st.floats(0, 90))
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_photographs_of_a_line_overlap_and_show_it_to_its_ends(
     length: float, height: float, front: float
 ) -> None:

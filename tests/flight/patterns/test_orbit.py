@@ -16,7 +16,7 @@ CAMERA = Camera("wide", (13.2, 8.8), (5472, 3648), 8.8, 0.5)
 
 
 @given(fields(), st.floats(0, 200), st.floats(1, 20))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_the_path_keeps_its_distance(field: shapely.Polygon, margin: float, speed: float) -> None:
     found = orbit(field, margin, speed)
     dense = shapely.get_coordinates(shapely.segmentize(shapely.LineString(found.ring), 1.0))
@@ -36,7 +36,7 @@ def test_the_circle_is_the_smallest_around_the_region() -> None:
 
 
 @given(fields(), st.floats(0, 100), st.floats(10, 120), st.floats(0, 95))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_photographs_overlap_where_the_region_is_nearest(
     field: shapely.Polygon, margin: float, height: float, front: float
 ) -> None:

@@ -16,7 +16,7 @@ COMB = shapely.union_all([shapely.box(0, 0, 260, 40), *TEETH])
 
 
 @given(st.floats(0.1, 10), st.floats(0, 360), st.floats(0.2, 5))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_no_point_of_the_ring_moves_farther_than_the_tolerance(
     tolerance_m: float, turn_deg: float, pixel_m: float
 ) -> None:

@@ -34,7 +34,7 @@ def shown(
     st.sampled_from([0.0, 12.0]),
     st.sampled_from([0.0, 30.0, 107.0]),
 )
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_photographs_show_regions_with_their_margin(
     field: shapely.Polygon, trigger: str, overlap: tuple[int, int], height: float, margin: float, angle: float
 ) -> None:

@@ -17,7 +17,7 @@ PLANE = Plane(*HOME[:2])
 
 
 @given(st.lists(st.tuples(st.floats(-200, 200), st.floats(-200, 200)), min_size=1, max_size=5))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_a_way_through_a_zone_is_noted_where_points_along_the_flight_say_so(
     corners: list[tuple[float, float]],
 ) -> None:

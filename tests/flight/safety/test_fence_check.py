@@ -61,7 +61,7 @@ def crossed(shape: Fence, mission: Mission) -> float:
     fence=fences.map(lambda shapes: [one for one in shapes if isinstance(one, FenceCircle)]),
     spots=st.lists(st.tuples(st.floats(-33.88, -33.82), st.floats(151.15, 151.25)), min_size=1, max_size=4),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_circles_are_judged_as_by_points_along_the_legs(
     fence: list[FenceCircle], spots: list[tuple[float, float]]
 ) -> None:

@@ -33,7 +33,7 @@ def mission(path: Any, frame: int, heights: Any, takeoff_m: float = 60.0) -> Mis
 
 
 @given(st.integers(0, 99), st.floats(10, 100), st.floats(-8, 8))
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_planned_flight_passes_and_a_lowered_or_raised_one_does_not(
     tmp_path: Path, seed: int, relief_m: float, moved_m: float
 ) -> None:

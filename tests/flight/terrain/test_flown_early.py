@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.flight.terrain.dems import HOME, draw, hills
@@ -31,7 +31,6 @@ def early(at: np.ndarray, x: np.ndarray, z: np.ndarray, speed: np.ndarray, rates
 
 
 @given(st.lists(st.floats(-3, 3), min_size=2, max_size=60), st.floats(3, 10))
-@settings(deadline=None)
 def test_both_ways_to_fly_a_leg_are_within_the_tolerance(steps: list[float], tolerance_m: float) -> None:
     x, z = 10.0 * np.arange(len(steps)), np.cumsum(steps)
     points = points_climbed_early(x, z, tolerance_m, RATES)

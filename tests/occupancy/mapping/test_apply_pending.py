@@ -48,7 +48,7 @@ def test_counting_free_observations_equals_adding_beam_by_beam(seed: int) -> Non
         assert_in_step(grid)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(1, 8), st.integers(1, 8), st.integers(-7, 7), st.integers(-7, 7), st.booleans())
 def test_beams_through_corners_of_cells(u: int, v: int, right: int, down: int, returns: bool) -> None:
     grid = OccupancyGrid.empty((90, 80), 1.0)

@@ -16,7 +16,7 @@ ANGLES = st.floats(-math.pi, math.pi, exclude_min=True)
 
 
 @pytest.mark.parametrize("octant", range(8))
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.floats(0.01, 0.99), st.floats(40, 60), st.floats(40, 60), st.floats(20, 200))
 def test_long_beams_in_every_octant_cross_the_same_cells(
     octant: int, share: float, x: float, y: float, distance: float

@@ -134,7 +134,7 @@ def test_without_a_return_all_up_to_the_range_is_free() -> None:
     st.integers(0, 360_000_000).map(lambda n: n / 1e6) | st.integers(0, 23).map(lambda n: 15.0 * n),
     st.floats(0.1, 14),
 )
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_every_crossed_cell_is_updated_once_and_no_other(
     x: float, y: float, heading: float, far: float
 ) -> None:
@@ -163,7 +163,7 @@ def assert_bounds(window: Window, touched: set[tuple[int, int]]) -> None:
 
 
 @given(scans())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_merging_is_adding_log_odds_beam_by_beam(scan: Scan) -> None:
     grid = OccupancyGrid.empty((12, 12), 1.0)
     grid.merge(scan)
@@ -190,7 +190,7 @@ def test_merging_is_adding_log_odds_beam_by_beam(scan: Scan) -> None:
 
 
 @given(st.lists(scans(), min_size=2, max_size=4), st.randoms(use_true_random=False))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_order_of_scans_matters_only_at_the_clamp(taken: list[Scan], random: object) -> None:
     grids = [OccupancyGrid.empty((12, 12), 1.0) for _ in range(2)]
     clamped = np.zeros((12, 12), bool)
@@ -210,7 +210,7 @@ def test_the_order_of_scans_matters_only_at_the_clamp(taken: list[Scan], random:
 
 
 @given(unaligned_scans(), st.integers(1, 3))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_turned_scan_makes_a_turned_map(scan: Scan, quarters: int) -> None:
     grid, turned = (OccupancyGrid.empty((12, 12), 1.0) for _ in range(2))
     grid.merge(scan)
@@ -219,7 +219,7 @@ def test_a_turned_scan_makes_a_turned_map(scan: Scan, quarters: int) -> None:
 
 
 @given(unaligned_scans(), st.floats(-180, 180), st.floats(-50, 50))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_map_turned_with_its_sensor_is_the_same_map(scan: Scan, turn: float, shift: float) -> None:
     grid = OccupancyGrid.empty((12, 12), 1.0)
     grid.merge(scan)

@@ -15,7 +15,6 @@ def changes(bits: list[int]) -> NDArray[np.uint16]:
     return np.array(bits, np.uint16).reshape(2, 3)
 
 
-@settings(deadline=None)
 @given(BITS)
 def test_a_log_has_the_changed_blocks_and_those_that_the_bits_name(bits: list[int]) -> None:
     grey_map = GreyMap.empty((128, 150))
@@ -34,7 +33,6 @@ def test_a_log_has_the_changed_blocks_and_those_that_the_bits_name(bits: list[in
     assert not any(blocks.any() for blocks in log.pop())
 
 
-@settings(deadline=None)
 @given(BITS, BITS)
 def test_logs_are_read_independently(first: list[int], second: list[int]) -> None:
     grey_map = GreyMap.empty((128, 150))
@@ -48,7 +46,7 @@ def test_logs_are_read_independently(first: list[int], second: list[int]) -> Non
     assert not grey_map.changed.any()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(1, 150), st.integers(1, 150), st.integers(0, 2**32))
 def test_sums_are_those_of_the_grey_in_the_map(rows: int, cols: int, seed: int) -> None:
     grey = np.random.default_rng(seed).integers(0, 65536, (rows, cols), np.uint16)

@@ -30,7 +30,7 @@ def indices(chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 @pytest.mark.parametrize("edges", EDGES)
 @pytest.mark.parametrize("division", DIVISIONS)
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32), st.lists(st.booleans(), min_size=6, max_size=6))
 def test_some_blocks_are_as_in_the_whole(
     edges: tuple[float, ...], division: DivisionParams, seed: int, choice: list[bool]

@@ -41,7 +41,7 @@ def touched(one: Cell, other: Cell) -> set[Cell]:
 
 
 @given(MASKS, st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_a_leg_is_allowed_if_all_cells_that_it_touches_are_passable(
     mask: np.ndarray, data: st.DataObject
 ) -> None:
@@ -67,7 +67,7 @@ def check(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[float, float] | No
 
 
 @given(MASKS, st.data())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_any_small_map(mask: np.ndarray, data: st.DataObject) -> None:
     free = [tuple(cell) for cell in np.argwhere(mask).tolist()]
     if free:

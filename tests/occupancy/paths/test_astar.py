@@ -158,7 +158,7 @@ def test_random_maps(seed: int) -> None:
 
 
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=12)), st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_small_map(mask: np.ndarray, data: st.DataObject) -> None:
     free = [tuple(cell) for cell in np.argwhere(mask).tolist()]
     if free:
@@ -188,7 +188,7 @@ def test_a_path_costs_no_less_than_with_corners_cut_and_no_more_than_along_edges
 
 
 @given(arrays(bool, (9, 14), elements=st.sampled_from([True, True, False])))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_a_turned_or_mirrored_map_has_a_path_of_the_same_cost(mask: np.ndarray) -> None:
     mask[0, 0] = mask[8, 13] = True
     costs = set()

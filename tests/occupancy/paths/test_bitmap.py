@@ -19,7 +19,6 @@ def unpack(bits: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
 
 
 @given(MASKS)
-@settings(deadline=None)
 def test_a_packed_mask_is_unpacked_equal_and_has_an_impassable_frame(mask: np.ndarray) -> None:
     bits = pack_mask(mask)
     assert bits.shape == (mask.shape[0] + 2, -(-(mask.shape[1] + 2) // 64))
@@ -28,7 +27,6 @@ def test_a_packed_mask_is_unpacked_equal_and_has_an_impassable_frame(mask: np.nd
 
 
 @given(MASKS)
-@settings(deadline=None)
 def test_a_transposed_bitmap_is_that_of_the_transposed_mask(mask: np.ndarray) -> None:
     turned = transpose_bitmap(pack_mask(mask), mask.shape[1])
     assert np.array_equal(turned, pack_mask(np.ascontiguousarray(mask.T)))
@@ -48,7 +46,7 @@ def without_dead_ends(mask: np.ndarray, kept: set[tuple[int, int]]) -> np.ndarra
 
 
 @given(SMALL, st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_dead_ends_are_filled_to_the_next_fork_and_nothing_else(
     mask: np.ndarray, data: st.DataObject
 ) -> None:

@@ -29,7 +29,7 @@ def cells_with_clearance(mask: np.ndarray, metres: float, width: float = 1, heig
 
 
 @given(MASKS)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_square_cells_have_the_distances_of_the_plain_definition_exactly(mask: np.ndarray) -> None:
     doubled = (2 * clearance(mask)) ** 2  # a whole number
     assert np.array_equal(np.rint(doubled), np.rint((2 * plain(mask, 1, 1)) ** 2))
@@ -37,7 +37,7 @@ def test_square_cells_have_the_distances_of_the_plain_definition_exactly(mask: n
 
 
 @given(MASKS, st.floats(0.1, 10), st.floats(0.1, 10))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_cells_may_be_longer_than_wide(mask: np.ndarray, width: float, height: float) -> None:
     assert clearance(mask, width, height) == pytest.approx(plain(mask, width, height), rel=1e-9)
 
@@ -73,7 +73,7 @@ def test_a_distance_that_is_met_exactly_is_met() -> None:
 
 
 @given(MASKS, st.floats(0, 5))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_more_distance_leaves_fewer_cells(mask: np.ndarray, metres: float) -> None:
     near, far = cells_with_clearance(mask, metres), cells_with_clearance(mask, metres + 0.7)
     assert not (far & ~near).any() and not (near & ~mask).any()

@@ -52,7 +52,7 @@ def found(p: np.ndarray, params: PathParams, reverse: bool = False) -> PlannedPa
         return None
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32), st.booleans())
 def test_a_path_leads_over_free_cells_and_is_as_long_in_reverse(seed: int, smooth: bool) -> None:
     p = rooms(seed)
@@ -69,7 +69,7 @@ def test_a_path_leads_over_free_cells_and_is_as_long_in_reverse(seed: int, smoot
     assert path.warnings[0] == "a warning"
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32), st.sampled_from([0.1, 0.3, 0.4]), st.booleans())
 def test_a_path_keeps_its_clearance_and_is_no_shorter_with_one(
     seed: int, metres: float, smooth: bool

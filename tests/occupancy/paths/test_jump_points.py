@@ -1,7 +1,7 @@
 """The heuristic of the search: the octile cost is exact without obstacles, and consistent."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.occupancy.paths.astar import shortest_path
@@ -12,7 +12,6 @@ OPEN = np.ones((31, 41), bool)
 
 
 @given(CELLS, CELLS)
-@settings(deadline=None)
 def test_without_obstacles_the_octile_cost_is_that_of_the_path(
     start: tuple[int, int], goal: tuple[int, int]
 ) -> None:

@@ -40,7 +40,7 @@ def parts_of(shape: Any) -> list[np.ndarray]:
     return [np.array(line) for line in lines]
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(CORNERS, st.floats(-180, 180), st.floats(-60, 60))
 def test_a_line_in_degrees_is_as_long_as_the_path_and_never_jumps(
     corners: list[tuple[int, int]], lon: float, lat: float
@@ -58,7 +58,6 @@ def test_a_line_in_degrees_is_as_long_as_the_path_and_never_jumps(
     assert parts[-1][-1] == pytest.approx([lons[-1], lats[-1]], abs=1e-7)
 
 
-@settings(deadline=None)
 @given(CORNERS)
 def test_without_a_crs_the_line_has_the_coordinates_of_the_map(corners: list[tuple[int, int]]) -> None:
     path = planned(corners, GeoBox((100, 200), Affine(0.05, 0, -2, 0, -0.05, 7), None))

@@ -60,7 +60,7 @@ THRESHOLDS = st.one_of(
 
 
 @given(BYTES, st.sampled_from(["trinary", "scale", "raw", "Scale"]), st.integers(0, 1), THRESHOLDS)
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=120)
 def test_cells_are_those_of_nav2(
     folder: Path, grey: np.ndarray, mode: str, negate: int, thresholds: tuple[float, float]
 ) -> None:
@@ -75,7 +75,7 @@ def test_cells_are_those_of_nav2(
 
 
 @given(st.data(), st.sampled_from(["trinary", "scale", "raw"]), st.integers(0, 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_pixels_that_are_not_opaque_are_unknown_except_in_raw(
     folder: Path, data: st.DataObject, mode: str, negate: int
 ) -> None:
@@ -119,7 +119,7 @@ def test_a_colour_declared_transparent_is_unknown(tmp_path: Path) -> None:
 
 
 @given(st.floats(-7, 7), st.floats(-100, 100), st.floats(-100, 100), st.floats(0.001, 10))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_cells_lie_where_ros_says(folder: Path, yaw: float, x: float, y: float, resolution: float) -> None:
     path = put(folder, np.zeros((3, 5), np.uint8), origin=[x, y, yaw], resolution=resolution)
     geobox = read_ros_map(path).geobox
@@ -145,7 +145,7 @@ STATES = hnp.arrays(
     st.booleans(),
     st.sampled_from(["trinary", "scale", "raw"]),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_states_written_are_states_read(
     folder: Path, states: np.ndarray, yaw: float, x: float, resolution: float, mirrored: bool, mode: str
 ) -> None:

@@ -18,7 +18,6 @@ STAR = [(0, 0), (4, 1), (8, 0), (7, 4), (8, 8), (4, 6), (0, 8), (1, 4)]
 
 
 @given(st.floats(0.1, 5), st.floats(1.01, 4), st.floats(-math.pi, math.pi))
-@settings(deadline=None)
 def test_a_circle_is_hit_where_the_closed_form_says(radius: float, times: float, bearing: float) -> None:
     distance = radius * times
     center = (3 + distance * math.cos(bearing), -2 + distance * math.sin(bearing))
@@ -37,7 +36,7 @@ def test_from_inside_a_circle_every_beam_hits_it() -> None:
 
 
 @given(PLACES, PLACES, st.integers(0, 360))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_polygons_are_hit_where_shapely_says(x: float, y: float, first: int) -> None:
     angles = np.radians(first + np.arange(0, 360, 17.3))
     met = Scene(polygons=[STAR, [(10, 2), (12, 2), (11, 5)]]).cast(x, y, angles)
@@ -58,7 +57,7 @@ def test_no_beam_slips_through_a_corner() -> None:
 
 
 @given(st.floats(-180, 180), st.floats(-9, 9))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_turning_scene_and_sensor_together_changes_no_range(turn: float, shift: float) -> None:
     def moved(points: object) -> np.ndarray:
         xy, a = np.asarray(points, float), math.radians(turn)
@@ -96,7 +95,7 @@ def test_a_scene_checks_itself(polygons: list, circles: list, message: str) -> N
 
 
 @given(PLACES, PLACES, st.floats(0, math.tau))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_beam_ends_on_a_surface_and_is_free_before_it(x: float, y: float, angle: float) -> None:
     scene = Scene(polygons=[STAR], circles=[(12, 4, 1.5)])
     [distance] = scene.cast(x, y, [angle])

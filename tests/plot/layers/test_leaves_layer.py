@@ -25,7 +25,7 @@ from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
 from uavseg.segmentation.params import DivisionParams
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32), st.integers(1, 150), st.integers(1, 150))
 def test_leaves_tile_the_raster(seed: int, rows: int, cols: int) -> None:
     rng = np.random.default_rng(seed)

@@ -14,7 +14,7 @@ from uavseg.plot.layers import region_layer
 from uavseg.plot.preview import preview
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), min_size=1, max_size=40, unique=True))
 def test_squares_of_a_board_differ_from_those_beside_them(places: list[tuple[int, int]]) -> None:
     squares = np.array([shapely.box(x, y, x + 1, y + 1) for x, y in places])

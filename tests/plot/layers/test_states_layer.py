@@ -45,7 +45,7 @@ def test_a_ros_map_of_states_is_drawn_like_the_raster(tmp_path: Path) -> None:
     assert of_raster(tmp_path / "ros.png", 0.3, 0.85).min() > 240
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 2**32))
 def test_contours_are_as_long_as_the_edges_of_segments(seed: int) -> None:
     field = np.random.default_rng(seed).integers(0, 4, (9, 14)).astype(np.uint8)

@@ -67,6 +67,7 @@ def run(*words: object) -> None:
     assert result.exit_code == 0, result.output
 
 
+@pytest.mark.slow
 @needs_node
 @pytest.mark.parametrize("name", ["speckled", "quarry", "fields_rgb"])
 def test_the_slider_gives_the_regions_of_the_block_map(name: str, tmp_path: Path) -> None:

@@ -34,9 +34,10 @@ def winding(seed: int) -> NDArray[np.uint8]:
     return np.where(coarse, 0, 90).astype(np.uint8)[:233, :271]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [(64, 64), (128, 64), (64, 320), (1024, 1024)])
 @given(seed=st.integers(0, 1000))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_tiles_change_nothing(
     tmp_path_factory: pytest.TempPathFactory, side: tuple[int, int], seed: int
 ) -> None:

@@ -27,7 +27,7 @@ shapes = st.sampled_from(
 
 
 @given(shapes, st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_values_are_those_of_scipy_across_tiles(shape: tuple[int, int], seed: int) -> None:
     rng = np.random.default_rng(seed)
     values = rng.normal(size=shape)

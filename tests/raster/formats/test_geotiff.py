@@ -29,7 +29,7 @@ def cut(image, side):
     return ((window, image[window.slices]) for window in tiles(image.shape, side))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.tuples(st.integers(1, 700), st.integers(1, 400)),
     st.tuples(st.sampled_from([64, 128, 192, 320, 576]), st.sampled_from([64, 128, 448])),

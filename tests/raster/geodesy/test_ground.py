@@ -159,7 +159,7 @@ def test_resolution_is_the_length_of_a_pixel_at_the_centre(place):
     st.lists(st.integers(1, 999), max_size=4, unique=True),
     st.lists(st.integers(1, 999), max_size=4, unique=True),
 )
-@checked(deadline=None, max_examples=30)
+@checked(max_examples=30)
 def test_parts_sum_to_the_whole(place, rows, cols):
     box = box_of(*PLACES[place])
     rows, cols = [0, *sorted(rows), 1000], [0, *sorted(cols), 1000]

@@ -27,7 +27,7 @@ def pixels(draw):
     return draw(hnp.arrays(dtype, shape, elements=numbers))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(pixels(), st.floats(-300, 300), st.floats(1e-3, 5e4))
 def test_grey_is_the_formula_to_the_last_bit(values, low, width):
     assert np.array_equal(to_grey(values, low, low + width), formula(values, low, low + width))

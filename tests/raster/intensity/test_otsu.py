@@ -22,7 +22,6 @@ def within(histogram: list[int], begins: tuple[int, ...]) -> float:
     return found
 
 
-@settings(deadline=None)
 @given(counts, st.integers(1, 5))
 def test_no_other_partition_has_less_variance_within_classes(histogram: list[int], most: int) -> None:
     found = multi_otsu(histogram, most)
@@ -42,7 +41,7 @@ def sampled(seed: int) -> np.ndarray:
     return np.trim_zeros(np.histogram(np.clip(np.concatenate(heaps), 0, 63), 64, (0, 64))[0])
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1))
 def test_two_classes_are_those_of_scikit_image(seed: int) -> None:
     filters = pytest.importorskip("skimage.filters")
@@ -53,7 +52,7 @@ def test_two_classes_are_those_of_scikit_image(seed: int) -> None:
     )
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 4))
 def test_many_classes_are_as_good_as_those_of_scikit_image(seed: int, classes: int) -> None:
     """Its first bin (0.26) has the value of the second, so ours are found with the two in one."""
@@ -127,7 +126,6 @@ def test_one_bin_is_one_class() -> None:
     assert select_classes([0, 7, 0], multi_otsu([0, 7, 0], 6)).count == 1
 
 
-@settings(deadline=None)
 @given(counts, st.integers(0, 300), st.integers(0, 300), st.integers(1, 1000))
 def test_separation_does_not_depend_on_empty_bins_and_scale(
     histogram: list[int], before: int, after: int, times: int

@@ -42,7 +42,7 @@ def rasters(draw):
     )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(rasters(), st.sampled_from(PERCENTS[:4]), st.sampled_from(PERCENTS[4:]))
 def test_percentiles_are_nearest_ranks_exactly(write_raster, pixels, low, high):
     stretch = fitted(Dataset.open(write_raster(pixels)), f"percentile:{low},{high}")
@@ -50,7 +50,7 @@ def test_percentiles_are_nearest_ranks_exactly(write_raster, pixels, low, high):
     assert (stretch.low, stretch.high) == (nearest_rank(numbers, low), nearest_rank(numbers, high))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(rasters(), st.integers(1, 15))
 def test_percentiles_are_those_of_numpy(write_raster, pixels, eighths):
     percent = eighths * 6.25  # a binary fraction: numpy's own arithmetic on it is exact
@@ -59,7 +59,7 @@ def test_percentiles_are_those_of_numpy(write_raster, pixels, eighths):
     assert stretch.high == float(np.percentile(numbers, percent, method="inverted_cdf"))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(rasters(), st.integers(0, 2**32))
 def test_tiles_and_workers_change_nothing(write_raster, pixels, seed):
     mask = np.random.default_rng(seed).choice([0, 255], pixels.shape).astype(np.uint8)
@@ -181,7 +181,7 @@ def test_ranks_are_between_the_first_and_the_last(total, permille):
     assert rank * 1000 >= permille * total > (rank - 1) * 1000 or rank == 1
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(hnp.arrays(np.float32, st.integers(1, 30), elements=st.floats(width=32, allow_nan=False)))
 def test_keys_put_floats_in_order(numbers):
     from uavseg.raster.intensity import histogram

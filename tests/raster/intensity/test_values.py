@@ -78,7 +78,7 @@ def cases(draw: st.DrawFn) -> tuple[NDArray, ValueRange]:
     return image, ValueRange(None if kind == "high" else ends[0], None if kind == "low" else ends[1])
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(cases(), st.sampled_from(["auto", "minmax"]))
 def test_the_pixels_selected_are_those_whose_value_lies_in_the_range(
     case: tuple[NDArray, ValueRange], stretch: str
@@ -88,7 +88,7 @@ def test_the_pixels_selected_are_those_whose_value_lies_in_the_range(
     assert np.array_equal(selected(image, found, fit), in_range(image, asked))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(cases(), st.sampled_from(["0,50", "percentile:10,90", "dtype", "none"]))
 def test_a_chosen_stretch_decides_exactly_or_refuses(case: tuple[NDArray, ValueRange], stretch: str) -> None:
     image, asked = case
@@ -123,7 +123,7 @@ def test_a_bound_at_the_end_of_a_chosen_stretch_is_not_lost_among_what_is_clippe
     assert found.high == pytest.approx(50, abs=2e-3)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(images(), st.tuples(st.integers(0, 100), st.integers(0, 100)).map(sorted))
 def test_percentiles_are_nearest_ranks_of_all_pixels(image: NDArray, ends: list[int]) -> None:
     values = np.sort(image.reshape(-1).astype(np.float32))
@@ -135,7 +135,7 @@ def test_percentiles_are_nearest_ranks_of_all_pixels(image: NDArray, ends: list[
 
 
 @given(st.sampled_from([128, 192]), st.booleans())
-@settings(deadline=None, max_examples=6)
+@settings(max_examples=6)
 def test_tiles_change_nothing(tile: int, by_rank: bool) -> None:
     image = np.random.default_rng(1).normal(20, 5, (200, 300)).astype(np.float32)
     asked = ValueRange(30, 40, by_rank)

@@ -42,7 +42,7 @@ def by_python(text: str, red: int, nir: int) -> float:
         return float(eval(text, scope | {"abs": np.abs, "min": np.minimum, "max": np.maximum}))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(expressions(), st.lists(st.tuples(st.integers(0, 255), st.integers(0, 255)), min_size=1, max_size=6))
 def test_values_are_those_of_python(text: str, pixels: list[tuple[int, int]]) -> None:
     text = f"(red + {text})"
@@ -58,7 +58,7 @@ def test_values_are_those_of_python(text: str, pixels: list[tuple[int, int]]) ->
 EVERY = "sqrt(abs(nir - red)) + exp(red / 255) * log(nir + 1) - log10(red + 2) ** 1.7 + max(nir, red) ** 2"
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.integers(0, 39),
     st.integers(0, 49),
@@ -161,7 +161,7 @@ def test_odd_texts_are_refused_in_one_line(text: str, words: str | None) -> None
     assert str(caught.value).isprintable()
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.text(alphabet="nired0123456789+-*/^()., _\"'\n\té[]{}:=<>@&|~%!", max_size=40))
 def test_any_text_is_computed_or_refused(text: str) -> None:
     try:

@@ -27,7 +27,7 @@ def borders(labels: Labels) -> dict[tuple[int, int], int]:
 
 
 @given(label_images())
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 def test_lengths_count_the_edges_between_adjacent_pixels(labels: Labels) -> None:
     rows, cols = labels.shape
     steps = [(r, c, r + down, c + 1 - down) for r in range(rows) for c in range(cols) for down in (0, 1)]
@@ -36,7 +36,7 @@ def test_lengths_count_the_edges_between_adjacent_pixels(labels: Labels) -> None
 
 
 @given(label_images(), st.permutations(range(1, 7)))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_a_transposed_and_relabelled_image_has_the_same_borders(labels: Labels, names: list[int]) -> None:
     new = np.array([0, *names], np.uint32)
     relabelled = borders(np.ascontiguousarray(new[labels].T))

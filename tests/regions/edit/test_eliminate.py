@@ -188,7 +188,7 @@ def eliminated_by_force(labels: Image, kinds: Image, grey: Image, limit: float) 
 
 
 @given(st.integers(0, 10**6), st.integers(1, 30))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_merged_segments_are_those_of_brute_force(seed: int, limit: int) -> None:
     kinds, grey = scene(seed)
     labels = segmented(kinds)
@@ -208,7 +208,7 @@ def test_merged_segments_are_those_of_brute_force(seed: int, limit: int) -> None
 
 
 @given(st.integers(0, 10**6), st.integers(1, 60))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_no_pixel_is_lost_and_small_segments_have_no_neighbour(seed: int, limit: int) -> None:
     kinds, grey = scene(seed)
     labels = segmented(kinds)

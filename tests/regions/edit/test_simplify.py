@@ -43,7 +43,7 @@ def made(labels, place="utm"):
 
 
 @given(pictures(), st.sampled_from(sorted(PLACES)), st.sampled_from([0.3, 1, 3, 10, 1e4]))
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_no_region_vanishes_overlaps_or_becomes_invalid(labels, place, metres):
     regions, box = made(labels, place)
     simpler = simplify(regions, metres, box)
@@ -55,7 +55,7 @@ def test_no_region_vanishes_overlaps_or_becomes_invalid(labels, place, metres):
 
 
 @given(pictures(), st.sampled_from([0.3, 1, 3]))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_vertices_are_a_subset_of_the_original_ones(labels, metres):
     regions, box = made(labels)
     before = set(map(tuple, shapely.get_coordinates(regions.polygons)))
@@ -64,7 +64,7 @@ def test_vertices_are_a_subset_of_the_original_ones(labels, metres):
 
 
 @given(pictures())
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_no_gap_opens_between_neighbours(labels):
     names = np.unique(labels, return_inverse=True)[1].reshape(labels.shape)
     regions, box = made(names.astype(np.uint32) + 1)

@@ -226,7 +226,7 @@ def filled_by_force(labels: Labels, limit: float) -> Labels:
     return by_size(result)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(0, 30))
 def test_filled_holes_are_those_of_brute_force(seed: int, limit: int) -> None:
     labels = random_regions(seed)
@@ -239,7 +239,7 @@ def test_filled_holes_are_those_of_brute_force(seed: int, limit: int) -> None:
     assert np.array_equal(found.rings.labels, again.labels) and np.array_equal(found.rings.parts, again.parts)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.integers(0, 10**6), st.integers(0, 12))
 def test_dropped_regions_are_those_of_brute_force(seed: int, limit: int) -> None:
     labels = random_regions(seed)

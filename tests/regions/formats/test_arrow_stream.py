@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import CRS
 
@@ -36,7 +36,6 @@ def regions_of(rows: list[tuple[int, float, str | None]]) -> Regions:
     return Regions(columns, polygons, CRS(32632).to_wkt())
 
 
-@settings(deadline=None)
 @given(rows=ROWS, promote=st.booleans(), size=st.integers(1, 50))
 def test_pyarrow_reads_what_the_regions_hold(
     rows: list[tuple[int, float, str | None]], promote: bool, size: int

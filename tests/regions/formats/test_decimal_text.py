@@ -1,14 +1,13 @@
 """Decimal text: as Python formats the same numbers, for any degrees of the globe."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from uavseg.regions.formats.decimal_text import UNITS_PER_DEGREE, pack_words, unpack_lines, write_degrees
 
 
 @given(st.lists(st.integers(-1_800_000_000, 1_800_000_000), min_size=1), st.booleans())
-@settings(deadline=None)
 def test_degrees_are_written_as_python_writes_them(values: list[int], latitudes: bool) -> None:
     values = [value // 2 if latitudes else value for value in values]
     words = np.empty((len(values), 4), np.uint32)

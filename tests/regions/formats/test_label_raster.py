@@ -21,7 +21,7 @@ BOX = GeoBox(LABELS.shape, Affine(2, 0, 4e5, 0, -2, 5e6), CRS.from_epsg(32618))
 
 
 @given(st.integers(1, 300), st.integers(1, 300), st.integers(0, 10**6))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_strips_are_the_whole_raster_from_top_to_bottom(rows: int, cols: int, seed: int) -> None:
     labels = np.random.default_rng(seed).integers(0, 3, (rows, cols)).astype(np.uint32)
     made, below = np.zeros_like(labels), 0

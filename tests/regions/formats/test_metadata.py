@@ -62,7 +62,7 @@ values = st.recursive(
 
 
 @pytest.mark.parametrize("extension", FORMATS)
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(metadata=st.dictionaries(texts, values, min_size=1, max_size=4))
 def test_what_is_written_is_read_back(tmp_path: Path, extension: str, metadata: dict[str, Any]) -> None:
     path = tmp_path / f"r.{extension}"

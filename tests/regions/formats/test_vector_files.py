@@ -63,6 +63,7 @@ def kml(inner: str = "") -> str:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", READERS)
 @pytest.mark.parametrize("form", ["link", "LINK", "url", "escaped", "single", "feature"])
 def test_a_linked_crs_is_not_fetched(tmp_path: Path, requests: Any, reader: Any, form: str) -> None:
@@ -107,6 +108,7 @@ def test_attributes_with_addresses_are_only_attributes(tmp_path: Path, reader: A
     reader(tmp_path / "a.geojson")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["http://{}/crs", "ftp://{}/crs", "/vsicurl/http://{}/crs", "urn:ogc:def:crs:http://{}/crs"]
 )

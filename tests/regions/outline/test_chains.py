@@ -63,7 +63,7 @@ def test_a_boundary_that_leaves_a_tile_is_open() -> None:
 
 
 @given(label_images())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_chains_of_a_whole_image_are_closed_and_as_long_as_its_edges(labels: Labels) -> None:
     [chains] = chains_of(labels, 9)
     assert (chains.table[:, [HEAD, TAIL]] == -1).all()
@@ -72,7 +72,7 @@ def test_chains_of_a_whole_image_are_closed_and_as_long_as_its_edges(labels: Lab
 
 
 @given(label_images(), st.integers(1, 5))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_every_open_chain_continues_in_one_other_of_the_same_component(labels: Labels, side: int) -> None:
     table = np.concatenate([chains.table for chains in chains_of(labels, side)])
     heads = {int(row[HEAD]): int(row[OWNER]) for row in table if row[HEAD] >= 0}
@@ -82,7 +82,7 @@ def test_every_open_chain_continues_in_one_other_of_the_same_component(labels: L
 
 
 @given(label_images(), st.integers(1, 5))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_type_and_margin_of_the_image_change_nothing(labels: Labels, side: int) -> None:
     wide = chains_of(labels, side, margin=8, dtype=np.uint8)
     for one, other in zip(chains_of(labels, side), wide, strict=True):

@@ -29,7 +29,7 @@ def equal(one: Rings, other: Rings) -> bool:
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(label_images(), st.integers(1, 5), st.integers(1, 5), st.randoms())
 def test_tiles_of_any_size_in_any_order_link_to_the_same_rings(
     labels: Labels, tile_rows: int, tile_cols: int, random: object
@@ -83,7 +83,7 @@ def signed_areas(vertices: NDArray[np.int32], starts: NDArray[np.int64]) -> list
     return found
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(label_images())
 def test_splitting_keeps_areas_and_leaves_no_vertex_twice(labels: Labels) -> None:
     components, _ = label_equal_values(labels)

@@ -28,7 +28,7 @@ def with_long_edges(seed: int) -> Labels:
     return np.kron(blocks, np.ones((97, 23), np.int64)).astype(np.uint32)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(label_images(), st.data())
 def test_rasterising_undoes_tracing(labels: Labels, data: st.DataObject) -> None:
     rasteriser = Rasteriser(trace(labels))
@@ -56,7 +56,7 @@ def test_the_largest_label_of_32_bits_is_rasterised() -> None:
 
 
 @given(st.integers(0, 10**6), st.data())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_an_edge_table_holds_all_that_its_window_needs(seed: int, data: st.DataObject) -> None:
     labels = with_long_edges(seed)
     row, col = data.draw(st.integers(0, 800)), data.draw(st.integers(0, 180))
@@ -78,7 +78,6 @@ def test_edge_tables_of_all_tiles_make_the_whole_image(seed: int) -> None:
 
 
 @given(label_images(), st.integers(0, 10), st.integers(0, 10))
-@settings(deadline=None)
 def test_lazy_labels_give_the_rows_of_an_array(labels: Labels, first: int, last: int) -> None:
     lazy = LazyLabels(Rasteriser(trace(labels)), labels.shape)
     if min(first, labels.shape[0]) < min(last, labels.shape[0]):

@@ -27,7 +27,6 @@ def same(one: Sums, other: Sums) -> bool:
 
 
 @given(images, st.lists(st.integers(0, 2), min_size=5, max_size=5))
-@settings(deadline=None)
 def test_merged_sums_are_those_of_merged_labels(labels: NDArray[np.uint32], groups: list[int]) -> None:
     labels = np.where(labels == 0, 1, labels).astype(np.uint32)
     labels[0, :5] = np.arange(1, 6)  # every label occurs
@@ -37,7 +36,6 @@ def test_merged_sums_are_those_of_merged_labels(labels: NDArray[np.uint32], grou
 
 
 @given(images)
-@settings(deadline=None)
 def test_the_order_is_by_pixels_then_by_first_pixel(labels: NDArray[np.uint32]) -> None:
     labels[0, :5] = np.arange(1, 6)
     sums = sums_of(labels, 5)
@@ -50,7 +48,7 @@ def test_the_order_is_by_pixels_then_by_first_pixel(labels: NDArray[np.uint32]) 
 
 
 @given(images, st.sets(st.integers(1, 5)))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_renumbered_regions_are_those_that_are_kept_largest_first(
     labels: NDArray[np.uint32], dropped: set[int]
 ) -> None:

@@ -36,7 +36,7 @@ def test_areas_sum_to_the_pixels_of_each_label(seed: int) -> None:
     assert sums[1:].tolist() == np.bincount(labels.reshape(-1), minlength=6)[1:].tolist()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(label_images(), st.permutations([1, 2, 3]))
 def test_selected_rings_are_those_of_an_image_with_the_selected_labels(
     labels: Labels, names: list[int]
@@ -48,14 +48,14 @@ def test_selected_rings_are_those_of_an_image_with_the_selected_labels(
     assert equal(selected, trace(np.where(labels > 1, new[labels], 0).astype(np.uint32)))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(label_images())
 def test_selecting_all_rings_changes_nothing(labels: Labels) -> None:
     rings = trace(labels)
     assert equal(rings.select(np.ones(len(rings.labels), bool)), rings)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(label_images(), st.randoms(use_true_random=False))
 def test_reordering_back_and_forth_changes_nothing(labels: Labels, random: object) -> None:
     rings = trace(labels)

@@ -60,7 +60,7 @@ def by_size(mask: Image) -> NDArray[np.uint32]:
 
 
 @given(st.integers(0, 10**6), st.sampled_from([64, 128, 256]))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_stitched_tiles_are_the_components_of_the_whole(seed: int, side: int) -> None:
     mask, grey = images(seed)
     windows = tiles(mask.shape, side)

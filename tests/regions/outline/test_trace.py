@@ -148,7 +148,7 @@ def test_outlines_are_those_of_rasterio(first: int) -> None:
         assert as_text(polygons(trace(labels))) == as_text(of_rasterio(labels)), seed
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(label_images())
 def test_outlines_of_small_images_are_those_of_rasterio(labels: Labels) -> None:
     found = polygons(trace(labels))
@@ -156,7 +156,7 @@ def test_outlines_of_small_images_are_those_of_rasterio(labels: Labels) -> None:
     assert as_text(found) == as_text(of_rasterio(labels))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(label_images())
 def test_every_ring_is_simple_and_begins_where_it_should(labels: Labels) -> None:
     rings = trace(labels)
@@ -170,7 +170,7 @@ def test_every_ring_is_simple_and_begins_where_it_should(labels: Labels) -> None
         assert shapely.is_ccw(seen) != exterior
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(label_images())
 def test_a_turned_or_mirrored_image_gives_turned_or_mirrored_outlines(labels: Labels) -> None:
     rows, cols = labels.shape

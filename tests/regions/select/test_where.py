@@ -132,7 +132,7 @@ def test_no_code_is_run(attack: str, tmp_path: Path) -> None:
 
 
 @given(st.text(alphabet="mean id()[]<>=!+-*/.,'\"0123456789andornotin_", max_size=40))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_text_gives_an_answer_or_a_clear_error(text: str) -> None:
     try:
         assert where(COLUMNS, text).shape == (4,)
@@ -238,7 +238,7 @@ ROWS = [
 
 
 @given(conditions())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_rows_are_chosen_where_the_condition_is_true_and_not_where_it_is_unknown(part: Part) -> None:
     condition, answer = part
     columns = {

@@ -27,7 +27,7 @@ def corners_of(rings: Rings, ring: int, nodes: Nodes, shape: tuple[int, ...]) ->
 
 
 @given(label_images())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_corners_follow_a_ring_in_unit_steps(labels: Labels) -> None:
     rings = trace(labels)
     nodes = find_nodes(rings, labels.shape)
@@ -44,7 +44,7 @@ def test_corners_follow_a_ring_in_unit_steps(labels: Labels) -> None:
 
 
 @given(label_images())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_an_arc_has_the_same_corners_in_both_directions(labels: Labels) -> None:
     rings = trace(labels)
     nodes = find_nodes(rings, labels.shape)

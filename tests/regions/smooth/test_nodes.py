@@ -29,7 +29,7 @@ def nodes_by_force(labels: Labels) -> list[int]:
 
 
 @given(label_images())
-@settings(deadline=None, max_examples=80)
+@settings(max_examples=80)
 def test_nodes_are_where_boundaries_meet(labels: Labels) -> None:
     nodes = find_nodes(trace(labels), labels.shape)
     assert nodes.by_row.tolist() == nodes_by_force(labels)

@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -33,7 +33,6 @@ def placed(base: NDArray[np.float64], offsets: NDArray[np.float64]) -> tuple[Int
 
 
 @given(arcs, st.integers(0, 10**6))
-@settings(deadline=None)
 def test_segments_pass_through_the_sleeve_of_every_portal(base: NDArray[np.float64], seed: int) -> None:
     n = base.shape[1] - 1
     offsets = np.random.default_rng(seed).uniform(-150, 150, n)
@@ -54,7 +53,6 @@ def test_segments_pass_through_the_sleeve_of_every_portal(base: NDArray[np.float
 
 
 @given(st.integers(2, 40))
-@settings(deadline=None)
 def test_a_straight_arc_is_one_segment(length: int) -> None:
     base = np.stack([np.arange(length + 1.0), np.zeros(length + 1)])
     points, steps, last = placed(base, np.zeros(length))
@@ -64,7 +62,6 @@ def test_a_straight_arc_is_one_segment(length: int) -> None:
 
 
 @given(arcs)
-@settings(deadline=None)
 def test_an_arc_on_its_pixel_edges_crosses_portals_in_the_middle(base: NDArray[np.float64]) -> None:
     offsets = np.zeros(base.shape[1] - 1)
     portal_offsets(base[0], base[1], len(offsets), base[0], base[1], offsets)
@@ -72,7 +69,6 @@ def test_an_arc_on_its_pixel_edges_crosses_portals_in_the_middle(base: NDArray[n
 
 
 @given(arcs, st.integers(0, 10**6))
-@settings(deadline=None)
 def test_the_slope_is_the_derivative_of_the_doubled_area(base: NDArray[np.float64], seed: int) -> None:
     """The area is quadratic in a common shift of all points, so the central difference is exact."""
     n = base.shape[1] - 1

@@ -68,7 +68,7 @@ def pictures(draw: st.DrawFn) -> Labels:
 
 
 @given(pictures())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_outlines_are_valid_and_separate_the_same_pixels(labels: Labels) -> None:
     _, polygons = smooth(labels)
     assert shapely.is_valid(polygons).all()
@@ -78,7 +78,7 @@ def test_outlines_are_valid_and_separate_the_same_pixels(labels: Labels) -> None
 
 
 @given(pictures())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_neighbours_share_every_border(labels: Labels) -> None:
     _, polygons = smooth(labels)
     assert shapely.coverage_is_valid(polygons)
@@ -89,15 +89,16 @@ def test_neighbours_share_every_border(labels: Labels) -> None:
 
 
 @given(pictures())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_areas_are_kept_within_a_hundredth(labels: Labels) -> None:
     _, polygons = smooth(labels)
     pixels = np.bincount(labels.reshape(-1), minlength=1)[1:]
     assert np.abs(shapely.area(polygons) / np.maximum(pixels, 1) - 1).max(initial=0) <= 0.01
 
 
+@pytest.mark.slow
 @given(pictures(), st.sampled_from([0.05, 0.2, 0.4, FULL]))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_outlines_stay_within_the_distance_of_the_pixel_edges(labels: Labels, metres: float) -> None:
     _, polygons = smooth(labels, metres)
     lines = shapely.segmentize(shapely.boundary(polygons), 0.1)
@@ -108,7 +109,7 @@ def test_outlines_stay_within_the_distance_of_the_pixel_edges(labels: Labels, me
 
 
 @given(pictures(), st.integers(0, 3), st.integers(0, 3))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_a_moved_picture_has_moved_outlines(labels: Labels, down: int, across: int) -> None:
     here, _ = smooth(np.pad(labels, 1))
     there, _ = smooth(np.pad(labels, ((1 + down, 2), (1 + across, 3))))
@@ -117,7 +118,7 @@ def test_a_moved_picture_has_moved_outlines(labels: Labels, down: int, across: i
 
 
 @given(pictures())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_an_outline_is_the_same_from_both_sides(labels: Labels) -> None:
     """Whether what lies beyond is another region or nothing changes no point of a region's outline."""
     padded = np.pad((labels == 1).astype(np.uint32), 1)
@@ -135,7 +136,7 @@ def by_force(labels: Labels) -> list[int]:
 
 
 @given(pictures())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_nodes_stay_where_they_are(labels: Labels) -> None:
     rings, _ = smooth(labels)
     corners, rest = np.divmod(rings.vertices.astype(np.int64), STEPS)
@@ -221,7 +222,7 @@ def test_a_raster_too_large_for_whole_steps_is_refused() -> None:
 
 
 @given(pictures(), st.sampled_from([0.2, 1, 4]))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_smooth_outlines_can_be_simplified(labels: Labels, metres: float) -> None:
     """First smoothed, then simplified: still valid, no overlap, no gap, no region gone."""
     pixels = np.bincount(labels.reshape(-1), minlength=1)[1:]

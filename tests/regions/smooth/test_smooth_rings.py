@@ -23,7 +23,7 @@ def label_images(draw: st.DrawFn) -> Labels:
 
 
 @given(label_images())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_every_arc_belongs_to_one_ring_or_to_two(labels: Labels) -> None:
     rings = trace(labels)
     smooth = smooth_rings(rings, find_nodes(rings, labels.shape), labels.shape, NONE)
@@ -33,7 +33,7 @@ def test_every_arc_belongs_to_one_ring_or_to_two(labels: Labels) -> None:
 
 
 @given(label_images())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_rings_of_which_no_arc_is_smoothed_stay_on_their_pixel_edges(labels: Labels) -> None:
     rings = trace(labels)
     nodes = find_nodes(rings, labels.shape)
@@ -48,7 +48,7 @@ def test_rings_of_which_no_arc_is_smoothed_stay_on_their_pixel_edges(labels: Lab
 
 
 @given(label_images(), st.integers(0, 10**6))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_arcs_do_not_depend_on_the_other_arcs(labels: Labels, seed: int) -> None:
     rings = trace(labels)
     nodes = find_nodes(rings, labels.shape)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -25,7 +25,6 @@ def arc(directions: list[tuple[int, int]]) -> Floats:
 
 
 @given(steps)
-@settings(deadline=None)
 def test_corners_stay_in_their_squares_and_ends_where_they_are(directions: list[tuple[int, int]]) -> None:
     base = arc(directions)
     moved = relaxed(base)
@@ -34,14 +33,12 @@ def test_corners_stay_in_their_squares_and_ends_where_they_are(directions: list[
 
 
 @given(st.integers(1, 30))
-@settings(deadline=None)
 def test_a_straight_arc_stays(length: int) -> None:
     base = arc([(1, 0)] * length)
     assert relaxed(base) == pytest.approx(base, abs=1e-12)
 
 
 @given(steps)
-@settings(deadline=None)
 def test_a_mirrored_arc_relaxes_to_the_mirror_image(directions: list[tuple[int, int]]) -> None:
     base = arc(directions)
     assert relaxed(base * [1, -1]) == pytest.approx(relaxed(base) * [1, -1], abs=1e-12)
@@ -70,7 +67,6 @@ def test_a_cyclic_arc_moves_its_first_corner_too_and_stays_closed() -> None:
 
 
 @given(steps)
-@settings(deadline=None)
 def test_the_doubled_area_is_that_of_the_shoelace_formula(directions: list[tuple[int, int]]) -> None:
     x, y = arc(directions).T
     expected = (x * np.roll(y, -1) - y * np.roll(x, -1)).sum()

@@ -45,7 +45,7 @@ def segments_of(kinds: Cells) -> tuple[NDArray[np.int64], list[int]]:
 
 
 @given(block_maps())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_regions_are_connected_cells_of_one_kind_with_valid_pixels(drawn: tuple[BlockMap, Cells]) -> None:
     blocks, kinds = drawn
     found = outline_block_map(blocks, kinds)
@@ -65,7 +65,7 @@ def test_regions_are_connected_cells_of_one_kind_with_valid_pixels(drawn: tuple[
 
 
 @given(block_maps())
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_segments_are_counted_as_if_they_were_outlined(drawn: tuple[BlockMap, Cells]) -> None:
     blocks, kinds = drawn
     rows, cols = -(-blocks.shape[0] // 8), -(-blocks.shape[1] // 8)
@@ -74,7 +74,7 @@ def test_segments_are_counted_as_if_they_were_outlined(drawn: tuple[BlockMap, Ce
 
 
 @given(block_maps())
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_the_cells_that_outlines_enclose_have_the_sums_of_their_regions(
     drawn: tuple[BlockMap, Cells],
 ) -> None:

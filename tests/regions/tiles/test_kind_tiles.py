@@ -42,7 +42,7 @@ def equal(one: RegionOutlines, other: RegionOutlines) -> bool:
 
 
 @given(st.integers(0, 10**6), st.sampled_from([64, 128]))
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_tiles_change_no_segment(seed: int, side: int) -> None:
     source, kinds = scene(seed)
     whole, parts = (
@@ -52,7 +52,7 @@ def test_tiles_change_no_segment(seed: int, side: int) -> None:
 
 
 @given(st.integers(0, 10**6))
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_segments_hold_the_valid_pixels_of_cells_of_one_kind(seed: int) -> None:
     source, kinds = scene(seed)
     found = outline_segments(source, kinds, TilePass(tiles(source.shape, 128)))
@@ -83,7 +83,7 @@ def test_objects_are_the_pixels_of_a_state_whatever_the_tiles(seed: int, refine:
 
 
 @given(st.integers(0, 10**6), st.sampled_from([8, 64]))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_jobs_hold_the_cells_of_their_tile_and_of_its_halo(seed: int, halo: int) -> None:
     source, kinds = scene(seed)
     windows = tiles(source.shape, 64)

@@ -213,7 +213,7 @@ def test_labels_and_sums_are_those_of_the_reference(
     check_against_reference(reference, sourced, scene(seed, shape), random_cells(seed, shape), refine)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.integers(0, 10**6),
     st.tuples(st.integers(1, 280), st.integers(1, 280)),
@@ -236,7 +236,7 @@ def test_tiles_workers_and_their_order_change_nothing(
         )
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(0, 10**6), st.sampled_from(SIDES))
 def test_sums_are_recovered_from_the_outlines(sourced: Sourced, seed: int, side: Any) -> None:
     image = scene(seed, (150, 200))
@@ -246,7 +246,7 @@ def test_sums_are_recovered_from_the_outlines(sourced: Sourced, seed: int, side:
     assert same(RegionOutlines(found.rings, again), found)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6), st.tuples(st.integers(1, 280), st.integers(1, 280)), st.sampled_from(SIDES))
 def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
     sourced: Sourced, seed: int, shape: tuple[int, int], side: Any
@@ -264,7 +264,7 @@ def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
         assert same(RegionOutlines(cells.rings, sums), pixels)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6), st.tuples(st.integers(1, 280), st.integers(1, 280)))
 def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_encloses(
     sourced: Sourced, seed: int, shape: tuple[int, int]

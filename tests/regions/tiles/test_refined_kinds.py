@@ -54,7 +54,7 @@ def assert_same(first: RegionOutlines, second: RegionOutlines) -> None:
             assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seeds, ends)
 def test_one_class_gives_the_regions_of_its_range(seed: int, some: list[float]) -> None:
     source, interval = source_of(field_of(seed, (150, 190))), IntensityRange(some[0], some[1])
@@ -77,7 +77,7 @@ def test_tiles_and_workers_change_nothing(seed: int, side: Any, run: Any) -> Non
     assert np.array_equal(found_kinds, kinds) and set(kinds) == {1, 2, 3}
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seeds, ends)
 def test_levels_over_all_values_cover_each_valid_pixel_once(seed: int, some: list[float]) -> None:
     field = field_of(seed, (150, 190))

@@ -26,7 +26,7 @@ def ring(xy: list[tuple[float, float]]) -> RaggedPolygons:
 
 
 @given(st.floats(10, 80), st.floats(1_000, 400_000), st.sampled_from([100.0, 1_000.0, 10_000.0]))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_edges_stay_close_to_their_course(lat: float, length: float, side: float) -> None:
     x, y = to_map(14.0, lat)
     flat = ring([(x, y), (x + length, y), (x, y - length / 2)])
@@ -39,7 +39,7 @@ def test_edges_stay_close_to_their_course(lat: float, length: float, side: float
 
 
 @given(st.floats(10, 80), st.floats(1_000, 400_000))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_vertices_stay_and_new_ones_lie_on_the_edges(lat: float, length: float) -> None:
     x, y = to_map(14.0, lat)
     flat = ring([(x, y), (x + length, y), (x, y - length / 2)])

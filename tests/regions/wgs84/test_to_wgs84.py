@@ -89,7 +89,7 @@ def test_a_ring_around_an_island_keeps_its_ground(place):
 
 
 @given(st.sampled_from(sorted(PLACES)), pictures)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_any_picture_keeps_its_ground(place, picture):
     crs, transform = PLACES[place]
     if np.any(picture):
@@ -125,7 +125,7 @@ def test_long_edges_keep_their_course():
 
 @pytest.mark.parametrize("side", [0.002, 0.01, 0.02, 0.03, 0.05])
 @given(pictures)
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 def test_small_pixels_stay_valid_with_seven_decimals(side, picture):
     if not np.any(picture):
         return
@@ -138,7 +138,7 @@ def test_small_pixels_stay_valid_with_seven_decimals(side, picture):
 
 
 @given(pictures)
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_large_pixels_need_no_validity_test(picture):
     if not np.any(picture):
         return

@@ -8,7 +8,7 @@ from uavseg.segmentation.baseline.merging import merge_regions
 
 
 @given(st.integers(0, 10_000), st.integers(2, 30))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_merging_never_splits_a_region_and_stops_later_with_a_larger_stop(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     labels = rng.integers(0, count, (12, 12)).astype(np.uint32)

@@ -67,7 +67,7 @@ def assert_same(first: SavedBlocks, second: SavedBlocks) -> None:
     assert repr(first.origin) == repr(second.origin)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 999), st.tuples(st.integers(1, 300), st.integers(1, 300)))
 def test_written_and_read_is_the_same(
     tmp_path_factory: pytest.TempPathFactory, seed: int, shape: tuple[int, int]

@@ -71,7 +71,7 @@ def number_of_leaves(side: NDArray[np.uint8]) -> float:
     return float(((8.0 / side) ** 2).sum())
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, thresholds, steps)
 def test_leaves_are_those_of_a_plain_recursion(seed: int, X: float, tau: float) -> None:
     blocks = random_map(seed, (130, 70))
@@ -81,7 +81,7 @@ def test_leaves_are_those_of_a_plain_recursion(seed: int, X: float, tau: float) 
     assert np.array_equal(mean, plain_mean)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, thresholds, steps)
 def test_leaves_cover_every_cell_once_with_the_mean_of_their_pixels(seed: int, X: float, tau: float) -> None:
     blocks = random_map(seed)
@@ -96,7 +96,7 @@ def test_leaves_cover_every_cell_once_with_the_mean_of_their_pixels(seed: int, X
 
 
 @given(seeds)
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 def test_a_division_without_tests_keeps_whole_blocks(seed: int) -> None:
     side, _ = find_leaves(random_map(seed), DivisionParams(INF, INF))
     assert (side == 64).all()
@@ -117,7 +117,7 @@ def test_means_that_differ_by_exactly_the_step_do_not_divide() -> None:
     assert (find_leaves(blocks, DivisionParams(INF, 0.2 - 1e-12))[0] == 32).all()
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, thresholds, thresholds, steps, steps)
 def test_more_allowed_never_makes_more_leaves(
     seed: int, X1: float, X2: float, tau1: float, tau2: float
@@ -185,7 +185,7 @@ ends = st.tuples(
 ).filter(lambda pair: pair[0] < pair[1])
 
 
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(seeds, ends, thresholds, steps)
 def test_required_ratios_are_enough_for_a_range(
     seed: int, pair: tuple[float, float], X: float, tau: float
@@ -193,7 +193,7 @@ def test_required_ratios_are_enough_for_a_range(
     assert_other_ratios_have_no_influence(random_map(seed), IntensityRange(*pair), X, tau)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds, st.sampled_from([0.1, 0.3, 0.001, 1.0]), thresholds, steps)
 def test_required_ratios_are_enough_for_levels_and_states(
     seed: int, width: float, X: float, tau: float

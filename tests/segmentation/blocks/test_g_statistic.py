@@ -13,7 +13,7 @@ from uavseg.segmentation.blocks.g_statistic import N_LN_N, expected_g, g_statist
 counts = st.lists(st.tuples(st.integers(0, 90), st.integers(0, 90)), min_size=2, max_size=20)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(counts)
 def test_g_is_that_of_scipy(pairs: list[tuple[int, int]]) -> None:
     table = np.array(pairs).T
@@ -24,7 +24,7 @@ def test_g_is_that_of_scipy(pairs: list[tuple[int, int]]) -> None:
     assert g_statistic(*table) == pytest.approx(expected, rel=1e-9, abs=1e-8)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(counts, st.integers(1, 10))
 def test_g_is_symmetric_and_0_between_multiples(pairs: list[tuple[int, int]], times: int) -> None:
     first, second = np.array(pairs).T
@@ -43,7 +43,7 @@ def test_a_lookup_table_is_n_ln_n_as_far_as_it_goes(largest: int) -> None:
     assert np.array_equal(table[:4097], N_LN_N[: len(table)])
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.lists(st.integers(0, 6), min_size=1, max_size=3), st.sampled_from([0.1, 0.25, 0.5]))
 def test_expected_g_is_the_mean_over_all_splits_with_independent_pixels(
     symbols: list[int], share: float

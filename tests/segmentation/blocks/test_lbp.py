@@ -65,7 +65,7 @@ def plain_symbols(
     return np.where(counted, 8 * code + level, 65535)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 @given(nine_greys)
 def test_contrast_is_the_floor_of_the_exact_fraction(nine: list[int]) -> None:
     assert only_contrast(np.array(nine, np.uint16).reshape(3, 3)) == exact_contrast(nine)
@@ -100,7 +100,7 @@ def test_an_image_without_an_inside_has_no_contrast(shape: tuple[int, int]) -> N
     assert contrast_histogram(np.ones(shape, np.uint16)).sum() == 0
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 1000), st.tuples(st.integers(1, 150), st.integers(1, 150)), st.sampled_from([64, 128]))
 def test_histograms_of_tiles_add_up_to_that_of_the_whole(
     seed: int, shape: tuple[int, int], side: int
@@ -114,7 +114,7 @@ def test_histograms_of_tiles_add_up_to_that_of_the_whole(
     assert np.array_equal(total, contrast_histogram(grey, valid))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 1000), st.lists(st.integers(0, 70000), min_size=7, max_size=7))
 def test_symbols_are_those_of_plain_arithmetic(seed: int, bin_edges: list[int]) -> None:
     grey, valid = noise(seed, (19, 33)), holes(seed, (19, 33))
@@ -132,7 +132,7 @@ def test_an_invalid_pixel_uncounts_the_nine_around_it(seed: int) -> None:
     assert contrast_histogram(grey, valid).sum() == 18 * 18 - 9
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 1000), st.integers(1, 32000))
 def test_a_brighter_image_has_the_same_texture(seed: int, more: int) -> None:
     grey = noise(seed, (30, 30)) >> 1
@@ -150,7 +150,7 @@ def test_a_turned_image_has_the_same_contrasts(turn: object) -> None:
         assert np.array_equal(contrast_histogram(grey, valid), contrast_histogram(*turned))
 
 
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 @given(st.lists(st.one_of(st.integers(0, 6), st.sampled_from([0, 0, 65535])), max_size=60))
 def test_a_bin_edge_is_the_smallest_contrast_with_enough_pixels_at_or_below_it(contrasts: list[int]) -> None:
     bin_edges = contrast_bin_edges(np.bincount(contrasts, minlength=65536).astype(np.int64))

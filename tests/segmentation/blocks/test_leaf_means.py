@@ -21,7 +21,7 @@ def scene(seed: int, shape: tuple[int, int] = (200, 150)) -> BlockMap:
     return block_map_of_array(np.clip(grey, 0, 65535).astype(np.uint16), rng.random(shape) < 0.8)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(st.integers(0, 99), st.sampled_from([0.02, 0.3, np.inf]))
 def test_the_histogram_is_that_of_the_leaves(seed: int, step: float) -> None:
     blocks = scene(seed)

@@ -48,7 +48,7 @@ def test_nothing_lies_beyond_the_ends_of_v(low: float, high: float) -> None:
     assert not mixed_cells(blocks, np.ones((8, 8), np.uint8), low, high).any()
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 100_000))
 def test_a_turned_map_has_turned_mixed_cells(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -59,7 +59,7 @@ def test_a_turned_map_has_turned_mixed_cells(seed: int) -> None:
     assert np.array_equal(turned, found.T)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 100_000))
 def test_a_cell_that_is_not_mixed_agrees_with_its_neighbours(seed: int) -> None:
     rng = np.random.default_rng(seed)

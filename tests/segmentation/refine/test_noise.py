@@ -37,7 +37,7 @@ def test_an_edge_is_no_noise() -> None:
     assert not estimate_noise(grey, ONES, np.ones(CELLS, np.uint8)).any()
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 100_000))
 def test_squares_are_estimated_where_a_cell_is_active_and_as_if_all_were(seed: int) -> None:
     active = (np.random.default_rng(seed).random(CELLS) < 0.1).astype(np.uint8)
@@ -48,7 +48,7 @@ def test_squares_are_estimated_where_a_cell_is_active_and_as_if_all_were(seed: i
     assert np.array_equal(found, np.where(squares, whole, 0))
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.integers(0, 100_000))
 def test_invalid_pixels_have_no_influence(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -81,7 +81,7 @@ def plain_smooth(inside: Image, valid: Image, grey: NDArray[np.uint16], low: flo
     return result
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds, st.tuples(st.integers(1, 50), st.integers(1, 50)))
 def test_the_scans_are_those_of_a_plain_version(seed: int, shape: tuple[int, int]) -> None:
     inside, valid, grey = random_case(seed, shape)
@@ -90,7 +90,7 @@ def test_the_scans_are_those_of_a_plain_version(seed: int, shape: tuple[int, int
     assert np.array_equal(refine_by_scans(inside, valid, in_range), expected)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds)
 def test_the_scans_of_salt_and_pepper_are_those_of_a_plain_version(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -131,7 +131,7 @@ def test_scan_works_in_place() -> None:
     assert refine_by_scans(inside, np.ones_like(inside), picture("##......")) is inside
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, st.tuples(st.integers(1, 60), st.integers(1, 60)))
 def test_smoothing_is_a_local_mean(seed: int, shape: tuple[int, int]) -> None:
     inside, valid, grey = random_case(seed, shape)
@@ -176,7 +176,7 @@ def crop_agrees(how: str, seed: int, margin: int) -> bool:
 
 
 @pytest.mark.parametrize("how", ["scan", "smooth"])
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds)
 def test_a_crop_with_a_halo_is_refined_as_the_whole(how: str, seed: int) -> None:
     assert crop_agrees(how, seed, REFINE_HALO)
@@ -200,7 +200,7 @@ def test_a_change_stays_within_the_halo(axis: int) -> None:
         assert np.array_equal(refine("scan", inside, valid, grey)[near], first)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds)
 def test_regions_that_are_in_range_already_do_not_change(seed: int) -> None:
     _, valid, grey = random_case(seed, (50, 60))
@@ -208,7 +208,7 @@ def test_regions_that_are_in_range_already_do_not_change(seed: int) -> None:
     assert np.array_equal(refine_by_scans(in_range.copy(), valid, in_range), in_range)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds)
 def test_where_all_is_in_range_no_pixel_leaves_and_refining_again_only_grows(seed: int) -> None:
     inside, valid, _ = random_case(seed, (50, 60))
@@ -218,7 +218,7 @@ def test_where_all_is_in_range_no_pixel_leaves_and_refining_again_only_grows(see
 
 
 @pytest.mark.parametrize("how", ["scan", "smooth"])
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds)
 def test_invalid_pixels_are_never_inside(how: str, seed: int) -> None:
     inside, valid, grey = random_case(seed, (50, 60))

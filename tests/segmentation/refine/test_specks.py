@@ -21,7 +21,7 @@ def dropped(inside: NDArray[np.uint8], valid: NDArray[np.uint8] | None = None) -
     return result
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.integers(0, 100_000), st.sampled_from([0.1, 0.3, 0.5, 0.8]))
 def test_specks_are_those_of_plain_arrays(plain_variation: ModuleType, seed: int, share: float) -> None:
     rng = np.random.default_rng(seed)
@@ -84,7 +84,7 @@ def plain_kinds_without_specks(kinds: NDArray[np.uint8], valid: NDArray[np.uint8
     return result
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 100_000), st.sampled_from([2, 3, 6]))
 def test_specks_of_several_kinds_are_those_of_plain_arrays(seed: int, kinds: int) -> None:
     rng = np.random.default_rng(seed)

@@ -13,7 +13,7 @@ seeds = st.integers(0, 100_000)
 MIDDLE = IntensityRange(0.35, 0.65)
 
 
-@settings(deadline=None, max_examples=8)
+@settings(max_examples=8)
 @given(seeds)
 def test_sweeps_end_at_the_minimum_of_total_variation(plain_variation: ModuleType, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -31,7 +31,7 @@ def test_sweeps_end_at_the_minimum_of_total_variation(plain_variation: ModuleTyp
     assert grey.min() // 2 <= u.min() and u.max() <= grey.max() // 2
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds, st.sampled_from([0, 300, MAX_WEIGHT]))
 def test_thresholds_are_those_of_plain_arrays(plain_variation: ModuleType, seed: int, largest: int) -> None:
     rng = np.random.default_rng(seed)
@@ -47,7 +47,7 @@ def test_thresholds_are_those_of_plain_arrays(plain_variation: ModuleType, seed:
     assert np.array_equal(inside > 0, expected)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seeds)
 def test_without_weights_nothing_changes(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -58,7 +58,7 @@ def test_without_weights_nothing_changes(seed: int) -> None:
     assert np.array_equal(inside, before)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds, st.sampled_from([0, 300, MAX_WEIGHT]))
 def test_kinds_are_those_of_the_greys_of_plain_arrays(
     plain_variation: ModuleType, seed: int, largest: int

@@ -47,7 +47,7 @@ def refined(
     return refine_by_tv(inside, mixed, valid, grey, in_range, interval.greys)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(seeds, st.tuples(st.integers(1, 4), st.integers(1, 5)))
 def test_the_kernels_agree_with_plain_arrays(
     plain_variation: ModuleType, seed: int, squares: tuple[int, int]
@@ -58,7 +58,7 @@ def test_the_kernels_agree_with_plain_arrays(
     assert np.array_equal(refined(*case), expected)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seeds, st.sampled_from([64, 128]))
 def test_panels_change_nothing(seed: int, width: int) -> None:
     case = random_case(seed, (6, 40))
@@ -74,7 +74,7 @@ def test_panels_without_a_halo_may_differ() -> None:
     assert any((refined_copy(case) != other).any() for case, other in zip(cases, found, strict=True))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds)
 def test_u_stays_between_black_and_white(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -84,7 +84,7 @@ def test_u_stays_between_black_and_white(seed: int) -> None:
     assert mask.all()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds)
 def test_a_crop_with_a_halo_is_refined_as_the_whole(seed: int) -> None:
     assert crop_agrees(seed, REFINE_HALO // 8)
@@ -115,7 +115,7 @@ def refined_copy(case: tuple[Any, ...]) -> Image:
     return refined(inside, *rest)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds)
 def test_cells_that_neither_are_mixed_nor_touch_mixed_cells_do_not_change(seed: int) -> None:
     inside, mixed, valid, grey = random_case(seed, (12, 14))
@@ -125,7 +125,7 @@ def test_cells_that_neither_are_mixed_nor_touch_mixed_cells_do_not_change(seed: 
     assert not (found & (1 - valid)).any()
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds, st.integers(0, 65535))
 def test_an_image_of_one_grey_is_inside_or_outside_as_its_grey(seed: int, value: int) -> None:
     inside, _, valid, _ = random_case(seed, (6, 4))
@@ -133,7 +133,7 @@ def test_an_image_of_one_grey_is_inside_or_outside_as_its_grey(seed: int, value:
     assert np.array_equal(found, valid * np.uint8(MIDDLE.low <= value / 65535 <= MIDDLE.high))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(seeds)
 def test_greys_that_all_lie_in_the_range_stay_in_it(seed: int) -> None:
     _, _, valid, grey = random_case(seed, (4, 6))
@@ -153,7 +153,7 @@ def test_a_noisy_shore_becomes_one_straight_region() -> None:
     assert ndimage.label(found)[1] == 1
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(seeds, st.tuples(st.integers(1, 4), st.integers(1, 5)))
 def test_one_kind_is_refined_as_its_range(seed: int, squares: tuple[int, int]) -> None:
     inside, mixed, valid, grey = random_case(seed, (2 * squares[0], 2 * squares[1]))
@@ -164,7 +164,7 @@ def test_one_kind_is_refined_as_its_range(seed: int, squares: tuple[int, int]) -
     assert np.array_equal(found, refined(inside, mixed, valid, grey))
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seeds)
 def test_a_crop_of_several_kinds_with_a_halo_is_refined_as_the_whole(seed: int) -> None:
     _, mixed, valid, grey = random_case(seed, (30, 30))

@@ -17,7 +17,7 @@ def drawn(seed: int, rows: int, cols: int) -> tuple[NDArray[np.uint16], NDArray[
     return grey, (rng.random((rows, cols)) < 0.98).astype(np.uint8)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10**6), rows=st.integers(0, 9), cols=st.integers(0, 9), every=st.booleans())
 def test_symbols_are_those_of_the_nine_means_around(seed: int, rows: int, cols: int, every: bool) -> None:
     grey, valid = drawn(seed, rows + 2 * COARSE_HALO, cols + 2 * COARSE_HALO)
@@ -40,7 +40,7 @@ def test_noise_of_single_pixels_is_halved() -> None:
 
 
 @given(seed=st.integers(0, 10**6), row=st.integers(0, 5), col=st.integers(0, 5))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_a_part_with_its_margin_is_as_in_the_whole(seed: int, row: int, col: int) -> None:
     grey, valid = drawn(seed, 24, 24)
     whole = coarse_symbols(grey, valid, CUTS)

@@ -24,7 +24,7 @@ def tile(seed: int):
     return cells, valid, grey, names, coarse, weights
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10_000))
 def test_without_further_bands_it_is_the_decision_by_texture_and_grey(seed: int) -> None:
     cells, valid, grey, names, coarse, weights = tile(seed)
@@ -32,7 +32,7 @@ def test_without_further_bands_it_is_the_decision_by_texture_and_grey(seed: int)
     assert np.array_equal(classify_colored_pixels(cells, valid, grey, (names, coarse), weights, []), expected)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_a_band_that_is_the_grey_adds_its_weights_once_more(seed: int) -> None:
     cells, valid, grey, names, coarse, weights = tile(seed)

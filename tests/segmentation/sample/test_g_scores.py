@@ -82,7 +82,7 @@ def plain_scores(symbols: Image, model: Counter[int], side: int, leave_one_out: 
     return found
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     seed=st.integers(0, 10**6),
     shape=st.tuples(st.integers(4, 6), st.integers(4, 6)),
@@ -137,13 +137,13 @@ def test_windows_of_the_models_own_source_score_as_under_the_null_hypothesis(man
 
 
 @given(most=st.integers(1, 900), share=st.floats(0.001, 0.5))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_expected_g_is_interpolated_closely(most: int, share: float) -> None:
     assert expected_g(most, share)[most] == pytest.approx(plain_expected_g([most], share), rel=1e-6, abs=1e-9)
     assert expected_g(5000, share)[most] == pytest.approx(expected_g(most, share)[most], rel=0.01)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10**6), row=st.integers(0, 4), col=st.integers(0, 4), leave_one_out=st.booleans())
 def test_the_start_of_a_moving_window_changes_nothing(
     seed: int, row: int, col: int, leave_one_out: bool

@@ -64,7 +64,7 @@ def test_a_sample_with_the_proportions_of_the_background_has_no_weights() -> Non
 
 
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_the_mean_weight_of_the_background_is_not_positive(seed: int) -> None:
     """The mean over the raster is minus a Kullback-Leibler divergence, over the sample above it."""
     rng = np.random.default_rng(seed)
@@ -75,7 +75,7 @@ def test_the_mean_weight_of_the_background_is_not_positive(seed: int) -> None:
     assert (weights * sample).sum() / sample.sum() > (weights * background).sum() / background.sum()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**6), rows=st.integers(3, 5), cols=st.integers(3, 5), side=st.integers(1, 2))
 def test_cells_have_the_best_mean_of_the_windows_around(seed: int, rows: int, cols: int, side: int) -> None:
     symbols = drawn(seed, 8 * rows, 8 * cols, missing=0.11)
@@ -92,7 +92,7 @@ def test_cells_have_the_best_mean_of_the_windows_around(seed: int, rows: int, co
         assert found[row, col] == means[row : row + side, col : col + side].max()
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 10**6), side=st.integers(1, 2))
 def test_own_windows_are_weighted_by_the_rest_of_the_sample(seed: int, side: int) -> None:
     symbols = drawn(seed, 24, 32, missing=0.1)

@@ -16,7 +16,7 @@ BINOMIAL = np.outer([1, 4, 6, 4, 1], [1, 4, 6, 4, 1])
     hnp.arrays(np.uint16, (9, 11), elements=st.integers(0, 65535)),
     hnp.arrays(np.uint8, (9, 11), elements=st.integers(0, 1)),
 )
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_the_blur_is_the_weighted_mean_of_valid_pixels(
     grey: NDArray[np.uint16], valid: NDArray[np.uint8]
 ) -> None:

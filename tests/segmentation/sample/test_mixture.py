@@ -26,7 +26,7 @@ def test_groups_that_lie_apart_are_the_components(seed: int) -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_memberships_are_those_of_bayes_rule(seed: int, dims: int) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(50, dims))

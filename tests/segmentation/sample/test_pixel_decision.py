@@ -31,7 +31,7 @@ def picture(seed: int, rows: int, cols: int) -> tuple[np.ndarray, ...]:
     return cells, valid, grey, symbols, coarse
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**6), rows=st.integers(1, 5), cols=st.integers(1, 5))
 def test_pixels_are_classified_as_by_a_plain_version(seed: int, rows: int, cols: int) -> None:
     cells, valid, grey, symbols, coarse = picture(seed, 8 * rows, 8 * cols)
@@ -52,7 +52,7 @@ def test_pixels_are_classified_as_by_a_plain_version(seed: int, rows: int, cols:
         assert found[row, col] == (valid[row, col] and (kind == 1 or (kind == 2 and around.sum() > 0)))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10**6), row=st.integers(0, 3), col=st.integers(0, 3))
 def test_a_crop_with_a_halo_is_classified_as_the_whole(seed: int, row: int, col: int) -> None:
     """Exact on a border of one pixel too, which the tracer reads."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.segmentation.in_memory_dataset import field_of, source_of
@@ -41,7 +41,6 @@ def test_counts_are_those_of_the_image() -> None:
     assert found.occupied_by_value == by_value.sum()
 
 
-@settings(deadline=None)
 @given(st.tuples(st.integers(1, 300), st.integers(1, 300)), st.sampled_from([64, 128, 192]))
 def test_strips_cover_every_pixel_once(shape: tuple[int, int], tile: int) -> None:
     covered = np.zeros(shape, int)

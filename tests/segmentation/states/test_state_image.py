@@ -53,7 +53,7 @@ def test_states_are_read_by_window(room: str) -> None:
         assert [window.row for window, _ in parts] == list(range(0, 130, rows))
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 9), st.integers(1, 9), st.integers(0, 10**6))
 def test_unpacking_inverts_packing(rows: int, pairs: int, seed: int) -> None:
     codes = np.random.default_rng(seed).integers(0, 16, (rows, 2 * pairs)).astype(np.uint8)

@@ -88,7 +88,7 @@ def in_strips(codes: Bytes, splits: list[int]) -> Bytes:
     return decode_states(codes)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 10**6), st.data())
 def test_strips_change_nothing(seed: int, data: st.DataObject) -> None:
     codes = encode_states(*random_states(seed))
@@ -132,7 +132,7 @@ def test_the_scans_have_an_order_so_turning_the_map_may_change_its_states() -> N
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_exactly_the_invalid_pixels_stay_invalid(seed: int) -> None:
     states, own = random_states(seed)
     found = refine_states(encode_states(states, own))

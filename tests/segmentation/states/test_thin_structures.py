@@ -63,7 +63,7 @@ def grey_of(dataset: InMemory) -> NDArray[np.uint16]:
     return np.where(dataset.valid, dataset.values.astype(np.uint16) * 257, 0).astype(np.uint16)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6), st.booleans(), st.sampled_from([64, 128]))
 def test_thin_obstacles_are_those_of_the_plain_version(seed: int, trinary: bool, tile: int) -> None:
     dataset = thin_map(seed, trinary)
@@ -79,7 +79,7 @@ def test_thin_obstacles_are_those_of_the_plain_version(seed: int, trinary: bool,
     assert found.pixels == {state: int((found.image.read() == state).sum()) for state in range(4)}
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(st.integers(0, 10**6), st.tuples(st.integers(1, 190), st.integers(1, 190)))
 def test_every_occupied_cell_of_a_trinary_map_stays_occupied(seed: int, shape: tuple[int, int]) -> None:
     rng = np.random.default_rng(seed)
@@ -91,7 +91,7 @@ def test_every_occupied_cell_of_a_trinary_map_stays_occupied(seed: int, shape: t
     assert found.unknown_in_free == (free & dataset.valid & (values == 127)).sum()
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.integers(0, 10**6))
 def test_no_obstacle_of_three_cells_above_the_noise_is_lost(seed: int) -> None:
     dataset = thin_map(seed, trinary=False)
