@@ -33,10 +33,10 @@ def match(
     source: Any,
     like: str | os.PathLike[str] | tuple[float, float, float],
     *,
-    window: int = 32,
+    window: int | None = None,
     similarity: float = 0.9,
     intensity: float = 1.0,
-    by: str = "texture",
+    by: str = "auto",
     bands: Sequence[int | str] = (),
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -58,11 +58,11 @@ def match(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """Regions of a raster that are like a sample of it, by color or by texture.
+    """Regions of a raster that are like a sample of it, by color and texture.
 
-    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast. By
-    color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far more
-    frequent in the sample are its kind.
+    By color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far
+    more frequent in the sample are its kind. Texture is compared by G, the log-likelihood ratio between joint
+    histograms of LBP codes and contrast.
 
     Parameters
     ----------
@@ -71,15 +71,18 @@ def match(
     like : path or (float, float, float)
         A file of polygons, in any coordinate system; or x, y and radius of a disc in the raster's coordinates
         (the radius in their unit; in metres where they are degrees).
-    window : int
-        Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.
+    window : int, optional
+        Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128. By default 32,
+        or 24 or 16 where the sample is small.
     similarity : float
         How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
     intensity : float
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
-    by : {"texture", "color"}
-        What is compared: texture with intensity, or color, for which a disc with a radius of 8 pixels is
-        enough.
+    by : {"auto", "color", "texture"}
+        What is compared: color, for which a disc with a radius of 8 pixels is enough, or texture with
+        intensity. By default color, with texture where that clearly parts what has the colors of the sample;
+        and texture where color hardly parts the sample from the raster, or one of `window`, `similarity` and
+        `intensity` is given.
     bands : sequence of int or str
         Bands to compare, each by itself; beside texture too.
     refine : {"pixel", "none"}

@@ -7,7 +7,6 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.result import Drawing
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
-from uavseg.units import CELL
 
 WINDOWS = (16, 24, 32, 48, 64, 96, 128)
 
@@ -20,8 +19,9 @@ class MatchRequest:
     ----------
     like : Disc or str
         The sample: a disc on the map, or a file of polygons.
-    window : int
-        Side in pixels of the window whose texture is compared.
+    window : int, optional
+        Side in pixels of the window whose texture is compared; by default 32, or less where the sample is too
+        small for it.
     similarity : float
         How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`, and by how much
         the background may explain it better, see `Evidence.least`. A smaller one finds more.
@@ -36,8 +36,10 @@ class MatchRequest:
     bands : tuple of int or str
         Bands whose intensity is compared, each by itself, by number or name; beside texture, they are
         compared as well.
-    by : {"texture", "color"}
-        What is compared: texture with intensity, or color.
+    by : {"auto", "color", "texture"}
+        What is compared: color, or texture with intensity. By default color, with texture where that clearly
+        parts what has the color; or texture, where color hardly parts the sample from the rest of the raster,
+        or one of window, similarity and intensity is chosen.
 
     Raises
     ------
@@ -46,7 +48,7 @@ class MatchRequest:
     """
 
     like: Disc | str
-    window: int = 32
+    window: int | None = None
     similarity: float = 0.9
     intensity: float = 1.0
     refine: str = "pixel"
@@ -54,10 +56,10 @@ class MatchRequest:
     fill_holes: Area | None = None
     min_area: Area | None = None
     bands: tuple[int | str, ...] = ()
-    by: str = "texture"
+    by: str = "auto"
 
     def __post_init__(self) -> None:
-        if self.window not in WINDOWS:
+        if self.window is not None and self.window not in WINDOWS:
             known = ", ".join(map(str, WINDOWS))
             raise ParameterError(f"the side of a window is one of {known} pixels, not {self.window}")
         if not 0 < self.similarity <= 1:
@@ -70,8 +72,8 @@ class MatchRequest:
             raise ParameterError("an infinite intensity compares texture alone; leave the bands out, or it")
         if self.refine not in ("pixel", "none"):
             raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
-        if self.by not in ("texture", "color"):
-            raise ParameterError(f"regions are compared by texture or color, not {self.by!r}")
+        if self.by not in ("auto", "color", "texture"):
+            raise ParameterError(f"regions are compared by auto, color or texture, not {self.by!r}")
         if self.by == "color" and self.chooses_texture:
             raise ParameterError(
                 "window, similarity and intensity are of texture, and not of color; leave them out"
@@ -80,9 +82,9 @@ class MatchRequest:
     @property
     def chooses_texture(self) -> bool:
         """Whether something is chosen that only the comparison of texture has."""
-        return (self.window, self.similarity, self.intensity) != (32, 0.9, 1.0)
+        return (self.window, self.similarity, self.intensity) != (None, 0.9, 1.0)
 
     @property
-    def side(self) -> int:
-        """Of a window, in cells."""
-        return self.window // CELL
+    def texture_alone(self) -> bool:
+        """Whether color is not looked at."""
+        return self.by == "texture" or (self.by == "auto" and self.chooses_texture)
