@@ -118,11 +118,7 @@ def main() -> None:
         values = [overlap(find(query), query.truth) for find in METHODS.values()]
         for name in (query.path.stem, f"radius {query.disc[2]}", "all"):
             found.setdefault(name, []).append(values)
-    rows = [
-        [name, str(len(values)), *(f"{mean:.3f}" for mean in np.mean(values, 0))]
-        for name, values in sorted(found.items(), key=lambda item: (item[0] == "all", item[0]))
-    ]
-    print(table.rows(["", "discs", *METHODS], rows))
+    print(table.mean_rows(found, ["", "discs", *METHODS]))
 
 
 if __name__ == "__main__":

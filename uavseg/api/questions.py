@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
@@ -28,11 +29,15 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 
+Sample = str | os.PathLike[str] | tuple[float, float, float]
+
+
 @checked
 def match(
     source: Any,
-    like: str | os.PathLike[str] | tuple[float, float, float],
+    like: Sample | Sequence[Sample],
     *,
+    unlike: Sequence[Sample] = (),
     window: int | None = None,
     similarity: float = 0.9,
     intensity: float = 1.0,
@@ -68,9 +73,11 @@ def match(
     ----------
     source
         As of `extract`.
-    like : path or (float, float, float)
+    like : path or (float, float, float), or sequence of them
         A file of polygons, in any coordinate system; or x, y and radius of a disc in the raster's coordinates
-        (the radius in their unit; in metres where they are degrees).
+        (the radius in their unit; in metres where they are degrees). Several are compared by color.
+    unlike : sequence of path or (float, float, float)
+        Samples of what is not wanted; they are compared by color.
     window : int, optional
         Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128. By default 32,
         or 24 or 16 where the sample is small.
@@ -111,7 +118,7 @@ def match(
     '50%'
     """
     request = MatchRequest(
-        parse_like(os.fspath(like)) if isinstance(like, str | os.PathLike) else Disc(*like),
+        _samples(like),
         window,
         similarity,
         intensity,
@@ -121,6 +128,7 @@ def match(
         as_area(min_area),
         tuple(bands),
         by,
+        _samples(unlike),
     )
     job = RegionJob(
         ReadOptions(
@@ -136,6 +144,16 @@ def match(
     )
     with allowing(allow_path, allow_network):
         return regions_of(source, job, work(threads, tile, progress, resume))
+
+
+def _samples(given: Sample | Sequence[Sample]) -> tuple[Disc | str, ...]:
+    """One sample or several, as the requests of jobs have them."""
+    if isinstance(given, str | os.PathLike):
+        return (parse_like(os.fspath(given)),)
+    if len(given) == 3 and all(isinstance(number, Real) for number in given):
+        return (Disc(*given),)
+    several: Any = given
+    return tuple(sample for one in several for sample in _samples(one))
 
 
 @checked

@@ -31,9 +31,16 @@ if TYPE_CHECKING:
 @click.option(
     "--like",
     required=True,
+    multiple=True,
     metavar="SAMPLE|X,Y,RADIUS",
     help="The sample: a file of polygons, or a disc in the raster's coordinates (RADIUS in their unit; in "
-    "metres where they are degrees).",
+    "metres where they are degrees). May be given several times.",
+)
+@click.option(
+    "--unlike",
+    multiple=True,
+    metavar="SAMPLE|X,Y,RADIUS",
+    help="A sample of what is not wanted; may be given several times.",
 )
 @click.option(
     "-o",
@@ -111,7 +118,8 @@ def command(**options: Any) -> None:
 
     By default color; of what has the colors of the sample, texture decides where it clearly shows two kinds;
     and texture with intensity where color hardly parts the sample from the raster, or where --window,
-    --similarity or --intensity is given. The table at the end says which.
+    --similarity or --intensity is given. The table at the end says which. Several samples, and those of what
+    is --unlike, are compared by color.
 
     Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
@@ -140,7 +148,7 @@ def command(**options: Any) -> None:
     labels = options["labels"]
     check_targets(target, labels, run.overwrite)
     style = style_kind(options, target)
-    keep_inputs([target, labels], options["rasters"], options["like"])
+    keep_inputs([target, labels], options["rasters"], options["like"], options["unlike"])
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
@@ -156,7 +164,7 @@ def _request(options: dict[str, Any]) -> MatchRequest:
     from uavseg.regions.sample.place import parse_like
 
     return MatchRequest(
-        parse_like(options["like"]),
+        tuple(map(parse_like, options["like"])),
         options["window"],
         options["similarity"],
         options["intensity"],
@@ -166,6 +174,7 @@ def _request(options: dict[str, Any]) -> MatchRequest:
         area(options["min_area"]),
         options["bands"],
         options["by"],
+        tuple(map(parse_like, options["unlike"])),
     )
 
 
@@ -183,6 +192,8 @@ def _rows(match: Match, target: str) -> dict[str, str]:
     }
     if color is not None:
         rows["likeness"] = f"{color.own:.2f} in the sample, {color.share:.2f} in the raster"
+        if color.unlike is not None:
+            rows["likeness"] += f", {color.unlike:.2f} in what is unlike"
     if texture is not None:
         sample = texture.sample
         mean, deviation = sample.mean / GREY_MAX, sample.deviation / GREY_MAX

@@ -33,6 +33,7 @@ _LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster
 _LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
 _LEAST_SEPARABILITY = 0.8  # of the scores of smaller windows
 _HARDLY = "color hardly parts the sample from the rest of the raster; texture may (--by texture)"
+_MIXED = "color hardly parts the samples of what is wanted from the others; give bands or an index that does"
 _NEITHER = (
     "color hardly parts the sample from the rest of the raster, and the sample is too small to tell by its "
     "texture; give a larger one"
@@ -87,44 +88,54 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")
-    place = sample_mask(request.like, raster.geobox)
+    places = tuple(sample_mask(like, raster.geobox) for like in request.samples)
     passes = work.over(raster).stages(7)
     made = _by_texture if request.texture_alone else _by_color
-    result = made(raster, raster.grey(passes[0]), place, request, passes)
+    result = made(raster, raster.grey(passes[0]), places, request, passes)
     hints = []
     if result.color is None and len(result.found.regions) == 0:
         hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
     if result.color is not None and not _parts(result.color):
-        hints.append(_HARDLY if request.by == "color" else _NEITHER)
+        hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)
     found = with_metadata(result.found, raster, "match", _facts(request, result))
     return replace(result, found=work.finished(found, *hints))
 
 
 def _by_texture(
-    raster: Raster, grey: GreySource, place: SampleMask, request: MatchRequest, passes: Sequence[TilePass]
+    raster: Raster,
+    grey: GreySource,
+    places: Sequence[SampleMask],
+    request: MatchRequest,
+    passes: Sequence[TilePass],
 ) -> Match:
     """By texture alone, with intensity."""
-    search = search_texture(grey, _bands(raster, request.bands, passes[0].silent), place, request, passes[:2])
+    bands = _bands(raster, request.bands, passes[0].silent)
+    search = search_texture(grey, bands, places[0], request, passes[:2])
     return Match(regions_by_texture(search, passes[2:4]), None, search.how)
 
 
 def _by_color(
-    raster: Raster, grey: GreySource, place: SampleMask, request: MatchRequest, passes: Sequence[TilePass]
+    raster: Raster,
+    grey: GreySource,
+    places: Sequence[SampleMask],
+    request: MatchRequest,
+    passes: Sequence[TilePass],
 ) -> Match:
     """By color, and unless that is asked for alone, by texture where it tells more."""
     colors = _colors(raster, grey, request.bands, passes[0].silent)
-    likeness = learn(colors, place, passes[0])
-    window = fitting_window(place) if request.by == "auto" else None
+    unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
+    likeness = learn(colors, places, unlike, passes[0])
+    window = fitting_window(places[0]) if request.by == "auto" and request.is_one else None
     if window is not None and not _parts(likeness.table):
         bands = _bands(raster, request.bands, passes[0].silent)
-        search = search_texture(grey, bands, place, request, passes[:2])
+        search = search_texture(grey, bands, places[0], request, passes[:2])
         if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
             decided("color hardly parts the sample from the raster: texture is compared")
             return Match(regions_by_texture(search, passes[2:4]), None, search.how)
     outlined = outlines_by_color(likeness, request, passes[1:3])
     if window is not None and window >= _LEAST_WINDOW:
         plain = replace(request, intensity=float("inf"), bands=())
-        search = search_texture(grey, (), place, plain, passes[3:5])
+        search = search_texture(grey, (), places[0], plain, passes[3:5])
         inner = inner_cells(outlined.rings, raster.geobox.shape, passes[5].silent)
         if are_two_kinds(search.scores.best[inner], search.criterion.limit):
             decided("texture clearly parts what has the colors of the sample")
@@ -134,7 +145,7 @@ def _by_color(
 
 def _parts(table: LikenessTable) -> bool:
     """Whether color parts the sample from the rest of the raster."""
-    return table.own - table.share >= _LEAST_PARTING
+    return table.parting >= _LEAST_PARTING
 
 
 def _colors(
@@ -155,12 +166,17 @@ def _bands(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> l
 
 def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
     """The parameters, for the metadata of the regions."""
-    like = request.like
-    disc = [like.x, like.y, like.radius] if isinstance(like, Disc) else None
-    facts: dict[str, Any] = {"like": like if isinstance(like, str) else disc, "by": made.compared}
+    likes = [_fact(like) for like in request.samples]
+    facts: dict[str, Any] = {"like": likes[0] if len(likes) == 1 else likes, "by": made.compared}
+    if request.unlike:
+        facts |= {"unlike": [_fact(one) for one in request.unlike]}
     if made.texture is not None:
         facts |= {"window": made.texture.window, "similarity": request.similarity}
         any_intensity = made.color is not None or not np.isfinite(request.intensity)
         facts |= {"intensity": "any" if any_intensity else request.intensity}
     facts |= {"refine": request.refine, "bands": request.bands or None}
     return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area)
+
+
+def _fact(like: Disc | str) -> list[float] | str:
+    return [like.x, like.y, like.radius] if isinstance(like, Disc) else like

@@ -28,10 +28,15 @@ from uavseg.units import GREY_MAX
 _LIKELY = IntensityRange(0.5, 1)
 
 
-def learn(bands: Sequence[GreySource], place: SampleMask, tile_pass: TilePass) -> LikenessSource:
-    """The raster as likeness to a sample."""
+def learn(
+    bands: Sequence[GreySource],
+    places: Sequence[SampleMask],
+    unlike: Sequence[SampleMask],
+    tile_pass: TilePass,
+) -> LikenessSource:
+    """The raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
-        found = fit_likeness(bands, place, tile_pass)
+        found = fit_likeness(bands, places, tile_pass, unlike)
     decided("likeness %.3f in the sample, %.3f in the raster", found.table.own, found.table.share)
     return found
 

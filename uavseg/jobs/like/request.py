@@ -17,8 +17,8 @@ class MatchRequest:
 
     Parameters
     ----------
-    like : Disc or str
-        The sample: a disc on the map, or a file of polygons.
+    like : Disc or str, or tuple of them
+        The sample: a disc on the map, or a file of polygons. Several are compared by color.
     window : int, optional
         Side in pixels of the window whose texture is compared; by default 32, or less where the sample is too
         small for it.
@@ -40,6 +40,8 @@ class MatchRequest:
         What is compared: color, or texture with intensity. By default color, with texture where that clearly
         parts what has the color; or texture, where color hardly parts the sample from the rest of the raster,
         or one of window, similarity and intensity is chosen.
+    unlike : tuple of Disc or str
+        Samples of what is not wanted; they are compared by color.
 
     Raises
     ------
@@ -47,7 +49,7 @@ class MatchRequest:
         If one of them is not allowed.
     """
 
-    like: Disc | str
+    like: Disc | str | tuple[Disc | str, ...]
     window: int | None = None
     similarity: float = 0.9
     intensity: float = 1.0
@@ -57,8 +59,16 @@ class MatchRequest:
     min_area: Area | None = None
     bands: tuple[int | str, ...] = ()
     by: str = "auto"
+    unlike: tuple[Disc | str, ...] = ()
 
     def __post_init__(self) -> None:
+        if len(self.samples) == 0:
+            raise ParameterError("a sample is needed, of what is wanted")
+        if not self.is_one and self.texture_alone:
+            raise ParameterError(
+                "texture is compared with one sample; several, and those of what is unlike, are compared by "
+                "color: leave out the words of texture, or all samples but one"
+            )
         if self.window is not None and self.window not in WINDOWS:
             known = ", ".join(map(str, WINDOWS))
             raise ParameterError(f"the side of a window is one of {known} pixels, not {self.window}")
@@ -83,6 +93,16 @@ class MatchRequest:
     def chooses_texture(self) -> bool:
         """Whether something is chosen that only the comparison of texture has."""
         return (self.window, self.similarity, self.intensity) != (None, 0.9, 1.0)
+
+    @property
+    def samples(self) -> tuple[Disc | str, ...]:
+        """The samples of what is wanted."""
+        return self.like if isinstance(self.like, tuple) else (self.like,)
+
+    @property
+    def is_one(self) -> bool:
+        """Whether there is one sample, of what is wanted."""
+        return len(self.samples) == 1 and not self.unlike
 
     @property
     def texture_alone(self) -> bool:
