@@ -26,6 +26,7 @@ _SHRINK = 0.6  # share of the variance along the longest axis that the split tak
 _RARE = 1e-3  # share of the raster below which a component counts as this share
 _IN_SAMPLE = 0.1  # share of the sample with which a component is compared at all
 _WRONG = 0.1  # share of the sample that may be of another kind
+_ELSEWHERE = 0.1  # weight of the raster where a sample of other kinds lacks what the raster has
 _VOTE = 20.0  # how much a mixture loses by the share of the sample that it does not find
 
 Points = NDArray[np.float64]
@@ -130,7 +131,7 @@ class SampleVote:
             parted = np.array([_trimmed(_weighted(p, m)) for p, m in zip(purities, memberships, strict=True)])
         else:
             others = [mixture.memberships(unlike) for mixture in mixtures]
-            purities = [_shares_of_two(*pair) for pair in zip(memberships, others, strict=True)]
+            purities = [_purities_of_two(*parts) for parts in zip(mixtures, memberships, others, strict=True)]
             found = zip(purities, memberships, others, strict=True)
             parted = np.array(
                 [_trimmed(_weighted(p, m)) + _trimmed(1 - _weighted(p, o)) for p, m, o in found]
@@ -150,10 +151,13 @@ def _trimmed(likeness: Points) -> float:
     return float(np.sort(likeness)[int(_WRONG * len(likeness)) :].mean())
 
 
-def _shares_of_two(memberships: Points, others: Points) -> Points:
-    """Share of each component that is of the kind of one sample, if all is like this or like another one."""
-    own, other = memberships.mean(1) + _RARE, others.mean(1) + _RARE
-    found: Points = own / (own + other)
+def _purities_of_two(mixture: Mixture, memberships: Points, others: Points) -> Points:
+    """Share of each component that is of the kind of one sample and not of another one.
+
+    What neither has, and the raster has, is of another kind still.
+    """
+    own, other = memberships.mean(1), others.mean(1)
+    found: Points = own / (own + np.maximum(other, _ELSEWHERE * mixture.shares) + _RARE)
     return found
 
 
