@@ -128,6 +128,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         geopandas.read_file("regions.gpkg").tail(2).to_file("two.gpkg", layer="b")
         far = shapely.Point(-76.2708, 45.1511).buffer(8e-5)
         geopandas.GeoDataFrame({"id": [1]}, geometry=[far], crs=4326).to_file("zone.geojson")
+        discs = [shapely.Point(4e5 + x, 5e6 - y).buffer(20) for x, y in ((170, 140), (60, 60), (60, 200))]
+        kinds = {"class": ["a", "b", "b"]}
+        geopandas.GeoDataFrame(kinds, geometry=discs, crs=UTM["crs"]).to_file("samples.gpkg")
         yield Path()
 
 
@@ -312,6 +315,8 @@ MATCH: list[tuple[Any, Words]] = [
     ("tile.tif", {"like": DISC, "by": "texture", "tile": 64}),
     ("tile.tif", {"like": [DISC, (4e5 + 60, 5e6 - 60, 30)], "unlike": [(4e5 + 60, 5e6 - 200, 30)]}),
     ("tile.tif", {"like": DISC, "unlike": [DISC]}),
+    ("tile.tif", {"classes": "samples.gpkg", "min_area": 60.0, "fill_holes": "99px"}),
+    ("tile.tif", {"classes": "regions.gpkg"}),
     ("tile.tif", {"like": DISC, "by": "color", "window": 16}),
     ("bands.tif", {"like": DISC, "by": "color", "bands": (1, 2, 3), "min_area": 60.0, "fill_holes": "9px"}),
     (["west.tif", "east.tif"], {"like": DISC, "window": 24}),

@@ -41,6 +41,7 @@ LINES = tuple(
         f"levels x.tif --width 0.3 -o out.fgb --labels out.tif --stretch percentile:1,99 {DIVISION} {RUN}",
         f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 --bands 1 {RUN}",
         f"match x.tif --like 500048,4499952,20 -o out.fgb --unlike 500100,4499900,9 --by color --labels out.tif --fill-holes 9px --min-area 9 {RUN}",
+        f"match x.tif --classes cl.geojson -o out.geojson --refine none {RUN}",
         f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
         f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
         f"classify m.tif -o out.yaml --mode scale {DIVISION} --threads 1",
@@ -122,7 +123,7 @@ def _files() -> dict[str, bytes]:
     drawn = seeds.missions()
     pictures = {"rgb.tif": seeds.rasters()["jpeg.tif"], "g.tif": seeds.rasters()["lerc.tif"]}
     others = pictures | {"b.tif": seeds.block_map()["b.tif"], "m.pgm": seeds.ros_maps()["m.pgm"]}
-    names = ("r.geojson", "lv.geojson", "r.gpkg", "r.kml", "r.parquet", "r.fgb")
+    names = ("r.geojson", "lv.geojson", "cl.geojson", "r.gpkg", "r.kml", "r.parquet", "r.fgb")
     regions = {name: seeds.vectors()[name] for name in names}
     vehicle = {"v.json": b'{"hover_w": 200, "cruise_w": 180, "battery_wh": 80}'}
     others |= seeds.bags()

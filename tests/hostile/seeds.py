@@ -131,6 +131,8 @@ def vectors() -> Files:
         for suffix in ("geojson", "gpkg", "fgb", "parquet", "shp", "kml"):
             _uavseg(folder, "extract", "x.tif", "--range", "0.5,1", "-o", f"r.{suffix}", "--min-area", "40px")
         _uavseg(folder, "levels", "x.tif", "--width", "0.3", "-o", "lv.geojson", "--min-area", "80px")
+        classes = ("--class", "dark=0,0.4", "--class", "bright=0.4,1")
+        _uavseg(folder, "extract", "x.tif", *classes, "-o", "cl.geojson", "--min-area", "80px")
         ring = "15.0000 40.6000,15.0003 40.6000,15.0003 40.6003,15.0000 40.6003,15.0000 40.6000"
         (folder / "r.csv").write_text(f'id,WKT\n1,"POLYGON (({ring}))"\n2,"POLYGON (({ring}))"\n')
         (folder / "hand.geojson").write_text(json.dumps(_hand_made()))

@@ -19,6 +19,7 @@ COMMANDS: tuple[Arguments, ...] = (
     ("info", "{r}"),
     ("info", "{r}", "--json"),
     ("match", "x.tif", "--like", "{r}", "-o", "out.geojson", "--threads", "1"),
+    ("match", "x.tif", "--classes", "{r}", "-o", "out.geojson", "--threads", "1"),
 )
 STDIN = ("plan", "-", "-o", "out.plan", *FLIGHT)
 PARTS = {"r.shp": ("r.shp", "r.shx", "r.dbf", "r.prj", "r.cpg")}
@@ -33,6 +34,7 @@ NAMES = (
     "hand.kml",
     "r.csv",
     "lv.geojson",
+    "cl.geojson",
 )
 
 

@@ -22,7 +22,7 @@ from uavseg.regions.outline.rasterise import rasterise
 from uavseg.regions.sample.place import Disc
 
 SHAPE = (256, 320)
-COLORS = MatchRequest(Disc(1110, 890, 50), bands=("red", "green", "blue"))
+COLORS = MatchRequest(Disc(1110, 890, 50), bands=("red", "green", "blue"), by="texture")
 GREY = replace(COLORS, bands=())
 
 

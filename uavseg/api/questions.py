@@ -13,6 +13,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.each import RegionJob
+from uavseg.jobs.like.by_classes import MatchClassesRequest, match_classes
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import match as run_match
 from uavseg.jobs.open_source import open_source
@@ -35,9 +36,10 @@ Sample = str | os.PathLike[str] | tuple[float, float, float]
 @checked
 def match(
     source: Any,
-    like: Sample | Sequence[Sample],
+    like: Sample | Sequence[Sample] = (),
     *,
     unlike: Sequence[Sample] = (),
+    classes: str | os.PathLike[str] | None = None,
     window: int | None = None,
     similarity: float = 0.9,
     intensity: float = 1.0,
@@ -78,6 +80,9 @@ def match(
         (the radius in their unit; in metres where they are degrees). Several are compared by color.
     unlike : sequence of path or (float, float, float)
         Samples of what is not wanted; they are compared by color.
+    classes : path, optional
+        In place of `like`: a file of polygons with a column `class`. The colors of the samples of each class
+        are compared with those of all others; every pixel is of the likeliest class, or of none.
     window : int, optional
         Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128. By default 32,
         or 24 or 16 where the sample is small.
@@ -117,19 +122,26 @@ def match(
     >>> f"{pixels / field.size:.0%}"
     '50%'
     """
-    request = MatchRequest(
-        _samples(like),
-        window,
-        similarity,
-        intensity,
-        refine,
-        Drawing(simplify_m=simplify),
-        as_area(fill_holes),
-        as_area(min_area),
-        tuple(bands),
-        by,
-        _samples(unlike),
-    )
+    drawing, holes, least = Drawing(simplify_m=simplify), as_area(fill_holes), as_area(min_area)
+    if classes is None:
+        request = MatchRequest(
+            _samples(like),
+            window,
+            similarity,
+            intensity,
+            refine,
+            drawing,
+            holes,
+            least,
+            tuple(bands),
+            by,
+            _samples(unlike),
+        )
+        find = lambda opened, how: run_match(opened, request, how).found  # noqa: E731
+    else:
+        _check_alone(like, unlike, (window, similarity, intensity, by))
+        of_classes = MatchClassesRequest(os.fspath(classes), refine, drawing, holes, least, tuple(bands))
+        find = lambda opened, how: match_classes(opened, of_classes, how)  # noqa: E731
     job = RegionJob(
         ReadOptions(
             band,
@@ -140,10 +152,18 @@ def match(
             words=BandWords(index, expr, band_names),
             collar=collar,
         ),
-        lambda opened, how: run_match(opened, request, how).found,
+        find,
     )
     with allowing(allow_path, allow_network):
         return regions_of(source, job, work(threads, tile, progress, resume))
+
+
+def _check_alone(like: object, unlike: object, words: tuple[object, ...]) -> None:
+    if like not in ((), []) or unlike not in ((), []) or words != (None, 0.9, 1.0, "auto"):
+        raise ParameterError(
+            "classes compares the colors of all its samples; leave out like, unlike, window, similarity, "
+            "intensity and by"
+        )
 
 
 def _samples(given: Sample | Sequence[Sample]) -> tuple[Disc | str, ...]:

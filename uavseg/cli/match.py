@@ -22,15 +22,18 @@ from uavseg.cli.options.stream import geojson_form, stream_options, stream_warni
 from uavseg.cli.options.style import style_kind, style_option
 
 if TYPE_CHECKING:
+    from uavseg.jobs.like.by_classes import MatchClassesRequest
     from uavseg.jobs.like.request import MatchRequest
     from uavseg.jobs.match import Match
+    from uavseg.jobs.result import Extraction
+    from uavseg.jobs.source import Source
+    from uavseg.jobs.work import Work
 
 
 @click.command("match", short_help="Find regions that look like a sample.")
 @reading_options
 @click.option(
     "--like",
-    required=True,
     multiple=True,
     metavar="SAMPLE|X,Y,RADIUS",
     help="The sample: a file of polygons, or a disc in the raster's coordinates (RADIUS in their unit; in "
@@ -41,6 +44,12 @@ if TYPE_CHECKING:
     multiple=True,
     metavar="SAMPLE|X,Y,RADIUS",
     help="A sample of what is not wanted; may be given several times.",
+)
+@click.option(
+    "--classes",
+    metavar="SAMPLES",
+    help="In place of --like: a file of polygons with a column class; every pixel is of the likeliest class, "
+    "or of none.",
 )
 @click.option(
     "-o",
@@ -119,7 +128,8 @@ def command(**options: Any) -> None:
     By default color; of what has the colors of the sample, texture decides where it clearly shows two kinds;
     and texture with intensity where color hardly parts the sample from the raster, or where --window,
     --similarity or --intensity is given. The table at the end says which. Several samples, and those of what
-    is --unlike, are compared by color.
+    is --unlike, are compared by color. With --classes, a whole map: samples of each class against those of
+    all others; what is like none of them is left out.
 
     Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
@@ -127,17 +137,28 @@ def command(**options: Any) -> None:
     rasters are one mosaic, unless --each is given.
     """
     from uavseg.jobs.each import RegionJob
+    from uavseg.jobs.like.by_classes import match_classes
+    from uavseg.jobs.like.request import MatchRequest
     from uavseg.jobs.match import match
     from uavseg.jobs.open_source import open_source
     from uavseg.raster.source_list import stem_of
     from uavseg.regions.formats import export
 
     run = RunOptions.of(options)
+    _check_samples(options)
     request, read = _request(options), read_options(options)
+
+    def find(source: Source, how: Work) -> tuple[Extraction, dict[str, str]]:
+        if isinstance(request, MatchRequest):
+            made = match(source, request, how)
+            return made.found, _compared(made)
+        found = match_classes(source, request, how)
+        return found, _classes(found)
+
     if options["each"]:
         answer_each(
             options,
-            RegionJob(read, lambda source, how: match(source, request, how).found),
+            RegionJob(read, lambda source, how: find(source, how)[0]),
             ".match.geojson",
             run,
         )
@@ -148,21 +169,56 @@ def command(**options: Any) -> None:
     labels = options["labels"]
     check_targets(target, labels, run.overwrite)
     style = style_kind(options, target)
-    keep_inputs([target, labels], options["rasters"], options["like"], options["unlike"])
+    keep_inputs([target, labels], options["rasters"], options["like"], options["unlike"], options["classes"])
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
-    found = match(source, request, work)
+    found, compared = find(source, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found.found, target, labels, work, run.overwrite, form, style)
-    run.reporter.table(_rows(found, target) | {"seconds": f"{run.reporter.seconds:.2f}"})
+        write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
+    common = summary_rows(found)
+    rows = {
+        "regions": f"{len(found.regions):,} -> {shown(target)}",
+        "total area": common["total area"],
+        "largest": common["largest"],
+        **compared,
+        "stretch": common["stretch"],
+        "band": common["band"],
+    }
+    run.reporter.table(rows | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 
-def _request(options: dict[str, Any]) -> MatchRequest:
+def _check_samples(options: dict[str, Any]) -> None:
+    """Either samples of one kind, or of classes."""
+    if options["classes"] is None:
+        if not options["like"]:
+            raise click.UsageError("give a sample with --like, or samples of several classes with --classes")
+        return
+    alone = ("like", "unlike", "window")
+    given = [f"--{name}" for name in alone if options[name]]
+    usual = {"by": "auto", "similarity": 0.9, "intensity": 1.0}
+    given += [f"--{name}" for name, value in usual.items() if options[name] != value]
+    if given:
+        raise click.UsageError(
+            f"--classes compares the colors of all its samples; leave out {', '.join(given)}"
+        )
+
+
+def _request(options: dict[str, Any]) -> MatchRequest | MatchClassesRequest:
+    from uavseg.jobs.like.by_classes import MatchClassesRequest
     from uavseg.jobs.like.request import MatchRequest
     from uavseg.regions.sample.place import parse_like
 
+    if options["classes"] is not None:
+        return MatchClassesRequest(
+            options["classes"],
+            options["refine"],
+            drawing(options),
+            area(options["fill_holes"]),
+            area(options["min_area"]),
+            options["bands"],
+        )
     return MatchRequest(
         tuple(map(parse_like, options["like"])),
         options["window"],
@@ -178,18 +234,12 @@ def _request(options: dict[str, Any]) -> MatchRequest:
     )
 
 
-def _rows(match: Match, target: str) -> dict[str, str]:
-    """The short table at the end."""
+def _compared(match: Match) -> dict[str, str]:
+    """What was compared, and what it says of the sample."""
     from uavseg.units import GREY_MAX
 
-    found, color, texture = match.found, match.color, match.texture
-    common = summary_rows(found)
-    rows = {
-        "regions": f"{len(found.regions):,} -> {shown(target)}",
-        "total area": common["total area"],
-        "largest": common["largest"],
-        "compared": match.compared if color is not None else "texture and intensity",
-    }
+    color, texture = match.color, match.texture
+    rows = {"compared": match.compared if color is not None else "texture and intensity"}
     if color is not None:
         rows["likeness"] = f"{color.own:.2f} in the sample, {color.share:.2f} in the raster"
         if color.unlike is not None:
@@ -202,4 +252,13 @@ def _rows(match: Match, target: str) -> dict[str, str]:
         rows["G per pixel"] = (
             f"{texture.own:.3f} beyond chance in the sample, up to {texture.limit:.3f} is like it"
         )
-    return rows | {"stretch": common["stretch"], "band": common["band"]}
+    return rows
+
+
+def _classes(found: Extraction) -> dict[str, str]:
+    """How many regions each class has."""
+    from collections import Counter
+
+    counts = Counter(found.regions.columns["class"].tolist())
+    parts = [f"{name} {count:,}" for name, count in sorted(counts.items())]
+    return {"classes": ", ".join(parts) or "none"}

@@ -14,13 +14,13 @@ import numpy as np
 from uavseg.execution.phases import decided
 from uavseg.jobs.like.by_color import learn, outlines_by_color, regions_by_color
 from uavseg.jobs.like.by_texture import TextureSample, regions_by_texture, search_texture
+from uavseg.jobs.like.color_bands import band_sources, color_sources
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.metadata import drawing_facts, with_metadata
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Extraction
-from uavseg.jobs.source import AUTO, Raster, Source
+from uavseg.jobs.source import Raster, Source
 from uavseg.jobs.work import SERIAL, Work
-from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.sample.inner_cells import inner_cells
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
@@ -109,7 +109,7 @@ def _by_texture(
     passes: Sequence[TilePass],
 ) -> Match:
     """By texture alone, with intensity."""
-    bands = _bands(raster, request.bands, passes[0].silent)
+    bands = band_sources(raster, request.bands, passes[0].silent)
     search = search_texture(grey, bands, places[0], request, passes[:2])
     return Match(regions_by_texture(search, passes[2:4]), None, search.how)
 
@@ -122,12 +122,12 @@ def _by_color(
     passes: Sequence[TilePass],
 ) -> Match:
     """By color, and unless that is asked for alone, by texture where it tells more."""
-    colors = _colors(raster, grey, request.bands, passes[0].silent)
+    colors = color_sources(raster, grey, request.bands, passes[0].silent)
     unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
     likeness = learn(colors, places, unlike, passes[0])
     window = fitting_window(places[0]) if request.by == "auto" and request.is_one else None
     if window is not None and not _parts(likeness.table):
-        bands = _bands(raster, request.bands, passes[0].silent)
+        bands = band_sources(raster, request.bands, passes[0].silent)
         search = search_texture(grey, bands, places[0], request, passes[:2])
         if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
             decided("color hardly parts the sample from the raster: texture is compared")
@@ -146,22 +146,6 @@ def _by_color(
 def _parts(table: LikenessTable) -> bool:
     """Whether color parts the sample from the rest of the raster."""
     return table.parting >= _LEAST_PARTING
-
-
-def _colors(
-    raster: Raster, grey: GreySource, bands: Sequence[int | str], tile_pass: TilePass
-) -> list[GreySource]:
-    """The bands that are chosen, or those whose luminance is the intensity, or the intensity itself."""
-    if bands or (raster.dataset.choice.formula is None and len(raster.dataset.bands) > 1):
-        return _bands(raster, bands or raster.dataset.bands, tile_pass)
-    return [grey]
-
-
-def _bands(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> list[GreySource]:
-    """Each band as grey, by the stretch of the raster, fitted to it."""
-    dataset = raster.cleaned(tile_pass)
-    datasets = [dataset.of_band(band, raster.options.nodata) for band in bands]
-    return [GreySource(one, fit_stretch(one, raster.options.spec or AUTO, tile_pass)) for one in datasets]
 
 
 def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:

@@ -175,6 +175,8 @@ def test_a_geopackage_whose_text_is_damaged_is_still_told_apart(tmp_path: Path) 
     path = tmp_path / "r.gpkg"
     write_regions(regions({}), path)
     content = path.read_bytes()
-    for damaged in (content, content.replace(b"features", b"feat\xffres")):
+    schema = content.replace(b"CREATE TABLE gpkg_contents", b"CREATE TABLE\xffgpkg_contents")
+    assert schema != content
+    for damaged in (content, content.replace(b"features", b"feat\xffres"), schema):
         path.write_bytes(damaged)
         assert is_region_file(path) == (damaged == content)

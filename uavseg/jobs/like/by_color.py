@@ -19,13 +19,12 @@ from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.likeness import LikenessSource, fit_likeness
 from uavseg.regions.sample.place import SampleMask
+from uavseg.regions.tiles.likely_classes import LIKELY
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
-from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
-
-_LIKELY = IntensityRange(0.5, 1)
 
 
 def learn(
@@ -54,11 +53,11 @@ def outlines_by_color(
     """
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
     with phase("division"):
-        blocks = measure_block_map_for(likeness, _LIKELY, params, passes[0])
-        cells = cells_to_refine(blocks, _LIKELY, params)
+        blocks = measure_block_map_for(likeness, LIKELY, params, passes[0])
+        cells = cells_to_refine(blocks, LIKELY, params)
     del blocks
     with phase("refinement and outlines"):
-        return outline_regions(likeness, cells, _LIKELY, params.refine, passes[1])
+        return outline_regions(likeness, cells, LIKELY, params.refine, passes[1])
 
 
 def regions_by_color(

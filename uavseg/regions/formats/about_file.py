@@ -164,6 +164,6 @@ def _holds_tiles(path: str | os.PathLike[str]) -> bool:
         ) as base:
             base.text_factory = bytes  # text of a damaged file may not be UTF-8
             kinds = {kind for (kind,) in base.execute("SELECT data_type FROM gpkg_contents")}
-    except sqlite3.Error:
+    except (sqlite3.Error, UnicodeError):  # the message of an error may quote what is no text
         return True  # MBTiles and others
     return b"features" not in kinds

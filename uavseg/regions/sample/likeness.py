@@ -47,6 +47,7 @@ def fit_likeness(
     places: Sequence[SampleMask],
     tile_pass: TilePass,
     unlike: Sequence[SampleMask] = (),
+    name: str = "the sample",
 ) -> LikenessSource:
     """Learn what the colours of samples are, against those of the whole raster.
 
@@ -60,6 +61,8 @@ def fit_likeness(
         Its executor reads; the result depends neither on it nor on its tiles.
     unlike : sequence of SampleMask
         Samples of what is not.
+    name : str
+        What an error calls the samples of what is wanted.
 
     Raises
     ------
@@ -68,7 +71,7 @@ def fit_likeness(
     """
     _check_apart(places, unlike)
     run = tile_pass.silent
-    sample = _colors_of(run, bands, places, "the sample")
+    sample = _colors_of(run, bands, places, name)
     others = _colors_of(run, bands, unlike, "the sample of what is unlike") if unlike else None
     looked = list(run.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
     table = LikenessTable.fit(np.concatenate([*looked, sample[:1]]), sample, others)

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -15,6 +15,9 @@ from uavseg.raster.polygon_mask import pixels_inside
 from uavseg.raster.tiling import Window
 from uavseg.units import CELL
 from uavseg.warning_filters import changing_filters
+
+if TYPE_CHECKING:
+    from uavseg.regions.table import Regions
 
 MAX_SAMPLE_PIXELS = 1 << 24  # of the bounding box of a sample, which is held in memory
 _CORNERS = 256  # of the polygon that approximates a disc
@@ -117,7 +120,26 @@ def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
         If the file cannot be read as polygons.
     """
     polygons = _disc_polygon(like, geobox) if isinstance(like, Disc) else _file_polygons(like, geobox)
-    name = "the sample" if isinstance(like, Disc) else f"the sample {like}"
+    return _mask(polygons, geobox, "the sample" if isinstance(like, Disc) else f"the sample {like}")
+
+
+def polygon_masks(regions: "Regions", geobox: GeoBox, name: str) -> list[SampleMask]:
+    """The mask of each of some regions; `sample_mask` says which errors there are.
+
+    Parameters
+    ----------
+    regions : Regions
+        In any coordinate system.
+    geobox : GeoBox
+        Of the raster.
+    name : str
+        What an error calls one of them.
+    """
+    polygons = _on_raster(regions, geobox, name)
+    return [_mask(polygons[k : k + 1], geobox, name) for k in range(len(polygons))]
+
+
+def _mask(polygons: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask:
     on_grid = _to_pixels(polygons, geobox)
     with changing_filters():  # shapely changes them itself
         bounds = shapely.total_bounds(on_grid)
@@ -153,12 +175,16 @@ def _disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
 def _file_polygons(name: str, geobox: GeoBox) -> NDArray[np.object_]:
     from uavseg.regions.formats.read import read_regions
 
+    return _on_raster(read_regions(name), geobox, name)
+
+
+def _on_raster(regions: "Regions", geobox: GeoBox, name: str) -> NDArray[np.object_]:
+    """The polygons of regions in the coordinates of a raster."""
     if geobox.wkt is None:
         raise SampleError(
             f"the raster has no CRS, so the position of {name} in it is unknown; "
             "give the sample as X,Y,RADIUS"
         )
-    regions = read_regions(name)
     project = transform_between(regions.wkt, geobox.wkt)
     polygons: NDArray[Any] = shapely.transform(
         np.asarray(regions.polygons), lambda x, y: project(x, y), interleaved=False

@@ -1,13 +1,13 @@
 """Segments of several kinds, refined to the pixel: tiles are refined, labelled and traced, then stitched."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass
+from uavseg.raster.tiling import TilePass, Window
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs
@@ -16,7 +16,7 @@ from uavseg.segmentation.components import label_equal_values
 from uavseg.segmentation.kinds import refine_kinds_of_tile
 from uavseg.segmentation.partition import Partition
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, GreyTile
 
 Firsts = NDArray[np.int64]
 
@@ -78,24 +78,61 @@ def outline_refined_kinds(
         If a cell has other sums or counts than expected.
     """
     jobs = tile_jobs(cells, tile_pass.windows, expected)
-    found: list[tuple[Firsts, NDArray[np.uint8]]] = []
     tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table), jobs)
-    stitcher = stitch_tiles(source.shape, tile_pass.windows, _outlines(tiles, found))
+    return stitch_kinds(source.shape, tile_pass.windows, tiles)
+
+
+def stitch_kinds(
+    shape: tuple[int, int], windows: Sequence[Window], tiles: Iterable["KindOutlines | None"]
+) -> tuple[RegionOutlines, KindsByPixel]:
+    """All regions of several kinds; those of different kinds stay apart.
+
+    Parameters
+    ----------
+    shape, windows
+        As of `stitch_tiles`.
+    tiles : iterable of KindOutlines or None
+        One for each window.
+    """
+    found: list[tuple[Firsts, NDArray[np.uint8]]] = []
+    stitcher = stitch_tiles(shape, windows, _outlines(tiles, found))
     firsts = np.concatenate([np.empty((0, 2), np.int64), *(firsts for firsts, _ in found)])
     kinds = np.concatenate([np.empty(0, np.uint8), *(kinds for _, kinds in found)])
     return stitcher.finish(kinds=kinds), KindsByPixel.of(firsts, kinds)
 
 
 @dataclass(frozen=True, slots=True)
-class _KindOutlines:
+class KindOutlines:
     """Components of a tile, and the kind of each."""
 
     outlines: TileOutlines
     kinds: NDArray[np.uint8]
 
+    @classmethod
+    def of(
+        cls, pixels: NDArray[np.uint8], tile: GreyTile, window: Window, width: int
+    ) -> "KindOutlines | None":
+        """Those of a tile whose pixels have kinds; None where all are 0.
+
+        Parameters
+        ----------
+        pixels : (M + 2 REFINE_HALO, N + 2 REFINE_HALO) uint8 array
+        tile : GreyTile
+            Grey of the same pixels.
+        window : Window
+        width : int
+            Columns of the raster.
+        """
+        labels, count = label_equal_values(pixels, REFINE_HALO)
+        outlines = outline_tile(pixels, labels, count, tile, window, width)
+        if outlines is None:
+            return None
+        row, col = (outlines.sums.firsts - (window.row, window.col) + REFINE_HALO).T
+        return cls(outlines, pixels[row, col])
+
 
 def _outlines(
-    tiles: Iterable[_KindOutlines | None], found: list[tuple[Firsts, NDArray[np.uint8]]]
+    tiles: Iterable[KindOutlines | None], found: list[tuple[Firsts, NDArray[np.uint8]]]
 ) -> Iterator[TileOutlines | None]:
     """The outlines of tiles; the first pixels and kinds of their components are appended to `found`."""
     for tile in tiles:
@@ -106,15 +143,10 @@ def _outlines(
         yield tile.outlines
 
 
-def _outline_tile(source: GreySource, table: NDArray[np.uint8], job: TileJob) -> _KindOutlines | None:
+def _outline_tile(source: GreySource, table: NDArray[np.uint8], job: TileJob) -> KindOutlines | None:
     refined = refine_kinds_of_tile(source, job.cells, table, job.window)
     if refined is None:
         return None
     pixels, tile = refined
     check_sums(source, job, tile)
-    labels, count = label_equal_values(pixels, REFINE_HALO)
-    outlines = outline_tile(pixels, labels, count, tile, job.window, source.shape[1])
-    if outlines is None:
-        return None
-    row, col = (outlines.sums.firsts - (job.window.row, job.window.col) + REFINE_HALO).T
-    return _KindOutlines(outlines, pixels[row, col])
+    return KindOutlines.of(pixels, tile, job.window, source.shape[1])

@@ -1,0 +1,122 @@
+"""A whole map from samples of several classes: each pixel the likeliest of them by color, or none.
+
+samples -> likeness of each class, against the samples of all others
+        -> cells: where each may be
+        -> outlined: decided together, pixel by pixel
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavseg.errors import ParameterError, SampleError
+from uavseg.execution.phases import decided, phase
+from uavseg.jobs.fill_holes import filled
+from uavseg.jobs.like.color_bands import color_sources
+from uavseg.jobs.metadata import drawing_facts, with_metadata
+from uavseg.jobs.open_source import raster_of
+from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.source import Source
+from uavseg.jobs.work import SERIAL, Work
+from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.sample.class_places import class_masks
+from uavseg.regions.sample.likeness import fit_likeness
+from uavseg.regions.tiles.likely_classes import LIKELY, outline_likely_classes
+from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
+from uavseg.units import MAX_KINDS
+
+_LEAST_PARTING = 0.15  # of the likeness of a class: that of its samples less that of the others
+
+
+@dataclass(frozen=True, slots=True)
+class MatchClassesRequest:
+    """Samples of several classes, and how their regions are drawn.
+
+    Parameters
+    ----------
+    classes : str
+        A file of polygons with a column `class`.
+    refine : {"pixel", "none"}
+        As of `MatchRequest`.
+    drawing : Drawing
+    fill_holes, min_area : Area, optional
+        As of `ClassesRequest`.
+    bands : tuple of int or str
+        Bands whose intensity is compared, each by itself, by number or name.
+
+    Raises
+    ------
+    ParameterError
+        If the refinement is another one.
+    """
+
+    classes: str
+    refine: str = "pixel"
+    drawing: Drawing = Drawing()
+    fill_holes: Area | None = None
+    min_area: Area | None = None
+    bands: tuple[int | str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.refine not in ("pixel", "none"):
+            raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
+
+
+def match_classes(source: Source, request: MatchClassesRequest, work: Work = SERIAL) -> Extraction:
+    """Regions of the classes of samples.
+
+    Parameters
+    ----------
+    source : Raster
+    request : MatchClassesRequest
+    work : Work
+
+    Returns
+    -------
+    Extraction
+        Its regions have the column `class`; none overlap, and adjacent ones share borders.
+
+    Raises
+    ------
+    SampleError
+        If a sample is not on the raster, too small, on nodata or in common with one of another class, or the
+        file has fewer than two classes, or too many.
+    UavsegError
+        If the raster cannot be read or a parameter does not fit it.
+    """
+    work = work.begun()
+    raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
+    places = class_masks(request.classes, raster.geobox)
+    if len(places) > MAX_KINDS:
+        raise SampleError(f"{request.classes} has {len(places)} classes; at most {MAX_KINDS} are told apart")
+    passes = work.over(raster).stages(len(places) + 2)
+    grey = raster.grey(passes[0])
+    bands = color_sources(raster, grey, request.bands, passes[0].silent)
+    params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
+    likenesses, cells, hints = [], [], []
+    for (name, own), tile_pass in zip(places.items(), passes[1:], strict=False):
+        others = [mask for other, masks in places.items() if other != name for mask in masks]
+        with phase(f"colors of {name}"):
+            found = fit_likeness(bands, own, tile_pass, others, f"the sample of {name}")
+        decided(
+            "%s: likeness %.3f in its samples, %.3f in the others", name, found.table.own, found.table.unlike
+        )
+        if found.table.parting < _LEAST_PARTING:
+            hints.append(f"color hardly parts the samples of {name} from the others")
+        with phase(f"division by {name}"):
+            blocks = measure_block_map_for(found, LIKELY, params, tile_pass)
+            cells.append(cells_to_refine(blocks, LIKELY, params))
+        likenesses.append(found)
+    with phase("refinement and outlines"):
+        outlined, kinds = outline_likely_classes(grey, likenesses, cells, params.refine, passes[-1])
+    outlined = filled(grey, outlined, request.fill_holes, passes[-1])
+    if request.min_area is not None:
+        outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
+    kind = kinds.at(outlined.sums.firsts) - 1
+    columns = {"class": np.array(list(places), object)[kind]}
+    hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
+    result = measured(outlined, SourceInfo.of(grey), (0.0, 1.0), request.drawing, columns)
+    facts = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
+    facts |= drawing_facts(request.drawing, request.fill_holes, request.min_area)
+    return work.finished(with_metadata(result, raster, "match", facts), *hints)
