@@ -15,6 +15,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import label_equal_values
 from uavseg.segmentation.kinds import refine_kinds_of_tile
 from uavseg.segmentation.partition import Partition
+from uavseg.segmentation.refine.detail import Detail, with_detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
 
@@ -59,6 +60,7 @@ def outline_refined_kinds(
     partition: Partition,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
+    detail: Detail | None = None,
 ) -> tuple[RegionOutlines, KindsByPixel]:
     """Outline segments of several kinds, refined to the pixel together: none overlap, and borders are shared.
 
@@ -71,15 +73,17 @@ def outline_refined_kinds(
     tile_pass : TilePass
     expected : BlockMap, optional
         The sums and counts that cells must have, if the block map was made earlier.
+    detail : Detail, optional
+        Structures that are narrower vanish from what was refined.
 
     Raises
     ------
     RasterError
         If a cell has other sums or counts than expected.
     """
-    jobs = tile_jobs(cells, tile_pass.windows, expected)
+    jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
     found: list[tuple[Firsts, NDArray[np.uint8]]] = []
-    tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table), jobs)
+    tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, detail), jobs)
     stitcher = stitch_tiles(source.shape, tile_pass.windows, _outlines(tiles, found))
     firsts = np.concatenate([np.empty((0, 2), np.int64), *(firsts for firsts, _ in found)])
     kinds = np.concatenate([np.empty(0, np.uint8), *(kinds for _, kinds in found)])
@@ -106,11 +110,13 @@ def _outlines(
         yield tile.outlines
 
 
-def _outline_tile(source: GreySource, table: NDArray[np.uint8], job: TileJob) -> _KindOutlines | None:
-    refined = refine_kinds_of_tile(source, job.cells, table, job.window)
+def _outline_tile(
+    source: GreySource, table: NDArray[np.uint8], detail: Detail | None, job: TileJob
+) -> _KindOutlines | None:
+    refined = refine_kinds_of_tile(source, job.cells, table, job.refined)
     if refined is None:
         return None
-    pixels, tile = refined
+    pixels, tile = refined if detail is None else with_detail(*refined, detail)
     check_sums(source, job, tile)
     labels, count = label_equal_values(pixels, REFINE_HALO)
     outlines = outline_tile(pixels, labels, count, tile, job.window, source.shape[1])
