@@ -11,6 +11,7 @@ from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
+from uavseg.jobs.detail import as_length
 from uavseg.jobs.each import RegionJob
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import match as run_match
@@ -46,6 +47,7 @@ def match(
     nodata: float | None = None,
     stretch: str = "auto",
     refine: str = "pixel",
+    detail: float | str | None = None,
     min_area: float | str | None = None,
     fill_holes: float | str | None = None,
     simplify: float | None = None,
@@ -118,6 +120,7 @@ def match(
         as_area(min_area),
         tuple(bands),
         by,
+        as_length(detail),
     )
     job = RegionJob(
         ReadOptions(

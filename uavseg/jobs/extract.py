@@ -82,6 +82,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
         If the raster cannot be read or a parameter does not fit it.
     """
     work = work.begun()
+    detail_of(request.detail, source.geobox, request.segment.refine)  # refused before any work
     hints = []
     if not isinstance(source, Blocks):
         found = regions_of_pixels(source, request, work)
@@ -95,7 +96,8 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     if len(found.regions) == 0:
         sought = range_text(request.interval, found.axis)
         kind = "v" if isinstance(request.interval, IntensityRange) else "values"
-        hints.append(f"no region has a mean {sought}; uavseg info shows which {kind} there are")
+        wide = "" if request.detail is None else f" and is {request.detail} wide"
+        hints.append(f"no region has a mean {sought}{wide}; uavseg info shows which {kind} there are")
     how = range_facts(found.wanted, found.axis) | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     return work.finished(with_metadata(found, source, "extract", how), *hints)

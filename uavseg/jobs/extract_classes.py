@@ -81,8 +81,9 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
         columns["color"] = np.array([one.color or "" for one in classes], object)[kind]
     empty = [str(one) for n, one in enumerate(classes) if not (kind == n).any()]
     if empty:
-        edited = (request.fill_holes, request.min_area, request.detail) != (None, None, None)
+        edited = request.fill_holes is not None or request.min_area is not None
         left = "is left once holes are filled and small regions dropped" if edited else "is there"
+        left += "" if request.detail is None else f" and is {request.detail} wide"
         hints.append(f"no region of {', '.join(empty)} {left}; uavseg info shows which v there are")
     result = measured(outlined, found.info, (low[kind], high[kind]), request.drawing, columns)
     how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}

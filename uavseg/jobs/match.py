@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from uavseg.jobs.detail import detail_of
 from uavseg.jobs.like.by_color import learn, regions_by_color
 from uavseg.jobs.like.by_texture import TextureSample, regions_by_texture
 from uavseg.jobs.like.request import MatchRequest
@@ -65,6 +66,7 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")
+    detail_of(request.detail, raster.geobox, request.refine)  # refused before any work
     place = sample_mask(request.like, raster.geobox)
     passes = work.over(raster).stages(5)
     grey = raster.grey(passes[0])
@@ -112,4 +114,4 @@ def _facts(request: MatchRequest, how: LikenessTable | TextureSample) -> dict[st
     else:
         facts |= {"by": "color"}
     facts |= {"refine": request.refine, "bands": request.bands or None}
-    return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area)
+    return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)

@@ -113,6 +113,7 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
     UavsegError
         If the source cannot be read, or is not as it was when its block map was made.
     """
+    detail_of(request.detail, source.geobox, request.segment.refine)  # refused before any work
     if not isinstance(source, Blocks):
         stretching, dividing, outlining = work.over(source).stages(3)
         grey = source.grey(stretching)
@@ -176,7 +177,6 @@ def _outlined(
 
     kinds_at: Callable[[Firsts], NDArray[np.int64]]
     if request.segment.refine == "none":
-        refuse_without_pixels(request.detail)
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
     else:
         detail = detail_of(request.detail, grey.dataset.geobox, request.segment.refine, request.cover)

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavseg.execution.phases import decided, phase
+from uavseg.jobs.detail import detail_of
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -53,8 +54,9 @@ def regions_by_color(
         blocks = measure_block_map_for(likeness, _LIKELY, params, passes[0])
         cells = cells_to_refine(blocks, _LIKELY, params)
     del blocks
+    detail = detail_of(request.detail, grey.dataset.geobox, params.refine)
     with phase("refinement and outlines"):
-        outlined = outline_regions(likeness, cells, _LIKELY, params.refine, passes[1])
+        outlined = outline_regions(likeness, cells, _LIKELY, params.refine, passes[1], detail=detail)
         outlined = filled(likeness, outlined, request.fill_holes, passes[1])
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import phase
+from uavseg.jobs.detail import detail_of
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -110,7 +111,8 @@ def _outlined(
         return outline_segments(grey, matched.view(np.uint8), tile_pass)
     cells = undecided_cells(matched, valid & ~matched, request.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
-    return outline_matches(grey, cells, criterion, weights, scores.rest_colors, tile_pass)
+    detail = detail_of(request.detail, grey.dataset.geobox, request.refine)
+    return outline_matches(grey, cells, criterion, weights, scores.rest_colors, tile_pass, detail)
 
 
 def _measured(

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
+from uavseg.jobs.detail import Length
 from uavseg.jobs.result import Drawing
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
@@ -38,6 +39,8 @@ class MatchRequest:
         compared as well.
     by : {"texture", "color"}
         What is compared: texture with intensity, or color.
+    detail : Length, optional
+        As of `ExtractRequest`.
 
     Raises
     ------
@@ -55,6 +58,7 @@ class MatchRequest:
     min_area: Area | None = None
     bands: tuple[int | str, ...] = ()
     by: str = "texture"
+    detail: Length | None = None
 
     def __post_init__(self) -> None:
         if self.window not in WINDOWS:

@@ -25,6 +25,7 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components
+from uavseg.segmentation.refine.detail import Detail, with_detail
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.color_decision import classify_colored_pixels
@@ -140,6 +141,7 @@ def outline_matches(
     weights: PixelWeights,
     rest_colors: NDArray[np.int64],
     tile_pass: TilePass,
+    detail: Detail | None = None,
 ) -> RegionOutlines:
     """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
 
@@ -153,9 +155,12 @@ def outline_matches(
     rest_colors : (bands, 64) int64 array
         See `CellScores`.
     tile_pass : TilePass
+    detail : Detail, optional
+        Structures that are narrower vanish.
     """
-    outline = partial(_outline_match, source, criterion, weights, rest_colors)
-    tiles = tile_pass.run(outline, cell_jobs(cells, tile_pass.windows, DECISION_HALO))
+    outline = partial(_outline_match, source, criterion, weights, rest_colors, detail)
+    halo = DECISION_HALO + (0 if detail is None else detail.halo)
+    tiles = tile_pass.run(outline, cell_jobs(cells, tile_pass.windows, halo))
     return stitch_tiles(source.shape, tile_pass.windows, tiles).finish()
 
 
@@ -243,21 +248,25 @@ def _outline_match(
     criterion: Criterion,
     weights: PixelWeights,
     rest_colors: NDArray[np.int64],
+    detail: Detail | None,
     job: tuple[Window, NDArray[np.uint8]],
 ) -> TileOutlines | None:
     window, cells = job
     if not cells.any():
         return None
-    tile = source.read(window, DECISION_HALO, beyond=True)
+    decided = window if detail is None else window.grown(detail.halo)
+    tile = source.read(decided, DECISION_HALO, beyond=True)
     if (cells == 2).any():
         known, edges = tile.mask, criterion.bin_edges
         names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)
         if criterion.colors:
-            planes = color_planes(criterion.colors, rest_colors, window, DECISION_HALO)
+            planes = color_planes(criterion.colors, rest_colors, decided, DECISION_HALO)
             pixels = classify_colored_pixels(cells, tile.valid, tile.grey, names, weights, planes)
         else:
             pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
+    if detail is not None:
+        pixels, tile = with_detail(pixels, tile, detail)
     found = label_components(pixels, DECISION_HALO)
     return outline_tile(pixels, *found, tile, window, source.shape[1])

@@ -1,7 +1,7 @@
 """The wanted scale: structures, necks and gaps narrower than a disc vanish from a label image.
 
-A sequential filter of partitions, from small discs to the wanted one: what no disc of its own kind covers takes
-the kind of the nearest pixel that one covers. In the end each kind is opened by the wanted disc.
+A sequential filter of partitions, from small discs to the wanted one: what no disc of its own kind covers
+takes the kind of the nearest pixel that one covers. In the end each kind is opened by the wanted disc.
 """
 
 from collections.abc import Iterator
@@ -30,8 +30,8 @@ class Detail:
     rows, cols : int
         Its size along a column and along a row, 1..128 pixels.
     cover : bool
-        What is narrow always takes the kind of something near, and nothing is left out: for kinds that cover a
-        raster, as levels do.
+        What is narrow takes the kind of something near or keeps its own, and nothing is left out: for kinds
+        that cover a raster, as levels do.
     """
 
     rows: int
@@ -61,8 +61,8 @@ def apply_detail(kinds: Image, valid: Image, detail: Detail) -> Image:
     Discs grow to the wanted size. At each size, pixels that lie in no disc of their own kind (see
     `covered_by_own_discs`) take the kind of the nearest pixel that does, if it is no farther than the disc is
     wide; of several the own kind, then the smallest number. Small discs come first, so that specks neither
-    break large structures nor join small ones. In the end, what lies in no disc of its kind becomes 0, so that
-    the opening of each kind by the disc changes nothing; with `detail.cover` it keeps its kind instead.
+    break large structures nor join small ones. In the end, what lies in no disc of its kind becomes 0, so
+    that the opening of each kind by the disc changes nothing; with `detail.cover` it keeps its kind instead.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Discs on a label image: where all pixels of a disc have one kind, and which pixels such discs cover.
 
-An ellipse of pixels stands for a disc on the ground, since pixels need not be square. Maxima over it are built
-up from runs of a row (van Herk's decomposition of a structuring element into chords).
+An ellipse of pixels stands for a disc on the ground, since pixels need not be square. Maxima over it are
+built up from runs of a row: each row of the disc is a chord.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,8 @@ Image = NDArray[np.uint8]
 class PixelDisc:
     """The pixels whose centres lie within an ellipse that is `rows` high and `cols` wide.
 
-    Its centre is a pixel's, or lies between pixels where a side is even, so a disc is exactly that wide.
+    Its centre is a pixel's, or lies between pixels where a side is even, so a disc is exactly that wide. The
+    rows and columns at the centre belong to it.
 
     Examples
     --------
@@ -39,7 +40,8 @@ class PixelDisc:
         row = 2 * np.arange(self.rows, dtype=np.int64)[:, None] - (self.rows - 1)
         col = 2 * np.arange(self.cols, dtype=np.int64) - (self.cols - 1)
         squares = row**2 * self.cols**2 + col**2 * self.rows**2
-        return np.asarray(squares < (self.rows * self.cols) ** 2)
+        middle = (abs(row) <= 1) | (abs(col) <= 1)  # as wide as its sides also where one of them is small
+        return np.asarray(middle | (squares < (self.rows * self.cols) ** 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +91,8 @@ def disc_maximum(image: Image, disc: PixelDisc) -> Image:
 def covered_by_own_discs(kinds: Image, valid: Image, disc: PixelDisc) -> Image:
     """Where a pixel lies in a disc whose valid pixels have all its kind: the opening of each kind.
 
-    The centre of such a disc, or a pixel beside it, is valid. Pixels that are not valid, and those outside the
-    image, fit every kind.
+    The centre of such a disc, or a pixel beside it, is valid. Pixels that are not valid, and those outside
+    the image, fit every kind.
 
     Parameters
     ----------
