@@ -40,11 +40,12 @@ def parse_length(text: str) -> Length:
     number = text.strip().lower()
     in_pixels = number.endswith("px")
     try:
-        return Length(float(number.removesuffix("px")), in_pixels)
+        value = float(number.removesuffix("px"))
     except ValueError as error:
         raise ParameterError(
             f"a detail is metres such as 2.5, or pixels such as 8px, not {text!r}"
         ) from error
+    return Length(value, in_pixels)
 
 
 def as_length(given: float | str | None) -> Length | None:

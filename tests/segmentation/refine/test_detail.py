@@ -116,7 +116,7 @@ def test_a_neck_is_cut_and_the_two_parts_stay_whole() -> None:
     image[30:50, 40:45] = 1
     found = of(image, Detail(8, 8))
     assert ndimage.label(found)[1] == 2 and not found[34:46].any()
-    assert found[apart > 0].all() and found.sum() < apart.sum() + 20  # its ends are rounded
+    assert found[apart > 0].all() and found.sum() < apart.sum() + 40  # its ends are rounded
     assert ndimage.label(of(image, Detail(5, 5)))[1] == 1
 
 

@@ -56,7 +56,9 @@ def test_the_opening_of_each_kind_is_that_of_morphology(
 ) -> None:
     seed, *shape = image
     rng = np.random.default_rng(seed)
-    kinds = np.where(rng.random(shape) < share, rng.integers(0, 3), rng.integers(0, 4, shape)).astype(np.uint8)
+    kinds = np.where(rng.random(shape) < share, rng.integers(0, 3), rng.integers(0, 4, shape)).astype(
+        np.uint8
+    )
     covered = covered_by_own_discs(kinds, np.ones_like(kinds), disc)
     border = max(disc.rows, disc.cols)
     expected = np.zeros(shape, bool)
