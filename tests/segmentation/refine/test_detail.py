@@ -1,4 +1,4 @@
-"""A detail: what is narrower is left out, cut or closed; what is wider stays, and partitions stay partitions."""
+"""A detail: what is narrower is left out, cut or closed; what is wider stays; partitions stay partitions."""
 
 import numpy as np
 import pytest
@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from uavseg.segmentation.refine.detail import Detail, apply_detail, with_detail
+from uavseg.segmentation.refine.detail import Detail, apply_detail
 from uavseg.segmentation.refine.discs import PixelDisc, covered_by_own_discs
-from uavseg.segmentation.source import GreyTile
 
 Image = NDArray[np.uint8]
 SEEDS = st.integers(0, 100_000)
@@ -144,14 +143,3 @@ def test_fine_stripes_are_left_out_and_levels_keep_them() -> None:
     stripes = (np.indices((120, 120))[1] // 3 % 2 + 1).astype(np.uint8)
     assert not of(stripes, Detail(12, 12))[30:90, 30:90].any()
     assert np.array_equal(of(stripes, Detail(12, 12, cover=True))[30:90, 30:90], stripes[30:90, 30:90])
-
-
-def test_a_tile_is_cropped_by_the_halo() -> None:
-    detail = Detail(3, 3)
-    kinds = np.zeros((2 * detail.halo + 40, 2 * detail.halo + 48), np.uint8)
-    kinds[detail.halo + 10 : detail.halo + 20] = 1
-    grey = np.arange(kinds.size, dtype=np.uint16).reshape(kinds.shape)
-    found, tile = with_detail(kinds, GreyTile(grey, np.ones_like(kinds), True), detail)
-    inner = np.s_[detail.halo : -detail.halo, detail.halo : -detail.halo]
-    assert np.array_equal(found, kinds[inner]) and np.array_equal(tile.grey, grey[inner])
-    assert tile.valid.shape == found.shape and tile.beyond is None

@@ -56,9 +56,8 @@ def test_the_opening_of_each_kind_is_that_of_morphology(
 ) -> None:
     seed, *shape = image
     rng = np.random.default_rng(seed)
-    kinds = np.where(rng.random(shape) < share, rng.integers(0, 3), rng.integers(0, 4, shape)).astype(
-        np.uint8
-    )
+    own, others = rng.integers(0, 4), rng.integers(0, 4, shape)
+    kinds = np.where(rng.random(shape) < share, own, others).astype(np.uint8)
     covered = covered_by_own_discs(kinds, np.ones_like(kinds), disc)
     border = max(disc.rows, disc.cols)
     expected = np.zeros(shape, bool)

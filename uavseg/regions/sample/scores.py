@@ -20,12 +20,13 @@ from uavseg.regions.sample.colors import (
     limit_scores,
 )
 from uavseg.regions.sample.model import Sample
+from uavseg.regions.tiles.detail_tiles import with_detail
 from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
 from uavseg.segmentation.blocks.leaves import cells_to_pixels
 from uavseg.segmentation.components import label_components
-from uavseg.segmentation.refine.detail import Detail, with_detail
+from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
 from uavseg.segmentation.sample.color_decision import classify_colored_pixels

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.tiles.detail_tiles import with_detail
 from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import label_equal_values
 from uavseg.segmentation.kinds import refine_kinds_of_tile
 from uavseg.segmentation.partition import Partition
-from uavseg.segmentation.refine.detail import Detail, with_detail
+from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
 

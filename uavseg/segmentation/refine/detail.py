@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.segmentation.refine.discs import PixelDisc, covered_by_own_discs
-from uavseg.segmentation.source import GreyTile
 from uavseg.units import BLOCK
 
 MAX_DETAIL = 128  # pixels
@@ -84,25 +83,6 @@ def apply_detail(kinds: Image, valid: Image, detail: Detail) -> Image:
     if not detail.cover:
         kinds = kinds * covered_by_own_discs(kinds, valid, PixelDisc(detail.rows, detail.cols))
     return kinds
-
-
-def with_detail(kinds: Image, tile: GreyTile, detail: Detail) -> tuple[Image, GreyTile]:
-    """Apply a detail to a refined tile, and crop both by `detail.halo`, whose pixels decided with it.
-
-    Parameters
-    ----------
-    kinds : (M + 2 m, N + 2 m) uint8 array
-        The kind of each pixel, exact on all but the outermost pixels that are not cropped.
-    tile : GreyTile
-        Of the same pixels.
-    detail : Detail
-    """
-    halo = detail.halo
-    inner = np.s_[halo : kinds.shape[0] - halo, halo : kinds.shape[1] - halo]
-    found = np.ascontiguousarray(apply_detail(kinds, tile.valid, detail)[inner])
-    grey, valid = np.ascontiguousarray(tile.grey[inner]), np.ascontiguousarray(tile.valid[inner])
-    beyond = None if tile.beyond is None else np.ascontiguousarray(tile.beyond[inner])
-    return found, GreyTile(grey, valid, tile.all_valid, beyond)
 
 
 def _take_nearest(kinds: Image, covered: Image, valid: Image, disc: PixelDisc) -> Image:
