@@ -3,8 +3,8 @@
     python -m benchmarks.detail [FOLDER]
 
 Drawn: a river, its quay, discs and islands in noise, joined by necks, cut by gaps and covered with roads of
-1 to 6 pixels that are not in the truth. FOLDER has pictures NAME.tif with truth NAME_truth.tif; the range is that
-of 5 to 95 % of the truth's pixels. Every method gets the regions of the same `extract`.
+1 to 6 pixels that are not in the truth. FOLDER has pictures NAME.tif with truth NAME_truth.tif; the range is
+that of 5 to 95 % of the truth's pixels. Every method gets the regions of the same `extract`.
 """
 
 import sys

@@ -1,4 +1,4 @@
-"""Scores of cells against a sample (G of moving windows), tile by tile, and outlines of matching cells."""
+"""Scores of cells against a sample (G of moving windows), tile by tile."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,25 +11,17 @@ from uavseg.execution.lazy_sequence import LazySequence
 from uavseg.raster.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.sample.colors import (
     GREY_BINS,
     ColorBand,
-    color_planes,
     count_colors,
     limit_scores,
 )
 from uavseg.regions.sample.model import Sample
-from uavseg.regions.tiles.detail_tiles import with_detail
-from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
-from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.components import label_components
-from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
-from uavseg.segmentation.sample.color_decision import classify_colored_pixels
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
     NO_SCORE,
@@ -39,7 +31,6 @@ from uavseg.segmentation.sample.g_scores import (
     texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights, classify_pixels
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL
 
@@ -135,36 +126,6 @@ def score_cells(
     return CellScores(best, rest, whole, rest_colors)
 
 
-def outline_matches(
-    source: GreySource,
-    cells: NDArray[np.uint8],
-    criterion: Criterion,
-    weights: PixelWeights,
-    rest_colors: NDArray[np.int64],
-    tile_pass: TilePass,
-    detail: Detail | None = None,
-) -> RegionOutlines:
-    """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
-
-    Parameters
-    ----------
-    source : GreySource
-    cells : (8 B, 8 C) uint8 array
-        0 outside, 1 inside, 2 undecided.
-    criterion : Criterion
-    weights : PixelWeights
-    rest_colors : (bands, 64) int64 array
-        See `CellScores`.
-    tile_pass : TilePass
-    detail : Detail, optional
-        Structures that are narrower vanish.
-    """
-    outline = partial(_outline_match, source, criterion, weights, rest_colors, detail)
-    halo = DECISION_HALO + (0 if detail is None else detail.halo)
-    tiles = tile_pass.run(outline, cell_jobs(cells, tile_pass.windows, halo))
-    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish()
-
-
 def mean_scores(
     outlined: RegionOutlines, best: NDArray[np.uint16], tile_pass: TilePass
 ) -> NDArray[np.float64]:
@@ -242,32 +203,3 @@ def _crop(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.u
     """Grey and validity of a tile, cropped by `margin` pixels on every side."""
     inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
     return tile.grey[inner], None if tile.all_valid else tile.valid[inner]
-
-
-def _outline_match(
-    source: GreySource,
-    criterion: Criterion,
-    weights: PixelWeights,
-    rest_colors: NDArray[np.int64],
-    detail: Detail | None,
-    job: tuple[Window, NDArray[np.uint8]],
-) -> TileOutlines | None:
-    window, cells = job
-    if not cells.any():
-        return None
-    decided = window if detail is None else window.grown(detail.halo)
-    tile = source.read(decided, DECISION_HALO, beyond=True)
-    if (cells == 2).any():
-        known, edges = tile.mask, criterion.bin_edges
-        names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)
-        if criterion.colors:
-            planes = color_planes(criterion.colors, rest_colors, decided, DECISION_HALO)
-            pixels = classify_colored_pixels(cells, tile.valid, tile.grey, names, weights, planes)
-        else:
-            pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
-    else:
-        pixels = cells_to_pixels(cells, tile.valid)
-    if detail is not None:
-        pixels, tile = with_detail(pixels, tile, detail)
-    found = label_components(pixels, DECISION_HALO)
-    return outline_tile(pixels, *found, tile, window, source.shape[1])
