@@ -13,10 +13,17 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 import uavseg
+from tests.jobs.test_match_auto import LIKE, overlap, painted, quarters, same, write
 from uavseg.errors import ParameterError
+from uavseg.execution.executors import threads
 from uavseg.jobs.detail import Length, as_length, detail_of
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.match import match
+from uavseg.jobs.open_source import open_raster
+from uavseg.jobs.work import Work
 from uavseg.raster.geobox import GeoBox
 from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.refine.discs import PixelDisc, covered_by_own_discs
 
 ALL = (0.5, 1)
 
@@ -140,3 +147,18 @@ def test_a_block_map_is_refined_with_a_detail_or_refuses(tmp_path: Path) -> None
             job()
     with pytest.raises(ParameterError, match="regions end at block edges"):
         uavseg.extract(blocks, ALL, refine="none", detail=8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("side", [6, 14, 30])
+def test_of_color_and_texture_together_tiles_and_threads_change_nothing(tmp_path: Path, side: int) -> None:
+    planes, truth = quarters("rows", "meadow", 0.2)
+    source = open_raster(str(write(tmp_path / "a.tif", planes)))
+    request = MatchRequest(LIKE, detail=Length(side, in_pixels=True))
+    whole = match(source, request)
+    assert whole.compared == "color and texture"
+    assert overlap(painted(whole), truth) > 0.85
+    inside = painted(whole).view(np.uint8)
+    disc = PixelDisc(side, side)
+    assert covered_by_own_discs(inside, np.ones_like(inside), disc)[inside > 0].all()
+    assert same(whole, match(source, request, Work(64, threads(2))))
