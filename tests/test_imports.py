@@ -153,6 +153,8 @@ PHASES = {
     "refine.noise": {"dilation"},
     "refine.total_variation": set(),
     "refine.specks": set(),
+    "refine.discs": set(),
+    "refine.detail": {"refine.discs"},
     "refine.tv": {"dilation", "refine.noise", "refine.specks", "refine.total_variation"},
     "refine.range_scans": set(),
     "states.state_scans": set(),

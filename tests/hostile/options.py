@@ -13,6 +13,7 @@ LINES = tuple(
     line.split()
     for line in (
         f"extract x.tif --range 0.5,1 -o out.geojson {DIVISION} {RUN} --min-area 5 --fill-holes 5px --simplify 1",
+        f"extract x.tif --range 0.5,1 -o out.geojson --detail 4px {RUN}",
         f"extract x.tif --range 0.5,1 -o out.shp --smooth-outline 0.4 --band 1 --nodata 0 --stretch 0,255 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.geojson --expr b1/2+sqrt(b1) --band-names b1 {RUN}",
         f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --band-names red,green,blue {RUN}",
@@ -32,7 +33,7 @@ LINES = tuple(
         f"extract rgb.tif --rgb 1,2,3 --range 0.5,1 -o out.parquet --method paper {RUN}",
         f"extract x.tif --class a=0,0.4 --class b=0.4,1 -o out.gpkg --labels out.tif --min-area 9 {RUN}",
         f"extract x.tif --range 0.5,1 --range 0,0.4 -o out.fgb --mission out.plan --mission-class 0,0.4 {FLIGHT} --allow-edge",
-        f"levels x.tif --breaks 0.3,0.6 -o out.fgb --refine tv {RUN}",
+        f"levels x.tif --breaks 0.3,0.6 -o out.fgb --refine tv --detail 9 {RUN}",
         f"levels x.tif --breaks otsu:3 -o out.fgb --refine none {RUN}",
         f"extract x.tif --range 0.5,1 -o - --sequence --rs --projected {RUN}",
         f"extract x.tif --each --range 0.5,1 -o out.{{stem}}.gpkg --report out.csv --overwrite {RUN}",
@@ -40,7 +41,7 @@ LINES = tuple(
         f"levels x.tif --width 0.3 -o out.geojson --min-area 9 --small merge --simplify 1 {RUN}",
         f"levels x.tif --width 0.3 -o out.fgb --labels out.tif --stretch percentile:1,99 {DIVISION} {RUN}",
         f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 --bands 1 {RUN}",
-        f"match x.tif --like 500048,4499952,20 -o out.fgb --unlike 500100,4499900,9 --by color --labels out.tif --fill-holes 9px --min-area 9 {RUN}",
+        f"match x.tif --like 500048,4499952,20 -o out.fgb --unlike 500100,4499900,9 --by color --labels out.tif --fill-holes 9px --min-area 9 --detail 3px {RUN}",
         f"match x.tif --classes cl.geojson -o out.geojson --refine none {RUN}",
         f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
         f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",

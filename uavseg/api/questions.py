@@ -12,6 +12,7 @@ from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
+from uavseg.jobs.detail import as_length
 from uavseg.jobs.each import RegionJob
 from uavseg.jobs.like.by_classes import MatchClassesRequest, match_classes
 from uavseg.jobs.like.request import MatchRequest
@@ -53,6 +54,7 @@ def match(
     nodata: float | None = None,
     stretch: str = "auto",
     refine: str = "pixel",
+    detail: float | str | None = None,
     min_area: float | str | None = None,
     fill_holes: float | str | None = None,
     simplify: float | None = None,
@@ -136,11 +138,14 @@ def match(
             tuple(bands),
             by,
             _samples(unlike),
+            as_length(detail),
         )
         find = lambda opened, how: run_match(opened, request, how).found  # noqa: E731
     else:
         _check_alone(like, unlike, (window, similarity, intensity, by))
-        of_classes = MatchClassesRequest(os.fspath(classes), refine, drawing, holes, least, tuple(bands))
+        of_classes = MatchClassesRequest(
+            os.fspath(classes), refine, drawing, holes, least, tuple(bands), as_length(detail)
+        )
         find = lambda opened, how: match_classes(opened, of_classes, how)  # noqa: E731
     job = RegionJob(
         ReadOptions(

@@ -11,6 +11,7 @@ from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
+from uavseg.jobs.detail import as_length
 from uavseg.jobs.divide import divide as run_divide
 from uavseg.jobs.each import RegionJob
 from uavseg.jobs.extract import ExtractRequest
@@ -54,6 +55,7 @@ def extract(
     refine: str | None = None,
     threshold: float = 1.2,
     intensity_step: float = 0.05,
+    detail: float | str | None = None,
     min_area: float | str | None = None,
     fill_holes: float | str | None = None,
     smooth_outline: float | None = None,
@@ -101,6 +103,8 @@ def extract(
         Names for the bands: "red,green,blue,nir", or of some "nir=4".
     nodata, stretch, method, refine, threshold, intensity_step
         As the options of `uavseg extract`.
+    detail : float or str, optional
+        Metres, or pixels as "8px": narrower structures are left out, necks cut and gaps closed, before holes.
     min_area, fill_holes : float or str, optional
         Square metres, or pixels as "64px". Holes are filled first, then regions dropped.
     smooth_outline : float, optional
@@ -141,7 +145,7 @@ def extract(
     >>> import uavseg
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    how = Drawing(smooth_outline, simplify), as_area(fill_holes), as_area(min_area)
+    how = Drawing(smooth_outline, simplify), as_area(fill_holes), as_area(min_area), as_length(detail)
     segment = SegmentParams.from_words(method, threshold, intensity_step, refine)
     words = BandWords(index, expr, band_names)
     read = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
@@ -174,6 +178,7 @@ def levels(
     threshold: float = 1.2,
     intensity_step: float = 0.05,
     refine: str | None = None,
+    detail: float | str | None = None,
     min_area: float | str | None = None,
     small: Small = "merge",
     smooth_outline: float | None = None,
@@ -202,6 +207,8 @@ def levels(
     refine : {"tv", "none"}, optional
         By total variation to the pixel, or left at the edges of blocks, which is the default with
         ``method="paper"`` and for more than 127 levels.
+    detail : float or str, optional
+        Metres, or pixels as "8px": what is narrower becomes part of the levels near it.
     small : {"merge", "drop"}
         What becomes of segments of less than `min_area`: the smallest first, each becomes part of the
         neighbour with the longest common border; or they are dropped.
@@ -233,6 +240,7 @@ def levels(
         Drawing(smooth_outline, simplify),
         as_area(min_area),
         small,
+        as_length(detail),
     )
     job = RegionJob(
         ReadOptions(

@@ -34,6 +34,7 @@ from uavseg.cli.options.raster import (
     area,
     drawing,
     drawing_options,
+    length,
     read_options,
     reading_options,
     segment_params,
@@ -76,6 +77,11 @@ if TYPE_CHECKING:
     show_default="tv; with --method paper scan, and none for classes",
     help="How boundaries are found to the pixel: by total variation, four scans or a local mean; those of "
     "classes by tv or none.",
+)
+@click.option(
+    "--detail",
+    metavar="M|Npx",
+    help="Leave out what is narrower, cut necks and close gaps that are; before holes are filled.",
 )
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less, after holes are filled.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
@@ -155,7 +161,7 @@ def _request(options: dict[str, Any]) -> ExtractRequest | ClassesRequest:
 
     asked, refine = asked_ranges(options), options["refine"]
     check_mission_classes(options, asked)
-    how = drawing(options), area(options["fill_holes"]), area(options["min_area"])
+    how = drawing(options), area(options["fill_holes"]), area(options["min_area"]), length(options["detail"])
     if not isinstance(asked, ValueClasses):
         from uavseg.jobs.extract import ExtractRequest
 

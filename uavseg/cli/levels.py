@@ -19,6 +19,7 @@ from uavseg.cli.options.raster import (
     area,
     drawing,
     drawing_options,
+    length,
     read_options,
     reading_options,
     segment_params,
@@ -62,6 +63,11 @@ _LISTED = 8  # levels in the table at the end
     type=click.Choice(["tv", "none"]),
     show_default="tv; none with --method paper",
     help="How boundaries are found to the pixel: by total variation, or left at the edges of blocks.",
+)
+@click.option(
+    "--detail",
+    metavar="M|Npx",
+    help="Give what is narrower to the levels near it, before small segments are merged.",
 )
 @click.option(
     "--min-area", metavar="M2|Npx", help="Merge segments of less into their neighbours, or drop them."
@@ -150,6 +156,7 @@ def _request(options: dict[str, Any]) -> LevelsRequest:
         drawing(options),
         area(options["min_area"]),
         options["small"],
+        length(options["detail"]),
     )
 
 

@@ -16,7 +16,7 @@ from uavseg.cli._write import (
 )
 from uavseg.cli.options.bands import many_bands
 from uavseg.cli.options.each import answer_each, check_alone, each_options
-from uavseg.cli.options.raster import area, drawing, read_options, reading_options
+from uavseg.cli.options.raster import area, drawing, length, read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
 from uavseg.cli.options.style import style_kind, style_option
@@ -105,6 +105,11 @@ if TYPE_CHECKING:
     default="pixel",
     show_default=True,
     help="Boundaries to the pixel, or at the edges of cells of 8 pixels.",
+)
+@click.option(
+    "--detail",
+    metavar="M|Npx",
+    help="Leave out what is narrower, cut necks and close gaps that are; before holes are filled.",
 )
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
@@ -218,6 +223,7 @@ def _request(options: dict[str, Any]) -> MatchRequest | MatchClassesRequest:
             area(options["fill_holes"]),
             area(options["min_area"]),
             options["bands"],
+            length(options["detail"]),
         )
     return MatchRequest(
         tuple(map(parse_like, options["like"])),
@@ -231,6 +237,7 @@ def _request(options: dict[str, Any]) -> MatchRequest | MatchClassesRequest:
         options["bands"],
         options["by"],
         tuple(map(parse_like, options["unlike"])),
+        length(options["detail"]),
     )
 
 

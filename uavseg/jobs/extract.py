@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, logger, phase
+from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.metadata import drawing_facts, range_facts, segment_facts, with_metadata
 from uavseg.jobs.ranges import AnyRange, FoundRange, grey_for, range_of_blocks, range_text
@@ -49,6 +50,8 @@ class ExtractRequest:
         first.
     min_area : Area, optional
         Regions of less are dropped, after holes are filled.
+    detail : Length, optional
+        Structures narrower than this are left out, necks are cut and gaps closed; this comes before holes.
     """
 
     interval: AnyRange
@@ -56,6 +59,7 @@ class ExtractRequest:
     drawing: Drawing = Drawing()
     fill_holes: Area | None = None
     min_area: Area | None = None
+    detail: Length | None = None
 
 
 def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Extraction:
@@ -78,6 +82,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
         If the raster cannot be read or a parameter does not fit it.
     """
     work = work.begun()
+    detail_of(request.detail, source.geobox, request.segment.refine)  # refused before any work
     hints = []
     if not isinstance(source, Blocks):
         found = regions_of_pixels(source, request, work)
@@ -91,9 +96,10 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     if len(found.regions) == 0:
         sought = range_text(request.interval, found.axis)
         kind = "v" if isinstance(request.interval, IntensityRange) else "values"
-        hints.append(f"no region has a mean {sought}; uavseg info shows which {kind} there are")
+        wide = "" if request.detail is None else f" and is {request.detail} wide"
+        hints.append(f"no region has a mean {sought}{wide}; uavseg info shows which {kind} there are")
     how = range_facts(found.wanted, found.axis) | segment_facts(request.segment)
-    how |= drawing_facts(request.drawing, request.fill_holes, request.min_area)
+    how |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     return work.finished(with_metadata(found, source, "extract", how), *hints)
 
 
@@ -151,6 +157,7 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
     from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 
+    refuse_without_pixels(request.detail)
     blocks, segment = source.saved.blocks, request.segment
     wanted = range_of_blocks(source, request.interval)
     outlined = outline_block_map(blocks, cells_in_range(blocks, wanted.interval, segment.division))
@@ -168,7 +175,9 @@ def _outlined(
     expected: BlockMap | None = None,
 ) -> RegionOutlines:
     """Outlines of the regions, with small holes filled."""
-    outlined = outline_regions(grey, cells, wanted.interval, request.segment.refine, tile_pass, expected)
+    refine = request.segment.refine
+    detail = detail_of(request.detail, grey.dataset.geobox, refine)
+    outlined = outline_regions(grey, cells, wanted.interval, refine, tile_pass, expected, detail)
     trim_heap()
     return filled(grey, outlined, request.fill_holes, tile_pass)
 

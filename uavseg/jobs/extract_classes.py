@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uavseg.jobs.detail import Length
 from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import KindsRequest, segment_kinds
@@ -31,6 +32,8 @@ class ClassesRequest:
         this comes first.
     min_area : Area, optional
         Regions of less are dropped, after holes are filled.
+    detail : Length, optional
+        Structures narrower than this become part of what is near, or are left out; this comes before holes.
     """
 
     classes: ValueClasses
@@ -38,6 +41,7 @@ class ClassesRequest:
     drawing: Drawing = Drawing()
     fill_holes: Area | None = None
     min_area: Area | None = None
+    detail: Length | None = None
 
 
 def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL) -> Extraction:
@@ -64,7 +68,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     """
     work = work.begun()
     classes = request.classes.classes
-    kinds = KindsRequest(request.classes.partition, request.segment, request.fill_holes)
+    kinds = KindsRequest(request.classes.partition, request.segment, request.fill_holes, request.detail)
     found = segment_kinds(source, kinds, work)
     outlined, hints = found.outlined, list(found.notes)
     if request.min_area is not None:
@@ -79,10 +83,11 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     if empty:
         edited = request.fill_holes is not None or request.min_area is not None
         left = "is left once holes are filled and small regions dropped" if edited else "is there"
+        left += "" if request.detail is None else f" and is {request.detail} wide"
         hints.append(f"no region of {', '.join(empty)} {left}; uavseg info shows which v there are")
     result = measured(outlined, found.info, (low[kind], high[kind]), request.drawing, columns)
     how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}
     facts = segment_facts(request.segment) | drawing_facts(
-        request.drawing, request.fill_holes, request.min_area
+        request.drawing, request.fill_holes, request.min_area, request.detail
     )
     return work.finished(with_metadata(result, source, "extract", how | facts), *hints)

@@ -6,6 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from uavseg.errors import ParameterError
+from uavseg.jobs.detail import Length
 from uavseg.jobs.level_breaks import BreakChoice
 from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result import Drawing, Extraction, measured
@@ -37,6 +38,8 @@ class LevelsRequest:
     min_area : Area, optional
     small : {"merge", "drop"}
         Segments of less than `min_area` become part of a neighbour, see `eliminate`, or are dropped.
+    detail : Length, optional
+        Structures that are narrower become part of what is near, before small segments do.
 
     Raises
     ------
@@ -49,6 +52,7 @@ class LevelsRequest:
     drawing: Drawing = Drawing()
     min_area: Area | None = None
     small: Small = "merge"
+    detail: Length | None = None
 
     def __post_init__(self) -> None:
         joint_params(self.segment, self.segment.refine)
@@ -93,11 +97,12 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
         If the source cannot be read or a parameter does not fit it.
     """
     work = work.begun()
-    found = segment_kinds(source, KindsRequest(_partition(request), request.segment), work)
+    kinds = KindsRequest(_partition(request), request.segment, detail=request.detail, cover=True)
+    found = segment_kinds(source, kinds, work)
     notes = [*found.notes, *_notes(found.partition, request)]
     small = {"small": request.small} if request.min_area is not None else {}
     how = {"levels": [0.0, *found.partition.edges, 1.0]} | segment_facts(request.segment)
-    how |= drawing_facts(request.drawing, None, request.min_area) | small
+    how |= drawing_facts(request.drawing, None, request.min_area, request.detail) | small
     result = with_metadata(_measured(found, request), source, "levels", how)
     if not len(result.regions):
         notes.append(

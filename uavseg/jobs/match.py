@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from uavseg.execution.phases import decided
+from uavseg.jobs.detail import detail_of
 from uavseg.jobs.like.by_color import learn, outlines_by_color, regions_by_color
 from uavseg.jobs.like.by_texture import TextureSample, regions_by_texture, search_texture
 from uavseg.jobs.like.color_bands import band_sources, color_sources
@@ -88,6 +89,7 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")
+    detail_of(request.detail, raster.geobox, request.refine)  # refused before any work
     places = tuple(sample_mask(like, raster.geobox) for like in request.samples)
     passes = work.over(raster).stages(7)
     made = _by_texture if request.texture_alone else _by_color
@@ -159,7 +161,7 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
         any_intensity = made.color is not None or not np.isfinite(request.intensity)
         facts |= {"intensity": "any" if any_intensity else request.intensity}
     facts |= {"refine": request.refine, "bands": request.bands or None}
-    return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area)
+    return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
 
 
 def _fact(like: Disc | str) -> list[float] | str:

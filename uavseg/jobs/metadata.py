@@ -10,6 +10,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 from uavseg._version import __version__
+from uavseg.jobs.detail import Length
 from uavseg.jobs.ranges import FoundRange
 from uavseg.jobs.result import Drawing, Extraction
 from uavseg.jobs.source import Blocks, Raster, Source
@@ -73,10 +74,14 @@ def segment_facts(segment: SegmentParams) -> dict[str, Any]:
 
 
 def drawing_facts(
-    drawing: Drawing, fill_holes: Area | None = None, min_area: Area | None = None
+    drawing: Drawing,
+    fill_holes: Area | None = None,
+    min_area: Area | None = None,
+    detail: Length | None = None,
 ) -> dict[str, Any]:
     """What was done to regions after they were outlined."""
     return {
+        "detail": None if detail is None else str(detail),
         "fill_holes": _area(fill_holes),
         "min_area": _area(min_area),
         "smooth_outline_m": drawing.smooth_m,

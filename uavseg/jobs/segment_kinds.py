@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, phase
+from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Raster, Source
@@ -40,11 +41,17 @@ class KindsRequest:
     segment : SegmentParams
         Its `refine` is "tv" or "none".
     fill_holes : Area, optional
+    detail : Length, optional
+        Structures that are narrower become part of what is near.
+    cover : bool
+        Whether kinds cover the raster, so that a detail leaves no pixel without one.
     """
 
     partition: Partition | ChoosePartition
     segment: SegmentParams
     fill_holes: Area | None = None
+    detail: Length | None = None
+    cover: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,6 +113,7 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
     UavsegError
         If the source cannot be read, or is not as it was when its block map was made.
     """
+    detail_of(request.detail, source.geobox, request.segment.refine)  # refused before any work
     if not isinstance(source, Blocks):
         stretching, dividing, outlining = work.over(source).stages(3)
         grey = source.grey(stretching)
@@ -171,7 +179,8 @@ def _outlined(
     if request.segment.refine == "none":
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
     else:
-        outlined, kinds = outline_refined_kinds(grey, cells, partition, tile_pass, expected)
+        detail = detail_of(request.detail, grey.dataset.geobox, request.segment.refine, request.cover)
+        outlined, kinds = outline_refined_kinds(grey, cells, partition, tile_pass, expected, detail)
         kinds_at = kinds.at
     trim_heap()
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
@@ -185,6 +194,7 @@ def _at_block_edges(
     from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
     from uavseg.segmentation.blocks.leaves import cell_kinds
 
+    refuse_without_pixels(request.detail)
     blocks = source.saved.blocks
     kinds = cell_kinds(blocks, partition, request.segment.division)
     outlined = outline_block_map(blocks, kinds)

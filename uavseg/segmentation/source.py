@@ -41,6 +41,13 @@ class GreyTile:
         """`valid`, or None where every pixel is valid."""
         return None if self.all_valid else self.valid
 
+    def cropped(self, margin: int) -> "GreyTile":
+        """The tile without its outermost `margin` pixels on every side."""
+        inner = np.s_[margin : self.grey.shape[0] - margin, margin : self.grey.shape[1] - margin]
+        grey, valid = np.ascontiguousarray(self.grey[inner]), np.ascontiguousarray(self.valid[inner])
+        beyond = None if self.beyond is None else np.ascontiguousarray(self.beyond[inner])
+        return GreyTile(grey, valid, self.all_valid, beyond)
+
 
 @dataclass(frozen=True)
 class GreySource:

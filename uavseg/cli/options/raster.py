@@ -12,6 +12,7 @@ from uavseg.cli.options.access import access_options
 from uavseg.cli.options.bands import band_option, band_words, formula_options, three_bands
 
 if TYPE_CHECKING:
+    from uavseg.jobs.detail import Length
     from uavseg.jobs.result import Drawing
     from uavseg.jobs.source import ReadOptions
     from uavseg.regions.edit.small import Area
@@ -156,6 +157,13 @@ def area(text: str | None) -> Area | None:
     from uavseg.regions.edit.small import as_area
 
     return as_area(text)
+
+
+def length(text: str | None) -> Length | None:
+    """The length that an option names, if it was given."""
+    from uavseg.jobs.detail import as_length
+
+    return as_length(text)
 
 
 def _with_options(command: Command, *options: Callable[[Command], Command]) -> Command:

@@ -11,6 +11,7 @@ import numpy as np
 
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.phases import decided, phase
+from uavseg.jobs.detail import Length, detail_of
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.color_bands import color_sources
 from uavseg.jobs.metadata import drawing_facts, with_metadata
@@ -44,6 +45,8 @@ class MatchClassesRequest:
         As of `ClassesRequest`.
     bands : tuple of int or str
         Bands whose intensity is compared, each by itself, by number or name.
+    detail : Length, optional
+        As of `MatchRequest`.
 
     Raises
     ------
@@ -57,6 +60,7 @@ class MatchClassesRequest:
     fill_holes: Area | None = None
     min_area: Area | None = None
     bands: tuple[int | str, ...] = ()
+    detail: Length | None = None
 
     def __post_init__(self) -> None:
         if self.refine not in ("pixel", "none"):
@@ -88,6 +92,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     work = work.begun()
     raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
     places = class_masks(request.classes, raster.geobox)
+    detail = detail_of(request.detail, raster.geobox, request.refine)
     if len(places) > MAX_KINDS:
         raise SampleError(f"{request.classes} has {len(places)} classes; at most {MAX_KINDS} are told apart")
     passes = work.over(raster).stages(len(places) + 2)
@@ -109,7 +114,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
             cells.append(cells_to_refine(blocks, LIKELY, params))
         likenesses.append(found)
     with phase("refinement and outlines"):
-        outlined, kinds = outline_likely_classes(grey, likenesses, cells, params.refine, passes[-1])
+        outlined, kinds = outline_likely_classes(grey, likenesses, cells, params.refine, passes[-1], detail)
     outlined = filled(grey, outlined, request.fill_holes, passes[-1])
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
@@ -118,5 +123,5 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
     result = measured(outlined, SourceInfo.of(grey), (0.0, 1.0), request.drawing, columns)
     facts = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
-    facts |= drawing_facts(request.drawing, request.fill_holes, request.min_area)
+    facts |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     return work.finished(with_metadata(result, raster, "match", facts), *hints)

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavseg.execution.phases import decided, phase
+from uavseg.jobs.detail import detail_of
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -56,8 +57,9 @@ def outlines_by_color(
         blocks = measure_block_map_for(likeness, LIKELY, params, passes[0])
         cells = cells_to_refine(blocks, LIKELY, params)
     del blocks
+    detail = detail_of(request.detail, likeness.dataset.geobox, params.refine)
     with phase("refinement and outlines"):
-        return outline_regions(likeness, cells, LIKELY, params.refine, passes[1])
+        return outline_regions(likeness, cells, LIKELY, params.refine, passes[1], detail=detail)
 
 
 def regions_by_color(

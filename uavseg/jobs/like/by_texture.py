@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import phase
+from uavseg.jobs.detail import detail_of
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -24,9 +25,10 @@ from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.sample.colors import fit_colors
 from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
+from uavseg.regions.sample.outline_matches import MatchShape, outline_matches
 from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.sample.reject import reject_unlike
-from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, outline_matches, score_cells
+from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, score_cells
 from uavseg.regions.sample.windows import USUAL_WINDOWS, fitting_window
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.pipeline import measure_cells
@@ -163,7 +165,8 @@ def _outlined(
     else:
         cells = undecided_cells(matched, search.valid & ~matched, search.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
-    return outline_matches(search.grey, cells, criterion, weights, scores.rest_colors, tile_pass, within)
+    shape = MatchShape(within, detail_of(request.detail, search.grey.dataset.geobox, request.refine))
+    return outline_matches(search.grey, cells, criterion, weights, scores.rest_colors, tile_pass, shape)
 
 
 def _measured(

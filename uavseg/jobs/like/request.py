@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
+from uavseg.jobs.detail import Length
 from uavseg.jobs.result import Drawing
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
@@ -42,6 +43,8 @@ class MatchRequest:
         or one of window, similarity and intensity is chosen.
     unlike : tuple of Disc or str
         Samples of what is not wanted; they are compared by color.
+    detail : Length, optional
+        As of `ExtractRequest`.
 
     Raises
     ------
@@ -60,6 +63,7 @@ class MatchRequest:
     bands: tuple[int | str, ...] = ()
     by: str = "auto"
     unlike: tuple[Disc | str, ...] = ()
+    detail: Length | None = None
 
     def __post_init__(self) -> None:
         if len(self.samples) == 0:

@@ -1,4 +1,4 @@
-"""Scores of cells against a sample (G of moving windows), tile by tile, and outlines of matching cells."""
+"""Scores of cells against a sample (G of moving windows), tile by tile."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,26 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import TilePass, Window, whole_blocks, window_cells
+from uavseg.raster.tiling import TilePass, Window, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.rings import RegionOutlines, Rings
-from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.colors import (
     GREY_BINS,
     ColorBand,
-    color_planes,
     count_colors,
     limit_scores,
 )
 from uavseg.regions.sample.model import Sample
-from uavseg.regions.tiles.kind_tiles import cell_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.lbp import SYMBOLS, lbp_symbols
-from uavseg.segmentation.blocks.leaves import cells_to_pixels
-from uavseg.segmentation.components import label_components
 from uavseg.segmentation.sample import coarse_lbp
 from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
-from uavseg.segmentation.sample.color_decision import classify_colored_pixels
 from uavseg.segmentation.sample.g_scores import (
     MAX_SCORE,
     NO_SCORE,
@@ -37,12 +31,8 @@ from uavseg.segmentation.sample.g_scores import (
     texture_model,
     window_scores,
 )
-from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights, classify_pixels
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL
-
-# A tile, its cells with those around it, and perhaps the edges of regions beyond which nothing is inside.
-_MatchJob = tuple[Window, NDArray[np.uint8], EdgeTable | None]
 
 
 @dataclass(frozen=True)
@@ -136,38 +126,6 @@ def score_cells(
     return CellScores(best, rest, whole, rest_colors)
 
 
-def outline_matches(
-    source: GreySource,
-    cells: NDArray[np.uint8],
-    criterion: Criterion,
-    weights: PixelWeights,
-    rest_colors: NDArray[np.int64],
-    tile_pass: TilePass,
-    within: Rings | None = None,
-) -> RegionOutlines:
-    """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
-
-    Parameters
-    ----------
-    source : GreySource
-    cells : (8 B, 8 C) uint8 array
-        0 outside, 1 inside, 2 undecided.
-    criterion : Criterion
-    weights : PixelWeights
-    rest_colors : (bands, 64) int64 array
-        See `CellScores`.
-    tile_pass : TilePass
-    within : Rings, optional
-        Outlines of other regions, beyond which no pixel is inside.
-    """
-    outline = partial(_outline_match, source, criterion, weights, rest_colors)
-    windows = tile_pass.windows
-    tables = None if within is None else edge_tables(within, [_read_around(window) for window in windows])
-    jobs = partial(_match_job, cell_jobs(cells, windows, DECISION_HALO), tables)
-    tiles = tile_pass.run(outline, LazySequence(len(windows), jobs))
-    return stitch_tiles(source.shape, windows, tiles).finish()
-
-
 def mean_scores(
     outlined: RegionOutlines, best: NDArray[np.uint16], tile_pass: TilePass
 ) -> NDArray[np.float64]:
@@ -245,43 +203,3 @@ def _crop(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.u
     """Grey and validity of a tile, cropped by `margin` pixels on every side."""
     inner = np.s_[margin : tile.grey.shape[0] - margin, margin : tile.grey.shape[1] - margin]
     return tile.grey[inner], None if tile.all_valid else tile.valid[inner]
-
-
-def _match_job(
-    jobs: Sequence[tuple[Window, NDArray[np.uint8]]], tables: Sequence[EdgeTable] | None, k: int
-) -> _MatchJob:
-    return *jobs[k], None if tables is None else tables[k]
-
-
-def _read_around(window: Window) -> Window:
-    """The pixels that are read to decide those of a tile."""
-    return Window(window.row, window.col, whole_blocks(window.rows), whole_blocks(window.cols)).grown(
-        DECISION_HALO
-    )
-
-
-def _outline_match(
-    source: GreySource,
-    criterion: Criterion,
-    weights: PixelWeights,
-    rest_colors: NDArray[np.int64],
-    job: _MatchJob,
-) -> TileOutlines | None:
-    window, cells, within = job
-    if not cells.any():
-        return None
-    tile = source.read(window, DECISION_HALO, beyond=True)
-    if (cells == 2).any():
-        known, edges = tile.mask, criterion.bin_edges
-        names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)
-        if criterion.colors:
-            planes = color_planes(criterion.colors, rest_colors, window, DECISION_HALO)
-            pixels = classify_colored_pixels(cells, tile.valid, tile.grey, names, weights, planes)
-        else:
-            pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
-    else:
-        pixels = cells_to_pixels(cells, tile.valid)
-    if within is not None:
-        pixels &= within.rasterise() > 0
-    found = label_components(pixels, DECISION_HALO)
-    return outline_tile(pixels, *found, tile, window, source.shape[1])

@@ -7,15 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import TilePass, Window, cells_around
+from uavseg.raster.tiling import TilePass
 from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.tiles.detail_tiles import with_detail
+from uavseg.regions.tiles.range_tiles import TileJob, tile_jobs
 from uavseg.regions.tiles.refined_kinds import KindOutlines, KindsByPixel, stitch_kinds
 from uavseg.segmentation.params import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
+from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
-
-_Job = tuple[Window, tuple[NDArray[np.uint8], ...]]
 
 
 def outline_likely_classes(
@@ -24,6 +25,7 @@ def outline_likely_classes(
     cells: Sequence[NDArray[np.uint8]],
     refine: Refinement,
     tile_pass: TilePass,
+    detail: Detail | None = None,
 ) -> tuple[RegionOutlines, KindsByPixel]:
     """Outline the regions of classes: each pixel is of the likeliest class that it may be of, or none.
 
@@ -37,6 +39,8 @@ def outline_likely_classes(
         Of each class, from `pipeline.cells_to_refine`.
     refine : {"tv", "none"}
     tile_pass : TilePass
+    detail : Detail, optional
+        Structures that are narrower go to the classes beside them, or to none; not with "none".
 
     Returns
     -------
@@ -45,32 +49,41 @@ def outline_likely_classes(
         1 for the first class, and so on.
     """
     windows = tile_pass.windows
-    jobs = LazySequence(len(windows), partial(_job, windows, cells))
-    tiles = tile_pass.run(partial(_outline_tile, grey, likenesses, refine), jobs)
+    jobs = [tile_jobs(one, windows, None, detail) for one in cells]
+    tiles = tile_pass.run(
+        partial(_outline_tile, grey, likenesses, refine, detail),
+        LazySequence(len(windows), partial(_same_tile, jobs)),
+    )
     return stitch_kinds(grey.shape, windows, tiles)
 
 
 LIKELY = IntensityRange(0.5, 1)
 
 
-def _job(windows: Sequence[Window], cells: Sequence[NDArray[np.uint8]], k: int) -> _Job:
-    return windows[k], tuple(cells_around(one, windows[k], REFINE_HALO) for one in cells)
+def _same_tile(jobs: Sequence[Sequence[TileJob]], k: int) -> tuple[TileJob, ...]:
+    return tuple(of_class[k] for of_class in jobs)
 
 
 def _outline_tile(
-    grey: GreySource, likenesses: Sequence[GreySource], refine: Refinement, job: _Job
+    grey: GreySource,
+    likenesses: Sequence[GreySource],
+    refine: Refinement,
+    detail: Detail | None,
+    jobs: tuple[TileJob, ...],
 ) -> KindOutlines | None:
-    window, cells = job
-    if not any(one.any() for one in cells):
+    if not any(job.cells.any() for job in jobs):
         return None
-    tile = grey.read(window, REFINE_HALO, beyond=True)
+    window, refined = jobs[0].window, jobs[0].refined
+    tile = grey.read(refined, REFINE_HALO, beyond=True)
     kinds = np.zeros(tile.grey.shape, np.uint8)
     most = np.zeros(tile.grey.shape, np.int32)
-    for kind, (source, own) in enumerate(zip(likenesses, cells, strict=True), 1):
-        found = refine_tile(source, own, LIKELY, refine, window)
+    for kind, (source, job) in enumerate(zip(likenesses, jobs, strict=True), 1):
+        found = refine_tile(source, job.cells, LIKELY, refine, refined)
         if found is None:
             continue
         likeness = np.where(found[0] & tile.valid, found[1].grey.astype(np.int32) + 1, 0)
         more = likeness > most
         kinds[more], most[more] = kind, likeness[more]
+    if detail is not None:
+        kinds, tile = with_detail(kinds, tile, detail)
     return KindOutlines.of(kinds, tile, window, grey.shape[1])

@@ -14,10 +14,12 @@ from uavseg.raster.tiling import TilePass, Window, cells_around, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.tiles.detail_tiles import with_detail
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, label_components, with_beyond
 from uavseg.segmentation.params import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
+from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource, GreyTile
 
@@ -29,6 +31,7 @@ def outline_regions(
     refine: Refinement,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
+    detail: Detail | None = None,
 ) -> RegionOutlines:
     """Outline the regions of a raster, refined to the pixel.
 
@@ -43,47 +46,64 @@ def outline_regions(
     tile_pass : TilePass
     expected : BlockMap, optional
         The sums and counts that cells must have, if the block map was made earlier.
+    detail : Detail, optional
+        Structures that are narrower vanish from what was refined; not with "none".
 
     Raises
     ------
     RasterError
         If a cell has other sums or counts than expected.
     """
-    jobs = tile_jobs(cells, tile_pass.windows, expected)
-    tiles = tile_pass.run(partial(_outline_tile, source, interval, refine), jobs)
+    jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
+    tiles = tile_pass.run(partial(_outline_tile, source, interval, refine, detail), jobs)
     return stitch_tiles(source.shape, tile_pass.windows, tiles).finish(cells if refine == "none" else None)
 
 
 @dataclass(frozen=True, slots=True)
 class TileJob:
-    """A tile, its cells with those around it, and the sums and counts that its cells must have."""
+    """A tile, its cells with those around it, and the sums and counts that its cells must have.
+
+    `refined` is the window that is refined: the tile, grown by the halo of a detail.
+    """
 
     window: Window
     cells: NDArray[np.uint8]
     expected: tuple[NDArray[np.uint32], NDArray[np.uint8]] | None
+    refined: Window
 
 
 def tile_jobs(
-    cells: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None
+    cells: NDArray[np.uint8],
+    windows: Sequence[Window],
+    expected: BlockMap | None,
+    detail: Detail | None = None,
 ) -> LazySequence[TileJob]:
     """Tiles with what their refinement takes; the sums of cells are those of a block map, if one is given."""
-    return LazySequence(len(windows), partial(_job, cells, windows, expected))
+    halo = 0 if detail is None else detail.halo
+    return LazySequence(len(windows), partial(_job, cells, windows, expected, halo))
 
 
-def _job(cells: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None, k: int) -> TileJob:
+def _job(
+    cells: NDArray[np.uint8], windows: Sequence[Window], expected: BlockMap | None, halo: int, k: int
+) -> TileJob:
     window = windows[k]
+    refined = window.grown(halo)
     here = window_cells(window)
     sums = None if expected is None else (expected.sums[here], expected.counts[here])
-    return TileJob(window, cells_around(cells, window, REFINE_HALO), sums)
+    return TileJob(window, cells_around(cells, refined, REFINE_HALO), sums, refined)
 
 
 def _outline_tile(
-    source: GreySource, interval: IntensityRange, refine: Refinement, job: TileJob
+    source: GreySource,
+    interval: IntensityRange,
+    refine: Refinement,
+    detail: Detail | None,
+    job: TileJob,
 ) -> TileOutlines | None:
-    found = refine_tile(source, job.cells, interval, refine, job.window)
+    found = refine_tile(source, job.cells, interval, refine, job.refined)
     if found is None:
         return None
-    pixels, tile = found
+    pixels, tile = found if detail is None else with_detail(*found, detail)
     check_sums(source, job, tile)
     return outline_tile(pixels, *label_components(pixels, REFINE_HALO), tile, job.window, source.shape[1])
 

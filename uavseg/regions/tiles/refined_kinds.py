@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from uavseg.raster.tiling import TilePass, Window
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.tiles.detail_tiles import with_detail
 from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import label_equal_values
 from uavseg.segmentation.kinds import refine_kinds_of_tile
 from uavseg.segmentation.partition import Partition
+from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource, GreyTile
 
@@ -59,6 +61,7 @@ def outline_refined_kinds(
     partition: Partition,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
+    detail: Detail | None = None,
 ) -> tuple[RegionOutlines, KindsByPixel]:
     """Outline segments of several kinds, refined to the pixel together: none overlap, and borders are shared.
 
@@ -71,14 +74,16 @@ def outline_refined_kinds(
     tile_pass : TilePass
     expected : BlockMap, optional
         The sums and counts that cells must have, if the block map was made earlier.
+    detail : Detail, optional
+        Structures that are narrower vanish from what was refined.
 
     Raises
     ------
     RasterError
         If a cell has other sums or counts than expected.
     """
-    jobs = tile_jobs(cells, tile_pass.windows, expected)
-    tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table), jobs)
+    jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
+    tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, detail), jobs)
     return stitch_kinds(source.shape, tile_pass.windows, tiles)
 
 
@@ -143,10 +148,12 @@ def _outlines(
         yield tile.outlines
 
 
-def _outline_tile(source: GreySource, table: NDArray[np.uint8], job: TileJob) -> KindOutlines | None:
-    refined = refine_kinds_of_tile(source, job.cells, table, job.window)
+def _outline_tile(
+    source: GreySource, table: NDArray[np.uint8], detail: Detail | None, job: TileJob
+) -> KindOutlines | None:
+    refined = refine_kinds_of_tile(source, job.cells, table, job.refined)
     if refined is None:
         return None
-    pixels, tile = refined
+    pixels, tile = refined if detail is None else with_detail(*refined, detail)
     check_sums(source, job, tile)
     return KindOutlines.of(pixels, tile, job.window, source.shape[1])

@@ -1,0 +1,124 @@
+"""Outlines of the cells that match a sample, decided pixel by pixel where they end."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.execution.lazy_sequence import LazySequence
+from uavseg.raster.tiling import TilePass, Window, whole_blocks
+from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
+from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
+from uavseg.regions.sample.colors import color_planes
+from uavseg.regions.sample.scores import Criterion
+from uavseg.regions.tiles.detail_tiles import with_detail
+from uavseg.regions.tiles.kind_tiles import cell_jobs
+from uavseg.segmentation.blocks.lbp import lbp_symbols
+from uavseg.segmentation.blocks.leaves import cells_to_pixels
+from uavseg.segmentation.components import label_components
+from uavseg.segmentation.refine.detail import Detail
+from uavseg.segmentation.sample.coarse_lbp import coarse_symbols
+from uavseg.segmentation.sample.color_decision import classify_colored_pixels
+from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights, classify_pixels
+from uavseg.segmentation.source import GreySource
+
+# A tile, its cells with those around it, and perhaps the edges of regions beyond which nothing is inside.
+_MatchJob = tuple[Window, NDArray[np.uint8], EdgeTable | None]
+
+
+@dataclass(frozen=True)
+class MatchShape:
+    """What limits the shape of matches.
+
+    Parameters
+    ----------
+    within : Rings, optional
+        Outlines of other regions, beyond which no pixel is inside.
+    detail : Detail, optional
+        Structures that are narrower vanish.
+    """
+
+    within: Rings | None = None
+    detail: Detail | None = None
+
+    @property
+    def halo(self) -> int:
+        """How many pixels around a tile the detail takes."""
+        return 0 if self.detail is None else self.detail.halo
+
+
+def outline_matches(
+    source: GreySource,
+    cells: NDArray[np.uint8],
+    criterion: Criterion,
+    weights: PixelWeights,
+    rest_colors: NDArray[np.int64],
+    tile_pass: TilePass,
+    shape: MatchShape = MatchShape(),
+) -> RegionOutlines:
+    """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
+
+    Parameters
+    ----------
+    source : GreySource
+    cells : (8 B, 8 C) uint8 array
+        0 outside, 1 inside, 2 undecided.
+    criterion : Criterion
+    weights : PixelWeights
+    rest_colors : (bands, 64) int64 array
+        See `CellScores`.
+    tile_pass : TilePass
+    shape : MatchShape
+    """
+    outline = partial(_outline_match, source, criterion, weights, rest_colors, shape.detail)
+    windows, halo = tile_pass.windows, DECISION_HALO + shape.halo
+    around = [_read_around(window, halo) for window in windows]
+    tables = None if shape.within is None else edge_tables(shape.within, around)
+    jobs = partial(_match_job, cell_jobs(cells, windows, halo), tables)
+    tiles = tile_pass.run(outline, LazySequence(len(windows), jobs))
+    return stitch_tiles(source.shape, windows, tiles).finish()
+
+
+def _match_job(
+    jobs: Sequence[tuple[Window, NDArray[np.uint8]]], tables: Sequence[EdgeTable] | None, k: int
+) -> _MatchJob:
+    return *jobs[k], None if tables is None else tables[k]
+
+
+def _read_around(window: Window, halo: int) -> Window:
+    """The pixels that are read to decide those of a tile."""
+    return Window(window.row, window.col, whole_blocks(window.rows), whole_blocks(window.cols)).grown(halo)
+
+
+def _outline_match(
+    source: GreySource,
+    criterion: Criterion,
+    weights: PixelWeights,
+    rest_colors: NDArray[np.int64],
+    detail: Detail | None,
+    job: _MatchJob,
+) -> TileOutlines | None:
+    window, cells, within = job
+    if not cells.any():
+        return None
+    decided = window if detail is None else window.grown(detail.halo)
+    tile = source.read(decided, DECISION_HALO, beyond=True)
+    if (cells == 2).any():
+        known, edges = tile.mask, criterion.bin_edges
+        names = lbp_symbols(tile.grey, known, edges), coarse_symbols(tile.grey, known, edges)
+        if criterion.colors:
+            planes = color_planes(criterion.colors, rest_colors, decided, DECISION_HALO)
+            pixels = classify_colored_pixels(cells, tile.valid, tile.grey, names, weights, planes)
+        else:
+            pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
+    else:
+        pixels = cells_to_pixels(cells, tile.valid)
+    if within is not None:
+        pixels &= within.rasterise() > 0
+    if detail is not None:
+        pixels, tile = with_detail(pixels, tile, detail)
+    found = label_components(pixels, DECISION_HALO)
+    return outline_tile(pixels, *found, tile, window, source.shape[1])
