@@ -23,15 +23,12 @@ class CellTiles:
         See `leaf_codes`; 65535 where a cell has no valid pixel.
     geobox : GeoBox
         Of the raster.
-    bounds : (west, south, east, north)
-        Of the raster, in degrees.
     areas : (2001,) float64 array
         Square metres of the cells of each code.
     """
 
     codes: NDArray[np.uint16]
     geobox: GeoBox
-    bounds: tuple[float, float, float, float]
     areas: NDArray[np.float64]
 
     @classmethod
@@ -39,9 +36,7 @@ class CellTiles:
         """Tiles of the cells of a web map, which has them."""
         assert found.cells is not None
         codes = np.where(found.cells.counts > 0, found.cells.codes, np.uint16(NO_CODE))
-        lon, lat = found.ground.lon, found.ground.lat
-        bounds = float(lon.min()), float(lat.min()), float(lon.max()), float(lat.max())
-        return cls(codes, found.info.geobox, bounds, areas_by_code(found.cells, found.ground))
+        return cls(codes, found.info.geobox, areas_by_code(found.cells, found.ground))
 
     def tile(self, place: tuple[int, int, int]) -> bytes | None:
         """The code of the cell below the centre of each pixel of a tile.
@@ -56,7 +51,7 @@ class CellTiles:
         content : bytes or None
             256 rows of 256 little-endian 16-bit integers, 65535 beside the raster; None where all are.
         """
-        pixels = tile_pixels(self.geobox, self.bounds, place)
+        pixels = tile_pixels(self.geobox, place)
         if pixels is None:
             return None
         below = self.codes[pixels.rows // CELL, pixels.cols // CELL]

@@ -11,7 +11,7 @@ from uavseg.execution.phases import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Raster, Source
+from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geodesy.globe import is_on_earth
@@ -111,12 +111,13 @@ class FieldMap:
         return self.cells is not None and self.cells.codes.size <= MAX_CELLS
 
 
-def map_tile(raster: Raster, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
+def map_tile(dataset: Dataset, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
     """A tile of a web map in the colours of its picture, as WebP.
 
     Parameters
     ----------
-    raster : Raster
+    dataset : Dataset
+        Without its collar.
     stretch : Stretch
         That of the picture.
     place : (zoom, x, y)
@@ -129,8 +130,8 @@ def map_tile(raster: Raster, stretch: Stretch, place: tuple[int, int, int]) -> b
     """
     from uavseg.raster.map_tile import read_map_tile
 
-    found = read_map_tile(raster.dataset, place)
-    return None if found is None else webp_of(_colored(*found, stretch, raster.dataset))
+    found = read_map_tile(dataset, place)
+    return None if found is None else webp_of(_colored(*found, stretch, dataset))
 
 
 def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:

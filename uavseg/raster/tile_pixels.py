@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.raster.geobox import GeoBox
@@ -14,7 +15,8 @@ Floats = NDArray[np.float64]
 SIDE = 256
 TOLERANCE = 1 / 64  # of the interpolation, in pixels of the raster
 _INTERVALS = 32
-_RIM_DEG = 1e-7  # what bounds in degrees may be too narrow by
+_EDGE_PARTS = 32  # in which a side of the raster is divided to find its bounds
+_RIM = 0.05  # by which bounds are widened, as a part of their width
 
 
 @dataclass(frozen=True)
@@ -34,9 +36,7 @@ class TilePixels:
     inside: NDArray[np.bool_]
 
 
-def tile_pixels(
-    geobox: GeoBox, bounds: tuple[float, float, float, float], place: tuple[int, int, int]
-) -> TilePixels | None:
+def tile_pixels(geobox: GeoBox, place: tuple[int, int, int]) -> TilePixels | None:
     """The pixel of a raster that holds the centre of each pixel of a tile.
 
     Rows and columns are interpolated between 33 x 33 places where that errs by less than 1/64 of a pixel, and
@@ -46,8 +46,6 @@ def tile_pixels(
     ----------
     geobox : GeoBox
         On Earth.
-    bounds : (west, south, east, north)
-        Of the raster, in degrees: no pixel beyond them is looked for, where projections are ambiguous.
     place : (zoom, x, y)
         In the usual numbering of tiles of Web Mercator.
 
@@ -56,11 +54,9 @@ def tile_pixels(
     TilePixels or None
         None where the tile lies beside the raster.
     """
-    west, south, east, north = bounds
+    west, south, east, north = _bounds(geobox.shape, geobox.transform, geobox.wkt)
     lon, lat = _lonlat_of(place, (np.arange(SIDE) + 0.5) / SIDE)
-    within = ((lat >= south - _RIM_DEG) & (lat <= north + _RIM_DEG))[:, None] & (
-        (lon >= west - _RIM_DEG) & (lon <= east + _RIM_DEG)
-    )
+    within = ((lat >= south) & (lat <= north))[:, None] & ((lon >= west) & (lon <= east))
     if not within.any():
         return None
     rows, cols = _interpolated(geobox, place)
@@ -123,6 +119,20 @@ def _is_even(values: Floats) -> bool:
         np.abs(values[:, 1:-1:2] - (values[:, :-2:2] + values[:, 2::2]) / 2).max(),
     )
     return bool(sum(errors) < 4 * TOLERANCE)
+
+
+@lru_cache(maxsize=4096)
+def _bounds(shape: tuple[int, int], transform: Affine, wkt: str | None) -> tuple[float, float, float, float]:
+    """West, south, east and north of a raster, widened: beyond them its projection may be ambiguous."""
+    share = np.linspace(0, 1, _EDGE_PARTS + 1)
+    rows, cols = np.meshgrid(share * shape[0], share * shape[1], indexing="ij")
+    t = transform
+    lon, lat = lonlat_transform(wkt)(t.a * cols + t.b * rows + t.c, t.d * cols + t.e * rows + t.f)
+    lon, lat = lon[np.isfinite(lon)], lat[np.isfinite(lat)]
+    if not (lon.size and lat.size):
+        return 180.0, 90.0, -180.0, -90.0
+    wide, high = _RIM * (lon.max() - lon.min()), _RIM * (lat.max() - lat.min())
+    return lon.min() - wide, lat.min() - high, lon.max() + wide, lat.max() + high
 
 
 @lru_cache(maxsize=32)

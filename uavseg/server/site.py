@@ -21,6 +21,7 @@ from uavseg.jobs.work import Work
 from uavseg.plain_text import printable
 from uavseg.plot.web.field_map import read_flights
 from uavseg.plot.web.region_features import read_collection
+from uavseg.raster.dataset import Dataset
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.sample.place import Disc
 from uavseg.server.local_server import Answer, json_answer
@@ -51,8 +52,8 @@ class Site:
     found : FieldMap
     page : bytes
     tasks : Tasks
-    tiles : bool
-        Whether there are tiles.
+    tiles : Dataset, optional
+        The raster without its collar, where there are tiles.
     cells : CellTiles, optional
         Cells for the slider, where the page does not hold them.
     """
@@ -62,7 +63,7 @@ class Site:
     found: FieldMap
     page: bytes
     tasks: Tasks
-    tiles: bool
+    tiles: Dataset | None
     cells: CellTiles | None = None
 
     def answer(self, method: str, path: str, body: bytes) -> Answer:
@@ -92,9 +93,9 @@ class Site:
         return Answer(content or b"", "application/octet-stream", 200 if content else 204)
 
     def _tile(self, zoom: int, x: int, y: int) -> Answer:
-        if not self.tiles or not _is_tile(zoom, x, y):
+        if self.tiles is None or not _is_tile(zoom, x, y):
             return MISSING
-        content = map_tile(self.raster, self.found.info.stretch, (zoom, x, y))
+        content = map_tile(self.tiles, self.found.info.stretch, (zoom, x, y))
         return Answer(b"", "image/webp", 204) if content is None else Answer(content, "image/webp")
 
     def _job(self, method: str, number: str, stop: str | None, name: str | None) -> Answer:

@@ -31,7 +31,7 @@ from uavseg.server.tasks import Tasks
 
 NO_TILES = (
     "without tiles the picture is all there is when the map is zoomed: they need rio-tiler "
-    "(pip install 'uavseg[serve]'), and bands that are shown as they are stored"
+    "(pip install 'uavseg[serve]')"
 )
 
 
@@ -51,10 +51,11 @@ class MapServer:
         raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
         found = field_map(raster, replace(request, all_cells=True), work)
         cells = None if found.fits_page else CellTiles.of(found)
-        tiles = has_map_tiles(raster.dataset)
+        cleaned = raster.cleaned(work.over(raster).silent)  # found already
+        tiles = cleaned if has_map_tiles(cleaned) else None
         self.warnings = found.warnings if tiles else (*found.warnings, NO_TILES)
         names = [one.name for one in cameras()]
-        offered = {"tiles": tiles, "cameras": names, "areas": _areas(cells)}
+        offered = {"tiles": tiles is not None, "cameras": names, "areas": _areas(cells)}
         page = page_of(found, None, [], offered)
         self._folder = tempfile.TemporaryDirectory(prefix="uavseg-serve-", ignore_cleanup_errors=True)
         self._tasks = Tasks(Path(self._folder.name))
