@@ -81,10 +81,10 @@ class MapServer:
 
     def close(self) -> None:
         """Stop jobs and the server; the files of results are deleted."""
-        self._tasks.stop_all()
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
+        self._tasks.stop_all()
         self._folder.cleanup()
 
     def __enter__(self) -> MapServer:
