@@ -39,14 +39,29 @@ const [, , url, folder, executablePath, asked] = process.argv;
   seen.dragged = seen.asked - before;
   // Tiles lie over the picture: where they are, it can be taken away, and nothing changes.
   seen.covered = [];
-  for (let k = 0; k < 3; k++) await page.click(".leaflet-control-zoom-in");
-  await page.waitForLoadState("networkidle");
-  await page.waitForTimeout(1000);
   const clip = {x: 250, y: 250, width: 300, height: 300};
+  for (let k = 0; k < 3; k++) {
+    await page.click(".leaflet-control-zoom-in");
+    await page.waitForTimeout(600);
+  }
+  await still();
   await page.screenshot({path: `${folder}/served_cells.png`});
-  seen.covered.push((await page.screenshot({clip})).toString("base64"));
+  seen.covered.push((await still()).toString("base64"));
   await page.evaluate(() => document.querySelector("img.leaflet-image-layer").remove());
-  seen.covered.push((await page.screenshot({clip})).toString("base64"));
+  seen.covered.push((await still()).toString("base64"));
+
+  /** A picture of a part of the map that is the same for a second: tiles fade in. */
+  async function still() {
+    let before = Buffer.alloc(0);
+    for (let tries = 0; tries < 30; tries++) {
+      await page.waitForLoadState("networkidle");
+      const now = await page.screenshot({clip});
+      if (now.equals(before)) break;
+      before = now;
+      await page.waitForTimeout(1000);
+    }
+    return before;
+  }
   await browser.close();
   process.stdout.write(JSON.stringify(seen));
 })();
