@@ -15,6 +15,7 @@ import numpy as np
 
 from tests.hostile import seeds
 from tests.hostile.case import Call, Case, chosen
+from tests.hostile.serving import visit
 
 LONGEST = 600
 
@@ -171,6 +172,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "warm_up": lambda: {"processes": 1},
     "preview": lambda: {"source": "x.tif", "output": "out.png", "width": 300},
     "map_page": lambda: {"source": "x.tif", "output": "out.html", "size": 64},
+    "serve": lambda: {"source": "x.tif", "size": 64, "threads": 1},
     "info": lambda: {"source": "x.tif"},
     "trace": lambda: {"labels": np.kron(np.eye(3, dtype=np.uint32), np.ones((4, 4), np.uint32))},
     "PlanParams": lambda: {"altitude_m": 50.0},
@@ -210,8 +212,6 @@ def functions() -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {}
     for name in uavseg.__all__:
         value = getattr(uavseg, name)
-        if name == "serve":  # it keeps a port and a folder until it is closed; see tests/server
-            continue
         if isinstance(value, str) or (inspect.isclass(value) and issubclass(value, Exception)):
             continue
         if not (inspect.isclass(value) and name == "Dataset"):
@@ -251,7 +251,10 @@ def perform(call: Call) -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            function(**arguments)
+            made = function(**arguments)
+            if call.function == "serve":
+                with made:
+                    visit(made)
         except (TypeError, ValueError, OSError, UavsegError) as error:
             _check(error, call, Path(uavseg.__file__).parent)
         except Exception as error:

@@ -46,7 +46,10 @@ LIBRARIES = (
     "rosbags.typesys.stores.ros1_noetic",
     "rosbags.typesys.stores.ros2_humble",
 )
-MODULES = ("uavseg.jobs.extract", "uavseg.jobs.plan", "uavseg.plot.preview", "uavseg.regions.formats.export")
+MODULES = (
+    *("uavseg.jobs.extract", "uavseg.jobs.plan", "uavseg.plot.preview", "uavseg.regions.formats.export"),
+    "uavseg.server.words",
+)
 BATCH = 200
 BATCHES_A_PROCESS = 20  # then a fresh one; max_tasks_per_child of the pool itself was seen to wait for ever
 

@@ -83,6 +83,8 @@ LINES = tuple(
         "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
         "map x.tif -o out.html --size 100 --mission a.waypoints --camera Altum --band 1 --stretch dtype",
         "map x.tif -o out.html --size 64 --regions r.geojson --mission a.plan --threshold 1.3",
+        f"serve x.tif --size 64 --port 0 --band 1 --stretch dtype {DIVISION} {RUN}",
+        f"serve rgb.tif --size 100 --expr b1-b2 --collar keep --nodata 3 --resume done {RUN}",
         "preview a.plan a.waypoints -o out.png --width 300 --dem g.tif",
         "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",
     )

@@ -76,6 +76,7 @@ COMMANDS: tuple[Arguments, ...] = (
         *ONE,
     ),
     ("preview", "x.tif", "-o", "out.png", "--width", "300"),
+    ("serve", "x.tif", "--size", "64", *ONE),
     ("plan", "r.geojson", "-o", "out.plan", "--altitude", "50", "--home", "auto", "--dem", "x.tif"),
     ("extract", "x.tif", "y.tif", "--range", "0.4,1", "-o", "out.geojson", *ONE),
 )

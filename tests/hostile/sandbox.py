@@ -283,5 +283,10 @@ def _exit_code(body: Callable[[], None]) -> int:
 def _command(arguments: tuple[str, ...]) -> None:
     from uavseg.__main__ import run
 
+    if "serve" in arguments[:1]:
+        from tests.hostile.serving import visit
+        from uavseg.server.words import MapServer
+
+        MapServer.wait = visit  # type: ignore[method-assign]
     sys.argv = ["uavseg", *arguments]
     run()

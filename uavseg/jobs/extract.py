@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, logger, phase
 from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
@@ -15,6 +14,7 @@ from uavseg.jobs.metadata import drawing_facts, range_facts, segment_facts, with
 from uavseg.jobs.ranges import AnyRange, FoundRange, grey_for, range_of_blocks, range_text
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
+from uavseg.jobs.unchanged import check_unchanged
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
@@ -142,10 +142,10 @@ def _log_cells(grey: GreySource, cells: NDArray[np.uint8]) -> None:
 
 def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work) -> Extraction:
     """The same from the division on, with blocks that are known."""
-    if raster.geobox.shape != source.geobox.shape:
-        raise ParameterError(f"{raster.name} has not the size of the raster that the block map was made from")
     outlining = work.over(raster)
     grey = GreySource(raster.cleaned(outlining.silent), source.saved.stretch)
+    with work.reading_here():
+        check_unchanged(grey, source)
     wanted = range_of_blocks(source, request.interval)
     cells = cells_to_refine(source.saved.blocks, wanted.interval, request.segment)
     with phase("refinement and outlines"):

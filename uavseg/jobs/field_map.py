@@ -11,7 +11,7 @@ from uavseg.execution.phases import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import SourceInfo
-from uavseg.jobs.source import Raster, Source
+from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geodesy.globe import is_on_earth
@@ -41,6 +41,8 @@ class FieldMapRequest:
         How blocks are divided.
     size : int
         Longest side of the picture in pixels, 64 to 8192.
+    all_cells : bool
+        Whether cells are there also where they are too many for a page.
 
     Raises
     ------
@@ -50,6 +52,7 @@ class FieldMapRequest:
 
     segment: SegmentParams = SegmentParams()
     size: int = 2048
+    all_cells: bool = False
 
     def __post_init__(self) -> None:
         if not MIN_SIZE <= self.size <= MAX_SIZE:
@@ -91,7 +94,7 @@ class FieldMap:
     image : MercatorImage
     ground : GroundGrid
     cells : CellCodes or None
-        None where the raster is too large for a page.
+        None where the raster is too large for a page, unless all were asked for.
     info : SourceInfo
     warnings : tuple of str
     """
@@ -102,13 +105,19 @@ class FieldMap:
     info: SourceInfo
     warnings: tuple[str, ...]
 
+    @property
+    def fits_page(self) -> bool:
+        """Whether a page can hold the cells."""
+        return self.cells is not None and self.cells.codes.size <= MAX_CELLS
 
-def map_tile(raster: Raster, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
+
+def map_tile(dataset: Dataset, stretch: Stretch, place: tuple[int, int, int]) -> bytes | None:
     """A tile of a web map in the colours of its picture, as WebP.
 
     Parameters
     ----------
-    raster : Raster
+    dataset : Dataset
+        Without its collar.
     stretch : Stretch
         That of the picture.
     place : (zoom, x, y)
@@ -121,8 +130,8 @@ def map_tile(raster: Raster, stretch: Stretch, place: tuple[int, int, int]) -> b
     """
     from uavseg.raster.map_tile import read_map_tile
 
-    found = read_map_tile(raster.dataset, place)
-    return None if found is None else webp_of(_colored(*found, stretch, raster.dataset))
+    found = read_map_tile(dataset, place)
+    return None if found is None else webp_of(_colored(*found, stretch, dataset))
 
 
 def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work: Work = SERIAL) -> FieldMap:
@@ -155,11 +164,12 @@ def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work
         coarse = DatasetOverview.of(raster.cleaned(tile_pass.silent), request.size)
         image = to_mercator(_colors(coarse, saved.stretch), coarse.geobox, ground, request.size)
     cells, notes = None, info.warnings
-    if saved.blocks.counts.size <= MAX_CELLS:
+    rows, cols = raster.geobox.shape
+    if request.all_cells or -(-rows // CELL) * -(-cols // CELL) <= MAX_CELLS:
         cells = _cells(saved.blocks, request.segment)
     else:
-        rows, cols = saved.blocks.shape
-        notes = (*notes, f"{cols} x {rows} pixels are too many for the slider of a page; it is left out")
+        many = f"{cols} x {rows} pixels are too many for the slider of a page"
+        notes = (*notes, f"{many}, so it is left out; uavseg serve has one")
     return work.finished(FieldMap(image, ground, cells, info, notes))
 
 

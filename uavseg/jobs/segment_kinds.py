@@ -14,6 +14,7 @@ from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Raster, Source
+from uavseg.jobs.unchanged import check_unchanged
 from uavseg.jobs.work import Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, fill_small_holes
@@ -155,10 +156,10 @@ def _refined(
     source: Blocks, raster: Raster, partition: Partition, request: KindsRequest, work: Work
 ) -> Segmented:
     """From the division on, with blocks that are known."""
-    if raster.geobox.shape != source.geobox.shape:
-        raise ParameterError(f"{raster.name} has not the size of the raster that the block map was made from")
     outlining = work.over(raster)
     grey = GreySource(raster.cleaned(outlining.silent), source.saved.stretch)
+    with work.reading_here():
+        check_unchanged(grey, source)
     cells = kinds_to_refine(source.saved.blocks, partition, request.segment)
     return _outlined(grey, cells, partition, request, outlining, source.saved.blocks)
 

@@ -11,6 +11,7 @@ from uavseg.execution.phases import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Pixels, Source
+from uavseg.jobs.unchanged import check_unchanged
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.raster.value_scale import ValueAxis, values_text
@@ -168,6 +169,9 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
     if pixels is None or tile_pass is None or request.segment.refine == "none":
         return work.finished(found)
     grey = GreySource(pixels.cleaned(tile_pass.silent), saved.stretch)
+    if isinstance(source, Blocks):
+        with work.reading_here():
+            check_unchanged(grey, source)
     with phase("count of regions"):
         ranges = _refined(found.ranges, saved.blocks, grey, request.segment, tile_pass)
     return work.finished(replace(found, ranges=ranges))

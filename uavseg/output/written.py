@@ -22,16 +22,20 @@ class Written:
         Folders of finished tiles.
     planned : list of str
         Outputs of a run over many sources.
+    ended : str
+        What the end of a command means that writes no file of the user, if that is all there is to say.
     """
 
     files: list[str] = field(default_factory=list)
     unfinished: list[str] = field(default_factory=list)
     kept: list[str] = field(default_factory=list)
     planned: list[str] = field(default_factory=list)
+    ended: str = ""
 
     def __str__(self) -> str:
         """One clause, such as "nothing was written"."""
-        found = [f"{_named(self.files)} {_were(self.files)} written" if self.files else "nothing was written"]
+        nothing = self.ended or "nothing was written"
+        found = [f"{_named(self.files)} {_were(self.files)} written" if self.files else nothing]
         if missing := [name for name in self.planned if name not in set(self.files)]:
             found.append(f"{len(missing):,} of {len(self.planned):,} outputs were not: {_named(missing)}")
         if self.unfinished:
@@ -53,6 +57,12 @@ def recording_written() -> Iterator[Written]:
         yield written
     finally:
         _current.reset(token)
+
+
+def note_ended(words: str) -> None:
+    """What the end of this command means, from here on."""
+    if written := _current.get():
+        written.ended = words
 
 
 def note_written(*names: str) -> None:

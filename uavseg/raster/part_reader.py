@@ -69,11 +69,7 @@ class PartReader:
     ) -> tuple[Values, Valid | None, Sequence[MissingPart]]:
         """Values and validity of a part of a file, and which blocks of it cannot be read."""
         values, valid, bad = self._read_bands(file, part, shape)
-        formula = self.choice.formula
-        if formula is not None:
-            scales = [file.scale_of(band, self.choice.bits) for band in self.choice.bands]
-            values, valid = formula.apply(values, valid, scales)
-        return values, valid, bad
+        return *with_formula(file, self.choice, values, valid), bad
 
     def _read_bands(
         self, file: RasterSource, part: Window, shape: tuple[int, int]
@@ -83,3 +79,13 @@ class PartReader:
         if self.skip_bad_tiles:
             return read_skipping_bad_blocks(file, self.handles, self.choice, part, shape)
         return *read_naming_bad_block(file, self.handles, self.choice, part, shape), ()
+
+
+def with_formula(
+    file: RasterSource, choice: BandChoice, values: Values, valid: Valid | None
+) -> tuple[Values, Valid | None]:
+    """What the formula of a choice makes of the bands of a file; without one, the same."""
+    if choice.formula is None:
+        return values, valid
+    scales = [file.scale_of(band, choice.bits) for band in choice.bands]
+    return choice.formula.apply(values, valid, scales)

@@ -142,9 +142,25 @@ class RasterFile:
             except GDAL_ERRORS:
                 handles.close(self.path)  # a block that failed once is read as 0 the next time
                 raise
+        return self.decode(values, alpha, mask, choice)
+
+    def decode(
+        self, values: Values, alpha: Values | None, mask: Valid | None, choice: BandChoice
+    ) -> tuple[Values, Valid | None]:
+        """Intensity and validity from stored numbers.
+
+        Parameters
+        ----------
+        values : (bands, rows, cols) array
+            Of the bands of `choice`.
+        alpha : (rows, cols) array, optional
+        mask : (rows, cols) bool array, optional
+            Of the mask of the file, and where there are pixels.
+        choice : BandChoice
+        """
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
         valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None)
-        return self._decode(values, valid, choice)
+        return self._brightness(values, valid, choice)
 
     def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:
         """Whether a sparse file stores no block inside `window`, so that every pixel is invalid.
@@ -192,7 +208,9 @@ class RasterFile:
         mask: Valid = (source.read_masks(bands, **options) != 0).all(axis=0)
         return mask
 
-    def _decode(self, values: Values, valid: Valid | None, choice: BandChoice) -> tuple[Values, Valid | None]:
+    def _brightness(
+        self, values: Values, valid: Valid | None, choice: BandChoice
+    ) -> tuple[Values, Valid | None]:
         """Stored numbers as brightness: palette colours, and inverted values where white is 0."""
         if self.palette is not None and choice.expanded:
             table = np.array(self.palette, np.uint8)

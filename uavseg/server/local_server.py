@@ -13,7 +13,8 @@ from uavseg.errors import UavsegError
 from uavseg.plain_text import printable
 from uavseg.server.gate import Gate, Refusal
 
-MAX_REQUESTS = 16  # that are answered at the same time
+MAX_REQUESTS = 64  # that are open at the same time: a map that is zoomed gives up many, and asks for others
+MAX_ANSWERS = 4  # that are computed at the same time
 TIMEOUT_S = 20.0  # for a request to arrive
 POLICY = "frame-ancestors 'none'"
 
@@ -66,6 +67,7 @@ class LocalServer(ThreadingHTTPServer):
 
     def __init__(self, answering: Answering, port: int = 0) -> None:
         self._slots = threading.BoundedSemaphore(MAX_REQUESTS)
+        self.computing = threading.BoundedSemaphore(MAX_ANSWERS)
         super().__init__(("127.0.0.1", port), _Handler)
         self.answering = answering
         self.gate = Gate(self.server_address[1], secrets.token_urlsafe(24))
@@ -137,7 +139,8 @@ class _Handler(BaseHTTPRequestHandler):
                 self._refuse(Refusal(400, "the body ends too early"))
                 return
         try:
-            answer = self.server.answering(self.command, path, body)
+            with self.server.computing:
+                answer = self.server.answering(self.command, path, body)
         except UavsegError as error:
             answer = json_answer({"error": printable(str(error))}, 400)
         except Exception:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.execution.executors import Progress, threads
+from uavseg.jobs.cell_tiles import CellTiles
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.field_map import FieldMap, FieldMapRequest, map_tile
 from uavseg.jobs.like.request import MatchRequest
@@ -20,6 +21,7 @@ from uavseg.jobs.work import Work
 from uavseg.plain_text import printable
 from uavseg.plot.web.field_map import read_flights
 from uavseg.plot.web.region_features import read_collection
+from uavseg.raster.dataset import Dataset
 from uavseg.regions.formats.export import write_regions
 from uavseg.regions.sample.place import Disc
 from uavseg.server.local_server import Answer, json_answer
@@ -29,10 +31,12 @@ from uavseg.warning_filters import changing_filters
 
 KINDS = {".gpkg": "application/geopackage+sqlite3", ".plan": "application/json"}
 REGIONS = "regions.gpkg"
+MAX_ZOOM = 26
 Made = tuple[Any, dict[str, Path]]
 """Answer as values of JSON, files by name."""
 
 _TILE = re.compile(r"tiles/([0-9]{1,2})/([0-9]{1,9})/([0-9]{1,9})")
+_CODES = re.compile(r"codes/([0-9]{1,2})/([0-9]{1,9})/([0-9]{1,9})")
 _JOB = re.compile(r"jobs/([0-9]{1,9})(?:/(stop)|/files/([a-z0-9.-]{1,40}))?")
 MISSING = json_answer({"error": "there is no such thing here"}, 404)
 
@@ -48,8 +52,10 @@ class Site:
     found : FieldMap
     page : bytes
     tasks : Tasks
-    tiles : bool
-        Whether there are tiles.
+    tiles : Dataset, optional
+        The raster without its collar, where there are tiles.
+    cells : CellTiles, optional
+        Cells for the slider, where the page does not hold them.
     """
 
     raster: Raster
@@ -57,7 +63,8 @@ class Site:
     found: FieldMap
     page: bytes
     tasks: Tasks
-    tiles: bool
+    tiles: Dataset | None
+    cells: CellTiles | None = None
 
     def answer(self, method: str, path: str, body: bytes) -> Answer:
         """The answer to a request that is allowed.
@@ -71,16 +78,24 @@ class Site:
             return Answer(self.page, "text/html; charset=utf-8")
         if method == "GET" and (tile := _TILE.fullmatch(path)):
             return self._tile(*map(int, tile.groups()))
+        if method == "GET" and (tile := _CODES.fullmatch(path)):
+            return self._codes(*map(int, tile.groups()))
         if job := _JOB.fullmatch(path):
             return self._job(method, *job.groups())
         if method == "POST" and path.startswith("jobs/"):
             return self._begin(path.removeprefix("jobs/"), body)
         return MISSING
 
-    def _tile(self, zoom: int, x: int, y: int) -> Answer:
-        if not self.tiles or zoom > 26 or max(x, y) >= 1 << zoom:
+    def _codes(self, zoom: int, x: int, y: int) -> Answer:
+        if self.cells is None or not _is_tile(zoom, x, y):
             return MISSING
-        content = map_tile(self.raster, self.found.info.stretch, (zoom, x, y))
+        content = self.cells.tile((zoom, x, y))
+        return Answer(content or b"", "application/octet-stream", 200 if content else 204)
+
+    def _tile(self, zoom: int, x: int, y: int) -> Answer:
+        if self.tiles is None or not _is_tile(zoom, x, y):
+            return MISSING
+        content = map_tile(self.tiles, self.found.info.stretch, (zoom, x, y))
         return Answer(b"", "image/webp", 204) if content is None else Answer(content, "image/webp")
 
     def _job(self, method: str, number: str, stop: str | None, name: str | None) -> Answer:
@@ -132,6 +147,10 @@ class Site:
         flights = read_flights(planned)
         answer = {"missions": flights, "warnings": [printable(note) for note in notes]}
         return answer, {path.name: path for path in paths}
+
+
+def _is_tile(zoom: int, x: int, y: int) -> bool:
+    return zoom <= MAX_ZOOM and max(x, y) < 1 << zoom
 
 
 def _work(progress: Progress) -> Work:

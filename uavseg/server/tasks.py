@@ -10,9 +10,11 @@ from typing import Any
 
 from uavseg.errors import UavsegError
 from uavseg.execution.executors import Progress
+from uavseg.output.written import recording_written
 from uavseg.plain_text import printable
 
 KEPT = 20
+STOPPING_S = 5.0  # a job stops at its next step; its files are deleted after it
 
 
 class BusyError(UavsegError, RuntimeError):
@@ -88,6 +90,7 @@ class Tasks:
         self._folder = folder
         self._lock = threading.Lock()
         self._count = 0
+        self._running: threading.Thread | None = None
         self._tasks: OrderedDict[int, Task] = OrderedDict()
 
     def begin(self, job: Job) -> Task:
@@ -107,7 +110,9 @@ class Tasks:
             task = self._tasks[self._count] = Task(self._count, folder)
             while len(self._tasks) > KEPT:
                 self._forget(self._tasks.popitem(last=False)[1])
-        threading.Thread(target=copy_context().run, args=(_run, task, job), daemon=True).start()
+            context = copy_context()
+            self._running = threading.Thread(target=context.run, args=(_run, task, job), daemon=True)
+            self._running.start()
         return task
 
     def find(self, number: int) -> Task | None:
@@ -116,10 +121,12 @@ class Tasks:
             return self._tasks.get(number)
 
     def stop_all(self) -> None:
-        """Ask all jobs to stop."""
+        """Ask the job that runs to stop, and wait for it, for some seconds at most."""
         with self._lock:
             for task in self._tasks.values():
                 task.stop.set()
+        if self._running is not None:
+            self._running.join(STOPPING_S)
 
     @staticmethod
     def _forget(task: Task) -> None:
@@ -130,7 +137,8 @@ class Tasks:
 
 def _run(task: Task, job: Job) -> None:
     try:
-        task.answer, task.files = job(task.folder, task.progress)
+        with recording_written():  # its files are not those of the command
+            task.answer, task.files = job(task.folder, task.progress)
         task.state = "done"
     except StoppedError:
         task.error, task.state = "stopped", "stopped"

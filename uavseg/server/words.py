@@ -6,6 +6,7 @@ import tempfile
 import threading
 import warnings
 from contextvars import Context, copy_context
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,7 @@ from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads as thread_pool
 from uavseg.flight.camera.catalogue import cameras
+from uavseg.jobs.cell_tiles import CellTiles
 from uavseg.jobs.field_map import FieldMapRequest, field_map
 from uavseg.jobs.open_source import open_source, raster_of
 from uavseg.jobs.source import ReadOptions, Source
@@ -29,7 +31,7 @@ from uavseg.server.tasks import Tasks
 
 NO_TILES = (
     "without tiles the picture is all there is when the map is zoomed: they need rio-tiler "
-    "(pip install 'uavseg[serve]'), and bands that are shown as they are stored"
+    "(pip install 'uavseg[serve]')"
 )
 
 
@@ -47,14 +49,18 @@ class MapServer:
 
     def __init__(self, source: Source, request: FieldMapRequest, work: Work, port: int = 0) -> None:
         raster = raster_of(source, "a block map holds no picture; name the raster that it was made from")
-        found = field_map(raster, request, work)
-        tiles = has_map_tiles(raster.dataset)
+        found = field_map(raster, replace(request, all_cells=True), work)
+        cells = None if found.fits_page else CellTiles.of(found)
+        cleaned = raster.cleaned(work.over(raster).silent)  # found already
+        tiles = cleaned if has_map_tiles(cleaned) else None
         self.warnings = found.warnings if tiles else (*found.warnings, NO_TILES)
         names = [one.name for one in cameras()]
-        page = page_of(found, None, [], {"tiles": tiles, "cameras": names})
+        offered = {"tiles": tiles is not None, "cameras": names, "areas": _areas(cells)}
+        page = page_of(found, None, [], offered)
         self._folder = tempfile.TemporaryDirectory(prefix="uavseg-serve-", ignore_cleanup_errors=True)
         self._tasks = Tasks(Path(self._folder.name))
-        site = Site(raster, request, found, page, self._tasks, tiles)
+        found = replace(found, cells=None)  # in the page, or in tiles
+        site = Site(raster, request, found, page, self._tasks, tiles, cells)
         try:
             self._server = LocalServer(partial(_within, copy_context(), site), port)
         except (OSError, OverflowError) as error:
@@ -75,10 +81,10 @@ class MapServer:
 
     def close(self) -> None:
         """Stop jobs and the server; the files of results are deleted."""
-        self._tasks.stop_all()
         self._server.shutdown()
         self._server.server_close()
         self._thread.join()
+        self._tasks.stop_all()
         self._folder.cleanup()
 
     def __enter__(self) -> MapServer:
@@ -88,6 +94,11 @@ class MapServer:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _areas(cells: CellTiles | None) -> list[float] | None:
+    """Areas of cells by their codes, for a page that asks for tiles of them."""
+    return None if cells is None else [float(f"{area:.10g}") for area in cells.areas]
 
 
 def _within(context: Context, site: Site, method: str, path: str, body: bytes) -> Answer:

@@ -52,8 +52,9 @@ class RunOptions:
     def of(cls, options: dict[str, Any]) -> RunOptions:
         """From the options of a command, which begins with this."""
         reporter = Reporter(options["quiet"], options["verbose"], options["progress"])
-        names = ("tile", "threads", "scheduler", "resume", "overwrite")
-        return cls(**{name: options[name] for name in names}, reporter=reporter)
+        names = ("tile", "threads", "scheduler", "resume")
+        overwrite = options.get("overwrite", False)
+        return cls(**{name: options[name] for name in names}, overwrite=overwrite, reporter=reporter)
 
     def work(self) -> Work:
         """How the job is run: by threads of this process, or by a cluster, which is released when the command
@@ -101,6 +102,15 @@ def running_options(command: Command) -> Command:
 
     See `RunOptions`.
     """
+    return _given(command, click.option("--overwrite", is_flag=True, help="Replace files that are there."))
+
+
+def computing_options(command: Command) -> Command:
+    """The same for a command that writes no file of the user: without --overwrite."""
+    return _given(command)
+
+
+def _given(command: Command, *overwrite: Any) -> Command:
     for option in reversed(
         (
             click.option(
@@ -124,7 +134,7 @@ def running_options(command: Command) -> Command:
                 help="Keep finished tiles in this folder, and take up those that are there, so that a run "
                 "that was stopped goes on where it stopped. Remove the folder when you are done.",
             ),
-            click.option("--overwrite", is_flag=True, help="Replace files that are there."),
+            *overwrite,
             click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
             click.option("-v", "--verbose", is_flag=True, help="Say what was decided, and how long it took."),
             click.option(

@@ -81,7 +81,7 @@ def data_of(
         "about": _about(found),
         "notes": [printable(note) for note in found.warnings],
         "image": {"url": data_url(found.image.webp, "image/webp"), "bounds": found.image.bounds},
-        "cells": None if found.cells is None else _cells(found),
+        "cells": _cells(found) if found.fits_page else None,
         "range": first_range(regions),
         "regions": regions,
         "missions": list(missions),

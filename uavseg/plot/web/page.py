@@ -14,7 +14,7 @@ _PROGRAM = (
     *("blocks.js", "elements.js", "regions.js", "cells.js", "slider.js", "missions.js", "position.js"),
     "app.js",
 )
-_SERVED = ("asking.js", "drawing.js", "served.js")  # before app.js
+_SERVED = ("asking.js", "drawing.js", "code_tiles.js", "served.js")  # before app.js
 _MAPPED = "//# sourceMappingURL"
 
 

@@ -93,13 +93,17 @@ class PixelMask:
 
     def sample(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Pixels:
         """Which pixels at the crossings of some rows and columns are in the set, (rows, cols) bool."""
-        codes = self.codes[np.ix_(rows // BLOCK, cols // BLOCK)]
+        return self.at(*np.broadcast_arrays(rows[:, None], cols))
+
+    def at(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Pixels:
+        """Which of some pixels are in the set; rows, columns and the result have one shape."""
+        codes = self.codes[rows // BLOCK, cols // BLOCK]
         found: Pixels = codes == ALL
-        i, j = np.nonzero(codes == MIXED)
-        row, col = rows[i], cols[j]
+        mixed = codes == MIXED
+        row, col = rows[mixed], cols[mixed]
         index = np.searchsorted(self.places, row // BLOCK * self.codes.shape[1] + col // BLOCK)
         byte = self.bits[index, row % BLOCK, col % BLOCK // 8]
-        found[i, j] = (byte >> (7 - col % 8)).astype(np.uint8) & 1
+        found[mixed] = (byte >> (7 - col % 8)).astype(np.uint8) & 1
         return found
 
     def count(self, shape: tuple[int, int]) -> int:

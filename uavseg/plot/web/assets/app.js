@@ -7,7 +7,8 @@
   const map = L.map("map", {maxZoom: 26, zoomSnap: 0.25, renderer: new RimCanvas({padding: 0.3}), attributionControl: false});
   const [west, south, east, north] = data.image.bounds;
   const bounds = L.latLngBounds([south, west], [north, east]);
-  const raster = L.imageOverlay(data.image.url, bounds, {alt: data.title}).addTo(map);
+  Object.assign(map.createPane("picture").style, {zIndex: 150, pointerEvents: "none"}); // below tiles
+  const raster = L.imageOverlay(data.image.url, bounds, {alt: data.title, pane: "picture"}).addTo(map);
   const layers = L.control.layers({}, {}, {position: "topright"}).addTo(map);
   const page = {data, map, layers, panel};
   layers.addOverlay(raster, "Raster");
@@ -34,6 +35,7 @@
   } else if (data.cells) {
     await addSlider(page, new RegionList(page, "Regions of a range", COLORS.range, "range.geojson", !data.regions));
   }
+  if (data.server?.areas) addTiledSlider(page);
   if (data.server) addServed(page);
   for (const mission of data.missions) addMission(page, mission);
   document.body.dataset.ready = "true";

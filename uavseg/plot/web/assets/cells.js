@@ -3,12 +3,18 @@
 
 /** Area in square metres of the valid cells in a range of steps, from sums over codes. */
 function areaBySteps(grid) {
-  const last = 2 * Blocks.STEPS, sums = new Float64Array(last + 2);
+  const sums = new Float64Array(2 * Blocks.STEPS + 1);
   const byRow = Array.from({length: grid.rows}, (_, row) => Blocks.cellArea(grid, row));
   for (let n = 0; n < grid.codes.length; n++) {
-    if (grid.codes[n] <= last && grid.counts[n]) sums[grid.codes[n] + 1] += byRow[Math.floor(n / grid.cols)](n % grid.cols);
+    if (grid.codes[n] < sums.length && grid.counts[n]) sums[grid.codes[n]] += byRow[Math.floor(n / grid.cols)](n % grid.cols);
   }
-  for (let code = 1; code < sums.length; code++) sums[code] += sums[code - 1];
+  return areaOfCodes(sums);
+}
+
+/** The same from the area of the cells of each code. */
+function areaOfCodes(areas) {
+  const sums = new Float64Array(areas.length + 1);
+  areas.forEach((area, code) => { sums[code + 1] = sums[code] + area; });
   return (low, high) => sums[2 * high + 1] - sums[2 * low];
 }
 

@@ -112,9 +112,9 @@ function addServed(page) {
   };
 }
 
-/** Fields for the range, where the raster is too large for the slider of the page. */
-function ends({cells, range}) {
-  if (cells) return [];
+/** Fields for the range, where this browser has no slider. */
+function ends({range}) {
+  if (document.getElementById("low-number")) return [];
   return ["Low", "High"].map((name, n) => field(`${name} end of v`, `${name.toLowerCase()}-number`, range[n] / Blocks.STEPS).label);
 }
 

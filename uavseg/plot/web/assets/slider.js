@@ -4,39 +4,54 @@
 const REST_MS = 150;
 const HELD_MS = 4000; // without a movement, also where the browser does not report a release
 
+/** The slider of a page that holds all cells: its regions are outlined in the page. */
 async function addSlider(page, list) {
   const grid = await Blocks.decode(page.data.cells);
   const cells = new CellOverlay(grid, page.data.image.bounds);
-  const areas = areaBySteps(grid), found = make("p", {className: "found"});
+  const range = addRange(page, list.controls, {areas: areaBySteps(grid), cells, moved, rested});
+
+  function moved() {
+    cells.layer.addTo(page.map);
+    list.layer.remove();
+  }
+
+  /** Outlines of the regions, with their attributes. */
+  function rested(low, high) {
+    list.show(Blocks.regions(grid, low, high));
+    cells.layer.remove();
+    list.layer.addTo(page.map);
+  }
+
+  list.settle = range.settle;
+  list.show(Blocks.regions(grid, ...range.steps()));
+}
+
+/**
+ * Two handles above which the histogram is drawn: cells are coloured while one is dragged.
+ * `areas` gives square metres of a range of steps, `cells` draws it, `moved` and `rested` say what else is shown.
+ */
+function addRange(page, controls, {areas, cells, moved, rested}) {
+  const found = make("p", {className: "found"});
   const [low, high] = page.data.range.map((value, n) => handle(["Low", "High"][n], value));
+  const steps = () => [low.step(), high.step()];
   let drawing = 0, resting = 0;
 
   /** Cells of the range, at once. */
   function preview() {
     drawing = 0;
-    cells.draw(low.step(), high.step());
-    const area = areas(low.step(), high.step());
+    cells.draw(...steps());
+    const area = areas(...steps());
     found.textContent = `v ${low.step() / Blocks.STEPS} to ${high.step() / Blocks.STEPS}: ${areaText(area)} in range`;
   }
 
-  /** Outlines of the regions, with their attributes. */
-  function outline() {
+  function rest() {
     resting = 0;
-    list.show(Blocks.regions(grid, low.step(), high.step()));
-    cells.layer.remove();
-    list.layer.addTo(page.map);
-  }
-
-  function moved() {
-    cells.layer.addTo(page.map);
-    list.layer.remove();
-    if (!drawing) drawing = requestAnimationFrame(preview);
-    restIn(HELD_MS);
+    rested(...steps());
   }
 
   function restIn(milliseconds) {
     clearTimeout(resting);
-    resting = setTimeout(outline, milliseconds);
+    resting = setTimeout(rest, milliseconds);
   }
 
   for (const [own, other, sign] of [[low, high, 1], [high, low, -1]]) {
@@ -44,13 +59,14 @@ async function addSlider(page, list) {
       own.set(Math.min(Math.max(own.step(), (1 - sign) / 2), Blocks.STEPS - (1 + sign) / 2));
       if (sign * (other.step() - own.step()) < 1) other.set(own.step() + sign);
       moved();
+      if (!drawing) drawing = requestAnimationFrame(preview);
+      restIn(HELD_MS);
     };
     own.rested = () => restIn(REST_MS);
   }
-  list.settle = () => { if (resting) { clearTimeout(resting); outline(); } };
-  list.controls.append(histogram(areas), low.element, high.element, found);
+  controls.append(histogram(areas), low.element, high.element, found);
   preview();
-  list.show(Blocks.regions(grid, low.step(), high.step()));
+  return {steps, settle: () => { if (resting) { clearTimeout(resting); rest(); } }};
 }
 
 /** How much area there is of each v, drawn above the sliders. */
