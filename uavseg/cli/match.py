@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._write import (
+    LabelFile,
     check_targets,
     keep_inputs,
     shown,
@@ -15,6 +16,7 @@ from uavseg.cli._write import (
     write_regions_and_labels,
 )
 from uavseg.cli.options.bands import many_bands
+from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.raster import area, drawing, read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
     metavar="PATH",
     help="Also write the labels of the regions as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
+@creation_option
 @click.option(
     "--by",
     type=click.Choice(["texture", "color"]),
@@ -135,6 +138,7 @@ def command(**options: Any) -> None:
     target = options["output"] or f"{stem_of(options['rasters'][0])}.match.geojson"
     form = geojson_form(options, target)
     labels = options["labels"]
+    label_file = LabelFile(labels, creation_of(options, {labels: "uint32"}))
     check_targets(target, labels, run.overwrite)
     style = style_kind(options, target)
     keep_inputs([target, labels], options["rasters"], options["like"])
@@ -144,7 +148,7 @@ def command(**options: Any) -> None:
     found = match(source, request, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found.found, target, labels, work, run.overwrite, form, style)
+        write_regions_and_labels(found.found, target, label_file, work, run.overwrite, form, style)
     run.reporter.table(_rows(found, target) | {"seconds": f"{run.reporter.seconds:.2f}"})
 
 
