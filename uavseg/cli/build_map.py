@@ -10,6 +10,7 @@ import click
 from uavseg.cli._say import say
 from uavseg.cli._write import keep_inputs, transaction
 from uavseg.cli.options.creation import creation_of, creation_option
+from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 
 if TYPE_CHECKING:
     from uavseg.jobs.build_map import BuiltMap
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     help="Use beams up to here.  [default: the range_max of each scan]",
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that are there.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@verbosity_options
 def command(**options: Any) -> None:
     """Merge the scans of a recorded BAG into a map, each at the pose of the sensor at its time.
 
@@ -53,6 +54,7 @@ def command(**options: Any) -> None:
     from uavseg.occupancy.bags.merge_bag import MergeParams
     from uavseg.occupancy.map_file import check_map_path
 
+    heed_verbose(options["quiet"], options["verbose"])
     target, overwrite = options["output"], options["overwrite"]
     files = check_map_path(target, overwrite)
     keep_inputs(files, options["bag"], *_files_in(options["bag"]))

@@ -10,6 +10,7 @@ import click
 from uavseg.cli._say import say
 from uavseg.cli._write import check_distinct, keep_inputs, transaction
 from uavseg.cli.options.creation import creation_of, creation_option
+from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ _SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "st
 @click.option("--step", type=float, metavar="DEG", help="Between beams.  [default: the scene's]")
 @click.option("--poses", type=click.IntRange(min=1), metavar="N", help="Scan from the first N poses only.")
 @click.option("--overwrite", is_flag=True, help="Replace files that are there.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@verbosity_options
 def command(**options: Any) -> None:
     """Scan a scene with a laser range finder, merge the scans in log-odds and write the map.
 
@@ -61,6 +62,7 @@ def command(**options: Any) -> None:
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.png import write_png
 
+    heed_verbose(options["quiet"], options["verbose"])
     scene, overwrite = options["scene"], options["overwrite"]
     keep_inputs([options[name] for name in ("output", "png", "truth") if options[name]], scene)
     outputs = _check_targets(options["output"], options["png"], options["truth"], overwrite)

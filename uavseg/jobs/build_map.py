@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from uavseg.errors import ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.occupancy.bags.merge_bag import BagTopics, MergeParams, ScanCounts, merge_bag
 from uavseg.occupancy.map_file import write_map
 from uavseg.occupancy.mapping.grid import OccupancyGrid
@@ -82,5 +83,8 @@ def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParam
     BagError
         If the bag cannot be read, lacks a topic, or no scan has a pose; if the map would be too large.
     """
-    found = merge_bag(bag, topics, params)
+    decided("scans of %s, poses of %s, cells of %g m", topics.scan, topics.odom or "/tf", params.resolution_m)
+    with phase("scans"):
+        found = merge_bag(bag, topics, params)
+    decided("%d of %d scans merged in the frame %s", found.counts.merged, found.counts.total, found.frame)
     return BuiltMap(found.grid, found.frame, found.counts, found.warnings)
