@@ -56,7 +56,7 @@ LINES = tuple(
         f"plan r.geojson -o out.plan {FLIGHT} --pattern perimeter --offset 3 --min-leg 4 --holes fly",
         f"plan r.geojson -o out.plan {FLIGHT} --pattern orbit --margin 9",
         f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1 --largest 2 --where area_m2>5",
-        f"plan r.geojson -o out.plan {FLIGHT} --vehicle v.json --json",
+        f"plan r.geojson -o out.plan {FLIGHT} --vehicle v.json --json --footprints",
         f"plan r.geojson -o out.plan {FLIGHT} --dem g.tif --terrain absolute --terrain-tolerance 2 --climb 3",
         f"plan r.geojson -o out.waypoints {FLIGHT} --dem g.tif --dem g.tif --terrain relative --descent 0.5",
         f"plan r.geojson -o out.kmz {FLIGHT} --spacing 12 --dji-model m30t",

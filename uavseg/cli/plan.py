@@ -48,6 +48,11 @@ if TYPE_CHECKING:
 )
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")
+@click.option(
+    "--footprints",
+    is_flag=True,
+    help="With --json: also what ground each photograph shows, four corners (lon, lat) in degrees.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
 @verbosity_options
 @access_options
@@ -65,6 +70,8 @@ def command(**options: Any) -> None:
 
     heed_verbose(options["quiet"], options["verbose"])
     output, regions = options["output"], options["regions"]
+    if options["footprints"] and not options["as_json"]:
+        raise click.UsageError("--footprints are a part of --json; give both")
     files.check_mission_format(output)
     check_target(output, options["overwrite"])
     raster = options["raster"]
@@ -76,7 +83,10 @@ def command(**options: Any) -> None:
     planned = plan(found, request, zones_of(options, opened), opened)
     paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
     if options["as_json"]:
-        written = missions_json(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
+        notes = [*planned.warnings, *unwritten]
+        written = missions_json(
+            planned.missions, planned.regions, paths, notes, with_footprints=options["footprints"]
+        )
         show(json.dumps(written, allow_nan=False))
     if not options["quiet"]:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
