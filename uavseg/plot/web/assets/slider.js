@@ -9,7 +9,8 @@ async function addSlider(page, list) {
   const cells = new CellOverlay(grid, page.data.image.bounds);
   const areas = areaBySteps(grid), found = make("p", {className: "found"});
   const [low, high] = page.data.range.map((value, n) => handle(["Low", "High"][n], value));
-  let drawing = 0, resting = 0;
+  const outlines = new Outlines(grid);
+  let drawing = 0, resting = 0, turns = 0, outlining = 0; // the number of the outlining that is under way
 
   /** Cells of the range, at once. */
   function preview() {
@@ -19,15 +20,22 @@ async function addSlider(page, list) {
     found.textContent = `v ${low.step() / Blocks.STEPS} to ${high.step() / Blocks.STEPS}: ${areaText(area)} in range`;
   }
 
-  /** Outlines of the regions, with their attributes. */
-  function outline() {
+  /** Outlines of the regions, with their attributes; cells stay until they are there. */
+  async function outline() {
     resting = 0;
-    list.show(Blocks.regions(grid, low.step(), high.step()));
+    const own = outlining = ++turns, goesOn = () => outlining === own;
+    const found = await outlines.find(low.step(), high.step());
+    if (found && goesOn() && await list.showInTurns(found, goesOn)) end();
+  }
+
+  function end() {
+    outlining = 0;
     cells.layer.remove();
-    list.layer.addTo(page.map);
   }
 
   function moved() {
+    outlining = 0;
+    outlines.cancel();
     cells.layer.addTo(page.map);
     list.layer.remove();
     if (!drawing) drawing = requestAnimationFrame(preview);
@@ -47,7 +55,15 @@ async function addSlider(page, list) {
     };
     own.rested = () => restIn(REST_MS);
   }
-  list.settle = () => { if (resting) { clearTimeout(resting); outline(); } };
+  list.settle = () => {
+    if (!resting && !outlining) return;
+    clearTimeout(resting);
+    resting = 0;
+    outlines.cancel();
+    list.show(Blocks.regions(grid, low.step(), high.step()));
+    list.layer.addTo(page.map);
+    end();
+  };
   list.controls.append(histogram(areas), low.element, high.element, found);
   preview();
   list.show(Blocks.regions(grid, low.step(), high.step()));
