@@ -9,7 +9,6 @@ from typing import Any
 
 from uavseg.access import Folders, allowing
 from uavseg.arguments import checked
-from uavseg.execution.executors import threads as thread_pool
 from uavseg.jobs.field_map import FieldMapRequest, field_map
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.source import ReadOptions
@@ -86,10 +85,10 @@ def map_page(
     words = BandWords(index, expr, band_names)
     options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
     request = FieldMapRequest.from_words(method, threshold, intensity_step, size)
-    run = thread_pool(threads)
+    work = Work.by_threads(threads, tile, resume=resume)
     with allowing(allow_path, allow_network):
         page = PageFile.prepared(output, overwrite, source, regions, mission, camera)
-        found = field_map(open_source(source, options), request, Work(tile, run, run, checkpoint=resume))
+        found = field_map(open_source(source, options), request, work)
         _, notes = page.write(found)
     for warning in notes:
         warnings.warn(warning, stacklevel=3)
