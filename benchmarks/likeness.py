@@ -55,8 +55,8 @@ def queries(folder: Path) -> Iterator[Query]:
                 yield Query(path, image, truth, (row + 0.5, col + 0.5, radius))
 
 
-def by_match(query: Query, by: str = "color") -> Any:
-    """`uavseg match --by color` or `texture`; nothing is found where it refuses the disc."""
+def by_match(query: Query, by: str = "auto") -> Any:
+    """`uavseg match`, or that by color or texture alone; nothing is found where it refuses the disc."""
     from uavseg.errors import SampleError
     from uavseg.jobs.like.request import MatchRequest
     from uavseg.jobs.match import match
@@ -99,7 +99,8 @@ def by_grabcut(query: Query) -> Any:
 
 
 METHODS: dict[str, Callable[[Query], Any]] = {
-    "uavseg match --by color": by_match,
+    "uavseg match": by_match,
+    "--by color": partial(by_match, by="color"),
     "--by texture": partial(by_match, by="texture"),
     "grey ± 3 deviations": by_deviations,
     "GrabCut": by_grabcut,
@@ -117,11 +118,7 @@ def main() -> None:
         values = [overlap(find(query), query.truth) for find in METHODS.values()]
         for name in (query.path.stem, f"radius {query.disc[2]}", "all"):
             found.setdefault(name, []).append(values)
-    rows = [
-        [name, str(len(values)), *(f"{mean:.3f}" for mean in np.mean(values, 0))]
-        for name, values in sorted(found.items(), key=lambda item: (item[0] == "all", item[0]))
-    ]
-    print(table.rows(["", "discs", *METHODS], rows))
+    print(table.mean_rows(found, ["", "discs", *METHODS]))
 
 
 if __name__ == "__main__":

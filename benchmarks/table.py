@@ -1,7 +1,7 @@
 """Results as Markdown tables, and the sections of the documents that they are written to."""
 
 import datetime
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from benchmarks.accuracy import Hazard, Score
@@ -297,3 +297,23 @@ def replace_section(document: str, section: str, text: str) -> str:
 def write_section(section: str, text: str, path: Path = README) -> None:
     """Write a section of a document."""
     path.write_text(replace_section(path.read_text(), section, text))
+
+
+def mean_rows(found: Mapping[str, Sequence[Sequence[float]]], names: Sequence[str]) -> str:
+    """A row with the number and the means of the values of each name, "all" last.
+
+    Parameters
+    ----------
+    found : mapping of str to sequence of sequences of float
+    names : sequence of str
+        Title of the names, of the number, and of each value.
+    """
+    lines = [
+        [
+            name,
+            str(len(values)),
+            *(f"{sum(column) / len(values):.3f}" for column in zip(*values, strict=True)),
+        ]
+        for name, values in sorted(found.items(), key=lambda item: (item[0] == "all", item[0]))
+    ]
+    return rows(names, lines)

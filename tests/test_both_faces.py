@@ -310,6 +310,8 @@ MATCH: list[tuple[Any, Words]] = [
     ("tile.tif", {"like": DISC, "min_area": 1e9}),
     ("tile.tif", {"like": DISC, "by": "color", "refine": "none"}),
     ("tile.tif", {"like": DISC, "by": "texture", "tile": 64}),
+    ("tile.tif", {"like": [DISC, (4e5 + 60, 5e6 - 60, 30)], "unlike": [(4e5 + 60, 5e6 - 200, 30)]}),
+    ("tile.tif", {"like": DISC, "unlike": [DISC]}),
     ("tile.tif", {"like": DISC, "by": "color", "window": 16}),
     ("bands.tif", {"like": DISC, "by": "color", "bands": (1, 2, 3), "min_area": 60.0, "fill_holes": "9px"}),
     (["west.tif", "east.tif"], {"like": DISC, "window": 24}),

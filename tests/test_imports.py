@@ -167,6 +167,7 @@ PHASES = {
     "sample.mixture": set(),
     "sample.likeness_table": {"sample.mixture"},
     "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
+    "sample.two_kinds": {"sample.g_scores"},
 }
 EVERY_PHASE = set(PHASES)
 PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks

@@ -43,8 +43,8 @@ class RegionsLikeSample(RegionAlgorithm):
     TITLE = "Regions like a sample"
     COMMAND = "match"
     SUMMARY = (
-        "Finds the regions of a raster that look like a sample of it, by texture (G statistic of LBP and "
-        "contrast) and intensity, or by color. The sample is polygons, or a disc around a place. Each region "
+        "Finds the regions of a raster that look like a sample of it, by color and by texture (G statistic "
+        "of LBP and contrast). The sample is polygons, or a disc around a place. Each region "
         "has its similarity."
     )
     TAGS = ("segmentation", "texture", "similarity", "classification")
@@ -64,8 +64,9 @@ class RegionsLikeSample(RegionAlgorithm):
                     "BY",
                     "Compare by",
                     "--by",
-                    "Texture, or color, for which a disc of 8 pixels is enough. Empty: texture.",
-                    ("texture", "color"),
+                    "Color, for which a disc of 8 pixels is enough; texture; or what parts the sample from "
+                    "the raster. Empty: auto.",
+                    ("auto", "color", "texture"),
                 ),
                 number(
                     "SIMILARITY",
@@ -84,7 +85,7 @@ class RegionsLikeSample(RegionAlgorithm):
                     "WINDOW",
                     "Window",
                     "--window",
-                    "Side in pixels of the window whose texture is compared. Empty: 32.",
+                    "Side in pixels of the window of texture. Empty: 32, or less for small samples.",
                     ("16", "24", "32", "48", "64", "96", "128"),
                 ),
                 text(

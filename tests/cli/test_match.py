@@ -174,7 +174,7 @@ def test_nothing_found_is_told() -> None:
     ("words", "said"),
     [
         (["--like", "0,0,100"], "outside of the raster, which is x 400000 to 400520 by y 4999560 to 5000000"),
-        (["--like", LIKE.replace(",100", ",20")], "a radius of 32 pixels (64 m) has"),
+        (["--like", LIKE.replace(",100", ",20"), "--by", "texture"], "a radius of 16 pixels (32 m) has"),
         (["--like", LIKE, "--window", "128"], "a radius of 128 pixels (256 m) has"),
         (["--like", "1,2"], "X,Y,RADIUS or a file of polygons"),
         (["--like", "1,2,0"], "a radius above 0"),

@@ -40,7 +40,7 @@ LINES = tuple(
         f"levels x.tif --width 0.3 -o out.geojson --min-area 9 --small merge --simplify 1 {RUN}",
         f"levels x.tif --width 0.3 -o out.fgb --labels out.tif --stretch percentile:1,99 --co COMPRESS=LZW --co PREDICTOR=2 {DIVISION} {RUN}",
         f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 --bands 1 {RUN}",
-        f"match x.tif --like 500048,4499952,20 -o out.fgb --by color --labels out.tif --fill-holes 9px --min-area 9 {RUN}",
+        f"match x.tif --like 500048,4499952,20 -o out.fgb --unlike 500100,4499900,9 --by color --labels out.tif --fill-holes 9px --min-area 9 {RUN}",
         f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
         f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
         f"classify m.tif -o out.yaml --mode scale {DIVISION} --threads 1",

@@ -19,7 +19,6 @@ from rasterio.crs import CRS
 import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import serial, threads
-from uavseg.jobs.like.by_texture import TextureSample
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import Match, match
 from uavseg.jobs.source import Raster
@@ -70,7 +69,8 @@ def scene(wanted: str, other: str, seed: int = 0, shape: tuple[int, int] = (256,
 
 
 INSIDE = Disc(110, 110, 50)  # of the scene's disc
-PLAIN, CELLS = MatchRequest(INSIDE), MatchRequest(INSIDE, refine="none")
+PLAIN = MatchRequest(INSIDE, by="texture")
+CELLS = replace(PLAIN, refine="none")
 
 
 def dataset(image: NDArray[np.generic], crs: str | None = None) -> Dataset:
@@ -226,11 +226,11 @@ def test_each_region_tells_how_similar_it_is() -> None:
     columns = strict.found.regions.columns
     assert list(columns)[:3] == ["id", "similarity", "area_m2"]
     assert (columns["similarity"] >= 0.9).all() and (columns["similarity"] <= 1).all()
-    assert isinstance(strict.how, TextureSample)
-    assert strict.how.limit == pytest.approx(strict.how.own - 2 * np.log(0.9), abs=0.001)
+    assert strict.texture is not None and strict.compared == "texture"
+    assert strict.texture.limit == pytest.approx(strict.texture.own - 2 * np.log(0.9), abs=0.001)
     grey = image[truth].astype(float) / 255
-    assert strict.how.sample.mean / 65535 == pytest.approx(grey.mean(), abs=0.01)
-    assert strict.how.sample.deviation / 65535 == pytest.approx(grey.std(), abs=0.01)
+    assert strict.texture.sample.mean / 65535 == pytest.approx(grey.mean(), abs=0.01)
+    assert strict.texture.sample.deviation / 65535 == pytest.approx(grey.std(), abs=0.01)
     low, high = columns["range_low"][0], columns["range_high"][0]
     assert (low, high) == pytest.approx((grey.mean() - grey.std(), grey.mean() + grey.std()), abs=0.02)
 
@@ -269,20 +269,28 @@ def test_a_clearing_is_not_like_the_forest_around_it(shared_data: Path) -> None:
 # Samples
 
 
-@pytest.mark.parametrize("radius", [3, 12, 20])
+@pytest.mark.parametrize("radius", [3, 8, 12])
 def test_a_sample_that_is_too_small_is_refused_and_told_how_large_it_must_be(radius: float) -> None:
     image, _ = scene("rows", "meadow")
-    with pytest.raises(SampleError, match=r"at least 2,048.* a radius of 32 pixels"):
+    with pytest.raises(SampleError, match=r"at least 512.* a radius of 16 pixels"):
         found(image, Disc(110, 110, radius))
+    with pytest.raises(SampleError, match=r"at least 2,048.* a radius of 32 pixels"):
+        found(image, Disc(110, 110, radius), replace(PLAIN, window=32))
+
+
+@pytest.mark.parametrize(("radius", "window"), [(16, 16), (23, 16), (24, 24), (31, 24), (32, 32), (70, 32)])
+def test_the_window_is_the_largest_usual_one_that_fits(radius: float, window: int) -> None:
+    image, _ = scene("rows", "meadow")
+    made = found(image, Disc(110, 110, radius))
+    assert made.texture is not None and made.texture.window == window
 
 
 @settings(max_examples=10)
 @given(x=st.floats(100, 120), y=st.floats(100, 120), window=st.sampled_from([16, 32, 64]))
 def test_a_disc_as_large_as_it_is_told_is_enough(x: float, y: float, window: int) -> None:
     image, _ = scene("rows", "meadow", shape=(220, 220))
-    assert (
-        found(image, Disc(x, y, window), MatchRequest(INSIDE, window)).how.sample.model.count > 2 * window**2
-    )
+    made = found(image, Disc(x, y, window), replace(PLAIN, window=window))
+    assert made.texture is not None and made.texture.sample.model.count > 2 * window**2
 
 
 def test_a_sample_on_nodata_is_refused() -> None:

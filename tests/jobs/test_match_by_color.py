@@ -14,7 +14,6 @@ from scipy import ndimage
 import uavseg
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import threads
-from uavseg.jobs.like.by_texture import TextureSample
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import Match, match
 from uavseg.jobs.open_source import open_raster
@@ -69,7 +68,7 @@ def overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
 def test_one_small_disc_finds_all_of_its_kind(tile: Path, refine: str) -> None:
     made = match(open_raster(str(tile)), MatchRequest(DISC, by="color", refine=refine))
     assert overlap(painted(made), truth() == 1) > (0.97 if refine == "pixel" else 0.8)
-    assert not isinstance(made.how, TextureSample) and made.how.own > 0.8
+    assert made.compared == "color" and made.color is not None and made.color.own > 0.8
     assert made.warnings == ()
 
 
@@ -135,12 +134,12 @@ def test_five_bands_are_compared_together(tmp_path: Path) -> None:
     assert overlap(painted(made), truth() == 1) > 0.97
 
 
-def test_texture_is_compared_unless_color_is_asked_for(tile: Path) -> None:
+def test_texture_is_compared_where_one_of_its_options_is_given(tile: Path) -> None:
     large = Disc(1070, 940, 20)
-    assert isinstance(match(open_raster(str(tile)), MatchRequest(large, window=16)).how, TextureSample)
+    assert match(open_raster(str(tile)), MatchRequest(large, window=16)).compared == "texture"
     with pytest.raises(ParameterError, match="are of texture"):
         MatchRequest(large, window=16, by="color")
-    with pytest.raises(ParameterError, match="by texture or color"):
+    with pytest.raises(ParameterError, match="by auto, color or texture"):
         replace(MatchRequest(large), by="shape")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
@@ -28,15 +29,19 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 
+Sample = str | os.PathLike[str] | tuple[float, float, float]
+
+
 @checked
 def match(
     source: Any,
-    like: str | os.PathLike[str] | tuple[float, float, float],
+    like: Sample | Sequence[Sample],
     *,
-    window: int = 32,
+    unlike: Sequence[Sample] = (),
+    window: int | None = None,
     similarity: float = 0.9,
     intensity: float = 1.0,
-    by: str = "texture",
+    by: str = "auto",
     bands: Sequence[int | str] = (),
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -58,28 +63,33 @@ def match(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
-    """Regions of a raster that are like a sample of it, by color or by texture.
+    """Regions of a raster that are like a sample of it, by color and texture.
 
-    Texture is compared by G, the log-likelihood ratio between joint histograms of LBP codes and contrast. By
-    color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far more
-    frequent in the sample are its kind.
+    By color, mixtures of few kinds of ground are fitted to the colors of the raster, and those that are far
+    more frequent in the sample are its kind. Texture is compared by G, the log-likelihood ratio between joint
+    histograms of LBP codes and contrast.
 
     Parameters
     ----------
     source
         As of `extract`.
-    like : path or (float, float, float)
+    like : path or (float, float, float), or sequence of them
         A file of polygons, in any coordinate system; or x, y and radius of a disc in the raster's coordinates
-        (the radius in their unit; in metres where they are degrees).
-    window : int
-        Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.
+        (the radius in their unit; in metres where they are degrees). Several are compared by color.
+    unlike : sequence of path or (float, float, float)
+        Samples of what is not wanted; they are compared by color.
+    window : int, optional
+        Side in pixels of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128. By default 32,
+        or 24 or 16 where the sample is small.
     similarity : float
         How like the sample's own windows a window must be: above 0 and at most 1; less finds more.
     intensity : float
         By how many of the sample's standard deviations the mean may differ; infinite for texture alone.
-    by : {"texture", "color"}
-        What is compared: texture with intensity, or color, for which a disc with a radius of 8 pixels is
-        enough.
+    by : {"auto", "color", "texture"}
+        What is compared: color, for which a disc with a radius of 8 pixels is enough, or texture with
+        intensity. By default color, with texture where that clearly parts what has the colors of the sample;
+        and texture where color hardly parts the sample from the raster, or one of `window`, `similarity` and
+        `intensity` is given.
     bands : sequence of int or str
         Bands to compare, each by itself; beside texture too.
     refine : {"pixel", "none"}
@@ -108,7 +118,7 @@ def match(
     '50%'
     """
     request = MatchRequest(
-        parse_like(os.fspath(like)) if isinstance(like, str | os.PathLike) else Disc(*like),
+        _samples(like),
         window,
         similarity,
         intensity,
@@ -118,6 +128,7 @@ def match(
         as_area(min_area),
         tuple(bands),
         by,
+        _samples(unlike),
     )
     job = RegionJob(
         ReadOptions(
@@ -133,6 +144,16 @@ def match(
     )
     with allowing(allow_path, allow_network):
         return regions_of(source, job, work(threads, tile, progress, resume))
+
+
+def _samples(given: Sample | Sequence[Sample]) -> tuple[Disc | str, ...]:
+    """One sample or several, as the requests of jobs have them."""
+    if isinstance(given, str | os.PathLike):
+        return (parse_like(os.fspath(given)),)
+    if len(given) == 3 and all(isinstance(number, Real) for number in given):
+        return (Disc(*given),)
+    several: Any = given
+    return tuple(sample for one in several for sample in _samples(one))
 
 
 @checked

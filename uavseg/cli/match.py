@@ -1,4 +1,4 @@
-"""`uavseg match`: regions of rasters whose texture and intensity are like those of a sample."""
+"""`uavseg match`: regions of rasters that look like a sample of them, by color and texture."""
 
 from __future__ import annotations
 
@@ -28,14 +28,21 @@ if TYPE_CHECKING:
     from uavseg.jobs.match import Match
 
 
-@click.command("match", short_help="Find regions whose texture and intensity are like a sample's.")
+@click.command("match", short_help="Find regions that look like a sample.")
 @reading_options
 @click.option(
     "--like",
     required=True,
+    multiple=True,
     metavar="SAMPLE|X,Y,RADIUS",
     help="The sample: a file of polygons, or a disc in the raster's coordinates (RADIUS in their unit; in "
-    "metres where they are degrees).",
+    "metres where they are degrees). May be given several times.",
+)
+@click.option(
+    "--unlike",
+    multiple=True,
+    metavar="SAMPLE|X,Y,RADIUS",
+    help="A sample of what is not wanted; may be given several times.",
 )
 @click.option(
     "-o",
@@ -52,18 +59,17 @@ if TYPE_CHECKING:
 @creation_option
 @click.option(
     "--by",
-    type=click.Choice(["texture", "color"]),
-    default="texture",
+    type=click.Choice(["auto", "color", "texture"]),
+    default="auto",
     show_default=True,
-    help="What is compared: texture with intensity, or color, for which a disc of 8 pixels is enough.",
+    help="What is compared: color, texture with intensity, or what parts the sample from the raster.",
 )
 @click.option(
     "--window",
     type=int,
-    default=32,
-    show_default=True,
     metavar="PIXELS",
-    help="Side of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.",
+    help="Side of the window whose texture is compared: 16, 24, 32, 48, 64, 96 or 128.  "
+    "[default: 32, or 24 or 16 where the sample is small]",
 )
 @click.option(
     "--similarity",
@@ -106,12 +112,17 @@ if TYPE_CHECKING:
 def command(**options: Any) -> None:
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
 
-    By texture: G, the log-likelihood ratio between joint histograms of LBP codes and contrast, tells a
-    ploughed field from a meadow of the same grey; what looks more like the raster as a whole than like the
-    sample is left out. The sample has a radius of at least 32 pixels.
-
     By color: mixtures of few kinds of ground are fitted to the colors of the whole raster, and those that are
     far more frequent in the sample than elsewhere are its kind. A radius of 8 pixels is enough.
+
+    By texture: G, the log-likelihood ratio between joint histograms of LBP codes and contrast, tells a
+    ploughed field from a meadow of the same grey; what looks more like the raster as a whole than like the
+    sample is left out. The sample has a radius of 16 pixels at least, better 32.
+
+    By default color; of what has the colors of the sample, texture decides where it clearly shows two kinds;
+    and texture with intensity where color hardly parts the sample from the raster, or where --window,
+    --similarity or --intensity is given. The table at the end says which. Several samples, and those of what
+    is --unlike, are compared by color.
 
     Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
@@ -141,7 +152,7 @@ def command(**options: Any) -> None:
     label_file = LabelFile(labels, creation_of(options, {labels: "uint32"}))
     check_targets(target, labels, run.overwrite)
     style = style_kind(options, target)
-    keep_inputs([target, labels], options["rasters"], options["like"])
+    keep_inputs([target, labels], options["rasters"], options["like"], options["unlike"])
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
@@ -157,7 +168,7 @@ def _request(options: dict[str, Any]) -> MatchRequest:
     from uavseg.regions.sample.place import parse_like
 
     return MatchRequest(
-        parse_like(options["like"]),
+        tuple(map(parse_like, options["like"])),
         options["window"],
         options["similarity"],
         options["intensity"],
@@ -167,27 +178,32 @@ def _request(options: dict[str, Any]) -> MatchRequest:
         area(options["min_area"]),
         options["bands"],
         options["by"],
+        tuple(map(parse_like, options["unlike"])),
     )
 
 
 def _rows(match: Match, target: str) -> dict[str, str]:
     """The short table at the end."""
-    from uavseg.jobs.like.by_texture import TextureSample
     from uavseg.units import GREY_MAX
 
-    found, how = match.found, match.how
+    found, color, texture = match.found, match.color, match.texture
     common = summary_rows(found)
     rows = {
         "regions": f"{len(found.regions):,} -> {shown(target)}",
         "total area": common["total area"],
         "largest": common["largest"],
+        "compared": match.compared if color is not None else "texture and intensity",
     }
-    if isinstance(how, TextureSample):
-        sample = how.sample
+    if color is not None:
+        rows["likeness"] = f"{color.own:.2f} in the sample, {color.share:.2f} in the raster"
+        if color.unlike is not None:
+            rows["likeness"] += f", {color.unlike:.2f} in what is unlike"
+    if texture is not None:
+        sample = texture.sample
         mean, deviation = sample.mean / GREY_MAX, sample.deviation / GREY_MAX
-        rows["compared"] = "texture and intensity"
         rows["sample"] = f"{sample.model.count:,} pixels, v {mean:.3f} +- {deviation:.3f}"
-        rows["G per pixel"] = f"{how.own:.3f} beyond chance in the sample, up to {how.limit:.3f} is like it"
-    else:
-        rows["compared"] = f"color; likeness {how.own:.2f} in the sample, {how.share:.2f} in the raster"
+        rows["window"] = f"{texture.window} pixels"
+        rows["G per pixel"] = (
+            f"{texture.own:.3f} beyond chance in the sample, up to {texture.limit:.3f} is like it"
+        )
     return rows | {"stretch": common["stretch"], "band": common["band"]}

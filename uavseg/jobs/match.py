@@ -1,15 +1,19 @@
-"""Search for the regions of a raster that are like a sample of it: by texture and intensity, see
-`like.by_texture`, or by color, see `like.by_color`.
+"""Search for the regions of a raster that are like a sample of it.
+
+color -> outlined: where the raster has the colors of the sample, see `like.by_color`
+      -> texture: where that clearly parts what is outlined, it decides which of it remains
+texture alone, see `like.by_texture`: where color hardly parts the sample from the raster, or as chosen
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from uavseg.jobs.like.by_color import learn, regions_by_color
-from uavseg.jobs.like.by_texture import TextureSample, regions_by_texture
+from uavseg.execution.phases import decided
+from uavseg.jobs.like.by_color import learn, outlines_by_color, regions_by_color
+from uavseg.jobs.like.by_texture import TextureSample, regions_by_texture, search_texture
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.metadata import drawing_facts, with_metadata
 from uavseg.jobs.open_source import raster_of
@@ -18,12 +22,22 @@ from uavseg.jobs.source import AUTO, Raster, Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.tiling import TilePass
-from uavseg.regions.sample.place import Disc, sample_mask
+from uavseg.regions.sample.inner_cells import inner_cells
+from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
+from uavseg.regions.sample.windows import fitting_window
 from uavseg.segmentation.sample.likeness_table import LikenessTable
+from uavseg.segmentation.sample.two_kinds import are_two_kinds, separability
 from uavseg.segmentation.source import GreySource
 
-_PARTS = 0.15  # by how much the likeness of the sample exceeds that of the raster where color parts them
+_LEAST_PARTING = 0.15  # of likeness: that of the sample less that of the raster, where color parts them
+_LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
+_LEAST_SEPARABILITY = 0.8  # of the scores of smaller windows
 _HARDLY = "color hardly parts the sample from the rest of the raster; texture may (--by texture)"
+_MIXED = "color hardly parts the samples of what is wanted from the others; give bands or an index that does"
+_NEITHER = (
+    "color hardly parts the sample from the rest of the raster, and the sample is too small to tell by its "
+    "texture; give a larger one"
+)
 
 
 @dataclass(frozen=True)
@@ -34,12 +48,21 @@ class Match:
     ----------
     found : Extraction
         Its regions have the column `similarity`, 1 where they are as like the sample as it is itself.
-    how : LikenessTable or TextureSample
-        What was compared: colour or texture.
+    color : LikenessTable, optional
+        The colors, where they were compared.
+    texture : TextureSample, optional
+        The texture, where it was compared.
     """
 
     found: Extraction
-    how: LikenessTable | TextureSample
+    color: LikenessTable | None
+    texture: TextureSample | None
+
+    @property
+    def compared(self) -> str:
+        """What decided: "color", "texture", or both."""
+        parts = [self.color is not None and "color", self.texture is not None and "texture"]
+        return " and ".join(part for part in parts if part)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -65,23 +88,64 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")
-    place = sample_mask(request.like, raster.geobox)
-    passes = work.over(raster).stages(5)
-    grey = raster.grey(passes[0])
-    how: LikenessTable | TextureSample
+    places = tuple(sample_mask(like, raster.geobox) for like in request.samples)
+    passes = work.over(raster).stages(7)
+    made = _by_texture if request.texture_alone else _by_color
+    result = made(raster, raster.grey(passes[0]), places, request, passes)
     hints = []
-    if request.by == "color":
-        likeness = learn(_colors(raster, grey, request.bands, passes[0].silent), place, passes[0])
-        found, how = regions_by_color(grey, likeness, request, passes[1:3]), likeness.table
-        if how.own - how.share < _PARTS:
-            hints.append(_HARDLY)
-    else:
+    if result.color is None and len(result.found.regions) == 0:
+        hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
+    if result.color is not None and not _parts(result.color):
+        hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)
+    found = with_metadata(result.found, raster, "match", _facts(request, result))
+    return replace(result, found=work.finished(found, *hints))
+
+
+def _by_texture(
+    raster: Raster,
+    grey: GreySource,
+    places: Sequence[SampleMask],
+    request: MatchRequest,
+    passes: Sequence[TilePass],
+) -> Match:
+    """By texture alone, with intensity."""
+    bands = _bands(raster, request.bands, passes[0].silent)
+    search = search_texture(grey, bands, places[0], request, passes[:2])
+    return Match(regions_by_texture(search, passes[2:4]), None, search.how)
+
+
+def _by_color(
+    raster: Raster,
+    grey: GreySource,
+    places: Sequence[SampleMask],
+    request: MatchRequest,
+    passes: Sequence[TilePass],
+) -> Match:
+    """By color, and unless that is asked for alone, by texture where it tells more."""
+    colors = _colors(raster, grey, request.bands, passes[0].silent)
+    unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
+    likeness = learn(colors, places, unlike, passes[0])
+    window = fitting_window(places[0]) if request.by == "auto" and request.is_one else None
+    if window is not None and not _parts(likeness.table):
         bands = _bands(raster, request.bands, passes[0].silent)
-        found, how = regions_by_texture(grey, bands, place, request, passes[1:])
-        if len(found.regions) == 0:
-            hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
-    found = with_metadata(found, raster, "match", _facts(request, how))
-    return Match(work.finished(found, *hints), how)
+        search = search_texture(grey, bands, places[0], request, passes[:2])
+        if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
+            decided("color hardly parts the sample from the raster: texture is compared")
+            return Match(regions_by_texture(search, passes[2:4]), None, search.how)
+    outlined = outlines_by_color(likeness, request, passes[1:3])
+    if window is not None and window >= _LEAST_WINDOW:
+        plain = replace(request, intensity=float("inf"), bands=())
+        search = search_texture(grey, (), places[0], plain, passes[3:5])
+        inner = inner_cells(outlined.rings, raster.geobox.shape, passes[5].silent)
+        if are_two_kinds(search.scores.best[inner], search.criterion.limit):
+            decided("texture clearly parts what has the colors of the sample")
+            return Match(regions_by_texture(search, passes[5:7], outlined.rings), likeness.table, search.how)
+    return Match(regions_by_color(grey, likeness, outlined, request, passes[2]), likeness.table, None)
+
+
+def _parts(table: LikenessTable) -> bool:
+    """Whether color parts the sample from the rest of the raster."""
+    return table.parting >= _LEAST_PARTING
 
 
 def _colors(
@@ -100,16 +164,19 @@ def _bands(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> l
     return [GreySource(one, fit_stretch(one, raster.options.spec or AUTO, tile_pass)) for one in datasets]
 
 
-def _facts(request: MatchRequest, how: LikenessTable | TextureSample) -> dict[str, Any]:
+def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
     """The parameters, for the metadata of the regions."""
-    like = request.like
-    disc = [like.x, like.y, like.radius] if isinstance(like, Disc) else None
-    facts: dict[str, Any] = {"like": like if isinstance(like, str) else disc}
-    if isinstance(how, TextureSample):
-        intensity = request.intensity if np.isfinite(request.intensity) else "any"
-        facts |= {"by": "texture", "window": request.window, "similarity": request.similarity}
-        facts |= {"intensity": intensity}
-    else:
-        facts |= {"by": "color"}
+    likes = [_fact(like) for like in request.samples]
+    facts: dict[str, Any] = {"like": likes[0] if len(likes) == 1 else likes, "by": made.compared}
+    if request.unlike:
+        facts |= {"unlike": [_fact(one) for one in request.unlike]}
+    if made.texture is not None:
+        facts |= {"window": made.texture.window, "similarity": request.similarity}
+        any_intensity = made.color is not None or not np.isfinite(request.intensity)
+        facts |= {"intensity": "any" if any_intensity else request.intensity}
     facts |= {"refine": request.refine, "bands": request.bands or None}
     return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area)
+
+
+def _fact(like: Disc | str) -> list[float] | str:
+    return [like.x, like.y, like.radius] if isinstance(like, Disc) else like

@@ -16,6 +16,7 @@ from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import drop_small_regions
+from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.likeness import LikenessSource, fit_likeness
 from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
@@ -27,23 +28,26 @@ from uavseg.units import GREY_MAX
 _LIKELY = IntensityRange(0.5, 1)
 
 
-def learn(bands: Sequence[GreySource], place: SampleMask, tile_pass: TilePass) -> LikenessSource:
-    """The raster as likeness to a sample."""
+def learn(
+    bands: Sequence[GreySource],
+    places: Sequence[SampleMask],
+    unlike: Sequence[SampleMask],
+    tile_pass: TilePass,
+) -> LikenessSource:
+    """The raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
-        found = fit_likeness(bands, place, tile_pass)
+        found = fit_likeness(bands, places, tile_pass, unlike)
     decided("likeness %.3f in the sample, %.3f in the raster", found.table.own, found.table.share)
     return found
 
 
-def regions_by_color(
-    grey: GreySource, likeness: LikenessSource, request: MatchRequest, passes: Sequence[TilePass]
-) -> Extraction:
-    """Regions where the likeness is one half and more.
+def outlines_by_color(
+    likeness: LikenessSource, request: MatchRequest, passes: Sequence[TilePass]
+) -> RegionOutlines:
+    """Outlines where the likeness is one half and more.
 
     Parameters
     ----------
-    grey : GreySource
-        The intensity that their attributes are of.
     likeness : LikenessSource
     request : MatchRequest
     passes : two of TilePass
@@ -54,13 +58,34 @@ def regions_by_color(
         cells = cells_to_refine(blocks, _LIKELY, params)
     del blocks
     with phase("refinement and outlines"):
-        outlined = outline_regions(likeness, cells, _LIKELY, params.refine, passes[1])
-        outlined = filled(likeness, outlined, request.fill_holes, passes[1])
+        return outline_regions(likeness, cells, _LIKELY, params.refine, passes[1])
+
+
+def regions_by_color(
+    grey: GreySource,
+    likeness: LikenessSource,
+    outlined: RegionOutlines,
+    request: MatchRequest,
+    tile_pass: TilePass,
+) -> Extraction:
+    """Outlines by color as regions.
+
+    Parameters
+    ----------
+    grey : GreySource
+        The intensity that their attributes are of.
+    likeness : LikenessSource
+    outlined : RegionOutlines
+        Of `outlines_by_color`.
+    request : MatchRequest
+    tile_pass : TilePass
+    """
+    outlined = filled(likeness, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
     similarity = np.minimum(means / max(likeness.table.own, 1e-9), 1)
     with phase("attributes and drawing"):
-        outlined = replace(outlined, sums=sum_regions(grey, outlined, passes[1]))
+        outlined = replace(outlined, sums=sum_regions(grey, outlined, tile_pass))
         info = SourceInfo.of(grey)
         return measured(outlined, info, (0.0, 1.0), request.drawing, {"similarity": similarity})

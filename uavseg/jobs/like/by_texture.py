@@ -20,19 +20,22 @@ from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.raster.tiling import TilePass
-from uavseg.regions.edit.small import drop_small_regions
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.sample.colors import fit_colors
 from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
 from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.sample.reject import reject_unlike
 from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, outline_matches, score_cells
+from uavseg.regions.sample.windows import USUAL_WINDOWS, fitting_window
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
 from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
 from uavseg.segmentation.source import GreySource
-from uavseg.units import GREY_MAX
+from uavseg.units import CELL, GREY_MAX
+
+_PIECE = Area(CELL * CELL, in_pixels=True)
 
 
 @dataclass(frozen=True)
@@ -44,10 +47,13 @@ class TextureSample:
     sample : Sample
     limit : float
         The largest G per pixel, beyond chance, of a window that is like the sample.
+    window : int
+        Its side in pixels.
     """
 
     sample: Sample
     limit: float
+    window: int
 
     @property
     def own(self) -> float:
@@ -55,14 +61,47 @@ class TextureSample:
         return (self.sample.own - NULL_SCORE) / SCORE_UNITS
 
 
-def regions_by_texture(
+@dataclass(frozen=True, eq=False)
+class TextureSearch:
+    """A raster whose cells are scored by how unlike a sample's texture they are.
+
+    Parameters
+    ----------
+    grey : GreySource
+    place : SampleMask
+    request : MatchRequest
+    side : int
+        Of a window, in cells.
+    sample : Sample
+    criterion : Criterion
+    scores : CellScores
+    valid : (8 B, 8 C) bool array
+        Cells with valid pixels.
+    """
+
+    grey: GreySource
+    place: SampleMask
+    request: MatchRequest
+    side: int
+    sample: Sample
+    criterion: Criterion
+    scores: CellScores
+    valid: NDArray[np.bool_]
+
+    @property
+    def how(self) -> TextureSample:
+        """What was compared."""
+        return TextureSample(self.sample, (self.criterion.limit - NULL_SCORE) / SCORE_UNITS, self.side * CELL)
+
+
+def search_texture(
     grey: GreySource,
     bands: Sequence[GreySource],
     place: SampleMask,
     request: MatchRequest,
     passes: Sequence[TilePass],
-) -> tuple[Extraction, TextureSample]:
-    """Regions whose texture and intensity are like those of a sample.
+) -> TextureSearch:
+    """Score all cells of a raster against a sample.
 
     Parameters
     ----------
@@ -71,57 +110,67 @@ def regions_by_texture(
         Further bands whose intensity is compared.
     place : SampleMask
     request : MatchRequest
-    passes : four of TilePass
+    passes : two of TilePass
     """
-    run = passes[0].map
+    side = (request.window or fitting_window(place) or USUAL_WINDOWS[-1]) // CELL
     with phase("cells and the sample"):
         known = measure_cells(grey, passes[0])
-        sample = fit_sample(grey, known.bin_edges, place, request.side, run)
+        sample = fit_sample(grey, known.bin_edges, place, side, passes[0].map)
         colors = fit_colors(bands, place, request.intensity)
-    criterion = Criterion.of(
-        sample, known.bin_edges, request.side, request.similarity, request.intensity, colors
-    )
+    criterion = Criterion.of(sample, known.bin_edges, side, request.similarity, request.intensity, colors)
     with phase("scores"):
         scores = score_cells(grey, criterion, passes[1])
+    return TextureSearch(grey, place, request, side, sample, criterion, scores, known.blocks.counts > 0)
+
+
+def regions_by_texture(
+    search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
+) -> Extraction:
+    """Regions whose texture and intensity are like those of a sample.
+
+    Parameters
+    ----------
+    search : TextureSearch
+    passes : two of TilePass
+    within : Rings, optional
+        Outlines beyond which nothing is of interest. What remains of them in pieces of less than a cell is
+        left out.
+    """
+    grey, request, edges = search.grey, search.request, search.criterion.bin_edges
     with phase("comparison with the background"):
-        evidence = fit_weights(grey, known.bin_edges, place, scores.whole, request.side, run)
+        whole = search.scores.whole
+        evidence = fit_weights(grey, edges, search.place, whole, search.side, passes[0].map)
         least = evidence.threshold(request.similarity)
-        scores = reject_unlike(grey, criterion, scores, evidence.weights, least, passes[2])
-    valid = known.blocks.counts > 0
-    del known
+        scores = reject_unlike(grey, search.criterion, search.scores, evidence.weights, least, passes[0])
     trim_heap()
     with phase("outlines"):
-        outlined = _outlined(grey, scores, valid, criterion, request, passes[3])
+        outlined = _outlined(search, scores, within, passes[1])
+        if within is not None:
+            outlined = drop_small_regions(outlined, grey.dataset.geobox, _PIECE)
     trim_heap()
-    found = _measured(grey, outlined, scores, sample, request, passes[3])
-    return found, TextureSample(sample, (criterion.limit - NULL_SCORE) / SCORE_UNITS)
+    return _measured(search, outlined, scores, passes[1])
 
 
 def _outlined(
-    grey: GreySource,
-    scores: CellScores,
-    valid: NDArray[np.bool_],
-    criterion: Criterion,
-    request: MatchRequest,
-    tile_pass: TilePass,
+    search: TextureSearch, scores: CellScores, within: Rings | None, tile_pass: TilePass
 ) -> RegionOutlines:
+    criterion, request = search.criterion, search.request
     matched = scores.best <= criterion.limit
+    if request.refine == "none" and within is None:
+        return outline_segments(search.grey, matched.view(np.uint8), tile_pass)
     if request.refine == "none":
-        return outline_segments(grey, matched.view(np.uint8), tile_pass)
-    cells = undecided_cells(matched, valid & ~matched, request.side // 2)
+        cells = matched.view(np.uint8)
+    else:
+        cells = undecided_cells(matched, search.valid & ~matched, search.side // 2)
     weights = PixelWeights.between(criterion.model, scores.rest, np.isfinite(request.intensity))
-    return outline_matches(grey, cells, criterion, weights, scores.rest_colors, tile_pass)
+    return outline_matches(search.grey, cells, criterion, weights, scores.rest_colors, tile_pass, within)
 
 
 def _measured(
-    grey: GreySource,
-    outlined: RegionOutlines,
-    scores: CellScores,
-    sample: Sample,
-    request: MatchRequest,
-    tile_pass: TilePass,
+    search: TextureSearch, outlined: RegionOutlines, scores: CellScores, tile_pass: TilePass
 ) -> Extraction:
     """Regions with their attributes; holes are filled before small ones are dropped."""
+    grey, request, sample = search.grey, search.request, search.sample
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)

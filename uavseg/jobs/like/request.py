@@ -7,7 +7,6 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.result import Drawing
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
-from uavseg.units import CELL
 
 WINDOWS = (16, 24, 32, 48, 64, 96, 128)
 
@@ -18,10 +17,11 @@ class MatchRequest:
 
     Parameters
     ----------
-    like : Disc or str
-        The sample: a disc on the map, or a file of polygons.
-    window : int
-        Side in pixels of the window whose texture is compared.
+    like : Disc or str, or tuple of them
+        The sample: a disc on the map, or a file of polygons. Several are compared by color.
+    window : int, optional
+        Side in pixels of the window whose texture is compared; by default 32, or less where the sample is too
+        small for it.
     similarity : float
         How like the sample a window must be, above 0 and at most 1, see `Sample.similarity`, and by how much
         the background may explain it better, see `Evidence.least`. A smaller one finds more.
@@ -36,8 +36,12 @@ class MatchRequest:
     bands : tuple of int or str
         Bands whose intensity is compared, each by itself, by number or name; beside texture, they are
         compared as well.
-    by : {"texture", "color"}
-        What is compared: texture with intensity, or color.
+    by : {"auto", "color", "texture"}
+        What is compared: color, or texture with intensity. By default color, with texture where that clearly
+        parts what has the color; or texture, where color hardly parts the sample from the rest of the raster,
+        or one of window, similarity and intensity is chosen.
+    unlike : tuple of Disc or str
+        Samples of what is not wanted; they are compared by color.
 
     Raises
     ------
@@ -45,8 +49,8 @@ class MatchRequest:
         If one of them is not allowed.
     """
 
-    like: Disc | str
-    window: int = 32
+    like: Disc | str | tuple[Disc | str, ...]
+    window: int | None = None
     similarity: float = 0.9
     intensity: float = 1.0
     refine: str = "pixel"
@@ -54,10 +58,18 @@ class MatchRequest:
     fill_holes: Area | None = None
     min_area: Area | None = None
     bands: tuple[int | str, ...] = ()
-    by: str = "texture"
+    by: str = "auto"
+    unlike: tuple[Disc | str, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.window not in WINDOWS:
+        if len(self.samples) == 0:
+            raise ParameterError("a sample is needed, of what is wanted")
+        if not self.is_one and self.texture_alone:
+            raise ParameterError(
+                "texture is compared with one sample; several, and those of what is unlike, are compared by "
+                "color: leave out the words of texture, or all samples but one"
+            )
+        if self.window is not None and self.window not in WINDOWS:
             known = ", ".join(map(str, WINDOWS))
             raise ParameterError(f"the side of a window is one of {known} pixels, not {self.window}")
         if not 0 < self.similarity <= 1:
@@ -70,8 +82,8 @@ class MatchRequest:
             raise ParameterError("an infinite intensity compares texture alone; leave the bands out, or it")
         if self.refine not in ("pixel", "none"):
             raise ParameterError(f"a refinement of matches is pixel or none, not {self.refine!r}")
-        if self.by not in ("texture", "color"):
-            raise ParameterError(f"regions are compared by texture or color, not {self.by!r}")
+        if self.by not in ("auto", "color", "texture"):
+            raise ParameterError(f"regions are compared by auto, color or texture, not {self.by!r}")
         if self.by == "color" and self.chooses_texture:
             raise ParameterError(
                 "window, similarity and intensity are of texture, and not of color; leave them out"
@@ -80,9 +92,19 @@ class MatchRequest:
     @property
     def chooses_texture(self) -> bool:
         """Whether something is chosen that only the comparison of texture has."""
-        return (self.window, self.similarity, self.intensity) != (32, 0.9, 1.0)
+        return (self.window, self.similarity, self.intensity) != (None, 0.9, 1.0)
 
     @property
-    def side(self) -> int:
-        """Of a window, in cells."""
-        return self.window // CELL
+    def samples(self) -> tuple[Disc | str, ...]:
+        """The samples of what is wanted."""
+        return self.like if isinstance(self.like, tuple) else (self.like,)
+
+    @property
+    def is_one(self) -> bool:
+        """Whether there is one sample, of what is wanted."""
+        return len(self.samples) == 1 and not self.unlike
+
+    @property
+    def texture_alone(self) -> bool:
+        """Whether color is not looked at."""
+        return self.by == "texture" or (self.by == "auto" and self.chooses_texture)

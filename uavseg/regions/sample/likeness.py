@@ -42,34 +42,62 @@ class LikenessSource(GreySource):
         return GreyTile(grey, valid, all_valid)
 
 
-def fit_likeness(bands: Sequence[GreySource], place: SampleMask, tile_pass: TilePass) -> LikenessSource:
-    """Learn what a sample's colours are, against those of the whole raster.
+def fit_likeness(
+    bands: Sequence[GreySource],
+    places: Sequence[SampleMask],
+    tile_pass: TilePass,
+    unlike: Sequence[SampleMask] = (),
+) -> LikenessSource:
+    """Learn what the colours of samples are, against those of the whole raster.
 
     Parameters
     ----------
     bands : sequence of GreySource
         Of one raster.
-    place : SampleMask
+    places : sequence of SampleMask
+        Samples of what is wanted.
     tile_pass : TilePass
         Its executor reads; the result depends neither on it nor on its tiles.
+    unlike : sequence of SampleMask
+        Samples of what is not.
 
     Raises
     ------
     SampleError
-        If the sample has fewer than 64 valid pixels.
+        If either have fewer than 64 valid pixels, or some have pixels in common.
     """
-    [sample] = tile_pass.silent.run(partial(_sample_colors, bands), [place])
-    if len(sample) == 0:
-        raise SampleError("the sample has no valid pixel; it probably lies on nodata")
-    if len(sample) < MIN_PIXELS:
-        pixels = "1 valid pixel" if len(sample) == 1 else f"{len(sample)} valid pixels"
+    _check_apart(places, unlike)
+    run = tile_pass.silent
+    sample = _colors_of(run, bands, places, "the sample")
+    others = _colors_of(run, bands, unlike, "the sample of what is unlike") if unlike else None
+    looked = list(run.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
+    table = LikenessTable.fit(np.concatenate([*looked, sample[:1]]), sample, others)
+    return LikenessSource(bands[0].dataset, bands[0].stretch, tuple(bands), table)
+
+
+def _colors_of(
+    tile_pass: TilePass, bands: Sequence[GreySource], places: Sequence[SampleMask], name: str
+) -> NDArray[np.uint16]:
+    colors = np.concatenate(list(tile_pass.run(partial(_sample_colors, bands), places)))
+    if len(colors) == 0:
+        raise SampleError(f"{name} has no valid pixel; it probably lies on nodata")
+    if len(colors) < MIN_PIXELS:
+        pixels = "1 valid pixel" if len(colors) == 1 else f"{len(colors)} valid pixels"
         raise SampleError(
-            f"the sample has {pixels}; expected at least {MIN_PIXELS}, as a disc with a radius of 5 pixels "
+            f"{name} has {pixels}; expected at least {MIN_PIXELS}, as a disc with a radius of 5 pixels "
             "has; give a larger one"
         )
-    looked = list(tile_pass.silent.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
-    table = LikenessTable.fit(np.concatenate([*looked, sample[:1]]), sample)
-    return LikenessSource(bands[0].dataset, bands[0].stretch, tuple(bands), table)
+    return colors
+
+
+def _check_apart(places: Sequence[SampleMask], unlike: Sequence[SampleMask]) -> None:
+    for one in places:
+        for other in unlike:
+            common = one.window.common(other.window)
+            if common.rows and common.cols and (one.part(common) & other.part(common)).any():
+                raise SampleError(
+                    "a sample of what is wanted and one of what is not have pixels in common; draw them apart"
+                )
 
 
 def _spread_windows(shape: tuple[int, int]) -> list[Window]:

@@ -93,6 +93,11 @@ class SampleMask:
         """The pixels of the sample, (rows, cols)."""
         return np.unpackbits(self.bits, axis=1, count=self.window.cols).view(bool)
 
+    def part(self, window: Window) -> NDArray[np.bool_]:
+        """The mask of a window within the bounding box."""
+        row, col = window.row - self.window.row, window.col - self.window.col
+        return self.mask[row : row + window.rows, col : col + window.cols]
+
 
 def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     """Mask of the pixels of a raster whose centres lie in a sample.

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.execution.lazy_sequence import LazySequence
-from uavseg.raster.tiling import TilePass, Window, window_cells
+from uavseg.raster.tiling import TilePass, Window, whole_blocks, window_cells
 from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
-from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.sample.colors import (
     GREY_BINS,
@@ -40,6 +40,9 @@ from uavseg.segmentation.sample.g_scores import (
 from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights, classify_pixels
 from uavseg.segmentation.source import GreySource, GreyTile
 from uavseg.units import CELL
+
+# A tile, its cells with those around it, and perhaps the edges of regions beyond which nothing is inside.
+_MatchJob = tuple[Window, NDArray[np.uint8], EdgeTable | None]
 
 
 @dataclass(frozen=True)
@@ -140,6 +143,7 @@ def outline_matches(
     weights: PixelWeights,
     rest_colors: NDArray[np.int64],
     tile_pass: TilePass,
+    within: Rings | None = None,
 ) -> RegionOutlines:
     """Outline regions of inner cells, and of those pixels of undecided cells that are classified as sample.
 
@@ -153,10 +157,15 @@ def outline_matches(
     rest_colors : (bands, 64) int64 array
         See `CellScores`.
     tile_pass : TilePass
+    within : Rings, optional
+        Outlines of other regions, beyond which no pixel is inside.
     """
     outline = partial(_outline_match, source, criterion, weights, rest_colors)
-    tiles = tile_pass.run(outline, cell_jobs(cells, tile_pass.windows, DECISION_HALO))
-    return stitch_tiles(source.shape, tile_pass.windows, tiles).finish()
+    windows = tile_pass.windows
+    tables = None if within is None else edge_tables(within, [_read_around(window) for window in windows])
+    jobs = partial(_match_job, cell_jobs(cells, windows, DECISION_HALO), tables)
+    tiles = tile_pass.run(outline, LazySequence(len(windows), jobs))
+    return stitch_tiles(source.shape, windows, tiles).finish()
 
 
 def mean_scores(
@@ -238,14 +247,27 @@ def _crop(tile: GreyTile, margin: int) -> tuple[NDArray[np.uint16], NDArray[np.u
     return tile.grey[inner], None if tile.all_valid else tile.valid[inner]
 
 
+def _match_job(
+    jobs: Sequence[tuple[Window, NDArray[np.uint8]]], tables: Sequence[EdgeTable] | None, k: int
+) -> _MatchJob:
+    return *jobs[k], None if tables is None else tables[k]
+
+
+def _read_around(window: Window) -> Window:
+    """The pixels that are read to decide those of a tile."""
+    return Window(window.row, window.col, whole_blocks(window.rows), whole_blocks(window.cols)).grown(
+        DECISION_HALO
+    )
+
+
 def _outline_match(
     source: GreySource,
     criterion: Criterion,
     weights: PixelWeights,
     rest_colors: NDArray[np.int64],
-    job: tuple[Window, NDArray[np.uint8]],
+    job: _MatchJob,
 ) -> TileOutlines | None:
-    window, cells = job
+    window, cells, within = job
     if not cells.any():
         return None
     tile = source.read(window, DECISION_HALO, beyond=True)
@@ -259,5 +281,7 @@ def _outline_match(
             pixels = classify_pixels(cells, tile.valid, tile.grey, *names, weights)
     else:
         pixels = cells_to_pixels(cells, tile.valid)
+    if within is not None:
+        pixels &= within.rasterise() > 0
     found = label_components(pixels, DECISION_HALO)
     return outline_tile(pixels, *found, tile, window, source.shape[1])

@@ -37,6 +37,8 @@ class LikenessTable:
         Mean probability of the sample's pixels.
     share : float
         Mean probability of the raster's pixels.
+    unlike : float, optional
+        Mean probability of the pixels of samples of what is not of the kind.
     """
 
     weights: NDArray[np.float64]
@@ -45,13 +47,19 @@ class LikenessTable:
     likeness: NDArray[np.uint16]
     own: float
     share: float
+    unlike: float | None = None
 
     @classmethod
-    def fit(cls, points: NDArray[np.uint16], sample: NDArray[np.uint16]) -> "LikenessTable":
+    def fit(
+        cls,
+        points: NDArray[np.uint16],
+        sample: NDArray[np.uint16],
+        unlike: NDArray[np.uint16] | None = None,
+    ) -> "LikenessTable":
         """Fit a table to colours.
 
         One half lies at least in the middle between the likeness of the sample and that of the least likely
-        twentieth of the raster.
+        twentieth of the raster; with a sample of what is not of the kind, in the middle between the two.
 
         Parameters
         ----------
@@ -59,24 +67,37 @@ class LikenessTable:
             Blurred colours of pixels all over the raster.
         sample : (m, bands) uint16 array
             Those of the sample's pixels.
+        unlike : (k, bands) uint16 array, optional
+            Those of pixels that are not of the kind.
         """
         weights = _axes(points.astype(np.float64), sample.astype(np.float64))
         raster, own = (_project(values, weights) for values in (points, sample))
         mean = raster.mean(0)
         deviation = np.maximum(raster.std(0), 1)
-        vote = SampleVote.of(fit_mixtures((raster - mean) / deviation), (own - mean) / deviation)
+        other = None if unlike is None else (_project(unlike, weights) - mean) / deviation
+        vote = SampleVote.of(fit_mixtures((raster - mean) / deviation), (own - mean) / deviation, other)
         bins = _BINS[len(weights)]
         lows, highs = np.quantile(np.concatenate([raster, own]), _TAILS, axis=0)
         scales = bins / np.maximum(highs - lows, 1)
         middles = [low + (np.arange(bins) + 0.5) / scale for low, scale in zip(lows, scales, strict=True)]
         grid = np.stack(np.meshgrid(*middles, indexing="ij"), -1).reshape(-1, len(weights))
-        of_raster, of_own = (vote.likeness((values - mean) / deviation) for values in (raster, own))
-        middle = max(0.5, (float(np.quantile(of_raster, _OTHERS)) + float(of_own.mean())) / 2)
+        of_own = float(vote.likeness((own - mean) / deviation).mean())
+        if other is None:
+            of_raster = vote.likeness((raster - mean) / deviation)
+            middle = max(0.5, (float(np.quantile(of_raster, _OTHERS)) + of_own) / 2)
+        else:
+            middle = min(max((float(vote.likeness(other).mean()) + of_own) / 2, 0.01), 0.99)
         of_grid = np.interp(vote.likeness((grid - mean) / deviation), [0, middle, 1], [0, 0.5, 1])
         likeness = np.rint(of_grid * GREY_MAX).astype(np.uint16)
         table = cls(weights, lows, scales, likeness, 0.0, 0.0)
-        parts = (float(table._of(values).mean()) / GREY_MAX for values in (sample, points))
-        return cls(weights, lows, scales, likeness, *parts)
+        parts = [float(table._of(values).mean()) / GREY_MAX for values in (sample, points)]
+        against = None if unlike is None else float(table._of(unlike).mean()) / GREY_MAX
+        return cls(weights, lows, scales, likeness, parts[0], parts[1], against)
+
+    @property
+    def parting(self) -> float:
+        """By how much the likeness of the sample exceeds that of what it is compared with."""
+        return self.own - (self.share if self.unlike is None else self.unlike)
 
     def _of(self, colors: NDArray[np.uint16]) -> NDArray[np.uint16]:
         """Likeness of (n, bands) colours."""

@@ -111,13 +111,31 @@ class SampleVote:
     weights: tuple[float, ...]
 
     @classmethod
-    def of(cls, mixtures: Sequence[Mixture], sample: Points) -> "SampleVote":
-        """The vote of mixtures, given the (m, d) points of a sample."""
+    def of(cls, mixtures: Sequence[Mixture], sample: Points, unlike: Points | None = None) -> "SampleVote":
+        """The vote of mixtures.
+
+        Parameters
+        ----------
+        mixtures : sequence of Mixture
+        sample : (m, d) float64 array
+            Points of the kind.
+        unlike : (n, d) float64 array, optional
+            Points that are not. The share of a component is then known by both, and a mixture counts by how
+            well it parts them.
+        """
         memberships = [mixture.memberships(sample) for mixture in mixtures]
-        purities = [_purities(*pair) for pair in zip(mixtures, memberships, strict=True)]
-        found = [_weighted(*pair) for pair in zip(purities, memberships, strict=True)]
-        own = np.array([np.sort(likeness)[int(_WRONG * len(sample)) :].mean() for likeness in found])
-        weights = np.exp(_VOTE * (own - own.max()))
+        pairs = list(zip(mixtures, memberships, strict=True))
+        if unlike is None:
+            purities = [_purities(*pair) for pair in pairs]
+            parted = np.array([_trimmed(_weighted(p, m)) for p, m in zip(purities, memberships, strict=True)])
+        else:
+            others = [mixture.memberships(unlike) for mixture in mixtures]
+            purities = [_shares_of_two(*pair) for pair in zip(memberships, others, strict=True)]
+            found = zip(purities, memberships, others, strict=True)
+            parted = np.array(
+                [_trimmed(_weighted(p, m)) + _trimmed(1 - _weighted(p, o)) for p, m, o in found]
+            )
+        weights = np.exp(_VOTE * (parted - parted.max()))
         return cls(tuple(mixtures), tuple(purities), tuple((weights / weights.sum()).tolist()))
 
     def likeness(self, points: Points) -> Points:
@@ -125,6 +143,18 @@ class SampleVote:
         parts = zip(self.mixtures, self.purities, self.weights, strict=True)
         votes = (weight * _weighted(pure, mixture.memberships(points)) for mixture, pure, weight in parts)
         return sum(votes, np.zeros(len(points)))
+
+
+def _trimmed(likeness: Points) -> float:
+    """Mean likeness of points of which some may be of another kind."""
+    return float(np.sort(likeness)[int(_WRONG * len(likeness)) :].mean())
+
+
+def _shares_of_two(memberships: Points, others: Points) -> Points:
+    """Share of each component that is of the kind of one sample, if all is like this or like another one."""
+    own, other = memberships.mean(1) + _RARE, others.mean(1) + _RARE
+    found: Points = own / (own + other)
+    return found
 
 
 def _purities(mixture: Mixture, memberships: Points) -> Points:

@@ -1,0 +1,130 @@
+"""Three discs for and three against, on real pictures with hand-drawn truth, beside a random forest.
+
+    python -m benchmarks.samples FOLDER
+
+FOLDER is that of `benchmarks.likeness`. Discs with a radius of 8 and 16 pixels lie at random places inside
+and outside of what is wanted; every method gets the same.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import table
+from benchmarks.match import overlap
+
+RADII = (8, 16)
+EACH = 3  # discs for, and against
+DRAWS = 3
+
+Place = tuple[float, float, int]  # row, column, radius
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A picture, what is wanted in it, and discs within that and outside of it."""
+
+    path: Path
+    image: Any
+    truth: Any
+    like: list[Place]
+    unlike: list[Place]
+
+
+def samples(folder: Path) -> Iterator[Samples]:
+    """Draws of discs in every picture of a folder; a picture without room for them is left out."""
+    import rasterio
+
+    rng = np.random.default_rng(1)
+    for truth_path in sorted(folder.glob("*_truth.tif")):
+        path = truth_path.with_name(truth_path.name.replace("_truth", ""))
+        with rasterio.open(path) as file, rasterio.open(truth_path) as drawn:
+            image, truth = file.read(), drawn.read(1) == 1
+        for radius in RADII:
+            for _ in range(DRAWS):
+                like, unlike = (_places(mask, radius, rng) for mask in (truth, ~truth))
+                if len(like) == len(unlike) == EACH:
+                    yield Samples(path, image, truth, like, unlike)
+
+
+def _places(mask: Any, radius: int, rng: np.random.Generator) -> list[Place]:
+    from scipy.ndimage import distance_transform_edt
+
+    room = np.argwhere(distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1] > radius + 1)
+    return [(row + 0.5, col + 0.5, radius) for row, col in rng.permutation(room)[:EACH]]
+
+
+def by_match(asked: Samples) -> Any:
+    """`uavseg match` with all discs."""
+    return _matched(asked, asked.unlike)
+
+
+def by_match_without(asked: Samples) -> Any:
+    """`uavseg match` with the discs of what is wanted."""
+    return _matched(asked, [])
+
+
+def _matched(asked: Samples, against: list[Place]) -> Any:
+    from uavseg.jobs.like.request import MatchRequest
+    from uavseg.jobs.match import match
+    from uavseg.jobs.open_source import open_raster
+    from uavseg.raster.tiling import Window
+    from uavseg.regions.outline.rasterise import rasterise
+    from uavseg.regions.sample.place import Disc
+
+    source = open_raster(str(asked.path))
+    transform = source.geobox.transform
+
+    def disc(place: Place) -> Disc:
+        x, y = transform * (place[1], place[0])
+        return Disc(x, y, place[2] * abs(transform.a))
+
+    like, unlike = (tuple(map(disc, places)) for places in (asked.like, against))
+    found = match(source, MatchRequest(like, by="color", unlike=unlike)).found
+    return rasterise(found.rings, Window(0, 0, *asked.truth.shape)) > 0
+
+
+def by_forest(asked: Samples) -> Any:
+    """scikit-image's example of trainable segmentation: features at several scales, and a random forest."""
+    from skimage.feature import multiscale_basic_features
+    from sklearn.ensemble import RandomForestClassifier
+
+    planes = np.moveaxis(asked.image.astype(float), 0, -1)
+    features = multiscale_basic_features(planes, sigma_min=1, sigma_max=16, channel_axis=-1)
+    inside, outside = (_within(places, asked.truth.shape) for places in (asked.like, asked.unlike))
+    forest = RandomForestClassifier(n_estimators=50, max_depth=10, max_samples=0.05, random_state=0)
+    forest.fit(
+        np.concatenate([features[inside], features[outside]]),
+        np.arange(inside.sum() + outside.sum()) < inside.sum(),
+    )
+    return forest.predict(features.reshape(-1, features.shape[-1])).reshape(asked.truth.shape)
+
+
+def _within(places: list[Place], shape: tuple[int, int]) -> Any:
+    rows, cols = np.indices(shape) + 0.5
+    return np.any([(rows - row) ** 2 + (cols - col) ** 2 <= radius**2 for row, col, radius in places], axis=0)
+
+
+METHODS: dict[str, Callable[[Samples], Any]] = {
+    "--like and --unlike": by_match,
+    "--like alone": by_match_without,
+    "random forest": by_forest,
+}
+
+
+def main() -> None:
+    """Print a row for each picture and radius, and the means."""
+    found: dict[str, list[list[float]]] = {}
+    for asked in samples(Path(sys.argv[1])):
+        values = [overlap(find(asked), asked.truth) for find in METHODS.values()]
+        for name in (asked.path.stem, f"radius {asked.like[0][2]}", "all"):
+            found.setdefault(name, []).append(values)
+    print(table.mean_rows(found, ["", "draws", *METHODS]))
+
+
+if __name__ == "__main__":
+    main()
