@@ -6,11 +6,16 @@ COPY uavseg uavseg
 RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
 
 FROM python:3.13-slim
+# The wheels of rasterio take this library from the system, and the image has none.
+# hadolint ignore=DL3008
+RUN apt-get update \
+    && apt-get install --yes --no-install-recommends libexpat1 \
+    && rm -rf /var/lib/apt/lists/*
 COPY --from=build /wheels /wheels
-RUN pip install --no-cache-dir /wheels/*.whl pyserial \
+RUN pip install --no-cache-dir "$(echo /wheels/*.whl)[serial]" \
     && rm -r /wheels \
-    && useradd --create-home pilot
-USER pilot
+    && useradd --create-home --uid 1000 pilot
+USER 1000
 # A user without a home, such as of `docker run --user`, has its caches here.
 ENV MPLCONFIGDIR=/tmp/matplotlib
 WORKDIR /data

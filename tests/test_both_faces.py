@@ -938,6 +938,9 @@ def test_simulations(scene: str, words: Words) -> None:
         ("drive", "out.tif", {"scan": "/scan", "odom": "/odom", "resolution": 0.1, "sigma": 0.05}),
         ("drive", "out.yaml", {"tf": True, "max_range": 1.5}),
         ("late", "out.tif", {}),
+        ("drive", "out.tif", {"co": {"COMPRESS": "ZSTD", "PREDICTOR": 3}}),
+        ("drive", "out.tif", {"co": {"COMPRESS": "JPEG"}}),
+        ("drive", "out.yaml", {"co": {"COMPRESS": "ZSTD"}}),
         ("drive", "out.yaml", {"scan": "/front"}),
         ("drive", "out.yaml", {"odom": "/tf"}),
         ("drive", "out.yaml", {"tf": True, "odom": "/odom"}),
@@ -954,11 +957,15 @@ def test_maps_of_bags(bag: str, output: str, words: Words) -> None:
         write_ros2(Path("late"), Drive(2, 3).recorded_scans() + Drive(2, 3).recorded_odometry()[1:])
     for name in ("out.pgm", "python.pgm", "python.yaml"):
         Path(name).unlink(missing_ok=True)
-    expected = on_the_command_line("build-map", [bag, *options(words), "-o", output], output)
+    words = dict(words)
+    creation = words.pop("co", {})
+    named = [part for name, value in creation.items() for part in ("--co", f"{name}={value}")]
+    expected = on_the_command_line("build-map", [bag, *options(words), *named, "-o", output], output)
 
     def built() -> bytes:
         found = uavseg.build_map(bag, **words)
-        content = written(found.write, f"python{Path(output).suffix}")
+        name = f"python{Path(output).suffix}"
+        content = written(lambda path: found.write(path, creation_options=creation), name)
         if output == "out.yaml":
             assert Path("python.pgm").read_bytes() == Path("out.pgm").read_bytes()
         return content.replace(b"python.pgm", b"out.pgm")

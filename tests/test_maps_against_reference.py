@@ -22,7 +22,7 @@ from uavseg.jobs.source import ProbabilityMap
 from uavseg.jobs.work import Work
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.formats.geotiff import write_geotiff
+from uavseg.raster.formats.geotiff import Page, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
@@ -83,7 +83,7 @@ def dataset_of(folder: Path, seed: int, values: NDArray[Any], valid: NDArray[np.
         valid[:] = True
         return Dataset.of_values(values, box, "map")
     path = folder / f"{seed}.tif"
-    write_geotiff(path, [np.where(valid, values, free[0])], box, nodata=int(free[0]))
+    write_geotiff_pages(path, [Page([np.where(valid, values, free[0])], box, [""], int(free[0]))])
     return Dataset.open(path)
 
 

@@ -50,6 +50,19 @@ def test_the_container_copies_files_that_are_there_and_not_ignored() -> None:
     assert copied == kept
 
 
+def test_the_container_has_what_wheels_take_from_the_system() -> None:
+    """rasterio's wheels link libexpat.so.1 and do not bring it; python:*-slim has none."""
+    last = (ROOT / "Dockerfile").read_text().split("\nFROM ")[-1]
+    [packages] = re.findall(r"apt-get install --yes --no-install-recommends (.*) \\\n", last)
+    assert packages.split() == ["libexpat1"]
+    assert last.index("apt-get install") < last.index("RUN pip install") < last.index("RUN uavseg doctor")
+
+
+def test_the_container_installs_an_extra_that_the_project_has() -> None:
+    [extra] = re.findall(r"\.whl\)\[(\w+)\]", (ROOT / "Dockerfile").read_text())
+    assert extra in PROJECT["optional-dependencies"]
+
+
 @pytest.mark.parametrize("named", [PROJECT["readme"], *PROJECT["license-files"][:1]])
 def test_files_that_a_build_needs_are_copied_into_the_container(named: str) -> None:
     assert f"!{named}" in (ROOT / ".dockerignore").read_text().splitlines()

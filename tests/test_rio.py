@@ -231,5 +231,7 @@ def test_every_command_that_reads_rasters_has_the_names_of_rio() -> None:
         options = {option for parameter in command.params for option in parameter.opts}
         if "--band" in options:
             assert options >= {"-b", "--bidx", "--nodata"}, name
+        if "-q" in options and name != "warm-up":  # which decides nothing
+            assert "-v" in options, name
         if options & {"-o", "--output"} and name != "suggest":
             assert "--overwrite" in options and "-q" in options, name

@@ -13,16 +13,16 @@ KEPT = 20
 """Block maps in the cache; the ones that were used longest ago are removed."""
 
 
-def block_file(raster: Path, band: int = 0) -> Path:
+def block_file(raster: Path, choice: str = "") -> Path:
     """The file of a raster's block map.
 
     Parameters
     ----------
     raster : path
-    band : int
-        0 for what the program takes by itself.
+    choice : str
+        What is read of it, see `Intensity.key`; empty for what the program takes by itself.
     """
-    name = raster.stem + (f".band{band}" if band else "") + SUFFIX
+    name = raster.stem + (f".{choice}" if choice else "") + SUFFIX
     beside = raster.with_name(name)
     if beside.is_file() or os.access(raster.parent, os.W_OK):
         return beside

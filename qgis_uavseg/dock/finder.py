@@ -15,8 +15,10 @@ from ..program import ProgramError, ready_program
 from ..targets import raster_file
 from .block_means import BlockMeans, BlockMeansError
 from .block_store import block_file, is_fresh, make_room
+from .intensity import Intensity
 
 TITLE = "Raster"
+BY_ITSELF = Intensity()
 DIVIDING = "The block map is made, once for each raster; then the slider answers"
 
 
@@ -64,6 +66,7 @@ class RegionFinder(QObject):
         self.raster: Path | None = None
         self.blocks: Path | None = None
         self.means: BlockMeans | None = None
+        self.intensity = BY_ITSELF
         self._title, self._target = "", Path()
         self._dividing, self._finding = BackgroundRun(self), BackgroundRun(self)
         for run, take in ((self._dividing, self._divided), (self._finding, self._found)):
@@ -76,16 +79,17 @@ class RegionFinder(QObject):
         """Whether the program is at work."""
         return self._dividing.is_running or self._finding.is_running
 
-    def set_raster(self, layer: QgsRasterLayer | None, band: int = 0) -> None:
+    def set_raster(self, layer: QgsRasterLayer | None, intensity: Intensity = BY_ITSELF) -> None:
         """Take another raster; its block map is read, or made in the background.
 
         Parameters
         ----------
         layer : QgsRasterLayer, optional
-        band : int
-            0 for what the program takes by itself.
+        intensity : Intensity
+            What the program reads of it.
         """
         self.cancel()
+        self.intensity = intensity
         self.raster = self.blocks = self.means = None
         if layer is None:
             return
@@ -95,11 +99,11 @@ class RegionFinder(QObject):
         except QgsProcessingException as error:
             self.failed.emit(str(error))
             return
-        self.blocks = block_file(self.raster, band)
+        self.blocks = block_file(self.raster, intensity.key)
         if is_fresh(self.blocks, self.raster):
             self._read_means(self.blocks)
         else:
-            self._divide(self.raster, self.blocks, band)
+            self._divide(self.raster, self.blocks)
         if warnings.texts:  # after what is done now, so that it stays
             self.said.emit("; ".join(warnings.texts))
 
@@ -107,11 +111,11 @@ class RegionFinder(QObject):
         """Find the exact regions of a range in the background; an earlier search is ended."""
         if self.means is None or self.blocks is None or self.raster is None:
             return
-        self._title = f"v {low:g} to {high:g}"
+        self._title = self._titled(f"v {low:g} to {high:g}")
         words = ["extract", f"--range={plain(low)},{plain(high)}", f"--allow-path={self.raster.parent}"]
         self._search(words, self.blocks)
 
-    def match(self, center: QgsPointXY, radius: float, band: int = 0) -> None:
+    def match(self, center: QgsPointXY, radius: float) -> None:
         """Find regions like a disc in the background; an earlier search is ended.
 
         Parameters
@@ -120,13 +124,12 @@ class RegionFinder(QObject):
             In the CRS of the raster.
         radius : float
             In metres where the raster's CRS is in degrees, else in its unit.
-        band : int
         """
         if self.raster is None:
             return
-        self._title = "like the sample"
+        self._title = self._titled("like the sample")
         like = f"--like={plain(center.x())},{plain(center.y())},{plain(radius)}"
-        self._search(["match", like, *band_words(band)], self.raster)
+        self._search(["match", like, *self.intensity.words()], self.raster)
 
     def cancel_search(self) -> None:
         """End the search that is at work; the block map goes on."""
@@ -143,11 +146,14 @@ class RegionFinder(QObject):
         self._dividing.stop()
         self._finding.stop()
 
-    def _divide(self, raster: Path, blocks: Path, band: int) -> None:
+    def _titled(self, text: str) -> str:
+        return f"{self.intensity.title}, {text}" if self.intensity.title else text
+
+    def _divide(self, raster: Path, blocks: Path) -> None:
         if blocks.parent != raster.parent:
             make_room(blocks.parent)
         self.said.emit(DIVIDING)
-        words = ["divide", *band_words(band), f"--output={blocks}"]
+        words = ["divide", *self.intensity.words(), f"--output={blocks}"]
         self._run(self._dividing, [*words, "--overwrite", "--progress=plain", "--", str(raster)])
 
     def _search(self, words: list[str], source: Path) -> None:
@@ -184,8 +190,3 @@ class RegionFinder(QObject):
     def _failed(self, text: str) -> None:
         self.progressed.emit(100)
         self.failed.emit(text)
-
-
-def band_words(band: int) -> list[str]:
-    """The words that choose a band; none for 0."""
-    return [f"--band={band}"] if band else []

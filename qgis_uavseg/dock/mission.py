@@ -49,7 +49,7 @@ class MissionRequest:
         words += [f"--ids={','.join(map(str, self.ids))}"] if self.ids is not None else []
         # Files of further flights, which the user was not asked about, are not replaced.
         words += ["--overwrite"] if target.exists() else []
-        return [*words, f"--output={target}", "--json", "--", str(self.regions)]
+        return [*words, f"--output={target}", "--json", "--footprints", "--", str(self.regions)]
 
 
 @dataclass(frozen=True)

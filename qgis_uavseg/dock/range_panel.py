@@ -11,12 +11,11 @@ from qgis.core import (
     QgsProject,
     QgsRasterLayer,
 )
-from qgis.gui import QgsMapCanvas, QgsMapLayerComboBox, QgsRasterBandComboBox
+from qgis.gui import QgsMapCanvas, QgsMapLayerComboBox
 from qgis.PyQt.QtCore import Qt
 from qgis.PyQt.QtWidgets import (
     QComboBox,
     QDoubleSpinBox,
-    QFormLayout,
     QHBoxLayout,
     QLabel,
     QProgressBar,
@@ -29,6 +28,7 @@ from .block_means import BlockMeans
 from .draw_tools import DiscTool
 from .finder import DIVIDING, Found, RegionFinder
 from .histogram_slider import HistogramSlider
+from .intensity import IntensityBox
 from .preview_item import PreviewItem
 
 
@@ -45,7 +45,7 @@ class RangePanel(QWidget):
         self.finder = RegionFinder(self)
         self.preview = PreviewItem(canvas)
         self.disc_tool = DiscTool(canvas)
-        self.rasters, self.bands = QgsMapLayerComboBox(), QgsRasterBandComboBox()
+        self.rasters, self.intensity = QgsMapLayerComboBox(), IntensityBox()
         self.slider, self.low, self.high = HistogramSlider(), _end("From v"), _end("To v")
         self.state, self.bar = QLabel(), QProgressBar()
         self.stop_button = QPushButton("Stop")
@@ -58,9 +58,7 @@ class RangePanel(QWidget):
         self.rasters.setFilters(QgsMapLayerProxyModel.RasterLayer)
         self.rasters.setAllowEmptyLayer(True)
         self.rasters.setLayer(None)
-        self.bands.setShowNotSetOption(True, "as the program chooses")
-        self.bands.setToolTip("Without a choice: the only band, or the luminance of red, green and blue")
-        for combo in (self.rasters, *self.bands.findChildren(QComboBox)):
+        for combo in (self.rasters, *self.intensity.findChildren(QComboBox)):
             narrow(combo)
         self.state.setWordWrap(True)
         self.state.setTextFormat(Qt.TextFormat.PlainText)  # names of files are in it
@@ -69,9 +67,7 @@ class RangePanel(QWidget):
         self.sample.setToolTip(
             "Press in the middle of a sample on the map, drag to its edge: regions like it"
         )
-        form = QFormLayout()
-        form.addRow("Raster", self.rasters)
-        form.addRow("Band", self.bands)
+        self.intensity.form.insertRow(0, "Raster", self.rasters)
         ends = QHBoxLayout()
         for widget in (QLabel("v from"), self.low, QLabel("to"), self.high):
             ends.addWidget(widget)
@@ -81,7 +77,7 @@ class RangePanel(QWidget):
         work.addWidget(self.stop_button)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.addLayout(form)
+        layout.addWidget(self.intensity)
         layout.addWidget(self.slider)
         layout.addLayout(ends)
         layout.addWidget(self.sample)
@@ -91,7 +87,7 @@ class RangePanel(QWidget):
 
     def _connect(self) -> None:
         self.rasters.layerChanged.connect(self._take_layer)
-        self.bands.bandChanged.connect(lambda band: self.take_raster())
+        self.intensity.changed.connect(self.take_raster)
         self.slider.moved.connect(self.show_range)
         self.slider.released.connect(self.find)
         for spin in (self.low, self.high):
@@ -107,24 +103,18 @@ class RangePanel(QWidget):
         self.finder.regions_ready.connect(self._found)
 
     def _take_layer(self, layer: QgsRasterLayer | None) -> None:
-        self.bands.blockSignals(True)
-        self.bands.setLayer(layer)
-        self.bands.setBand(-1)
-        self.bands.blockSignals(False)
+        self.intensity.set_layer(layer)
         self.take_raster()
 
     def take_raster(self) -> None:
-        """Take the raster and the band that are chosen."""
+        """Take the raster that is chosen, and what its intensity is."""
         self.preview.clear()
         self.slider.set_histogram((), (0.0, 1.0))
         self._enable(False)
         layer = self.rasters.currentLayer()
-        self.state.setText("" if layer else "Choose a raster")
-        self.finder.set_raster(layer, self.band())
-
-    def band(self) -> int:
-        """The band that is chosen; 0 for what the program takes by itself."""
-        return max(self.bands.currentBand(), 0)
+        missing = self.intensity.missing
+        self.state.setText(missing if layer else "Choose a raster")
+        self.finder.set_raster(None if missing else layer, self.intensity.value())
 
     def show_range(self, low: float, high: float) -> None:
         """Show the cells of a range; a search for the regions of another is ended."""
@@ -158,7 +148,8 @@ class RangePanel(QWidget):
     def _enable(self, on: bool) -> None:
         for widget in (self.slider, self.low, self.high):
             widget.setEnabled(on)
-        self.sample.setEnabled(self.rasters.currentLayer() is not None)
+        is_chosen = self.rasters.currentLayer() is not None and not self.intensity.missing
+        self.sample.setEnabled(is_chosen)
 
     def _typed(self) -> None:
         self.slider.set_range(self.low.value(), self.high.value())
@@ -190,7 +181,7 @@ class RangePanel(QWidget):
             earth.setEllipsoid(crs.ellipsoidAcronym() or "EPSG:7030")
             radius = earth.measureLine(middle, rim)
         self.preview.clear()
-        self.finder.match(middle, radius, self.band())
+        self.finder.match(middle, radius)
 
     def _found(self, found: Found) -> None:
         self.preview.clear()

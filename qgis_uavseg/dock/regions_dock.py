@@ -253,12 +253,11 @@ class RegionsDock(QgsDockWidget):
 
     def _show_mission(self, planned: Planned) -> None:
         flights = planned.found["flights"]
-        footprints = footprints_layer(planned.files, flights)
-        self._show("footprints", footprints)
+        self._show("footprints", footprints_layer(flights))
         self._show("legs", legs_layer(planned.files))
         self._seen = planned.request
         self.mission.save_button.setEnabled(True)
-        self._say(planned, not_shown(footprints, flights))
+        self._say(planned, not_shown(flights))
 
     def _saved(self, planned: Planned) -> None:
         self._say(planned, f"<b>saved:</b> {escaped(', '.join(map(str, planned.files)))}<br>")

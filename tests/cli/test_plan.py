@@ -3,9 +3,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import geopandas
+import numpy as np
 import pytest
 import shapely
 from click.testing import CliRunner, Result
+from pyproj import Geod
 
 from uavseg.cli.plan import command
 from uavseg.errors import MissionError, OutputExistsError, ParameterError, RegionError, UavsegError
@@ -14,6 +16,7 @@ from uavseg.flight.estimate.vehicle import read_vehicle
 from uavseg.flight.items import CAMERA_DISTANCE, WAYPOINT
 from uavseg.flight.mission import Mission
 
+GEOD = Geod(ellps="WGS84")
 HOME = "47.0,8.0,430"
 
 
@@ -205,6 +208,23 @@ def test_a_camera_that_cannot_photograph_so_is_refused(
     regions: Path, options: tuple[object, ...], words: str
 ) -> None:
     assert words in str(error(regions, "--home", HOME, *options))
+
+
+def test_footprints_are_a_part_of_json(regions: Path) -> None:
+    words = ["--camera", "DJI Mavic 3 Enterprise", "--gsd", "3", "--home", HOME, "--overwrite", "-q"]
+    output = regions.with_name("shown.plan")
+    plain = json.loads(run(regions, "-o", output, *words, "--json").stdout)
+    written = output.read_bytes()
+    found = json.loads(run(regions, "-o", output, *words, "--json", "--footprints").stdout)
+    assert output.read_bytes() == written
+    [flight] = found["flights"]
+    corners = np.array(flight.pop("footprints"))
+    assert flight.pop("footprints_note") == "" and found == plain
+    assert corners.shape == (flight["photographs"], 4, 2)
+    area = GEOD.geometry_area_perimeter(shapely.union_all(shapely.polygons(corners)))[0]
+    assert abs(area) == pytest.approx(flight["photographed_m2"], rel=0.05)
+    refused = run(regions, "-o", output, *words, "--footprints")
+    assert refused.exit_code == 2 and "--footprints are a part of --json" in refused.stderr
 
 
 def test_estimates_are_printed_as_a_table_and_as_json(regions: Path) -> None:

@@ -54,6 +54,23 @@ def test_a_mission_goes_to_the_vehicle_and_comes_back(tmp_path: Path) -> None:
     ]
 
 
+def test_verbose_says_how_long_the_parts_of_a_transfer_took(tmp_path: Path) -> None:
+    plan, back = tmp_path / "fly.plan", tmp_path / "back.plan"
+    files.write_mission(fenced(survey()), plan)
+    with udp_vehicle(ArduPilot()) as address:
+        sent = run("upload", plan, "--connect", address, "-v").stderr
+        found = run("download", "--connect", address, "-o", back, "-v").stderr
+        silent = run("download", "--connect", address, "-o", back, "--overwrite", "-v", "-q").output
+    for text, part in ((sent, "upload and comparison"), (found, "download")):
+        said = [line for line in text.splitlines() if line.startswith("uavseg: ")]
+        assert [line.rpartition(": ")[0] for line in said if "phase" in line] == [
+            "uavseg: phase connection",
+            f"uavseg: phase {part}",
+        ]
+        assert f"uavseg: ArduPilot, system 1 at {address}" in said
+    assert silent == ""
+
+
 def test_a_waypoints_file_without_the_fence_says_so(tmp_path: Path) -> None:
     vehicle = ArduPilot()
     with udp_vehicle(vehicle) as address:

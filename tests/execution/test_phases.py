@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 import uavseg
+from tests.occupancy.bags.write_bags import Drive, write_ros1
 from uavseg._jit import messages
 from uavseg.cli import main
 from uavseg.cli.options.running import Reporter
@@ -18,6 +19,7 @@ from uavseg.execution.progress_bar import ProgressLine
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 QUARRY = str(SAMPLES / "quarry.tif")
+PLAN = ("plan", "r.geojson", "--pattern", "perimeter", "--altitude", "50", "--home", "auto", "--largest", "1")
 
 
 def test_times_leave_out_compiling(caplog: pytest.LogCaptureFixture) -> None:
@@ -47,22 +49,47 @@ def test_the_clock_goes_on() -> None:
         (("suggest", QUARRY, "--threads", "1"), ("1 threads", "blocks of 64", "phase count of regions")),
         (("divide", QUARRY, "-o", "blocks.tif"), ("phase division", "9 x 10 blocks")),
         (("info", QUARRY), ("phase count",)),
+        (
+            (*PLAN, "-o", "b.plan"),
+            ("1 of 4 regions, 0 keep-out zones", "perimeter from 49.459", "phase route"),
+        ),
+        (("check", "a.plan"), ("phase reading", "checked for ardupilot, 0 keep-out", "phase paper check")),
+        (("preview", "a.plan"), ("missions: 1, with no ground", "phase profiles", "phase picture")),
+        (("preview", QUARRY), ("phase layers", "phase picture", "band 1, dtype -> 0..255")),
+        (("simulate", "lens", "--poses", "2", "-o", "m.tif"), ("2 poses of 151 beams", "phase scans")),
+        (
+            ("build-map", "run.bag", "-o", "m.tif"),
+            ("poses of /odom, cells of 0.05 m", "merged"),
+        ),
     ],
 )
 def test_verbose_says_what_was_decided(
     tmp_path: Path, words: tuple[str, ...], facts: tuple[str, ...]
 ) -> None:
     with chdir(tmp_path):
+        _make_inputs(words)
         done = CliRunner().invoke(main, [*words, "-v"])
         assert done.exit_code == 0, done.output
         quiet = CliRunner().invoke(
-            main, [*words, *(() if words[0] in ("info", "suggest") else ("--overwrite",))]
+            main, [*words, *(() if words[0] in ("info", "suggest", "check") else ("--overwrite",))]
         )
+        silent = CliRunner().invoke(main, [*words, "-v", "-q"])
     said = [line for line in done.stderr.splitlines() if line.startswith("uavseg: ")]
     for fact in facts:
         assert any(fact in line for line in said), (fact, said)
     assert not [line for line in quiet.stderr.splitlines() if line.startswith("uavseg: ")]
     assert done.stdout == quiet.stdout
+    assert words[0] in ("info", "suggest") or "uavseg: phase" not in silent.stderr
+
+
+def _make_inputs(words: tuple[str, ...]) -> None:
+    """The files that a command reads."""
+    if words[0] == "build-map":
+        write_ros1(Path("run.bag"), Drive(1, 3).everything())
+    if {"a.plan", "r.geojson"} & set(words):
+        line = ("extract", QUARRY, "--range", "0.55,1", "--min-area", "500", "-o", "r.geojson")
+        assert CliRunner().invoke(main, line).exit_code == 0
+        assert CliRunner().invoke(main, [*PLAN, "-o", "a.plan"]).exit_code == 0
 
 
 def test_python_logs_the_same(caplog: pytest.LogCaptureFixture) -> None:

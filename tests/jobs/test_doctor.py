@@ -85,19 +85,25 @@ def test_kernels_that_cannot_be_compiled_are_a_problem(monkeypatch: pytest.Monke
     assert problem.startswith("3 kernels have to be compiled") and 'pip install "uavseg[compile]"' in problem
 
 
-def test_a_library_that_does_not_load_is_a_problem(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("library", "file", "remedy"),
+    [("shapely", "libgeos_c.so", "pip install"), ("pyogrio", "libexpat.so.1", "apt install libexpat1")],
+)
+def test_a_library_that_does_not_load_is_a_problem(
+    library: str, file: str, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     load = importlib.import_module
 
     def damaged(name: str, package: str | None = None) -> Any:
-        if name == "shapely":
-            raise ImportError("libgeos_c.so: cannot open shared object file")
+        if name == library:
+            raise ImportError(f"{file}: cannot open shared object file")
         return load(name, package)
 
     monkeypatch.setattr(doctor_job.importlib, "import_module", damaged)
     done = CliRunner().invoke(main, ["doctor"])
     assert done.exit_code == 1
     [line] = [line for line in done.stdout.splitlines() if line.startswith("problem: ")]
-    assert line.startswith("problem: shapely cannot be loaded (libgeos_c.so") and "pip install" in line
+    assert line.startswith(f"problem: {library} cannot be loaded ({file}") and remedy in line
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.occupancy.simulation.paper_scenes import lens
 from uavseg.raster.dataset import Dataset
-from uavseg.raster.formats.geotiff import write_geotiff
+from uavseg.raster.formats.geotiff import Page, write_geotiff_pages
 from uavseg.raster.formats.png import write_png
 from uavseg.raster.geobox import local_geobox
 from uavseg.raster.tiling import TilePass, Window, tiles
@@ -26,7 +26,8 @@ Write = Callable[..., Path]
 def write(tmp_path: Path) -> Write:
     def writing(values: np.ndarray, nodata: float | None = None) -> Path:
         path = tmp_path / "map.tif"
-        write_geotiff(path, [values], local_geobox(values.shape, 0.05, (0, 0)), overwrite=True, nodata=nodata)
+        page = Page([values], local_geobox(values.shape, 0.05, (0, 0)), [""], nodata)
+        write_geotiff_pages(path, [page], overwrite=True)
         return path
 
     return writing

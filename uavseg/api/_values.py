@@ -10,9 +10,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from uavseg.execution.executors import Progress, usable_cores
-from uavseg.execution.executors import threads as thread_pool
-from uavseg.execution.phases import decided
+from uavseg.execution.executors import Progress
 from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.work import Work
@@ -30,9 +28,7 @@ def work(
     resume: str | os.PathLike[str] | None = None,
 ) -> Work:
     """How the job is run: by threads, with finished tiles kept in a folder if one is given."""
-    run = thread_pool(threads)
-    decided("%d threads", threads or usable_cores())
-    return Work(tile, run, run, progress_of(progress), resume)
+    return Work.by_threads(threads, tile, progress_of(progress), resume)
 
 
 def progress_of(progress: Progress | bool | None) -> Progress | None:

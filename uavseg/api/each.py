@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from uavseg.access import Folders, allowing
@@ -16,6 +16,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.each import OutputNames, grouped_warnings, plan_tasks, run_each
 from uavseg.jobs.each_report import Outcome
+from uavseg.raster.formats.creation import creation_for
 
 _JOBS: tuple[Callable[..., Any], ...] = (extract, levels, match)
 
@@ -27,6 +28,7 @@ def each(
     output: str,
     *,
     labels: str | None = None,
+    creation_options: Mapping[str, Any] | None = None,
     report: str | None = None,
     overwrite: bool = False,
     skip_existing: bool = False,
@@ -54,6 +56,8 @@ def each(
         in the list.
     labels : str, optional
         The same for rasters of labels.
+    creation_options : mapping of str to str or int, optional
+        How rasters of labels are stored, such as {"COMPRESS": "ZSTD"}; see `CreationOptions`.
     report : str, optional
         A table (.csv) of what came out of each.
     overwrite : bool
@@ -90,7 +94,8 @@ def each(
     assert asked.job is not None and asked.work is not None, "each of these functions asks for regions"
     if asked.work.checkpoint is not None:
         raise ParameterError("resume is for one source; skip_existing=True leaves out what is done")
-    names = OutputNames(output, labels, overwrite, skip_existing, report)
+    creation = creation_for(creation_options, {labels: "uint32"})
+    names = OutputNames(output, labels, overwrite, skip_existing, report, creation)
     given = [sources] if isinstance(sources, str | os.PathLike) else sources
     with allowing(allow_path, allow_network):
         tasks, _ = plan_tasks(given, names)

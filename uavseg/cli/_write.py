@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,9 +16,18 @@ if TYPE_CHECKING:
     from uavseg.jobs.plan import MissionPlan
     from uavseg.jobs.result import Extraction
     from uavseg.jobs.work import Work
+    from uavseg.raster.formats.creation import CreationOptions
     from uavseg.regions.formats.geojson import GeoJsonForm
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class LabelFile:
+    """A raster of labels that a command writes: its path, or None, and how it is stored."""
+
+    path: str | None
+    creation: CreationOptions
 
 
 def check_targets(output: str | None, labels: str | None, overwrite: bool) -> None:
@@ -85,7 +95,7 @@ def write_region_output(
 def write_regions_and_labels(
     found: Extraction,
     target: str,
-    labels: str | None,
+    labels: LabelFile,
     work: Work,
     overwrite: bool,
     form: GeoJsonForm | None = None,
@@ -98,18 +108,20 @@ def write_regions_and_labels(
         from uavseg.regions.formats.style_files import write_style
 
         write_style(found.regions, target, style, overwrite)
-    if labels is not None:
-        write_label_output(found, labels, work, overwrite)
+    write_label_output(found, labels, work, overwrite)
     if target == "-":
         write_region_output(found, target, overwrite, form)
 
 
-def write_label_output(found: Extraction, path: str, work: Work, overwrite: bool) -> None:
-    """Write the labels of regions; the executor writes them where they are many tiles."""
+def write_label_output(found: Extraction, labels: LabelFile, work: Work, overwrite: bool) -> None:
+    """Write the labels of regions, if asked for; the executor writes them where they are many tiles."""
     from uavseg.regions.formats import label_raster
 
-    run = work.executor if label_raster.is_vrt(path) else work.local
-    label_raster.write_label_raster(path, found.rings, found.geobox, run, overwrite)
+    if labels.path is None:
+        return
+    run = work.executor if label_raster.is_vrt(labels.path) else work.local
+    how = overwrite, labels.creation
+    label_raster.write_label_raster(labels.path, found.rings, found.geobox, run, *how)
 
 
 def write_mission_output(mission: Mission, path: str, overwrite: bool) -> list[str]:

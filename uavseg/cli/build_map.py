@@ -9,6 +9,8 @@ import click
 
 from uavseg.cli._say import say
 from uavseg.cli._write import keep_inputs, transaction
+from uavseg.cli.options.creation import creation_of, creation_option
+from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 
 if TYPE_CHECKING:
     from uavseg.jobs.build_map import BuiltMap
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 @click.command("build-map", short_help="Merge the scans of a recorded bag into a map.")
 @click.argument("bag", metavar="BAG")
 @click.option("-o", "--output", required=True, metavar="PATH.yaml|PATH.tif", help="The map.")
+@creation_option
 @click.option("--scan", default="/scan", show_default=True, metavar="TOPIC", help="Of sensor_msgs/LaserScan.")
 @click.option(
     "--odom", metavar="TOPIC", help="Poses from nav_msgs/Odometry.  [default: /odom, unless --tf is given]"
@@ -35,7 +38,7 @@ if TYPE_CHECKING:
     help="Use beams up to here.  [default: the range_max of each scan]",
 )
 @click.option("--overwrite", is_flag=True, help="Replace files that are there.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@verbosity_options
 def command(**options: Any) -> None:
     """Merge the scans of a recorded BAG into a map, each at the pose of the sensor at its time.
 
@@ -51,9 +54,11 @@ def command(**options: Any) -> None:
     from uavseg.occupancy.bags.merge_bag import MergeParams
     from uavseg.occupancy.map_file import check_map_path
 
+    heed_verbose(options["quiet"], options["verbose"])
     target, overwrite = options["output"], options["overwrite"]
     files = check_map_path(target, overwrite)
     keep_inputs(files, options["bag"], *_files_in(options["bag"]))
+    creation_of(options, {target: "float32"})
     topics = topics_of(options["scan"], options["odom"], options["tf"])
     params = MergeParams(options["resolution"], options["sigma"], options["max_range"])
     found = build_map(options["bag"], topics, params)
@@ -61,7 +66,7 @@ def command(**options: Any) -> None:
         for warning in found.warnings:
             say(f"uavseg: warning: {warning}")
     with transaction():
-        found.write(target, overwrite)
+        found.write(target, overwrite, options["creation_options"])
     if not options["quiet"]:
         _report(found, files)
 

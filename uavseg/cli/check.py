@@ -8,6 +8,7 @@ import click
 
 from uavseg.cli._say import say, show
 from uavseg.cli.options.access import access_options
+from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 from uavseg.errors import MissionError
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
     help="Refuse to fly nearer than 5 m to the ground of this elevation model; may be repeated.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@verbosity_options
 @access_options
 def command(**options: Any) -> None:
     """Read the mission in FILE (.plan, .waypoints, .kml, .geojson, .kmz or .csv) back, and tell what it
@@ -52,6 +53,7 @@ def command(**options: Any) -> None:
     """
     from uavseg.jobs.check import check
 
+    heed_verbose(options["quiet"], options["verbose"])
     found = check(options["file"], _request(options))
     if options["as_json"]:
         import json

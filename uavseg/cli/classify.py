@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._write import (
+    LabelFile,
     check_distinct,
     check_targets,
     keep_inputs,
@@ -19,6 +20,7 @@ from uavseg.cli._write import (
 )
 from uavseg.cli.options.access import access_options
 from uavseg.cli.options.bands import band_option, formula_options
+from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.raster import (
     area,
     drawing,
@@ -33,6 +35,7 @@ from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
     from uavseg.jobs.classify import Classification, ClassifyRequest
+    from uavseg.raster.formats.creation import CreationOptions
     from uavseg.raster.geobox import GeoBox
     from uavseg.segmentation.params import StateLimits
 
@@ -61,6 +64,7 @@ if TYPE_CHECKING:
     metavar="PATH",
     help="Also write the ids of the objects as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
+@creation_option
 @click.option(
     "--mode",
     type=click.Choice(["trinary", "scale", "raw"]),
@@ -118,6 +122,8 @@ def command(**options: Any) -> None:
     run = RunOptions.of(options)
     target = options["output"] or f"{Path(options['path']).stem}.states.tif"
     request, read = _request(options), read_options(options)
+    creation = creation_of(options, {options["labels"]: "uint32", target: "uint8"})
+    labels = LabelFile(options["labels"], creation)
     _check_targets(target, options, run.overwrite)
     keep_inputs([*_files(target, options["mode"]), options["objects"], options["labels"]], options["path"])
     source = open_probability_map(options["path"], read)
@@ -126,9 +132,9 @@ def command(**options: Any) -> None:
     found = classify(source, request, work)
     run.reporter.finish(found.warnings)
     with transaction():
-        _write_states(found, target, options["mode"], run)
-        if found.objects is not None and options["labels"] is not None:
-            write_label_output(found.objects, options["labels"], work, run.overwrite)
+        _write_states(found, target, options["mode"], labels.creation, run)
+        if found.objects is not None:
+            write_label_output(found.objects, labels, work, run.overwrite)
         if found.objects is not None and options["objects"] is not None:
             write_region_output(found.objects, options["objects"], run.overwrite)
     rows = _rows(found, request.limits, target, options["objects"])
@@ -178,11 +184,13 @@ def _check_place(target: str, options: dict[str, Any], geobox: GeoBox, overwrite
         export.check_region_crs(options["objects"], geobox.wkt)
 
 
-def _write_states(found: Classification, target: str, mode: str, run: RunOptions) -> None:
+def _write_states(
+    found: Classification, target: str, mode: str, creation: CreationOptions, run: RunOptions
+) -> None:
     from uavseg.occupancy.ros.ros_map import is_ros_map
     from uavseg.occupancy.state_file import write_states
 
-    write_states(target, found.image, found.geobox, run.overwrite, mode)
+    write_states(target, found.image, found.geobox, run.overwrite, mode, creation)
     if is_ros_map(target) and found.cells[0]:
         run.reporter.warn(
             f"a ROS map knows no nodata: {found.cells[0]:,} cells without data are unknown in {target}"

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from uavseg.cli._write import keep_inputs
+from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
 from uavseg.cli.options.running import RunOptions, running_options
 
@@ -14,6 +15,7 @@ from uavseg.cli.options.running import RunOptions, running_options
 @click.command("divide")
 @reading_options
 @click.option("-o", "--output", required=True, metavar="PATH.tif", help="The block map.")
+@creation_option
 @segmenting_options
 @running_options
 def command(**options: Any) -> None:
@@ -30,11 +32,12 @@ def command(**options: Any) -> None:
     run = RunOptions.of(options)
     output = options["output"]
     check_block_map_name(output)
+    creation = creation_of(options, {output: "uint32"})
     check_target(output, run.overwrite)
     keep_inputs([output], options["rasters"])
     request = DivideRequest(segment_params(options, None))
     found = divide(open_source(options["rasters"], read_options(options)), request, run.work())
-    write_block_map(output, found.saved, request.segment.division, run.overwrite)
+    write_block_map(output, found.saved, request.segment.division, run.overwrite, creation)
     run.reporter.finish(found.warnings)
     rows, cols = found.saved.blocks.blocks
     run.reporter.table(

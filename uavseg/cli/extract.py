@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._write import (
+    LabelFile,
     check_targets,
     keep_inputs,
     shown,
@@ -24,6 +25,7 @@ from uavseg.cli.options.classes import (
     class_options,
     class_rows,
 )
+from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.files import parse_file_options
 from uavseg.cli.options.home_words import HomeCommand
@@ -70,6 +72,7 @@ if TYPE_CHECKING:
     metavar="PATH",
     help="Also write the labels of the regions as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
+@creation_option
 @segmenting_options
 @click.option(
     "--refine",
@@ -122,6 +125,7 @@ def command(**options: Any) -> None:
     target = options["output"] or f"{stem_of(options['rasters'][0])}.regions.geojson"
     form = geojson_form(options, target)
     mission, labels = options["mission"], options["labels"]
+    label_file = LabelFile(labels, creation_of(options, {labels: "uint32"}))
     flight = None if mission is None else _flight(options)
     files = parse_file_options(options)
     check_targets(target, labels, run.overwrite)
@@ -146,7 +150,7 @@ def command(**options: Any) -> None:
     with transaction():
         if planned is not None:
             paths, unwritten = write_plan_output(planned, options["mission"], run.overwrite, files)
-        write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
+        write_regions_and_labels(found, target, label_file, work, run.overwrite, form, style)
     if planned is not None and not run.reporter.quiet:
         report(
             planned.missions, planned.regions, paths, [*planned.warnings, *unwritten, *avoid_notes(options)]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._write import (
+    LabelFile,
     check_targets,
     keep_inputs,
     shown,
@@ -14,6 +15,7 @@ from uavseg.cli._write import (
     transaction,
     write_regions_and_labels,
 )
+from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.raster import (
     area,
@@ -57,6 +59,7 @@ _LISTED = 8  # levels in the table at the end
     metavar="PATH",
     help="Also write the labels of the segments as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
+@creation_option
 @segmenting_options
 @click.option(
     "--refine",
@@ -113,6 +116,7 @@ def command(**options: Any) -> None:
     target = options["output"] or f"{stem_of(options['rasters'][0])}.levels.geojson"
     form = geojson_form(options, target)
     labels = options["labels"]
+    label_file = LabelFile(labels, creation_of(options, {labels: "uint32"}))
     check_targets(target, labels, run.overwrite)
     style = style_kind(options, target)
     keep_inputs([target, labels], options["rasters"])
@@ -122,7 +126,7 @@ def command(**options: Any) -> None:
     found = levels(source, request, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
+        write_regions_and_labels(found, target, label_file, work, run.overwrite, form, style)
     rows = {
         "segments": f"{len(found.regions):,} -> {shown(target)}",
         "levels": _levels_row(found, request),

@@ -6,7 +6,6 @@ from typing import Any
 
 import click
 
-from uavseg.cli._write import keep_inputs
 from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
 from uavseg.cli.options.running import RunOptions, running_options
 
@@ -42,35 +41,22 @@ def command(**options: Any) -> None:
     """
     from uavseg.jobs.field_map import FieldMapRequest, field_map
     from uavseg.jobs.open_source import open_source
-    from uavseg.plot.web.field_map import (
-        check_page_target,
-        footprint_notes,
-        page_of,
-        read_flights,
-        size_notes,
-        write_page,
-    )
-    from uavseg.plot.web.region_features import read_collection
+    from uavseg.plot.web.page_file import PageFile
 
     run = RunOptions.of(options)
-    output, regions, missions = options["output"], options["regions"], options["mission"]
-    camera = options["camera"]
-    check_page_target(output, run.overwrite)
-    keep_inputs([output], options["rasters"], regions, missions, camera)
     request = FieldMapRequest(segment_params(options, None), options["size"])
-    collection = None if regions is None else read_collection(regions)
-    flights = read_flights(missions, camera) if missions else []
+    shown = options["regions"], options["mission"] or None, options["camera"]
+    page = PageFile.prepared(options["output"], run.overwrite, options["rasters"], *shown)
     found = field_map(open_source(options["rasters"], read_options(options)), request, run.work())
-    content = page_of(found, collection, flights)
-    write_page(content, output, run.overwrite)
-    run.reporter.finish((*found.warnings, *footprint_notes(flights, camera), *size_notes(content)))
+    size, notes = page.write(found)
+    run.reporter.finish(notes)
     rows, cols = found.image.shape
     run.reporter.table(
         {
-            "page": f"{len(content) / 1e6:.2f} MB -> {output}",
+            "page": f"{size / 1e6:.2f} MB -> {options['output']}",
             "picture": f"{cols} x {rows} pixels",
-            "regions": "-" if collection is None else f"{len(collection['features']):,}",
-            "missions": f"{len(flights)}",
+            "regions": "-" if page.regions is None else f"{len(page.regions['features']):,}",
+            "missions": f"{len(page.flights)}",
             "seconds": f"{run.reporter.seconds:.2f}",
         }
     )

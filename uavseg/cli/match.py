@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from uavseg.cli._write import (
+    LabelFile,
     check_targets,
     keep_inputs,
     shown,
@@ -15,6 +16,7 @@ from uavseg.cli._write import (
     write_regions_and_labels,
 )
 from uavseg.cli.options.bands import many_bands
+from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.each import answer_each, check_alone, each_options
 from uavseg.cli.options.raster import area, drawing, length, read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
@@ -63,6 +65,7 @@ if TYPE_CHECKING:
     metavar="PATH",
     help="Also write the labels of the regions as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
+@creation_option
 @click.option(
     "--by",
     type=click.Choice(["auto", "color", "texture"]),
@@ -172,6 +175,7 @@ def command(**options: Any) -> None:
     target = options["output"] or f"{stem_of(options['rasters'][0])}.match.geojson"
     form = geojson_form(options, target)
     labels = options["labels"]
+    label_file = LabelFile(labels, creation_of(options, {labels: "uint32"}))
     check_targets(target, labels, run.overwrite)
     style = style_kind(options, target)
     keep_inputs([target, labels], options["rasters"], options["like"], options["unlike"], options["classes"])
@@ -181,7 +185,7 @@ def command(**options: Any) -> None:
     found, compared = find(source, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     with transaction():
-        write_regions_and_labels(found, target, labels, work, run.overwrite, form, style)
+        write_regions_and_labels(found, target, label_file, work, run.overwrite, form, style)
     common = summary_rows(found)
     rows = {
         "regions": f"{len(found.regions):,} -> {shown(target)}",

@@ -7,6 +7,7 @@ from typing import Any
 import click
 
 from uavseg.cli._write import keep_inputs
+from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.raster import read_options, reading_options
 from uavseg.cli.options.running import RunOptions, running_options
 
@@ -14,6 +15,7 @@ from uavseg.cli.options.running import RunOptions, running_options
 @click.command("original")
 @reading_options
 @click.option("-o", "--output", required=True, metavar="LABELS.tif", help="The labels of the segments.")
+@creation_option
 @click.option(
     "--threshold",
     type=float,
@@ -63,11 +65,13 @@ def command(**options: Any) -> None:
     names = ("threshold", "merge_stop", "untested", "radius", "sweeps")
     request, read = LbpcParams(*(options[name] for name in names)), read_options(options)
     check_geotiff_name(output, "a label raster")
+    creation = creation_of(options, {output: "uint32"})
     check_target(output, run.overwrite)
     keep_inputs([output], options["rasters"])
     found = original(open_source(options["rasters"], read), request, run.work())
     geobox = found.source.geobox
-    write_label_geotiff(output, [(Window(0, 0, *geobox.shape), found.labels)], geobox, run.overwrite)
+    tiles = [(Window(0, 0, *geobox.shape), found.labels)]
+    write_label_geotiff(output, tiles, geobox, run.overwrite, creation=creation)
     run.reporter.finish(found.warnings)
     run.reporter.table(
         {

@@ -16,6 +16,7 @@ from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.limits import zone_files, zones_of
 from uavseg.cli.options.mission import mission_options, plan_request, report
 from uavseg.cli.options.vehicle import missions_json
+from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 
 if TYPE_CHECKING:
     from uavseg.jobs.source import Source
@@ -47,8 +48,13 @@ if TYPE_CHECKING:
 )
 @click.option("--layer", metavar="NAME", help="The layer of a file that has several.")
 @click.option("--json", "as_json", is_flag=True, help="Write the estimates as JSON, for programs.")
+@click.option(
+    "--footprints",
+    is_flag=True,
+    help="With --json: also what ground each photograph shows, four corners (lon, lat) in degrees.",
+)
 @click.option("--overwrite", is_flag=True, help="Replace a mission that is there.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@verbosity_options
 @access_options
 def command(**options: Any) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
@@ -62,7 +68,10 @@ def command(**options: Any) -> None:
     from uavseg.jobs.plan import plan
     from uavseg.jobs.plan_regions import open_regions
 
+    heed_verbose(options["quiet"], options["verbose"])
     output, regions = options["output"], options["regions"]
+    if options["footprints"] and not options["as_json"]:
+        raise click.UsageError("--footprints are a part of --json; give both")
     files.check_mission_format(output)
     check_target(output, options["overwrite"])
     raster = options["raster"]
@@ -74,7 +83,10 @@ def command(**options: Any) -> None:
     planned = plan(found, request, zones_of(options, opened), opened)
     paths, unwritten = write_plan_output(planned, output, options["overwrite"], form)
     if options["as_json"]:
-        written = missions_json(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])
+        notes = [*planned.warnings, *unwritten]
+        written = missions_json(
+            planned.missions, planned.regions, paths, notes, with_footprints=options["footprints"]
+        )
         show(json.dumps(written, allow_nan=False))
     if not options["quiet"]:
         report(planned.missions, planned.regions, paths, [*planned.warnings, *unwritten])

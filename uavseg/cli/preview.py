@@ -10,6 +10,7 @@ import click
 
 from uavseg.cli._say import say
 from uavseg.cli.options.raster import read_options, reading_options
+from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 from uavseg.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ _OF_RASTERS = (*_LAYERS[:-1], "band", "rgb", "index", "expr", "band_names", "nod
 @click.option("-o", "--output", type=click.Path(), help="The picture.  [default: STEM.preview.png]")
 @click.option("--width", default=1400, show_default=True, help="Width of the picture in pixels.")
 @click.option("--overwrite", is_flag=True, help="Replace a picture that is there.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@verbosity_options
 def command(**options: Any) -> None:
     """Draw RASTER (many are one mosaic, a YAML file is a ROS map) in grey as a PNG picture, with a scale bar
     and what is named: the outlines and ids of regions, the legs of missions in their order with their fence,
@@ -55,6 +56,7 @@ def command(**options: Any) -> None:
     drawn with free cells black and occupied ones white (--stretch none, where it holds floats and neither
     --states nor --path are given).
     """
+    heed_verbose(options["quiet"], options["verbose"])
     missions = _missions_alone(options)
     if missions:
         _draw_missions(missions, options)

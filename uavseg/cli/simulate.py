@@ -9,11 +9,14 @@ import click
 
 from uavseg.cli._say import say
 from uavseg.cli._write import check_distinct, keep_inputs, transaction
+from uavseg.cli.options.creation import creation_of, creation_option
+from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
     from uavseg.occupancy.mapping.grid import OccupancyGrid
     from uavseg.occupancy.simulation.simulate import Simulation
+    from uavseg.raster.formats.creation import CreationOptions
 
 _SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
 
@@ -27,6 +30,7 @@ _SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "st
     "--png", metavar="PATH.png", help="The map as a picture: free black, unknown grey, occupied white."
 )
 @click.option("--truth", metavar="PATH.tif", help="What the scene really is: states, solid, visible.")
+@creation_option
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
@@ -42,7 +46,7 @@ _SENSOR = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "st
 @click.option("--step", type=float, metavar="DEG", help="Between beams.  [default: the scene's]")
 @click.option("--poses", type=click.IntRange(min=1), metavar="N", help="Scan from the first N poses only.")
 @click.option("--overwrite", is_flag=True, help="Replace files that are there.")
-@click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors.")
+@verbosity_options
 def command(**options: Any) -> None:
     """Scan a scene with a laser range finder, merge the scans in log-odds and write the map.
 
@@ -58,19 +62,21 @@ def command(**options: Any) -> None:
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.png import write_png
 
+    heed_verbose(options["quiet"], options["verbose"])
     scene, overwrite = options["scene"], options["overwrite"]
     keep_inputs([options[name] for name in ("output", "png", "truth") if options[name]], scene)
     outputs = _check_targets(options["output"], options["png"], options["truth"], overwrite)
+    creation = creation_of(options, {options["output"]: "float32", options["truth"]: "uint8"})
     sensor = {name: options[option] for option, name in _SENSOR.items()}
     found = simulate(scene, SimulateRequest(options["seed"], options["poses"], **sensor))
     grid = found.grid
     tags = {"scene": scene, "seed": str(options["seed"])}
     with transaction():
-        write_map(options["output"], grid, overwrite, tags)
+        write_map(options["output"], grid, overwrite, tags, creation)
         if options["png"]:
             write_png(options["png"], grey_picture(grid.probabilities), overwrite)
         if options["truth"]:
-            _write_truth(options["truth"], found.simulation, overwrite)
+            _write_truth(options["truth"], found.simulation, overwrite, creation)
     if not options["quiet"]:
         _report(found.simulation, grid, outputs)
 
@@ -93,13 +99,13 @@ def _check_targets(output: str, png: str | None, truth: str | None, overwrite: b
     return paths
 
 
-def _write_truth(path: str, simulation: Simulation, overwrite: bool) -> None:
+def _write_truth(path: str, simulation: Simulation, overwrite: bool, creation: CreationOptions) -> None:
     from uavseg.raster.formats.geotiff import write_geotiff
 
     truth = simulation.truth()
     bands = [truth.states, truth.solid.view("uint8"), truth.visible.view("uint8")]
     names = ["state: 1 free, 2 unseen, 3 occupied", "solid", "visible"]
-    write_geotiff(path, bands, simulation.geobox, names, overwrite=overwrite)
+    write_geotiff(path, bands, simulation.geobox, names, overwrite=overwrite, creation=creation)
 
 
 def _report(simulation: Simulation, grid: OccupancyGrid, outputs: list[str]) -> None:

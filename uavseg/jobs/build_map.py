@@ -1,12 +1,16 @@
 """Maps of recorded bags: the scans of a robot, merged at the poses that it had."""
 
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from uavseg.errors import ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.occupancy.bags.merge_bag import BagTopics, MergeParams, ScanCounts, merge_bag
 from uavseg.occupancy.map_file import write_map
 from uavseg.occupancy.mapping.grid import OccupancyGrid
+from uavseg.raster.formats.creation import creation_for
 
 DEFAULT_ODOM = "/odom"
 
@@ -31,15 +35,31 @@ class BuiltMap:
     scans: ScanCounts
     warnings: tuple[str, ...]
 
-    def write(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        overwrite: bool = False,
+        creation_options: Mapping[str, Any] | Sequence[str] | None = None,
+    ) -> None:
         """Write the map: .yaml with its .pgm, as Nav2's map server reads them, or .tif of probabilities.
+
+        Parameters
+        ----------
+        path : path
+        overwrite : bool
+            Whether files that are there may be replaced.
+        creation_options : mapping or sequence of str, optional
+            Of a .tif, such as {"COMPRESS": "ZSTD", "PREDICTOR": 3}; see `CreationOptions`.
 
         Raises
         ------
         OutputExistsError, OutputError
             If a file exists, or cannot be written.
+        ParameterError
+            If a creation option is not allowed, or given for a .yaml.
         """
-        write_map(path, self.grid, overwrite)
+        creation = creation_for(creation_options, {os.fspath(path): "float32"})
+        write_map(path, self.grid, overwrite, creation=creation)
 
 
 def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
@@ -63,5 +83,8 @@ def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParam
     BagError
         If the bag cannot be read, lacks a topic, or no scan has a pose; if the map would be too large.
     """
-    found = merge_bag(bag, topics, params)
+    decided("scans of %s, poses of %s, cells of %g m", topics.scan, topics.odom or "/tf", params.resolution_m)
+    with phase("scans"):
+        found = merge_bag(bag, topics, params)
+    decided("%d of %d scans merged in the frame %s", found.counts.merged, found.counts.total, found.frame)
     return BuiltMap(found.grid, found.frame, found.counts, found.warnings)

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 from uavseg.errors import MissionError, ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.flight.estimate.vehicle import default_vehicle
 from uavseg.flight.files import MAX_BYTES, check_mission_format, read_mission
 from uavseg.flight.formats import kmz, litchi, wpml
@@ -172,10 +173,12 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
         mission, own = source, source.autopilot
     else:
         suffix = check_mission_format(source)
-        mission = read_mission(source)
+        with phase("reading"):
+            mission = read_mission(source)
         refused = station_refusals(read_bytes(source, MissionError, MAX_BYTES), suffix)
         own = mission.autopilot if suffix in OWN_AUTOPILOT else None
     asked = request.autopilot or own
+    decided("checked for %s, %d keep-out zones", asked or "any autopilot", len(request.zones))
     pilots = {key: _reason(partial(_check_items, mission, key)) for key in NAMES}
     verdicts = [Verdict(NAMES[key], reason) for key, reason in pilots.items()]
     verdicts += [Verdict(who, reason) for who, reason in refused.items()]
@@ -185,7 +188,8 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     ]
     needed = list(NAMES) if asked == "generic" else [asked] if asked else []
     problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
-    problems += _paper_check(mission, request, asked).problems(mission)
+    with phase("paper check"):
+        problems += _paper_check(mission, request, asked).problems(mission)
     return MissionCheck(mission, asked or mission.autopilot, tuple(verdicts), tuple(problems))
 
 

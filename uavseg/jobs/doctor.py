@@ -103,11 +103,18 @@ def _libraries() -> Findings:
     for name in _NEEDED:
         facts[name], failure = _loaded(name)
         if failure:
-            problems.append(f"{name} cannot be loaded ({failure}); install it again: pip install uavseg")
+            problems.append(f"{name} cannot be loaded ({failure}); {_remedy(failure)}")
     for name in _EXTRA:
         version = _version_of(name)
         facts[name] = version or "not installed (optional)"
     return facts, problems
+
+
+def _remedy(failure: str) -> str:
+    """What to do: the wheels of rasterio bring all libraries but this one."""
+    if "libexpat" in failure:
+        return "install it from the system: apt install libexpat1"
+    return "install it again: pip install uavseg"
 
 
 def _loaded(name: str) -> tuple[str, str]:

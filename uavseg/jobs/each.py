@@ -25,6 +25,7 @@ from uavseg.output.targets import existing_files
 from uavseg.output.transaction import output_errors, transaction
 from uavseg.output.written import note_planned
 from uavseg.plain_text import cause_of, one_line
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.source_list import expand_sources
 
 Path_ = str | os.PathLike[str]
@@ -64,6 +65,7 @@ class OutputNames:
         Whether sources are left out whose outputs are all there.
     report : str, optional
         A table of all outcomes, see `write_report`.
+    creation : CreationOptions
     """
 
     regions: str
@@ -71,6 +73,7 @@ class OutputNames:
     overwrite: bool = False
     skip_existing: bool = False
     report: str | None = None
+    creation: CreationOptions = DEFAULT
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +165,7 @@ def run_each(
     """
     outcomes: dict[Task, Outcome] = {}
     try:
-        _run(tasks, job, names.overwrite, work, count, outcomes)
+        _run(tasks, job, names, work, count, outcomes)
     finally:
         if names.report is not None:
             write_report(_in_order(tasks, outcomes), names.report, names.overwrite)
@@ -172,7 +175,7 @@ def run_each(
 def _run(
     tasks: Sequence[Task],
     job: RegionJob,
-    overwrite: bool,
+    names: OutputNames,
     work: Work,
     count: int | None,
     outcomes: dict[Task, Outcome],
@@ -186,7 +189,7 @@ def _run(
     most = usable_cores() if count is None else count
 
     def side_by_side(task: Task) -> bool:
-        found = context.copy().run(_outcome, task, job, overwrite, alone, most)
+        found = context.copy().run(_outcome, task, job, names, alone, most)
         if found is not None:
             outcomes[task] = found
         return found is not None
@@ -201,7 +204,7 @@ def _run(
         if task in outcomes:
             continue
         within = replace(work, executor=run, local=run, progress=partial(_within, progress, done, len(tasks)))
-        found = _outcome(task, job, overwrite, within, None)
+        found = _outcome(task, job, names, within, None)
         assert found is not None, "only where tiles are limited, a task is put off"
         outcomes[task] = found
         done += 1
@@ -223,9 +226,7 @@ def grouped_warnings(outcomes: Sequence[Outcome]) -> list[str]:
 
 
 def _others(count: int) -> str:
-    if not count:
-        return ""
-    return f" and {count:,} {'other' if count == 1 else 'others'}"
+    return f" and {count:,} {'other' if count == 1 else 'others'}" if count else ""
 
 
 def _check_outputs(tasks: Sequence[Task], overwrite: bool) -> None:
@@ -249,14 +250,14 @@ def _check_outputs(tasks: Sequence[Task], overwrite: bool) -> None:
 
 
 def _outcome(
-    task: Task, job: RegionJob, overwrite: bool, work: Work, most_tiles: int | None
+    task: Task, job: RegionJob, names: OutputNames, work: Work, most_tiles: int | None
 ) -> Outcome | None:
     """What comes out of a task; None if it has more tiles than this, and nothing was done."""
     try:
         source = open_source(task.source, job.read)
         if most_tiles is not None and _tiles_of(source, work) > most_tiles:
             return None
-        return _answered(task, source, job, overwrite, work)
+        return _answered(task, source, job, names, work)
     except (UavsegError, OSError, MemoryError) as error:
         return Outcome(task.source, task.output, error=_text_of(error))
 
@@ -265,16 +266,17 @@ def _tiles_of(source: Source, work: Work) -> int:
     return 1 if isinstance(source, Blocks) else len(source.dataset.windows(work.tile))
 
 
-def _answered(task: Task, source: Source, job: RegionJob, overwrite: bool, work: Work) -> Outcome:
+def _answered(task: Task, source: Source, job: RegionJob, names: OutputNames, work: Work) -> Outcome:
     from uavseg.regions.formats import export
     from uavseg.regions.formats.label_raster import write_label_raster
 
     export.check_region_crs(task.output, source.geobox.wkt)
     found = job.find(source, work)
     with transaction():
-        export.write_regions(found.regions, task.output, overwrite)
+        export.write_regions(found.regions, task.output, names.overwrite)
         if task.labels is not None:
-            write_label_raster(task.labels, found.rings, found.geobox, work.local, overwrite)
+            how = found.geobox, work.local, names.overwrite, names.creation
+            write_label_raster(task.labels, found.rings, *how)
     area = float(found.regions.columns["area_m2"].sum())
     return Outcome(task.source, task.output, len(found.regions), area, found.warnings)
 

@@ -1,14 +1,16 @@
 """Upload of a mission to a vehicle, and download of the one that it holds."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 from uavseg.errors import MissionError, ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.flight.files import check_mission_format, read_mission
 from uavseg.flight.link.address import parse_address
 from uavseg.flight.link.download import download_mission
-from uavseg.flight.link.link import TIMEOUT_S, connect
+from uavseg.flight.link.link import TIMEOUT_S, Link, connect
 from uavseg.flight.link.upload import upload_mission
 from uavseg.flight.mission import Mission
 
@@ -99,9 +101,19 @@ def upload(
         If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
     """
     mission = source if isinstance(source, Mission) else _read_uploadable(source)
-    with connect(request.connect, request.timeout_s) as link:
-        found = upload_mission(link, mission, progress)
+    with _connected(request) as link:
+        with phase("upload and comparison"):
+            found = upload_mission(link, mission, progress)
         return Uploaded(mission, str(link.vehicle), (*mission.warnings, *found))
+
+
+@contextmanager
+def _connected(request: LinkRequest) -> Iterator[Link]:
+    with ExitStack() as closing:
+        with phase("connection"):
+            link = closing.enter_context(connect(request.connect, request.timeout_s))
+        decided("%s at %s", link.vehicle, request.connect)
+        yield link
 
 
 def _read_uploadable(source: str | os.PathLike[str]) -> Mission:
@@ -124,5 +136,7 @@ def download(request: LinkRequest, progress: Progress | None = None) -> Download
     LinkError
         If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
     """
-    with connect(request.connect, request.timeout_s) as link:
-        return Downloaded(download_mission(link, progress), str(link.vehicle))
+    with _connected(request) as link:
+        with phase("download"):
+            found = download_mission(link, progress)
+        return Downloaded(found, str(link.vehicle))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from uavseg.errors import ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, FileOptions
 from uavseg.flight.mission import Mission
 from uavseg.flight.numbered import write_flights
@@ -203,11 +204,17 @@ def plan(
             f"home is {home[0]:.7f},{home[1]:.7f}, outside of all regions and keep-out zones; look at the "
             "place before the flight: the plan knows nothing of trees, water or roads there"
         )
-    missions = plan_missions(polygons, points, flight, home, zones)
+    decided("%d of %d regions, %d keep-out zones", len(chosen), len(regions), len(zones))
+    with phase("route and flights"):
+        missions = plan_missions(polygons, points, flight, home, zones)
     missions = tuple(replace(mission, notes=(*notes, *mission.notes)) for mission in missions)
     check = PaperCheck(flight.safety, tuple(zones), clearance_of(flight))
-    for mission in missions:
-        check.check(mission)
+    with phase("paper check"):
+        for mission in missions:
+            check.check(mission)
+    items = ", ".join(str(len(mission.items)) for mission in missions)
+    start = missions[0].home
+    decided("pattern %s from %.7f,%.7f: %s items", flight.pattern, start.lat, start.lon, items)
     return MissionPlan(missions, len(chosen), check)
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from uavseg.errors import SceneError
+from uavseg.execution.phases import decided, phase
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene_file import load_scene
@@ -76,4 +77,8 @@ def simulate(scene: str, request: SimulateRequest = SimulateRequest()) -> Simula
     if wanted > len(found.poses):
         raise SceneError(f"{scene} has {len(found.poses)} poses, and {wanted} are asked for")
     simulation = replace(found, sensor=replace(found.sensor, **request.sensor), poses=found.poses[:wanted])
-    return Simulated(simulation, simulation.run(request.seed))
+    beams = len(simulation.sensor.angles)
+    decided("%d poses of %d beams, the noise of seed %d", wanted, beams, request.seed)
+    with phase("scans"):
+        grid = simulation.run(request.seed)
+    return Simulated(simulation, grid)

@@ -6,7 +6,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from uavseg.execution.executors import Map, Progress, serial
+from uavseg.execution.executors import Map, Progress, serial, usable_cores
+from uavseg.execution.executors import threads as thread_pool
 from uavseg.execution.phases import decided
 from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.tiling import TilePass, Window
@@ -50,6 +51,25 @@ class Work:
     resumed: Callable[[str, int, int], object] | None = None
     started: Callable[[Sequence[Window]], object] | None = None
     bad_blocks: set[BadBlock] = field(default_factory=set, repr=False, compare=False)
+
+    @classmethod
+    def by_threads(
+        cls,
+        threads: int | None,
+        tile: int | None = None,
+        progress: Progress | None = None,
+        resume: str | os.PathLike[str] | None = None,
+    ) -> "Work":
+        """Work of threads of this process, with finished tiles kept in a folder if one is given.
+
+        Raises
+        ------
+        ParameterError
+            If the number of threads is below 1.
+        """
+        run = thread_pool(threads)
+        decided("%d threads", threads or usable_cores())
+        return cls(tile, run, run, progress, resume)
 
     def begun(self) -> "Work":
         """The work of one job, with a set of unreadable blocks of its own."""

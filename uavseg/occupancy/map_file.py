@@ -11,6 +11,7 @@ from uavseg.atomic import check_target
 from uavseg.errors import OutputError
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.ros.ros_map import check_ros_map, image_path, is_ros_map, write_ros_map
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import write_geotiff
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
@@ -39,6 +40,7 @@ def write_map(
     grid: OccupancyGrid,
     overwrite: bool = False,
     tags: Mapping[str, str] | None = None,
+    creation: CreationOptions = DEFAULT,
 ) -> None:
     """Write a grid as a ROS map (.yaml and its .pgm, trinary), or as a GeoTIFF of probabilities (.tif).
 
@@ -53,6 +55,8 @@ def write_map(
         Whether to replace existing files.
     tags : mapping of str to str, optional
         Metadata items of a GeoTIFF.
+    creation : CreationOptions
+        Of a GeoTIFF.
 
     Raises
     ------
@@ -61,7 +65,7 @@ def write_map(
     """
     check_map_path(path, overwrite)
     if not is_ros_map(path):
-        write_geotiff(path, [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite)
+        write_geotiff(path, [grid.probabilities], grid.geobox, ["occupancy"], tags, overwrite, creation)
         return
     check_ros_map(path, grid.geobox, overwrite)
     write_ros_map(path, trinary_states(grid.probabilities), grid.geobox, overwrite)

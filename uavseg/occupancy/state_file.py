@@ -5,6 +5,7 @@ import os
 import numpy as np
 
 from uavseg.occupancy.ros.ros_map import is_ros_map, write_ros_map
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import LabelBand, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.segmentation.states.state_image import StateImage
@@ -18,6 +19,7 @@ def write_states(
     geobox: GeoBox,
     overwrite: bool = False,
     mode: str = "trinary",
+    creation: CreationOptions = DEFAULT,
 ) -> None:
     """Write the states of a map: a uint8 GeoTIFF with nodata 0, or for a .yaml a ROS map.
 
@@ -34,6 +36,8 @@ def write_states(
         Whether files that are there may be replaced.
     mode : {"trinary", "scale", "raw"}
         Of the ROS map.
+    creation : CreationOptions
+        Of the GeoTIFF.
 
     Raises
     ------
@@ -46,4 +50,4 @@ def write_states(
         write_ros_map(path, image.read(), geobox, overwrite, mode)
     else:
         band = LabelBand(np.uint8, DESCRIPTION)
-        write_label_geotiff(path, image.strips(), geobox, overwrite, band=band)
+        write_label_geotiff(path, image.strips(), geobox, overwrite, band=band, creation=creation)

@@ -9,6 +9,7 @@ import numpy as np
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.jobs.inputs import keep_inputs
 from uavseg.occupancy.probability_map import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
@@ -106,10 +107,12 @@ def preview(
     collar = "keep" if is_map else check_collar(collar)
     frame = Frame(dataset.geobox, dataset.local_metres)
     sources = LayerSources(levels, states, leaves, regions, path, mission)
-    layers = make_layers(sources, frame, max_side=2 * width_px)
-    figure = _figure(dataset, frame, (grey, collar), layers, width_px / _WIDTH_IN)
-    with atomic_file(target, overwrite) as temporary:
-        save_figure(figure, temporary)
+    with phase("layers"):
+        layers = make_layers(sources, frame, max_side=2 * width_px)
+    with phase("picture"):
+        figure = _figure(dataset, frame, (grey, collar), layers, width_px / _WIDTH_IN)
+        with atomic_file(target, overwrite) as temporary:
+            save_figure(figure, temporary)
     return target
 
 
@@ -146,6 +149,7 @@ def _figure(
     ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page, width / _WIDTH_IN, height / page))
     point = fit_axes(ax, view, width, height)
     grey_name = draw_raster(ax, dataset, frame, *reading)
+    decided("%s, %s", dataset.band_names, grey_name)
     for layer in layers:
         layer.draw(ax, point)
     draw_scale_bar(ax, frame, point)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg.atomic import atomic_file
 from uavseg.errors import ParameterError
+from uavseg.execution.phases import decided, phase
 from uavseg.jobs.inputs import keep_inputs
 from uavseg.plot.flight_profile import FlightProfile, draw_profiles, flight_profile
 from uavseg.plot.frame import Frame
@@ -95,10 +96,14 @@ def preview_missions(
         from uavseg.raster.elevation.dem import Dem
 
         ground = Dem.open(dem)
-    profiles = [flight_profile(mission, ground) for _, mission in named]
-    figure = _figure(named, profiles, width_px / _WIDTH_IN, None if ground is None else ground.name)
-    with atomic_file(target, overwrite) as temporary:
-        save_figure(figure, temporary)
+    decided("missions: %d, with %s", len(named), "no ground" if ground is None else ground.name)
+
+    with phase("profiles"):
+        profiles = [flight_profile(mission, ground) for _, mission in named]
+    with phase("picture"):
+        figure = _figure(named, profiles, width_px / _WIDTH_IN, None if ground is None else ground.name)
+        with atomic_file(target, overwrite) as temporary:
+            save_figure(figure, temporary)
     return target
 
 

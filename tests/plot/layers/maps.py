@@ -1,14 +1,13 @@
 """Maps of states and probabilities, and their pictures, for the tests of layers."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import rasterio
 from affine import Affine
 from PIL import Image
 
-from uavseg.raster.formats.geotiff import write_geotiff
+from uavseg.raster.formats.geotiff import Page, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox
 
 UTM = rasterio.crs.CRS.from_epsg(32618)
@@ -23,8 +22,8 @@ LOCAL = GeoBox((128, 192), Affine(0.5, 0, 0, 0, -0.5, 64), None)
 MOST = 1000
 
 
-def write(path: Path, values: np.ndarray, box: GeoBox = BOX, **how: Any) -> Path:
-    write_geotiff(path, [values], box, overwrite=True, **how)
+def write(path: Path, values: np.ndarray, box: GeoBox = BOX, nodata: float | None = None) -> Path:
+    write_geotiff_pages(path, [Page([values], box, [""], nodata)], overwrite=True)
     return path
 
 

@@ -104,6 +104,7 @@ def test_only_the_pages_own_script_may_run_and_nothing_is_loaded() -> None:
         assert rules.pop(name) == f"'sha256-{own}'"
     assert rules == {
         "default-src": "'none'",
+        "worker-src": "blob:",  # which only the page's own script can make
         "img-src": "data:",
         "base-uri": "'none'",
         "form-action": "'none'",

@@ -34,6 +34,8 @@ from qgis_uavseg.dock.finder import RegionFinder
 from qgis_uavseg.dock.histogram_slider import HistogramSlider
 from qgis_uavseg.dock.mission import MissionRequest
 
+JSON = ("--json", "--footprints")
+
 
 def _typed(*words: object) -> None:
     subprocess.run([os.environ["UAVSEG_PROGRAM"], *map(str, words)], check=True, capture_output=True)
@@ -105,7 +107,7 @@ def test_without_a_folder_to_write_to_the_block_map_is_cached(
     monkeypatch.setattr(block_store.os, "access", lambda path, mode: False)
     cached = block_store.block_file(quarry)
     assert cached.parent == tmp_path / "cache" and cached.name.endswith(".quarry.uavseg-blocks.tif")
-    assert block_store.block_file(quarry, 2) != cached
+    assert block_store.block_file(quarry, "band2") != cached
     monkeypatch.setattr(block_store, "KEPT", 3)
     block_store.make_room(cached.parent)
     for k in range(5):
@@ -335,7 +337,7 @@ def test_a_mission_is_seen_and_what_is_saved_is_that(quarry_dock: Any, tmp_path:
     _typed("check", target)
     estimate = json.loads(
         subprocess.run(
-            [os.environ["UAVSEG_PROGRAM"], "plan", regions, *words, "--json", "-o", tmp_path / "t.plan"],
+            [os.environ["UAVSEG_PROGRAM"], "plan", regions, *words, *JSON, "-o", tmp_path / "t.plan"],
             capture_output=True,
             check=True,
         ).stdout
@@ -344,6 +346,9 @@ def test_a_mission_is_seen_and_what_is_saved_is_that(quarry_dock: Any, tmp_path:
     assert footprints.featureCount() == estimate["photographs"]
     assert legs.featureCount() > 10
     across, along = estimate["footprint_m"]
+    outlines = [f.geometry().asPolygon()[0] for f in footprints.getFeatures()]
+    seen = [[[corner.x(), corner.y()] for corner in outline[:4]] for outline in outlines]
+    assert seen == estimate["footprints"]
     first = next(footprints.getFeatures()).geometry()
     meters = first.area() * 111_200 * 111_200 * np.cos(np.radians(49.458))
     assert meters == pytest.approx(across * along, rel=0.01)
@@ -365,14 +370,24 @@ def test_footprints_cover_what_is_flown_over(quarry_dock: Any) -> None:
         assert shown.contains(region)
 
 
-def test_photographs_without_a_footprint_are_said(quarry_dock: Any) -> None:
+def test_photographs_that_are_taken_in_hover_have_footprints_too(quarry_dock: Any) -> None:
     dock = quarry_dock
     _with_regions(dock)
     dock.mission.camera.setText("DJI Mavic 3 Enterprise")
     dock.mission.pattern.setCurrentIndex(dock.mission.pattern.findData("visit"))
     _plan(dock)
-    assert "footprints of 0 of 4 photographs are shown" in dock.mission.estimate.text()
-    assert dock.layer("footprints") is None and dock.layer("legs").featureCount() == 5
+    assert "4 photographs" in dock.mission.estimate.text()
+    assert dock.layer("footprints").featureCount() == 4 and dock.layer("legs").featureCount() == 5
+
+
+def test_photographs_without_a_footprint_are_said(quarry_dock: Any) -> None:
+    dock = quarry_dock
+    _with_regions(dock)
+    dock.mission.camera.setText("DJI Mavic 3 Enterprise")
+    dock.mission.pattern.setCurrentIndex(dock.mission.pattern.findData("orbit"))
+    _plan(dock)
+    assert "no footprints: the camera looks at places" in dock.mission.estimate.text()
+    assert dock.layer("footprints") is None and dock.layer("legs") is not None
 
 
 def test_several_flights_are_seen_and_saved_and_no_other_file_is_replaced(
@@ -499,6 +514,7 @@ def test_words_of_a_request(tmp_path: Path) -> None:
         "--ids=1,3",
         f"--output={tmp_path / 'm.plan'}",
         "--json",
+        "--footprints",
         "--",
         str(tmp_path / "r.gpkg"),
     ]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from rasterio.crs import CRS
 
 from uavseg.errors import OutputError, OutputExistsError, RasterReadError
+from uavseg.raster.formats.creation import CreationOptions
 from uavseg.raster.formats.geotiff import read_geotiff, write_geotiff, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import tiles
@@ -39,7 +40,8 @@ def test_the_bytes_of_a_file_do_not_depend_on_tiles(tmp_path_factory, shape, sid
     folder = tmp_path_factory.mktemp("labels")
     image = labels(shape)
     write_label_geotiff(folder / "a.tif", cut(image, 256), box(shape))
-    write_label_geotiff(folder / "b.tif", cut(image, side), box(shape), threads=threads)
+    how = CreationOptions(threads=threads)
+    write_label_geotiff(folder / "b.tif", cut(image, side), box(shape), creation=how)
     assert (folder / "a.tif").read_bytes() == (folder / "b.tif").read_bytes()
     with rasterio.open(folder / "b.tif") as file:
         assert np.array_equal(file.read(1), image)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli._say import say
+from uavseg.cli.options.creation import creation_of
 from uavseg.cli.options.running import RunOptions
 
 if TYPE_CHECKING:
@@ -81,7 +82,10 @@ def answer_each(options: dict[str, Any], job: RegionJob, ending: str, run: RunOp
 
     executors.threads(run.threads)  # an error before rasters are looked for
     target = options["output"] or f"{{stem}}{ending}"
-    names = OutputNames(target, options["labels"], run.overwrite, options["skip_existing"], options["report"])
+    labels = options["labels"]
+    creation = creation_of(options, {labels: "uint32"})
+    kept = options["skip_existing"], options["report"]
+    names = OutputNames(target, labels, run.overwrite, *kept, creation)
     tasks, skipped = plan_tasks(options["rasters"], names)
     run.reporter.begin_each(len(tasks))
     work = Work(run.tile, progress=run.reporter.progress)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli.options.running import Reporter
+from uavseg.cli.options.verbosity import verbosity_options
 
 if TYPE_CHECKING:
     from uavseg.flight.mission import Mission
@@ -16,7 +17,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def link_options(command: Command) -> Command:
-    """Give a command --connect, --timeout, --progress and -q."""
+    """Give a command --connect, --timeout, --progress, -q and -v."""
     options: list[Callable[[Command], Command]] = [
         click.option(
             "--connect",
@@ -40,7 +41,7 @@ def link_options(command: Command) -> Command:
             show_default=True,
             help="A bar on a terminal; plain: lines 'progress NN' on stderr, for programs.",
         ),
-        click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
+        verbosity_options,
     ]
     for option in reversed(options):
         command = option(command)
@@ -49,7 +50,7 @@ def link_options(command: Command) -> Command:
 
 def reporter_of(options: dict[str, Any]) -> Reporter:
     """The reporter that the options ask for."""
-    return Reporter(options["quiet"], False, options["progress"])
+    return Reporter(options["quiet"], options["verbose"], options["progress"])
 
 
 def vehicle_report(mission: Mission, vehicle: str) -> str:

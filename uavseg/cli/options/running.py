@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from uavseg.cli._say import say, saying_decisions
+from uavseg.cli._say import say
+from uavseg.cli.options.verbosity import heed_verbose, verbosity_options
 
 if TYPE_CHECKING:
     from uavseg.execution.executors import Map
@@ -135,8 +136,7 @@ def _given(command: Command, *overwrite: Any) -> Command:
                 "that was stopped goes on where it stopped. Remove the folder when you are done.",
             ),
             *overwrite,
-            click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
-            click.option("-v", "--verbose", is_flag=True, help="Say what was decided, and how long it took."),
+            verbosity_options,
             click.option(
                 "--progress",
                 type=click.Choice(["auto", "plain", "none"]),
@@ -161,8 +161,7 @@ class Reporter:
         self._percent = -1
         self._start = _seconds()
         self._begun = self._drawn = self._start
-        if verbose and not quiet:
-            saying_decisions()
+        heed_verbose(quiet, verbose)
         self._amount: Amount | None = None
 
     @property

@@ -69,15 +69,28 @@ def _clock(seconds: float) -> str:
 
 
 def missions_json(
-    missions: Sequence[Mission], regions: int, paths: Sequence[str | Path], warnings: Sequence[str]
+    missions: Sequence[Mission],
+    regions: int,
+    paths: Sequence[str | Path],
+    warnings: Sequence[str],
+    with_footprints: bool = False,
 ) -> dict[str, Any]:
-    """What is reported of missions, for programs: their files, estimates and warnings."""
+    """What is reported of missions, for programs: their files, estimates and warnings, perhaps footprints."""
+    shown = _footprints if with_footprints else lambda mission: {}
     return {
         "regions": regions,
         "autopilot": missions[0].autopilot,
         "flights": [
-            {"file": str(path), "items": len(mission.items), **mission.estimate.as_dict()}
+            {"file": str(path), "items": len(mission.items), **mission.estimate.as_dict(), **shown(mission)}
             for mission, path in zip(missions, paths, strict=True)
         ],
         "warnings": list(warnings),
     }
+
+
+def _footprints(mission: Mission) -> dict[str, Any]:
+    """Corners of what each photograph shows, (lon, lat) in degrees to a millimetre; or why there are none."""
+    from uavseg.flight.estimate.footprints import footprints
+
+    found = footprints(mission)
+    return {"footprints": found.lonlat.round(8).tolist(), "footprints_note": found.note}

@@ -2,17 +2,13 @@
 
 import base64
 import json
-import os
 import zlib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.atomic import atomic_file, check_target
-from uavseg.errors import OutputError
 from uavseg.flight.camera.photos import Photos
 from uavseg.jobs.field_map import FieldMap
 from uavseg.jobs.words.photo_words import PhotoWords, photos_of
@@ -28,21 +24,6 @@ if TYPE_CHECKING:
 
 LARGE_BYTES = 10 << 20
 _DECIMALS = 7  # of degrees: a centimetre
-
-
-def check_page_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
-    """Check that a page may be made, before the work.
-
-    Raises
-    ------
-    OutputError
-        If it does not end in .html, exists, or cannot be written there.
-    """
-    if Path(path).suffix.lower() not in {".html", ".htm"}:
-        raise OutputError(
-            f"a map is an HTML file: expected a name that ends in .html, got {Path(path).name!r}"
-        )
-    return check_target(path, overwrite)
 
 
 def page_of(
@@ -89,18 +70,6 @@ def data_of(
     }
 
 
-def write_page(content: bytes, path: str | os.PathLike[str], overwrite: bool = False) -> None:
-    """Write a page, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        If the file exists, or cannot be written.
-    """
-    with atomic_file(path, overwrite) as temporary:
-        temporary.write_bytes(content)
-
-
 def size_notes(content: bytes) -> list[str]:
     """A note where a page is large for a telephone."""
     if len(content) <= LARGE_BYTES:
@@ -129,15 +98,6 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
     """
     photos = photos_of(PhotoWords(camera=camera))
     return [_flight(printable(name), mission, photos) for name, mission in read_missions(missions)]
-
-
-def footprint_notes(flights: Sequence[dict[str, Any]], camera: Any) -> list[str]:
-    """Why footprints are not shown, where a camera was named for them."""
-    if camera is None:
-        return []
-    if not flights:
-        return ["the camera is for footprints of photographs; name a mission too"]
-    return [f"{flight['name']}: {flight['unseen']}" for flight in flights if flight["unseen"]]
 
 
 def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:

@@ -11,8 +11,8 @@ from typing import Any
 
 _ASSETS = Path(__file__).parent / "assets"
 _PROGRAM = (
-    *("blocks.js", "elements.js", "regions.js", "cells.js", "slider.js", "missions.js", "position.js"),
-    "app.js",
+    *("blocks.js", "outlines.js", "elements.js", "regions.js", "cells.js", "slider.js", "missions.js"),
+    *("position.js", "app.js"),
 )
 _SERVED = ("asking.js", "drawing.js", "code_tiles.js", "served.js")  # before app.js
 _MAPPED = "//# sourceMappingURL"
@@ -22,7 +22,8 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
     """The content of an HTML file.
 
     The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
-    and images within the file: content of data can neither run nor load anything.
+    workers that this script makes, and images within the file: content of data can neither run nor load
+    anything.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
     asked = "img-src data: 'self'; connect-src 'self'" if served else "img-src data:"
     policy = (
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
-        f"{asked}; base-uri 'none'; form-action 'none'"
+        f"worker-src blob:; {asked}; base-uri 'none'; form-action 'none'"
     )
     page = Template(asset("page.html")).substitute(
         policy=policy,

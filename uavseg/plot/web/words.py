@@ -9,21 +9,11 @@ from typing import Any
 
 from uavseg.access import Folders, allowing
 from uavseg.arguments import checked
-from uavseg.execution.executors import threads as thread_pool
 from uavseg.jobs.field_map import FieldMapRequest, field_map
-from uavseg.jobs.inputs import keep_inputs
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.source import ReadOptions
 from uavseg.jobs.work import Work
-from uavseg.plot.web.field_map import (
-    check_page_target,
-    footprint_notes,
-    page_of,
-    read_flights,
-    size_notes,
-    write_page,
-)
-from uavseg.plot.web.region_features import read_collection
+from uavseg.plot.web.page_file import PageFile
 from uavseg.raster.spectral.formula import BandWords
 
 
@@ -95,15 +85,11 @@ def map_page(
     words = BandWords(index, expr, band_names)
     options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
     request = FieldMapRequest.from_words(method, threshold, intensity_step, size)
-    run = thread_pool(threads)
+    work = Work.by_threads(threads, tile, resume=resume)
     with allowing(allow_path, allow_network):
-        target = check_page_target(output, overwrite)
-        keep_inputs([target], [source, regions, mission, camera])
-        collection = None if regions is None else read_collection(regions)
-        flights = [] if mission is None else read_flights(mission, camera)
-        found = field_map(open_source(source, options), request, Work(tile, run, run, checkpoint=resume))
-        content = page_of(found, collection, flights)
-        write_page(content, target, overwrite)
-    for warning in (*found.warnings, *footprint_notes(flights, camera), *size_notes(content)):
+        page = PageFile.prepared(output, overwrite, source, regions, mission, camera)
+        found = field_map(open_source(source, options), request, work)
+        _, notes = page.write(found)
+    for warning in notes:
         warnings.warn(warning, stacklevel=3)
-    return target
+    return page.path

@@ -17,6 +17,7 @@ from uavseg.errors import OutputError, RasterReadError
 from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.limits import check_limits, check_readable_whole
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.tiling import Window
@@ -53,8 +54,8 @@ def write_label_geotiff(
     geobox: GeoBox,
     overwrite: bool = False,
     tags: Mapping[str, str] | None = None,
-    threads: int = 1,
     band: LabelBand = LabelBand(),
+    creation: CreationOptions = DEFAULT,
 ) -> None:
     """Write labels, or states, as a tiled, compressed GeoTIFF in which 0 is nodata.
 
@@ -71,18 +72,19 @@ def write_label_geotiff(
         Whether to replace an existing file.
     tags : mapping of str to str, optional
         Metadata items.
-    threads : int
-        Number of threads that compress; the bytes of the file do not depend on it.
     band : LabelBand
+    creation : CreationOptions
 
     Raises
     ------
     OutputExistsError, OutputError
         If the file exists, or cannot be written.
+    ParameterError
+        If creation options do not fit the type of the labels.
     """
     with atomic_file(path, overwrite) as target, _write_errors(path):
-        options = _profile(geobox, 1, np.dtype(band.dtype)) | {"nodata": 0, "num_threads": str(threads)}
-        with quiet_open(target, "w", **options) as file:
+        options = _profile(geobox, 1, np.dtype(band.dtype), creation)
+        with quiet_open(target, "w", **options, nodata=0) as file:
             file.update_tags(**(tags or {}))
             if band.description is not None:
                 file.set_band_description(1, band.description)
@@ -116,11 +118,17 @@ def _split_rows(rows: NDArray[Any], top: int) -> Iterator[tuple[int, NDArray[Any
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """One image of a GeoTIFF: bands of one type, their grid, and their names in GIS programs."""
+    """One image of a GeoTIFF: bands of one type, their grid, their names in GIS programs, and nodata."""
 
     bands: Sequence[NDArray[Any]]
     geobox: GeoBox
     descriptions: Sequence[str]
+    nodata: float | None = None
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Of its bands."""
+        return np.result_type(*self.bands)
 
 
 def write_geotiff(
@@ -130,7 +138,7 @@ def write_geotiff(
     descriptions: Sequence[str] | None = None,
     tags: Mapping[str, str] | None = None,
     overwrite: bool = False,
-    nodata: float | None = None,
+    creation: CreationOptions = DEFAULT,
 ) -> None:
     """Write bands of one type as a tiled, compressed GeoTIFF.
 
@@ -145,15 +153,17 @@ def write_geotiff(
         Metadata items of the file.
     overwrite : bool
         Whether to replace an existing file.
-    nodata : float, optional
+    creation : CreationOptions
 
     Raises
     ------
     OutputExistsError, OutputError
         If the file exists, or cannot be written.
+    ParameterError
+        If creation options do not fit the type of the bands.
     """
     page = Page(bands, geobox, descriptions or [""] * len(bands))
-    write_geotiff_pages(path, [page], tags, overwrite, nodata)
+    write_geotiff_pages(path, [page], tags, overwrite, creation)
 
 
 def write_geotiff_pages(
@@ -161,27 +171,27 @@ def write_geotiff_pages(
     pages: Sequence[Page],
     tags: Mapping[str, str] | None = None,
     overwrite: bool = False,
-    nodata: float | None = None,
+    creation: CreationOptions = DEFAULT,
 ) -> None:
     """Write several images to one GeoTIFF; GDAL calls all but the first its subdatasets.
 
-    Tags and nodata belong to the first. Other parameters, and errors, are those of `write_geotiff`.
+    Tags belong to the first. Other parameters, and errors, are those of `write_geotiff`.
     """
     with atomic_file(path, overwrite) as target, _write_errors(path):
         for number, page in enumerate(pages, start=1):
-            dtype = np.result_type(*page.bands)
-            options = _profile(page.geobox, len(page.bands), dtype) | {"append_subdataset": number > 1}
-            with quiet_open(target, "w", **options, nodata=nodata if number == 1 else None) as file:
+            options = _profile(page.geobox, len(page.bands), page.dtype, creation)
+            options |= {"append_subdataset": number > 1, "nodata": page.nodata}
+            with quiet_open(target, "w", **options) as file:
                 if number == 1:
                     file.update_tags(**(tags or {}))
-                _write_bands(file, page, dtype)
+                _write_bands(file, page)
         for number in range(1, len(pages) + 1):
             _check_complete(target, number)
 
 
-def _write_bands(file: Any, page: Page, dtype: np.dtype[Any]) -> None:
+def _write_bands(file: Any, page: Page) -> None:
     for band, (values, name) in enumerate(zip(page.bands, page.descriptions, strict=True), start=1):
-        file.write(values.astype(dtype, copy=False), band)
+        file.write(values.astype(page.dtype, copy=False), band)
         if name:
             file.set_band_description(band, name)
 
@@ -234,9 +244,10 @@ def _page_name(path: Path_, page: int) -> str:
     return os.fspath(path) if page == 1 else f"GTIFF_DIR:{page}:{os.fspath(path)}"
 
 
-def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any]) -> dict[str, Any]:
+def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any], creation: CreationOptions) -> dict[str, Any]:
+    creation.check_types(dtype)
     place = {} if geobox.transform == Affine.identity() else {"transform": geobox.transform}
-    return place | {
+    layout = {
         "driver": "GTiff",
         "height": geobox.shape[0],
         "width": geobox.shape[1],
@@ -246,11 +257,9 @@ def _profile(geobox: GeoBox, count: int, dtype: np.dtype[Any]) -> dict[str, Any]
         "tiled": True,
         "blockxsize": STRIPE,
         "blockysize": STRIPE,
-        "compress": "deflate",
-        "zlevel": 6,
         "interleave": "band",
-        "bigtiff": "IF_SAFER",
     }
+    return place | layout | creation.gdal_options()
 
 
 def _check_complete(path: Path, page: int = 1) -> None:

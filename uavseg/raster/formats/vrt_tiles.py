@@ -13,6 +13,7 @@ from uavseg.atomic import atomic_file, check_target
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Map, serial
 from uavseg.output.renames import recover
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import STRIPE, Labels, write_label_geotiff
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, tiles
@@ -64,6 +65,7 @@ def write_label_tiles(
     geobox: GeoBox,
     overwrite: bool = False,
     map: Map = serial,
+    creation: CreationOptions = DEFAULT,
 ) -> None:
     """Write labels as GeoTIFFs in a folder beside a VRT that combines them to one uint32 raster, 0 nodata.
 
@@ -81,6 +83,8 @@ def write_label_tiles(
         Whether to replace existing files.
     map : Map
         Who paints and writes.
+    creation : CreationOptions
+        Of the tiles.
 
     Raises
     ------
@@ -91,7 +95,7 @@ def write_label_tiles(
     with atomic_file(path, overwrite) as target:
         folder = tiles_folder(target)
         folder.mkdir()
-        write = partial(_write_tile, str(folder.absolute()), geobox)
+        write = partial(_write_tile, str(folder.absolute()), geobox, creation)
         written = [part for part in map(write, parts) if part is not None]
         recover(folder)  # what workers left that were killed
         missing = [name for window in written if not (folder / (name := _tile_name(window))).is_file()]
@@ -103,14 +107,15 @@ def write_label_tiles(
         target.write_bytes(_vrt_xml(geobox, written, folder.name))
 
 
-def _write_tile(folder: str, geobox: GeoBox, part: LabelTile) -> Window | None:
+def _write_tile(folder: str, geobox: GeoBox, creation: CreationOptions, part: LabelTile) -> Window | None:
     """Paint and write one tile; its window, or None where there is no label."""
     labels, window = part.rasterise(), part.window
     if not labels.any():
         return None
     place = Window(0, 0, window.rows, window.cols)
     path = Path(folder) / _tile_name(window)
-    write_label_geotiff(path, [(place, labels)], geobox.window(window), overwrite=True)  # a tile sent twice
+    again = True  # a tile that was sent twice
+    write_label_geotiff(path, [(place, labels)], geobox.window(window), again, creation=creation)
     return window
 
 

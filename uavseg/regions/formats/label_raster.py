@@ -11,6 +11,7 @@ from uavseg.atomic import check_target
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, serial
 from uavseg.raster.formats import geotiff
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.vrt_tiles import check_label_tiles, label_windows, write_label_tiles
 from uavseg.raster.geobox import GeoBox
 from uavseg.raster.tiling import Window, tiles
@@ -47,7 +48,12 @@ def is_vrt(path: Path_) -> bool:
 
 
 def write_label_raster(
-    path: Path_, rings: Rings, geobox: GeoBox, map: Map = serial, overwrite: bool = False
+    path: Path_,
+    rings: Rings,
+    geobox: GeoBox,
+    map: Map = serial,
+    overwrite: bool = False,
+    creation: CreationOptions = DEFAULT,
 ) -> None:
     """Write the labels of regions: one GeoTIFF, or for a .vrt tiles that the executor's workers write.
 
@@ -60,9 +66,10 @@ def write_label_raster(
     """
     if is_vrt(path):
         parts = edge_tables(rings, label_windows(geobox.shape))
-        write_label_tiles(path, parts, geobox, overwrite, map)
+        write_label_tiles(path, parts, geobox, overwrite, map, creation)
     else:
-        geotiff.write_label_geotiff(path, label_strips(rings, geobox.shape, map), geobox, overwrite)
+        strips = label_strips(rings, geobox.shape, map)
+        geotiff.write_label_geotiff(path, strips, geobox, overwrite, creation=creation)
 
 
 def label_strips(

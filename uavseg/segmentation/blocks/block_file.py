@@ -11,6 +11,7 @@ from uavseg.errors import RasterError, RasterReadError, UavsegError
 from uavseg.output.inputs import check_not_inputs
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import open_checked
+from uavseg.raster.formats.creation import DEFAULT, CreationOptions
 from uavseg.raster.formats.geotiff import Page, check_geotiff_name, read_geotiff, write_geotiff_pages
 from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.raster.intensity.stretch import Stretch
@@ -57,7 +58,11 @@ def check_block_map_name(path: str | os.PathLike[str]) -> None:
 
 
 def write_block_map(
-    path: str | os.PathLike[str], saved: SavedBlocks, division: DivisionParams, overwrite: bool = False
+    path: str | os.PathLike[str],
+    saved: SavedBlocks,
+    division: DivisionParams,
+    overwrite: bool = False,
+    creation: CreationOptions = DEFAULT,
 ) -> None:
     """Write a block map; a pixel of the file is a cell of 8 x 8 pixels.
 
@@ -73,6 +78,8 @@ def write_block_map(
         Of the leaves in the first page.
     overwrite : bool
         Whether an existing file is replaced.
+    creation : CreationOptions
+        Such as fit integers: most of the file is.
 
     Raises
     ------
@@ -88,14 +95,14 @@ def write_block_map(
     write_geotiff_pages(
         path,
         [
-            Page([_crop(band, cells) for band in bands], cells, _BAND_NAMES),
+            Page([_crop(band, cells) for band in bands], cells, _BAND_NAMES, nodata=float("nan")),
             Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
             Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
             Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
         ],
         {_TAG: header_text(saved)},
         overwrite,
-        nodata=float("nan"),
+        creation,
     )
 
 

@@ -5,7 +5,8 @@
 // no valid pixel. So a range whose bounds are steps is decided exactly.
 "use strict";
 
-const Blocks = (() => {
+/** A function with a name, so that a worker can be given its text: it uses nothing from outside of it. */
+function makeBlocks() {
   const CELL = 8, STEPS = 1000, NONE = 65535;
 
   async function unpack(base64) {
@@ -215,6 +216,8 @@ const Blocks = (() => {
   }
 
   return {CELL, NONE, STEPS, cellArea, decode, lonLat, regions, rowCol};
-})();
+}
+
+const Blocks = makeBlocks();
 
 if (typeof module !== "undefined") module.exports = Blocks;

@@ -21,8 +21,17 @@ function download(collection, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
-/** Draws paths with a rim of `options.rim` pixels on either side. */
+/** Draws paths with a rim of `options.rim` pixels on either side, when it is not held. */
 const RimCanvas = L.Canvas.extend({
+  /** While it is held, paths that change are not painted: many that are added in turns are painted once. */
+  hold(on) {
+    this.held = on;
+    if (!on && this._redrawBounds) this._requestRedraw({});
+  },
+  _requestRedraw(layer) {
+    if (this.held) this._extendRedrawBounds(layer);
+    else L.Canvas.prototype._requestRedraw.call(this, layer);
+  },
   _fillStroke(context, layer) {
     const {rim, stroke, weight, lineCap, lineJoin} = layer.options;
     if (rim && stroke) {

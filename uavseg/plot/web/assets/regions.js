@@ -66,12 +66,31 @@ class RegionList {
   }
 
   show(collection) {
+    this.begin(collection);
+    this.layer.addData(collection);
+    this.list();
+  }
+
+  /** As `show`, on the map, while the page answers; where `goesOn` says so it ends early, and gives false. */
+  async showInTurns(collection, goesOn) {
+    const canvas = this.page.map.options.renderer;
+    this.begin(collection);
+    canvas.hold(true);
+    try {
+      this.layer.addTo(this.page.map);
+      if (!await inTurns(collection.features, (feature) => this.layer.addData(feature), goesOn)) return false;
+    } finally {
+      canvas.hold(false);
+    }
+    this.list();
+    return true;
+  }
+
+  begin(collection) {
     this.collection = collection;
     this.ticked = new Set(collection.features);
     this.shapes = new Map();
     this.layer.clearLayers();
-    this.layer.addData(collection);
-    this.list();
   }
 
   list() {

@@ -8,21 +8,36 @@ const HELD_MS = 4000; // without a movement, also where the browser does not rep
 async function addSlider(page, list) {
   const grid = await Blocks.decode(page.data.cells);
   const cells = new CellOverlay(grid, page.data.image.bounds);
+  const outlines = new Outlines(grid);
   const range = addRange(page, list.controls, {areas: areaBySteps(grid), cells, moved, rested});
+  let turns = 0, outlining = 0; // the number of the outlining that is under way
 
   function moved() {
+    outlining = 0;
+    outlines.cancel();
     cells.layer.addTo(page.map);
     list.layer.remove();
   }
 
-  /** Outlines of the regions, with their attributes. */
-  function rested(low, high) {
-    list.show(Blocks.regions(grid, low, high));
-    cells.layer.remove();
-    list.layer.addTo(page.map);
+  /** Outlines of the regions, with their attributes; cells stay until they are there. */
+  async function rested(low, high) {
+    const own = outlining = ++turns, goesOn = () => outlining === own;
+    const found = await outlines.find(low, high);
+    if (found && goesOn() && await list.showInTurns(found, goesOn)) end();
   }
 
-  list.settle = range.settle;
+  function end() {
+    outlining = 0;
+    cells.layer.remove();
+  }
+
+  list.settle = () => {
+    if (!range.stopWaiting() && !outlining) return;
+    outlines.cancel();
+    list.show(Blocks.regions(grid, ...range.steps()));
+    list.layer.addTo(page.map);
+    end();
+  };
   list.show(Blocks.regions(grid, ...range.steps()));
 }
 
@@ -49,6 +64,14 @@ function addRange(page, controls, {areas, cells, moved, rested}) {
     rested(...steps());
   }
 
+  /** Whether it had not rested yet; then it will not. */
+  function stopWaiting() {
+    const waited = resting !== 0;
+    clearTimeout(resting);
+    resting = 0;
+    return waited;
+  }
+
   function restIn(milliseconds) {
     clearTimeout(resting);
     resting = setTimeout(rest, milliseconds);
@@ -66,7 +89,7 @@ function addRange(page, controls, {areas, cells, moved, rested}) {
   }
   controls.append(histogram(areas), low.element, high.element, found);
   preview();
-  return {steps, settle: () => { if (resting) { clearTimeout(resting); rest(); } }};
+  return {steps, stopWaiting};
 }
 
 /** How much area there is of each v, drawn above the sliders. */

@@ -1,0 +1,28 @@
+"""Options of how much a command says on stderr: -q and -v."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from uavseg.cli._say import saying_decisions
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def verbosity_options(command: F) -> F:
+    """Give a command -q and -v; see `heed_verbose`."""
+    for option in (
+        click.option("-v", "--verbose", is_flag=True, help="Say what was decided, and how long it took."),
+        click.option("-q", "--quiet", is_flag=True, help="Say nothing but errors."),
+    ):
+        command = option(command)
+    return command
+
+
+def heed_verbose(quiet: bool, verbose: bool) -> None:
+    """Print what the job of this command decides, if -v is given and -q is not."""
+    if verbose and not quiet:
+        saying_decisions()
