@@ -120,7 +120,7 @@ def match(
     >>> import numpy as np
     >>> field = np.random.default_rng(0).integers(0, 256, (128, 256)).astype(np.uint8)
     >>> field[:, 128:] = np.arange(128) // 2 % 2 * 255  # rows, of the same mean
-    >>> pixels = match(field, like=(64, 64, 40))["pixels"].sum()
+    >>> pixels = match(field, like=(64, 64, 40), by="texture")["pixels"].sum()
     >>> f"{pixels / field.size:.0%}"
     '50%'
     """

@@ -5,7 +5,7 @@ import numpy as np
 from uavseg.errors import SampleError
 from uavseg.raster.geobox import GeoBox
 from uavseg.regions.formats.read import read_regions
-from uavseg.regions.sample.place import SampleMask, polygon_masks
+from uavseg.regions.sample.place import SampleMask, check_placed, polygon_masks
 
 COLUMN = "class"
 
@@ -23,11 +23,12 @@ def class_masks(name: str, geobox: GeoBox) -> dict[str, list[SampleMask]]:
     Raises
     ------
     SampleError
-        If the file has no such column, a sample has no class, there are fewer than two, or a sample lies
-        outside of the raster.
+        If the raster has no CRS, the file has no such column, a sample has no class or lies outside of the
+        raster, or there are fewer than two classes.
     RegionError
         If the file cannot be read as polygons.
     """
+    check_placed(geobox, name)
     regions = read_regions(name)
     if COLUMN not in regions.columns:
         raise SampleError(

@@ -131,11 +131,11 @@ def polygon_masks(regions: "Regions", geobox: GeoBox, name: str) -> list[SampleM
     regions : Regions
         In any coordinate system.
     geobox : GeoBox
-        Of the raster.
+        Of a raster with a CRS.
     name : str
         What an error calls one of them.
     """
-    polygons = _on_raster(regions, geobox, name)
+    polygons = _on_raster(regions, geobox)
     return [_mask(polygons[k : k + 1], geobox, name) for k in range(len(polygons))]
 
 
@@ -175,16 +175,28 @@ def _disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
 def _file_polygons(name: str, geobox: GeoBox) -> NDArray[np.object_]:
     from uavseg.regions.formats.read import read_regions
 
-    return _on_raster(read_regions(name), geobox, name)
+    check_placed(geobox, name)
+    return _on_raster(read_regions(name), geobox)
 
 
-def _on_raster(regions: "Regions", geobox: GeoBox, name: str) -> NDArray[np.object_]:
-    """The polygons of regions in the coordinates of a raster."""
+def check_placed(geobox: GeoBox, name: str) -> None:
+    """Check that a file of polygons has a place in a raster.
+
+    Raises
+    ------
+    SampleError
+        If the raster has no CRS.
+    """
     if geobox.wkt is None:
         raise SampleError(
             f"the raster has no CRS, so the position of {name} in it is unknown; "
             "give the sample as X,Y,RADIUS"
         )
+
+
+def _on_raster(regions: "Regions", geobox: GeoBox) -> NDArray[np.object_]:
+    """The polygons of regions in the coordinates of a raster that has a CRS."""
+    assert geobox.wkt is not None
     project = transform_between(regions.wkt, geobox.wkt)
     polygons: NDArray[Any] = shapely.transform(
         np.asarray(regions.polygons), lambda x, y: project(x, y), interleaved=False
