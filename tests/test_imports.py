@@ -29,6 +29,7 @@ HEAVY = {
         "affine",
         "antimeridian",
         "rosbags",
+        "skimage",
     ),
 }
 
@@ -210,6 +211,7 @@ ONLY_IN = {
     "matplotlib": {"plot"},
     "rosbags": {"occupancy.bags"},
     "anywidget": {"widget"},
+    "skimage": {"segmentation.sample"},
     "xarray": {"xarray"},
     "apsw": {"occupancy.bags"},
     "lz4": {"occupancy.bags"},

@@ -58,3 +58,10 @@ def test_a_scale_beyond_floats_has_no_axis_of_values(tmp_path: Path) -> None:
     odd = replace(found, source=replace(found.source, axis=axis))
     with np.errstate(over="ignore"):
         assert draw_suggestions(odd, tmp_path / "odd.png", None).is_file()
+
+
+def test_a_scale_of_one_value_has_no_axis_of_values(tmp_path: Path) -> None:
+    """Matplotlib would warn of limits that are the same."""
+    found, _ = found_in(halves())
+    same = replace(found, source=replace(found.source, axis=ValueAxis(7.0, 7.0, BandScale(1.0))))
+    assert draw_suggestions(same, tmp_path / "same.png", None).is_file()

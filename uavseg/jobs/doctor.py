@@ -18,10 +18,10 @@ from uavseg.plain_text import cause_of, one_line
 
 _NEEDED = (
     *("numpy", "rasterio", "pyogrio", "pyproj", "shapely", "geopandas", "pandas", "matplotlib"),
-    *("pymavlink", "click", "yaml"),
+    *("pymavlink", "click", "yaml", "skimage"),
 )
 _EXTRA = ("numba", "llvmlite", "serial", "pyarrow", "rosbags", "distributed", "folium")
-_DISTRIBUTIONS = {"yaml": "PyYAML", "serial": "pyserial"}
+_DISTRIBUTIONS = {"yaml": "PyYAML", "serial": "pyserial", "skimage": "scikit-image"}
 _NAMED = (
     *(
         "PROJ_LIB",

@@ -137,7 +137,7 @@ def _draw_histogram(ax: Any, found: Suggestions) -> None:
 def _draw_values(ax: Any, axis: ValueAxis) -> None:
     """The same axis in values, on the right."""
     ends = np.asarray(axis.values(ax.get_ylim()))
-    if not np.isfinite(ends).all():  # a damaged file may say anything of its scale
+    if not np.isfinite(ends).all() or ends[0] == ends[1]:  # a damaged file may say anything of its scale
         return
     other = ax.twinx()
     other.set_ylim(ends)

@@ -12,7 +12,7 @@ from uavseg.errors import RasterReadError
 from uavseg.raster.dataset import Dataset
 
 PLACE = {"crs": "EPSG:32618", "transform": Affine(1, 0, 4e5, 0, -1, 5e6)}
-STRIP_OFFSETS, STRIP_LENGTHS = 273, 279
+ROWS, STRIP_OFFSETS, STRIP_LENGTHS = 257, 273, 279
 
 
 def write(path: Path, **how: str) -> Path:
@@ -33,6 +33,15 @@ def put_next_directory(path: Path, place: int) -> None:
 
 def empty_tag(path: Path, tag: int) -> None:
     """Write that a tag of the first directory of a classic TIFF has no values."""
+    _write_at(path, tag, 4, "<I", 0)
+
+
+def set_tag(path: Path, tag: int, value: int) -> None:
+    """Write the value of a tag of the first directory of a classic TIFF, which is one short number."""
+    _write_at(path, tag, 8, "<H", value)
+
+
+def _write_at(path: Path, tag: int, place: int, number: str, value: int) -> None:
     content = bytearray(path.read_bytes())
     (first,) = struct.unpack_from("<I", content, 4)
     (count,) = struct.unpack_from("<H", content, first)
@@ -41,7 +50,7 @@ def empty_tag(path: Path, tag: int) -> None:
         for at in range(first + 2, first + 2 + 12 * count, 12)
         if struct.unpack_from("<H", content, at) == (tag,)
     ]
-    struct.pack_into("<I", content, at + 4, 0)
+    struct.pack_into(number, content, at + place, value)
     path.write_bytes(content)
 
 
@@ -52,6 +61,21 @@ def test_a_next_directory_beyond_the_end_is_refused(tmp_path: Path, place: int) 
     put_next_directory(path, place)
     with pytest.raises(RasterReadError, match=r"directories cannot be read: it ends before\); the file is d"):
         Dataset.open(path)
+
+
+@pytest.mark.parametrize("how", [{}, {"interleave": "band"}, {"interleave": "pixel", "photometric": "RGB"}])
+def test_an_index_of_more_strips_than_there_are_is_refused(tmp_path: Path, how: dict[str, str]) -> None:
+    """libtiff would end the process where it looks for one of the others."""
+    path = tmp_path / "a.tif"
+    size = {"driver": "GTiff", "width": 40, "height": 30, "count": 3, "dtype": "uint8", "blockysize": 4}
+    with rasterio.open(path, "w", **(size | PLACE | how), compress="deflate") as file:
+        file.write(np.full((3, 30, 40), 7, np.uint8))
+    assert Dataset.open(path, rgb=(1, 2, 3)).geobox.shape == (30, 40)
+    set_tag(path, ROWS, 10)
+    with pytest.raises(RasterReadError, match="its index has more strips than its size makes"):
+        Dataset.open(path, rgb=(1, 2, 3))
+    set_tag(path, ROWS, 29)  # as many strips
+    assert Dataset.open(path, rgb=(1, 2, 3)).geobox.shape == (29, 40)
 
 
 def test_lengths_of_blocks_without_their_places_are_refused(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from uavseg.errors import RegionError
-from uavseg.regions.select.choose import select_regions
+from uavseg.regions.select.choose import of_classes, select_regions
 from uavseg.regions.table import Regions
 
 AREA = np.array([50.0, 900.0, 100.0, 900.0, 400.0])
@@ -49,6 +49,11 @@ def test_polygons_go_with_their_columns() -> None:
 def test_a_criterion_that_cannot_be_met_is_refused(choice: dict[str, object], words: str) -> None:
     with pytest.raises(RegionError, match=words):
         ids(**choice)
+
+
+def test_no_class_is_no_choice() -> None:
+    with pytest.raises(RegionError, match="no class is named"):
+        of_classes(REGIONS, ())
 
 
 def test_a_long_list_of_ids_is_shortened() -> None:

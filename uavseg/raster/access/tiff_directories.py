@@ -1,7 +1,8 @@
 """Directories of a TIFF: GDAL reads as many as it can, and leaves out a mask that it cannot reach.
 
 A first image whose blocks have no places is refused too: of the first block that it is asked for, GDAL reads
-the start of the file in its stead, and the others fail.
+the start of the file in its stead, and the others fail. So is one in strips whose index has more entries than
+it has strips: libtiff ends the process where it looks for one of the others.
 
 Format: https://www.awaresystems.be/imaging/tiff/faq.html, and BigTIFF. Each directory names the place of the
 next one, the last one 0.
@@ -18,6 +19,9 @@ from uavseg.plain_text import cause_of
 
 MAX_DIRECTORIES = 65536  # as in libtiff
 _KIND, _COLS, _ROWS = 254, 256, 257  # tags
+_SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS = 277, 278, 284, 322
+_NUMBERS = (_KIND, _COLS, _ROWS, _SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS)
+_SEPARATE = 2  # bands one after the other
 _PLACES, _LENGTHS = (273, 324), (279, 325)  # tags of the places and lengths of blocks: strips, tiles
 _INDEX = (*_PLACES, *_LENGTHS)
 _SIZES = {3: 2, 4: 4, 16: 8}  # of a number in bytes, by its type
@@ -116,7 +120,7 @@ def _directory(file: BinaryIO, layout: _Layout, is_first: bool) -> tuple[dict[in
     for tag, kind, items, value in struct.iter_unpack(layout.order + layout.entry, content):
         if tag in counts:
             counts[tag] = items
-        if tag in (_KIND, _COLS, _ROWS) and items == 1 and kind in _FORMATS:
+        if tag in _NUMBERS and items == 1 and kind in _FORMATS:
             number = layout.order + _FORMATS[kind]
             if struct.calcsize(number) <= len(value):
                 (numbers[tag],) = struct.unpack_from(number, value)
@@ -125,9 +129,19 @@ def _directory(file: BinaryIO, layout: _Layout, is_first: bool) -> tuple[dict[in
     if is_first and any(counts[tag] for tag in _LENGTHS) and not any(counts[tag] for tag in _PLACES):
         # A sparse file may have neither.
         raise _IndexError("it has lengths of blocks, but not where they are")
+    if is_first and _TILE_COLS not in numbers and max(counts.values()) > _strips(numbers):
+        raise _IndexError("its index has more strips than its size makes")
     if numbers.get(_KIND, 0) & _MASK:
         _check_index(file, layout, index)
     return numbers, following
+
+
+def _strips(numbers: dict[int, int]) -> int:
+    """How many strips an image has."""
+    rows = numbers.get(_ROWS, 0)
+    strip = min(numbers.get(_STRIP_ROWS, rows), rows)
+    planes = numbers.get(_SAMPLES, 1) if numbers.get(_PLANAR) == _SEPARATE else 1
+    return -(-rows // max(strip, 1)) * planes
 
 
 def _check_index(file: BinaryIO, layout: _Layout, index: list[tuple[int, int]]) -> None:

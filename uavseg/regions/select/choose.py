@@ -24,7 +24,7 @@ def select_regions(
     ----------
     regions : Regions
     ids : sequence of int, optional
-        All of them must exist.
+        At least one; all of them must exist.
     largest : int, optional
         The number to keep at most, by `area_m2`; of equal ones the first.
     condition : str, optional
@@ -65,8 +65,10 @@ def of_classes(regions: Regions, names: Sequence[str]) -> NDArray[np.bool_]:
     Raises
     ------
     RegionError
-        If there is no such column, or no region of one of the classes.
+        If no class is named, there is no such column, or no region of one of the classes.
     """
+    if not names:
+        raise RegionError("no class is named; leave classes out to take the regions of all")
     if "class" not in regions.columns:
         raise RegionError(
             f"these regions have no classes, so none is {names[0]}; "
