@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from functools import partial
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +19,11 @@ from uavseg.jobs.like.by_classes import MatchClassesRequest, match_classes
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import match as run_match
 from uavseg.jobs.open_source import open_source
-from uavseg.jobs.result import Drawing
-from uavseg.jobs.source import ReadOptions
+from uavseg.jobs.result import Drawing, Extraction
+from uavseg.jobs.source import ReadOptions, Source
 from uavseg.jobs.suggest import Suggestion, SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
+from uavseg.jobs.work import Work
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
 from uavseg.regions.sample.place import Disc, parse_like
@@ -125,6 +127,7 @@ def match(
     '50%'
     """
     drawing, holes, least = Drawing(simplify_m=simplify), as_area(fill_holes), as_area(min_area)
+    request: MatchRequest | MatchClassesRequest
     if classes is None:
         request = MatchRequest(
             _samples(like),
@@ -140,13 +143,11 @@ def match(
             _samples(unlike),
             as_length(detail),
         )
-        find = lambda opened, how: run_match(opened, request, how).found  # noqa: E731
     else:
         _check_alone(like, unlike, (window, similarity, intensity, by))
-        of_classes = MatchClassesRequest(
+        request = MatchClassesRequest(
             os.fspath(classes), refine, drawing, holes, least, tuple(bands), as_length(detail)
         )
-        find = lambda opened, how: match_classes(opened, of_classes, how)  # noqa: E731
     job = RegionJob(
         ReadOptions(
             band,
@@ -157,10 +158,16 @@ def match(
             words=BandWords(index, expr, band_names),
             collar=collar,
         ),
-        find,
+        partial(_matched, request),
     )
     with allowing(allow_path, allow_network):
         return regions_of(source, job, work(threads, tile, progress, resume))
+
+
+def _matched(request: MatchRequest | MatchClassesRequest, opened: Source, how: Work) -> Extraction:
+    if isinstance(request, MatchClassesRequest):
+        return match_classes(opened, request, how)
+    return run_match(opened, request, how).found
 
 
 def _check_alone(like: object, unlike: object, words: tuple[object, ...]) -> None:
