@@ -8,8 +8,11 @@ import pytest
 from tests.flight.mission_items import waypoint
 from uavseg.errors import MissionError
 from uavseg.flight.items import (
+    CAMERA_DISTANCE,
+    CAMERA_INTERVAL,
     FRAME_MISSION,
     FRAME_RELATIVE,
+    IMAGE_START,
     LAND,
     HomePosition,
     MissionItem,
@@ -59,3 +62,27 @@ def test_a_position_needs_a_frame_of_positions() -> None:
 def test_parameters_are_four_finite_numbers(params: Any) -> None:
     with pytest.raises(MissionError, match="four parameters"):
         waypoint(params=params)
+
+
+@pytest.mark.parametrize(
+    ("command", "params"),
+    [
+        (CAMERA_DISTANCE, (1e-320, 0.0, 1.0, 0.0)),
+        (CAMERA_DISTANCE, (0.009, 0.0, 0.0, 0.0)),
+        (CAMERA_INTERVAL, (9.0, 0.0, 0.0, 0.0)),  # milliseconds
+        (IMAGE_START, (0.0, 1e-300, 0.0, 0.0)),
+    ],
+)
+def test_photographs_nearer_to_one_another_than_any_camera_takes_are_refused(
+    command: int, params: tuple[float, float, float, float]
+) -> None:
+    with pytest.raises(MissionError, match=r"takes a photograph every .*; expected 0.01 (m|s) at least"):
+        MissionItem(command, FRAME_MISSION, params)
+
+
+def test_no_photographs_and_one_photograph_have_no_step() -> None:
+    for command in (CAMERA_DISTANCE, CAMERA_INTERVAL, IMAGE_START):
+        MissionItem(command, FRAME_MISSION)
+        MissionItem(command, FRAME_MISSION, (-1.0, 0.0, 0.0, 0.0))
+    MissionItem(IMAGE_START, FRAME_MISSION, (0.0, 1e-9, 1.0, 0.0))
+    MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (0.01, 0.0, 0.0, 0.0))

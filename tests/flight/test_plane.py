@@ -42,3 +42,19 @@ def test_an_edge_that_is_straight_in_degrees_stays_where_it_was() -> None:
     (flat,) = Plane(60, 8.25).project_polygons([shapely.box(8, 60, 8.5, 60.2)])
     x, y = Plane(60, 8.25).xy_from_lonlat(8.25, 60)
     assert flat.exterior.distance(shapely.Point(float(x), float(y))) < 0.02
+
+
+def test_a_hole_that_touches_the_border_stays() -> None:
+    """On a grid of 1e-7 degrees, GEOS makes this polygon valid by filling its hole, densified as a whole."""
+    outer = [(-178.0022636, 52.9987725), (-178, 57), (-177, 57), (-177, 58), (-174, 58), (-174, 50)]
+    outer += [(-177, 50), (-177.0022116, 51.9987902), (-178.0022128, 51.9987714)]
+    hole = [(-176.0022605, 52.9988106), (-176.0022098, 51.998809), (-176, 51), (-175, 51), (-175, 57)]
+    hole += [(-176, 57), (-176, 56), (-177, 56), (-177.0022624, 52.9987916), (-178.0022636, 52.9987725)]
+    polygon = shapely.set_precision(shapely.Polygon(outer, [hole]), 1e-7)
+    assert polygon.is_valid and shapely.segmentize(polygon, 0.05).area > 1.4 * polygon.area
+    plane = Plane(54, -176)
+    [flat] = plane.project_polygons([polygon])
+    whole, inner = (plane.project_polygons([shapely.Polygon(ring)])[0].area for ring in (outer, hole))
+    assert flat.area == pytest.approx(whole - inner, rel=1e-6)
+    [pair] = plane.project_polygons([shapely.MultiPolygon([polygon, shapely.box(-179.5, 50, -179, 51)])])
+    assert len(pair.geoms) == 2 and len(pair.geoms[0].interiors) == 1

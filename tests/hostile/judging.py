@@ -73,8 +73,8 @@ def _judge_one(case: Case, n: int, outcome: Outcome) -> list[Finding]:
         return [*found, Finding("TRACEBACK", f"{_digest(lines[-1] if lines else '')} {where}", err[-600:])]
     if case.call is not None:
         return found + [Finding(kind, _digest(text), text) for kind, text in _OWN.findall(err)]
-    if outcome.seconds > SLOW_S:
-        found.append(Finding("SLOW", name, f"{outcome.seconds:.0f} s, code {outcome.code}"))
+    if outcome.cpu_seconds > SLOW_S:
+        found.append(Finding("SLOW", name, f"{outcome.cpu_seconds:.0f} s of work, code {outcome.code}"))
     several = bool(case.commands) and "--each" in case.commands[n]
     found += _judge_text(err, outcome.code, several)
     printed = outcome.out.decode("utf-8", "surrogateescape").replace("\r\n", "")

@@ -1,5 +1,6 @@
 """Cases of options: one or two words of a command line replaced, and odd names of files."""
 
+from pathlib import Path
 from random import Random
 
 from tests.hostile import seeds
@@ -13,7 +14,10 @@ LINES = tuple(
     line.split()
     for line in (
         f"extract x.tif --range 0.5,1 -o out.geojson {DIVISION} {RUN} --min-area 5 --fill-holes 5px --simplify 1",
-        f"extract x.tif --range 0.5,1 -o out.geojson --detail 4px {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.geojson --flatten 40px {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.gpkg --thin-lines --flatten 40px {RUN}",
+        f"divide x.tif -o out.tif --flatten 60 {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.geojson --detail 4px --min-confidence 0.5 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.shp --smooth-outline 0.4 --band 1 --nodata 0 --stretch 0,255 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.geojson --expr b1/2+sqrt(b1) --band-names b1 {RUN}",
         f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --band-names red,green,blue {RUN}",
@@ -27,13 +31,14 @@ LINES = tuple(
         f"extract x.tif --classes c.yaml -o out.gpkg --mission out.plan --mission-class bright --avoid-class dark {FLIGHT} --allow-edge {RUN}",
         f"levels x.tif --width 0.3 -o out.gpkg --style qml --collar auto {RUN}",
         f"suggest rgb.tif --index exg --band-names red,green,blue --collar keep --json {RUN}",
+        f"suggest rgb.tif --like 500048,4499952,20 --unlike 500100,4499900,9 --bands red,green --band-names red,green,blue --json {RUN}",
         "info rgb.tif --expr (red-blue)/(red+blue) --band-names red,green,blue --collar auto --threads 1",
         *(f"info {name} --json" for name in ("r.geojson", "lv.geojson", "r.gpkg", "r.kml", "r.parquet")),
         "info r.fgb --threads 1",
         f"extract rgb.tif --rgb 1,2,3 --range 0.5,1 -o out.parquet --method paper {RUN}",
         f"extract x.tif --class a=0,0.4 --class b=0.4,1 -o out.gpkg --labels out.tif --min-area 9 {RUN}",
         f"extract x.tif --range 0.5,1 --range 0,0.4 -o out.fgb --mission out.plan --mission-class 0,0.4 {FLIGHT} --allow-edge",
-        f"levels x.tif --breaks 0.3,0.6 -o out.fgb --refine tv --detail 9 {RUN}",
+        f"levels x.tif --breaks 0.3,0.6 -o out.fgb --refine tv --detail 9 --min-confidence 0.5 {RUN}",
         f"levels x.tif --breaks otsu:3 -o out.fgb --refine none {RUN}",
         f"extract x.tif --range 0.5,1 -o - --sequence --rs --projected {RUN}",
         f"extract x.tif --each --range 0.5,1 -o out.{{stem}}.gpkg --report out.csv --overwrite {RUN}",
@@ -41,7 +46,7 @@ LINES = tuple(
         f"levels x.tif --width 0.3 -o out.geojson --min-area 9 --small merge --simplify 1 {RUN}",
         f"levels x.tif --width 0.3 -o out.fgb --labels out.tif --stretch percentile:1,99 --co COMPRESS=LZW --co PREDICTOR=2 {DIVISION} {RUN}",
         f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 --bands 1 {RUN}",
-        f"match x.tif --like 500048,4499952,20 -o out.fgb --unlike 500100,4499900,9 --by color --labels out.tif --fill-holes 9px --min-area 9 --detail 3px {RUN}",
+        f"match x.tif --like 500048,4499952,20 -o out.fgb --unlike 500100,4499900,9 --by color --labels out.tif --fill-holes 9px --min-area 9 --min-confidence 0.3 --detail 3px {RUN}",
         f"match x.tif --classes cl.geojson -o out.geojson --refine none {RUN}",
         f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
         f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
@@ -119,7 +124,8 @@ def case(rng: Random) -> Case:
     used = {name: content for name, content in files.items() if any(name in word for word in command)}
     if chosen(rng, 0.05):
         used["x\n.tif"] = files["x.tif"]
-    return Case(used, (command,), ("out", "done", *(word for word in line if word)))
+    beside = {f"{Path(word).stem}." for word in line if Path(word).suffix}  # a style, parts of a Shapefile
+    return Case(used, (command,), ("out", "done", *(word for word in line if word), *sorted(beside)))
 
 
 def _files() -> dict[str, bytes]:

@@ -41,7 +41,8 @@ class Outcome:
     code : int
         Exit code; below 0: the signal that ended it.
     out, err : bytes
-    seconds : float
+    seconds, cpu_seconds : float
+        On the clock, and of work.
     grown : int
         Bytes by which its resident memory grew, at most.
     made, changed, gone : tuple of str
@@ -56,6 +57,7 @@ class Outcome:
     out: bytes
     err: bytes
     seconds: float
+    cpu_seconds: float
     grown: int
     made: tuple[str, ...] = ()
     changed: tuple[str, ...] = ()
@@ -116,12 +118,12 @@ class Sandbox:
         self._read_inotify()
         std = [self.root / name for name in ("stdin", "stdout", "stderr")]
         std[0].write_bytes(case.stdin)
-        size, start = _resident(os.getpid()), time.monotonic()
+        size, start, worked = _resident(os.getpid()), time.monotonic(), _cpu_of_children()
         pid = os.fork()
         if pid == 0:
             _child(body, self, std, case)
         status, largest, called = self._wait(pid, size, start)
-        seconds = time.monotonic() - start
+        seconds, worked = time.monotonic() - start, _cpu_of_children() - worked
         after = _digests(self.inside)
         outside = [*(["connection"] if called else []), *self._read_inotify()]
         outside += [f"changed {name}" for name in {*beyond} ^ {*_digests(self.outside)}]
@@ -135,6 +137,7 @@ class Sandbox:
             std[1].read_bytes(),
             std[2].read_bytes(),
             seconds,
+            worked,
             largest - size,
             tuple(sorted(after.keys() - before.keys())),
             tuple(sorted(name for name in before.keys() & after.keys() if before[name] != after[name])),
@@ -195,6 +198,12 @@ def _watch(folder: Path) -> int | None:
     assert descriptor >= 0, "inotify is not to be had"
     assert libc.inotify_add_watch(descriptor, str(folder).encode(), _IN_ACCESS | _IN_OPEN) >= 0
     return int(descriptor)
+
+
+def _cpu_of_children() -> float:
+    """Seconds of work of all children that have ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def _resident(pid: int) -> int:

@@ -129,5 +129,5 @@ def test_record_separators_are_allowed_where_they_are_asked_for(
     options: tuple[str, ...], printed: str, kinds: list[str]
 ) -> None:
     case = Case({}, (("extract", "x.tif", *options),))
-    outcome = Outcome(0, printed.encode(), b"", 0.1, 0)
+    outcome = Outcome(0, printed.encode(), b"", 0.1, 0.1, 0)
     assert [found.kind for found in judge(case, [outcome])] == kinds

@@ -31,6 +31,7 @@ MAX_ITEMS = 65534  # the link counts in 16 bits, and the home of ArduPilot takes
 MAX_HEIGHT_M = 1000.0  # above home: more is nearly always a height above the sea, or feet
 MAX_FIRST_LEG_M = 20_000.0
 MAX_DISTANCE_M = 100_000.0
+MIN_PHOTO_STEP = 0.01  # metres or seconds between photographs: less is a damaged file
 
 ItemParams = tuple[float | None, float | None, float | None, float | None]
 
@@ -81,7 +82,8 @@ class MissionItem:
     Raises
     ------
     MissionError
-        If a number is not finite, or the position is not on Earth, at or below home, or too high.
+        If a number is not finite, the position is not on Earth, at or below home, or too high, or photographs
+        follow one another by less than 0.01 m or s.
     """
 
     command: int
@@ -101,6 +103,7 @@ class MissionItem:
             )
         if self.has_position:
             _check_item_position(self)
+        _check_photo_step(self)
 
     @property
     def has_position(self) -> bool:
@@ -129,6 +132,19 @@ def _check_item_position(item: MissionItem) -> None:
         raise MissionError(
             f"altitude is {item.altitude_m:g} m above home, more than {MAX_HEIGHT_M:g} m: "
             "is it above the sea, or in feet? Give metres above home"
+        )
+
+
+def _check_photo_step(item: MissionItem) -> None:
+    first, second, third, _ = (value or 0.0 for value in item.params)
+    steps = {CAMERA_DISTANCE: (first, "m"), CAMERA_INTERVAL: (first / 1000, "s")}
+    if third != 1:  # one photograph has no interval
+        steps[IMAGE_START] = second, "s"
+    step, unit = steps.get(item.command, (0.0, ""))
+    if 0 < step < MIN_PHOTO_STEP:
+        raise MissionError(
+            f"command {item.command} takes a photograph every {step:g} {unit}; expected "
+            f"{MIN_PHOTO_STEP:g} {unit} at least, or 0 for none"
         )
 
 

@@ -35,12 +35,25 @@ class Plane:
 
     def project_polygons(self, polygons: Sequence[Any]) -> NDArray[np.object_]:
         """Densify polygons in degrees (lon, lat) and project them to metres."""
-        dense = shapely.segmentize(shapely.force_2d(np.array(polygons, dtype=object)), LONGEST_EDGE_DEG)
-        flat = [shapely.transform(polygon, self._project_points) for polygon in dense]
+        flat = [shapely.transform(_densified(polygon), self._project_points) for polygon in polygons]
         return np.array([*flat, None], dtype=object)[:-1]
 
     def _project_points(self, lonlat: Floats) -> Floats:
         return np.column_stack(self.xy_from_lonlat(lonlat[:, 0], lonlat[:, 1]))
+
+
+def _densified(polygon: Any) -> Any:
+    """A polygon or multipolygon without long edges.
+
+    It is made ring by ring: what GEOS densifies whole it also makes valid, and a hole that touches the border
+    was seen to be lost.
+    """
+    parts = [
+        [shapely.segmentize(ring, LONGEST_EDGE_DEG) for ring in (part.exterior, *part.interiors)]
+        for part in shapely.get_parts(shapely.force_2d(polygon))
+    ]
+    drawn = [shapely.Polygon(outer, holes) for outer, *holes in parts]
+    return drawn[0] if len(drawn) == 1 else shapely.MultiPolygon(drawn)
 
 
 def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:

@@ -109,7 +109,7 @@ def test_photographs_are_counted_from_line_to_line() -> None:
 
 
 def test_photographs_by_time_include_holds() -> None:
-    timed = MissionItem(CAMERA_INTERVAL, FRAME_MISSION, (2.0, 0.0, 0.0, 0.0))
+    timed = MissionItem(CAMERA_INTERVAL, FRAME_MISSION, (2000.0, 0.0, 0.0, 0.0))
     still = estimate(fly(north(100), timed, north(200), BACK, autopilot="px4")).photographs
     held = estimate(fly(north(100), timed, north(200, 60.0), BACK, autopilot="px4")).photographs
     assert still == pytest.approx(100 / 5 / 2, abs=3) and held == pytest.approx(still + 30, abs=2)

@@ -18,6 +18,7 @@ from uavseg.flight.items import (
     LAND,
     LOITER_TIME,
     LOITER_TURNS,
+    MIN_PHOTO_STEP,
     MOUNT_CONTROL,
     RETURN,
     SPLINE_WAYPOINT,
@@ -55,7 +56,10 @@ def _valid(item: MissionItem) -> MissionItem:
     return replace(item, params=(*item.params[:3], 0.0))
 
 
-orders = st.builds(MissionItem, st.sampled_from(ORDERS), st.just(FRAME_MISSION), st.tuples(*[numbers] * 4))
+steps = numbers.filter(lambda value: not 0 < value < MIN_PHOTO_STEP)  # no camera is faster
+orders = st.builds(
+    MissionItem, st.sampled_from(ORDERS), st.just(FRAME_MISSION), st.tuples(steps, *[numbers] * 3)
+)
 
 
 @st.composite

@@ -55,6 +55,7 @@ def test_slerp_is_that_of_scipy(first: tuple[float, ...], second: tuple[float, .
         ("up", "four numbers x, y, z, w, not 'up'"),
         (None, "four numbers x, y, z, w, not None"),
         ((0, 0, "a", 1), "four numbers x, y, z, w"),
+        (np.array([0, 0, 1j, 1]), "four numbers x, y, z, w"),
     ],
 )
 def test_what_is_no_rotation_is_refused(value: object, message: str) -> None:

@@ -216,3 +216,10 @@ def test_a_block_map_refuses_what_its_stretch_makes_alike() -> None:
 
 def test_a_stretch_to_infinity_has_no_values(recwarn: pytest.WarningsRecorder) -> None:
     assert all(map(isnan, ValueAxis(-inf, inf).values([0.3, 0.8]))) and not recwarn.list
+
+
+def test_values_too_far_apart_for_a_stretch_are_refused() -> None:
+    image = np.array([[-3e307, 0.0, 1e-300, 3e307]] * 4)
+    dataset = Dataset.of_values(image, GeoBox(image.shape, Affine.identity(), None), "far.tif")
+    with pytest.raises(ParameterError, match=r"far.tif reach from -?inf to inf.*give a stretch around it"):
+        fit_values(dataset, parse_stretch("auto"), [ValueRange(50, 100, True)], TilePass(dataset.windows()))

@@ -62,3 +62,47 @@ def test_blocks_of_any_layout_are_right(
             )
             expected = file.read()[:, rows, cols]
         assert np.array_equal(values, expected) and (valid is None or valid.all())
+
+
+def second_block(path: Path) -> tuple[bytearray, int]:
+    """The content of a file, and where its second block begins."""
+    with rasterio.open(path) as file:
+        return bytearray(path.read_bytes()), int(file.get_tag_item("BLOCK_OFFSET_1_0", "TIFF", bidx=1))
+
+
+@pytest.mark.parametrize(
+    ("own_tables", "damage", "message"),
+    [
+        (True, "marker", "the JPEG header of the block at 0, 1 is damaged"),  # libjpeg skips what it is
+        (True, "table", "Huffman table"),
+        (False, "marker", "missing SOS marker"),
+        (False, "table", "Huffman table"),
+    ],
+)
+def test_a_block_that_needs_the_tables_of_another_is_bad(
+    write_raster: Callable[..., Path], own_tables: bool, damage: str, message: str
+) -> None:
+    """Its pixels would depend on which block was read before it."""
+    how = TILED | {"jpegtablesmode": 0 if own_tables else 3}
+    path = write_raster(PIXELS, **how)
+    data, start = second_block(path)
+    if damage == "marker" and own_tables:
+        data[data.index(b"\xff\xc4", start)] = 0x7F
+    elif damage == "marker":
+        data[data.index(b"\xff\xda", start)] = 0x7F
+    else:  # the number of a table of the only component
+        scan = data.index(b"\xff\xda", start)
+        data[scan + 6] = 0x32
+    path.write_bytes(data)
+    with pytest.raises(RasterReadError, match=rf"columns 64 to 128 \(.*{message}"):
+        Dataset.open(path).read(WHOLE)
+    _, valid = Dataset.open(path, skip_bad_tiles=True).read(WHOLE)
+    assert valid is not None and not valid[:SIDE, SIDE:].any() and valid[SIDE:].all()
+
+
+@pytest.mark.parametrize("mode", range(4))
+def test_tables_may_be_in_blocks_or_in_the_file(write_raster: Callable[..., Path], mode: int) -> None:
+    path = write_raster(PIXELS, **TILED, jpegtablesmode=mode)
+    values, _ = Dataset.open(path).read(WHOLE)
+    with rasterio.open(path) as file:
+        assert (values[0] == file.read(1)).all()

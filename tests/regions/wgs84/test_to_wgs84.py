@@ -65,7 +65,15 @@ def ground(geometries):
             [lonlat[:, 0] * width, to_equal_area.transform(lonlat[:, 0] * 0, lonlat[:, 1])[1]], axis=1
         )
 
-    return shapely.area(shapely.transform(shapely.segmentize(geometries, 0.05), stretched))
+    geometries = np.atleast_1d(geometries)
+    # ring by ring: densifying a polygon whose hole touches its border, GEOS may lose the hole
+    parts, owners = shapely.get_parts(geometries, return_index=True)
+    rings, of_part = shapely.get_rings(parts, return_index=True)
+    areas = shapely.area(
+        shapely.polygons(shapely.transform(shapely.segmentize(rings, 0.05), stretched).tolist())
+    )
+    signs = np.where(np.diff(of_part, prepend=-1) > 0, 1, -1)  # the first ring of a polygon is its outer one
+    return np.bincount(owners[of_part], areas * signs, len(geometries))
 
 
 def check(regions):
@@ -78,7 +86,7 @@ def check(regions):
     assert ground(drawn) == pytest.approx(regions.columns["area_m2"], rel=1e-2)
     total = regions.columns["area_m2"].sum()
     assert ground(drawn).sum() == pytest.approx(total, rel=5e-3)
-    assert ground(shapely.union_all(drawn)) == pytest.approx(total, rel=5e-3)
+    assert ground(shapely.union_all(drawn))[0] == pytest.approx(total, rel=5e-3)
     return drawn
 
 
@@ -94,6 +102,14 @@ def test_any_picture_keeps_its_ground(place, picture):
     crs, transform = PLACES[place]
     if np.any(picture):
         check(regions_of(picture, transform, crs))
+
+
+def test_a_union_whose_hole_touches_its_border_keeps_its_ground():
+    picture = np.zeros((12, 12), int)
+    picture[2:10, 11] = picture[2, 9:] = picture[9, 9:] = picture[3, 8:10] = picture[3:7, 8] = 1
+    picture[7, 8:10], picture[8:10, 9] = 2, 1
+    crs, transform = PLACES["an older datum past 180"]
+    check(regions_of(picture, transform, crs))
 
 
 def test_a_region_that_crosses_the_antimeridian_is_cut_there():

@@ -140,7 +140,7 @@ def flown_path(mission: Mission, vehicle: Vehicle) -> FlownPath:
             trigger = (max(item.params[0] or 0.0, 0.0), 0.0)
             walk.shots[-1:] = [shots + (item.params[2] == 1) for shots in walk.shots[-1:]]
         elif item.command == CAMERA_INTERVAL:
-            trigger = (0.0, max(item.params[0] or 0.0, 0.0))
+            trigger = (0.0, max(item.params[0] or 0.0, 0.0) / 1000)  # milliseconds
         elif item.command == IMAGE_START:
             if item.params[2] != 1:
                 trigger = (0.0, max(item.params[1] or 0.0, 0.0))

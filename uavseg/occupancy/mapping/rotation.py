@@ -27,7 +27,8 @@ def as_quaternion(value: Any) -> Floats:
     fields = ("x", "y", "z", "w")
     parts = [getattr(value, name) for name in fields] if all(hasattr(value, f) for f in fields) else value
     try:
-        numbers = np.asarray(parts, np.float64)
+        given = np.asarray(parts)
+        numbers = np.empty(0) if np.iscomplexobj(given) else given.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         numbers = np.empty(0)
     if numbers.shape != (4,):

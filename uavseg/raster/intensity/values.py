@@ -191,6 +191,11 @@ def _borders(dataset: Dataset, stretch: Stretch, inner: Sequence[Bounds]) -> tup
         return ()
     found = [Border(one.low, _grey(stretch, one.low), True) for one in inner if math.isfinite(one.low)]
     found += [Border(one.high, _grey(stretch, one.high), False) for one in inner if math.isfinite(one.high)]
+    if any(border.grey == (0 if border.is_low else GREY_MAX) for border in found):
+        raise ParameterError(
+            f"the values of {dataset.source} reach from {stretch.low:g} to {stretch.high:g}, too far apart "
+            "for the range to be decided; give a stretch around it (--stretch LOW,HIGH)"
+        )
     return tuple(dict.fromkeys(found))
 
 

@@ -1,10 +1,13 @@
-"""JPEG blocks of a TIFF that are smaller than the block.
+"""JPEG blocks of a TIFF whose pixels would be those of the block before.
 
-libtiff decodes them with a warning, and the rest of the block is what the memory held before. So the size in
-the frame header of each block (SOF, ITU-T T.81, B.2.2) is compared with that of the block.
+libtiff decodes blocks that are smaller than they should be with a warning, and the rest is what the memory
+held before; and where tables of a block are missing it decodes with those of the block before. So the size in
+the frame header of each block (SOF, ITU-T T.81, B.2.2) is compared with that of the block, and the tables
+that its header names have to be in the block or in those of the file.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
@@ -18,6 +21,8 @@ from uavseg.raster.tiling import Window
 
 HEADER_BYTES = 4096  # in which the frame header usually lies
 _START_OF_FRAME = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # these three are tables, or reserved
+_SEQUENTIAL = {0xC0, 0xC1}
+_HUFFMAN, _START_OF_SCAN, _QUANTISATION = 0xC4, 0xDA, 0xDB
 _WITHOUT_LENGTH = {0x01, *range(0xD0, 0xD9)}
 
 _known: "WeakKeyDictionary[DatasetReader, JpegBlocks | None]" = WeakKeyDictionary()  # by open file
@@ -38,7 +43,7 @@ def check_jpeg_blocks(path: str, source: DatasetReader, bands: Sequence[int], wi
     Raises
     ------
     RasterBlockError
-        If one of them holds an image that is smaller than the block.
+        If one of them holds an image that is smaller than the block, or lacks a table.
     """
     if source not in _known:
         _known[source] = JpegBlocks(path, source) if _is_checked(path, source) else None
@@ -62,6 +67,8 @@ class JpegBlocks:
         self._all_bands = source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL" and source.count > 1
         rows, cols = self._shape = source.block_shapes[0]
         planes = 1 if self._all_bands else source.count
+        tables = source.get_tag_item("JPEGTABLES", "TIFF", bidx=1) or ""
+        self._tables = _parse(bytes.fromhex(tables)).defined
         self._checked = checked_blocks(path, (planes, -(-source.height // rows), -(-source.width // cols)))
 
     def check(self, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
@@ -74,29 +81,93 @@ class JpegBlocks:
         for plane, row, col in (left + np.array([0, i, j])).tolist():
             stored = BlockStream.of(self._path, source, planes[plane] + 1, (row, col))
             expected = min(rows, source.height - row * rows) if cols == source.width else rows, cols
-            found = (
-                expected if stored is None else _size(stored.read(0, HEADER_BYTES)) or _size(stored.read())
-            )
-            if found is not None and (found[0] < expected[0] or found[1] < expected[1]):
-                raise RasterBlockError(
-                    f"the image in the block at {row}, {col} has {found[1]} x {found[0]} pixels, and the "
-                    f"block {expected[1]} x {expected[0]}"
-                )
+            if stored is not None:
+                self._check_header(stored, expected, (row, col))
             self._checked[planes[plane], row, col] = True
 
-
-def _size(stream: bytes) -> tuple[int, int] | None:
-    """Rows and columns in the frame header of a JPEG; None where there is none, which no decoder accepts."""
-    at = 2
-    while at + 9 <= len(stream):
-        if stream[at] != 0xFF:
-            at += 1
-            continue
-        marker = stream[at + 1]
-        if marker in _START_OF_FRAME:
-            return int.from_bytes(stream[at + 5 : at + 7], "big"), int.from_bytes(
-                stream[at + 7 : at + 9], "big"
+    def _check_header(self, stored: BlockStream, expected: tuple[int, int], place: tuple[int, int]) -> None:
+        header = _parse(stored.read(0, HEADER_BYTES))
+        if not header.ends and not header.damaged:
+            header = _parse(stored.read())
+        row, col = place
+        if header.size is not None and (header.size[0] < expected[0] or header.size[1] < expected[1]):
+            raise RasterBlockError(
+                f"the image in the block at {row}, {col} has {header.size[1]} x {header.size[0]} pixels, and "
+                f"the block {expected[1]} x {expected[0]}"
             )
-        has_length = marker not in _WITHOUT_LENGTH and marker != 0xFF
-        at += 2 + int.from_bytes(stream[at + 2 : at + 4], "big") if has_length else 1 + (marker != 0xFF)
-    return None
+        if header.damaged or (header.ends and not header.named <= header.defined | self._tables):
+            raise RasterBlockError(f"the JPEG header of the block at {row}, {col} is damaged")
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """What the segments before the pixels of a JPEG say.
+
+    Parameters
+    ----------
+    size : (int, int) or None
+        Rows and columns; None without a frame header.
+    defined, named : frozenset of (str, int)
+        Tables that it holds and those that it needs: "Q" and the number of a table of quantisation, "H" and
+        class and number of one of Huffman codes.
+    ends : bool
+        Whether the pixels begin.
+    damaged : bool
+        Whether something else stands where a segment should begin.
+    """
+
+    size: tuple[int, int] | None
+    defined: frozenset[tuple[str, int]]
+    named: frozenset[tuple[str, int]]
+    ends: bool
+    damaged: bool
+
+
+def _parse(stream: bytes) -> _Header:
+    """The segments of a JPEG before its pixels, or tables alone."""
+    size: tuple[int, int] | None = None
+    defined: set[tuple[str, int]] = set()
+    named: set[tuple[str, int]] = set()
+    at, ends, damaged, sequential = 2, False, False, True
+    while at + 4 <= len(stream) and not ends:
+        marker = stream[at + 1]
+        if stream[at] != 0xFF:
+            damaged = True
+            break
+        if marker == 0xFF or marker in _WITHOUT_LENGTH:
+            at += 1 if marker == 0xFF else 2
+            continue
+        length = int.from_bytes(stream[at + 2 : at + 4], "big")
+        segment = stream[at + 4 : at + 2 + length]
+        if marker in _START_OF_FRAME and len(segment) >= 6:
+            size = int.from_bytes(segment[1:3], "big"), int.from_bytes(segment[3:5], "big")
+            named |= {("Q", number) for number in segment[8::3]}
+            sequential = marker in _SEQUENTIAL
+        elif marker == _QUANTISATION:
+            defined |= {("Q", number) for number in _numbers(segment, _quantisation_bytes)}
+        elif marker == _HUFFMAN:
+            defined |= {("H", number) for number in _numbers(segment, _huffman_bytes)}
+        elif marker == _START_OF_SCAN:
+            codes = segment[2 : 1 + 2 * segment[0] : 2] if segment else b""
+            if sequential:  # the scans of other kinds need one of the two each
+                named |= {("H", code >> 4) for code in codes} | {("H", 0x10 | code & 15) for code in codes}
+            ends = True
+        at += 2 + length
+    return _Header(size, frozenset(defined), frozenset(named), ends, damaged)
+
+
+def _numbers(segment: bytes, length: Callable[[bytes], int]) -> Iterator[int]:
+    """Numbers of the tables in a segment, each with what follows it."""
+    at = 0
+    while at < len(segment):
+        number = segment[at]
+        yield number & 15 if length is _quantisation_bytes else number
+        at += length(segment[at:])
+
+
+def _quantisation_bytes(table: bytes) -> int:
+    return 1 + 64 * (2 if table[0] >> 4 else 1)
+
+
+def _huffman_bytes(table: bytes) -> int:
+    return 17 + sum(table[1:17])
