@@ -147,7 +147,10 @@ def options(words: Words) -> list[str]:
         elif isinstance(value, list) and value and isinstance(value[0], tuple):
             found += [part for one in value for part in (option, ",".join(map(repr, one)))]
         elif isinstance(value, tuple | list):
-            found += [option, ",".join("" if one is None else repr(one) for one in value)]
+            found += [
+                option,
+                ",".join("" if one is None else one if isinstance(one, str) else repr(one) for one in value),
+            ]
         else:
             found += [option, str(value)]
     return found
@@ -216,6 +219,16 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("tile.tif", {"range": (0.5, 1), "stretch": "percentile:5,95", "nodata": 5, "threshold": 1.5}),
     ("tile.tif", {"range": (0.2, 0.6), "detail": "7px", "tile": 64}),
     ("tile.tif", {"range": (0.2, 0.6), "detail": 900.0}),
+    ("tile.tif", {"range": (0.2, 0.6), "flatten": "40px", "tile": 64}),
+    ("tile.tif", {"range": (0.2, 0.6), "flatten": 4.0}),
+    ("blocks.tif", {"range": (0.2, 0.6), "flatten": 100}),
+    ("tile.tif", {"range": (0.2, 0.6), "thin_lines": True, "tile": 64}),
+    ("tile.tif", {"range": (0.2, 0.6), "thin_lines": True, "detail": "7px"}),
+    ("tile.tif", {"range": (0.2, 0.6), "min_confidence": 0.5, "tile": 64}),
+    ("tile.tif", {"range": (0.2, 0.6), "min_confidence": 1.0}),
+    ("tile.tif", {"range": (0.2, 0.6), "min_confidence": 2.0}),
+    ("tile.tif", {"range": (0.2, 0.6), "min_confidence": 0.5, "refine": "none"}),
+    ("blocks.tif", {"range": (0.2, 0.6), "min_confidence": 0.5}),
     ("tile.tif", {"range": (0.9999, 1)}),
     ("tile.tif", {"range": "0.55,1"}),
     ("tile.tif", {"values": (100, None)}),
@@ -285,6 +298,9 @@ LEVELS: list[tuple[Any, Words]] = [
     ("tile.tif", {"width": 0.1, "min_area": "200px"}),
     ("tile.tif", {"width": 0.1, "min_area": 800.0, "small": "drop", "tile": 64}),
     ("tile.tif", {"width": 0.1, "detail": "9px", "tile": 64}),
+    ("tile.tif", {"width": 0.1, "flatten": "40px", "tile": 64}),
+    ("ros.yaml", {"width": 0.5, "flatten": "40px"}),
+    ("tile.tif", {"width": 0.2, "min_confidence": 0.4, "tile": 64}),
     ("tile.tif", {"width": 0.3, "smooth_outline": 0.5, "simplify": 2.0, "method": "paper"}),
     ("deep.tif", {"width": 0.5, "stretch": "0,50000"}),
     (["west.tif", "east.tif"], {"width": 0.2, "threads": 2}),
@@ -322,6 +338,8 @@ MATCH: list[tuple[Any, Words]] = [
     ("tile.tif", {"classes": "samples.gpkg", "tile": 64, "detail": "9px"}),
     ("tile.tif", {"classes": "regions.gpkg"}),
     ("tile.tif", {"like": DISC, "by": "color", "tile": 64, "detail": "9px"}),
+    ("tile.tif", {"like": DISC, "by": "color", "min_confidence": 0.3}),
+    ("tile.tif", {"like": DISC, "by": "texture", "min_confidence": 0.3}),
     ("tile.tif", {"like": DISC, "by": "color", "window": 16}),
     ("bands.tif", {"like": DISC, "by": "color", "bands": (1, 2, 3), "min_area": 60.0, "fill_holes": "9px"}),
     (["west.tif", "east.tif"], {"like": DISC, "window": 24}),
@@ -505,9 +523,42 @@ def test_pictures_of_missions(missions: list[str], words: Words) -> None:
         ("ros.yaml", {}),
         ("bands.tif", {"classes": 3, "index": "ndvi"}),
         ("bands.tif", {"classes": 3}),
+        ("tile.tif", {"classes": 2, "flatten": "40px", "tile": 64}),
+        ("tile.tif", {"flatten": "9px"}),
     ],
 )
 def test_suggestions(source: Any, words: Words) -> None:
+    rasters = source if isinstance(source, list) else [source]
+    expected = on_the_command_line("suggest", [*rasters, *options(words), "--json"], "")
+    if isinstance(expected.content, bytes):
+        found = json.loads(expected.content)
+        assert set(found["warnings"]) == expected.warnings
+        ranges = [{word: one[word] for word in one if word != "command"} for one in found["ranges"]]
+        expected = Answer(json.dumps(ranges).encode(), expected.warnings)
+    call = in_python(lambda: json.dumps([asdict(one) for one in uavseg.suggest(source, **words)]).encode())
+    assert_equal(call, expected)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("source", "words"),
+    [
+        ("tile.tif", {"like": (400100, 4999860, 30)}),
+        ("bands.tif", {"like": (400100, 4999860, 30), "unlike": [(400280, 4999780, 20)]}),
+        ("bands.tif", {"like": (400100, 4999860, 30), "bands": ["red", "NIR"]}),
+        ("bands.tif", {"like": (400100, 4999860, 30), "index": "ndvi", "threads": 1}),
+        ("bands.tif", {"like": (400100, 4999860, 30), "rgb": (3, 2, 1), "nodata": 3}),
+        (["west.tif", "east.tif"], {"like": (400100, 4999860, 30)}),
+        ("deep.tif", {"like": (50, 60, 20), "stretch": "minmax", "tile": 64}),
+        ("tile.tif", {"like": (400100, 4999860, 30), "flatten": "40px"}),
+        ("tile.tif", {"like": (1, 2, 3)}),
+        ("tile.tif", {"unlike": [(400100, 4999860, 30)]}),
+        ("blocks.tif", {"like": (400100, 4999860, 30)}),
+        ("ros.yaml", {"like": (1, 2, 3)}),
+        ("missing.tif", {"like": (1, 2, 3)}),
+    ],
+)
+def test_ranges_of_samples(source: Any, words: Words) -> None:
     rasters = source if isinstance(source, list) else [source]
     expected = on_the_command_line("suggest", [*rasters, *options(words), "--json"], "")
     if isinstance(expected.content, bytes):

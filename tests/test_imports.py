@@ -142,7 +142,9 @@ PHASES = {
     "params": set(),
     "partition": {"params"},
     "components": set(),
+    "border_steps": {"components"},
     "dilation": set(),
+    "illumination": set(),
     "blocks.lbp": set(),
     "blocks.g_statistic": set(),
     "blocks.division": {"blocks.lbp", "blocks.g_statistic"},  # its kernel makes symbols
@@ -155,6 +157,7 @@ PHASES = {
     "refine.total_variation": set(),
     "refine.specks": set(),
     "refine.discs": set(),
+    "refine.thin_lines": {"dilation", "refine.noise"},
     "refine.detail": {"refine.discs"},
     "refine.tv": {"dilation", "refine.noise", "refine.specks", "refine.total_variation"},
     "refine.range_scans": set(),
@@ -188,6 +191,7 @@ ON_RASTERS = {  # these may import raster, and all phases
     "states.thin_structures",
     "range_candidates",
     "typical_noise",
+    "measure_illumination",
 }
 
 # Packages, and the only places that import them (for more than types).

@@ -123,6 +123,7 @@ def test_the_output_of_a_sample_is_the_same_for_every_tile_size(fresh: Iterator[
         assert_same(wanted, outputs(QUARRY, next(fresh), "--tile", tile, "--threads", 1 + k % 2))
 
 
+@pytest.mark.slow
 def test_the_output_does_not_depend_on_the_hash_seed(fresh: Iterator[Path]) -> None:
     found = []
     for seed in ("1", "2"):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from uavseg._version import __version__
 
 if TYPE_CHECKING:
+    from uavseg.api.block_maps import divide as divide
     from uavseg.api.check import check as check
     from uavseg.api.each import each as each
     from uavseg.api.link import download as download
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from uavseg.api.missions import plan as plan
     from uavseg.api.questions import match as match
     from uavseg.api.questions import suggest as suggest
-    from uavseg.api.rasters import divide as divide
     from uavseg.api.rasters import extract as extract
     from uavseg.api.rasters import levels as levels
     from uavseg.errors import UavsegError as UavsegError
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "extract": "uavseg.api.rasters",
-    "divide": "uavseg.api.rasters",
+    "divide": "uavseg.api.block_maps",
     "build_map": "uavseg.api.maps",
     "classify": "uavseg.api.maps",
     "levels": "uavseg.api.rasters",

@@ -18,7 +18,7 @@ import uavseg
 from uavseg.errors import IntensityRangeError, ParameterError, RasterReadError
 from uavseg.flight import planner
 
-COLUMNS = ["id", "area_m2", "perimeter_m", "mean", "std", "pixels", "holes", "lon", "lat"]
+COLUMNS = ["id", "confidence", "area_m2", "perimeter_m", "mean", "std", "pixels", "holes", "lon", "lat"]
 COLUMNS += ["range_low", "range_high", "mean_value", "value_low", "value_high", "unit", "source", "geometry"]
 RANGE = (0.55, 1)
 
@@ -356,3 +356,15 @@ def test_outlines_are_smoothed_and_small_segments_merged_as_on_the_command_line(
     assert merged["pixels"].min() >= 600
     with pytest.raises(uavseg.errors.ParameterError, match="merge or drop, not 'sieve'"):
         uavseg.levels(scene(), 0.1, small="sieve")  # type: ignore[arg-type]
+
+
+def test_a_nodata_value_of_numpy_is_a_number(tmp_path: Path) -> None:
+    image = np.full((64, 64), 0.5, np.float32)
+    image[:20] = 0.25
+    path = tmp_path / "a.tif"
+    place = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
+    with rasterio.open(path, "w", "GTiff", 64, 64, 1, dtype="float32", **place) as file:
+        file.write(image, 1)
+    for nodata in (0.25, np.float64(0.25)):
+        found = uavseg.extract(path, range=(0.4, 1), stretch="none", nodata=nodata)
+        assert found["pixels"].sum() == 44 * 64

@@ -75,7 +75,7 @@ def test_regions_labels_and_what_is_told() -> None:
     regions = geopandas.read_file("a.gpkg")
     with rasterio.open("l.tif") as file:
         labels = file.read(1)
-    assert list(regions.columns[:3]) == ["id", "similarity", "area_m2"]
+    assert list(regions.columns[:4]) == ["id", "similarity", "confidence", "area_m2"]
     assert np.bincount(labels.ravel())[1:].tolist() == regions["pixels"].tolist()
     assert regions["area_m2"][0] == pytest.approx(np.pi * 150**2, rel=0.05)
     assert labels[100, 100] == 1

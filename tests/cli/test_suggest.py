@@ -197,3 +197,58 @@ def test_rasters_that_cannot_be_answered_are_one_line() -> None:
         assert result.exit_code == 1 and said in result.stderr and len(result.stderr.splitlines()) == 1
     assert not Path("look.png").exists()
     assert called("suggest", "a.tif", "--classes", "some").exit_code == 2 and called("suggest").exit_code == 2
+
+
+def two_kinds(name: str) -> str:
+    """Three bands; the first parts the left from the right."""
+    rng = np.random.default_rng(5)
+    left = np.indices((160, 192))[1] < 90
+    planes = rng.normal(100, 9, (3, 160, 192)) + np.stack([50 * left, 0 * left, 0 * left])
+    place = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6), "photometric": "RGB"}
+    with rasterio.open(name, "w", "GTiff", 192, 160, 3, dtype="uint8", **place) as file:
+        file.write(np.rint(planes).astype(np.uint8))
+    return name
+
+
+LIKE = ("--like", "400080,4999840,40")
+
+
+def test_a_sample_is_answered_with_lines_that_find_its_kind() -> None:
+    name = two_kinds("a b.tif")
+    lines = done("suggest", name, *LIKE).stdout.splitlines()
+    assert lines[0].split() == ["of", "values", "agreement", "area"]
+    assert lines[1].startswith("band 1 ") and lines[1].endswith(" %")
+    commands = [line.strip() for line in lines[2::2]]
+    assert 1 <= len(commands) <= 3 and commands[0].startswith("uavseg extract 'a b.tif' --band 1 --values ")
+    for command in commands:
+        words = shlex.split(command)
+        done(*words[1:], "-q")
+        share = geopandas.read_file(words[-1]).to_crs(32618).area.sum() / (160 * 192 * 4)
+        assert share == pytest.approx(90 / 192, abs=0.03)
+
+
+def test_the_answer_to_a_sample_as_json() -> None:
+    answer = json.loads(done("suggest", two_kinds("a.tif"), *LIKE, "--json").stdout)
+    assert answer["source"] == "a.tif" and answer["warnings"] == []
+    [best, *_] = answer["ranges"]
+    assert best["words"] == {"band": 1} and best["value_high"] is None and 0.8 < best["agreement"] <= 1
+    assert best["command"].startswith("uavseg extract a.tif --band 1 --values ")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--like", "1,2,3", "--classes", "3"], "--classes is for ranges without --like"),
+        (["--like", "1,2,3", "-o", "a.png"], "--output is for ranges without --like"),
+        (["--like", "1,2,3", "--threshold", "1.2"], "--threshold is for ranges without --like"),
+    ],
+)
+def test_options_of_the_histogram_do_not_go_with_a_sample(words: list[str], message: str) -> None:
+    result = called("suggest", two_kinds("a.tif"), *words)
+    assert result.exit_code == 2 and message in result.output
+
+
+@pytest.mark.parametrize("words", [["--like", "1,2,3"], ["--unlike", "400080,4999840,40"], ["--bands", "2"]])
+def test_a_sample_that_does_not_fit_is_one_line(words: list[str]) -> None:
+    result = called("suggest", two_kinds("a.tif"), *words)
+    assert result.exit_code == 1 and result.output.count("\n") == 1 and "sample" in result.output

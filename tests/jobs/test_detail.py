@@ -60,7 +60,7 @@ def test_degrees_are_measured_on_the_ground() -> None:
         (500, "tv", 32633, "at most 128 are possible"),
         (1e300, "tv", 32633, "at most 128 are possible"),
         (5, "none", 32633, "these regions end at block edges"),
-        (5, "tv", None, "give the detail in pixels, such as 5px"),
+        (5, "tv", None, "give the length in pixels, such as 5px"),
         (0, "tv", 32633, "a finite length above 0, not 0"),
         ("-3px", "tv", 32633, "a finite length above 0, not -3"),
         ("nan", "tv", 32633, "a finite length above 0, not nan"),

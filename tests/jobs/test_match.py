@@ -224,7 +224,7 @@ def test_each_region_tells_how_similar_it_is() -> None:
     image, truth = scene("rows", "meadow", 7)
     strict = found(image, request=replace(CELLS, similarity=0.9))
     columns = strict.found.regions.columns
-    assert list(columns)[:3] == ["id", "similarity", "area_m2"]
+    assert list(columns)[:4] == ["id", "similarity", "confidence", "area_m2"]
     assert (columns["similarity"] >= 0.9).all() and (columns["similarity"] <= 1).all()
     assert strict.texture is not None and strict.compared == "texture"
     assert strict.texture.limit == pytest.approx(strict.texture.own - 2 * np.log(0.9), abs=0.001)

@@ -57,6 +57,7 @@ def same(one: Match, other: Match) -> bool:
     return values and list(first) == list(second) and bool((painted(one) == painted(other)).all())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wanted", "other"), [("rows", "meadow"), ("meadow", "rows"), ("forest", "sand")])
 def test_of_what_has_the_color_texture_decides(tmp_path: Path, wanted: str, other: str) -> None:
     planes, truth = quarters(wanted, other, 0.2)
@@ -109,6 +110,7 @@ def test_a_radius_of_16_pixels_is_enough_where_texture_is_clear(
     assert overlap(painted(made), np.indices(SHAPE)[1] < 160) > 0.9 and truth.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine", ["pixel", "none"])
 def test_tiles_and_threads_change_nothing(tmp_path: Path, refine: str) -> None:
     planes, _ = quarters("rows", "meadow", 0.2)

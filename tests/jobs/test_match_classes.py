@@ -61,12 +61,14 @@ def test_what_is_like_no_sample_is_left_out(tile: Path, tmp_path: Path) -> None:
     assert (made == np.where(truth() == 0, 0, truth() + 1)).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_the_order_of_samples_changes_nothing_but_rounding(tile: Path, tmp_path: Path) -> None:
     one = painted(found(tile, samples(tmp_path / "a.gpkg", *NAMES)))
     other = painted(found(tile, samples(tmp_path / "b.gpkg", *NAMES[::-1])))
     assert (one == other).mean() > 0.999
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine", ["pixel", "none"])
 def test_tiles_and_threads_change_nothing(tile: Path, tmp_path: Path, refine: str) -> None:
     file = samples(tmp_path / "s.gpkg", *NAMES)

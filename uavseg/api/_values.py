@@ -38,6 +38,11 @@ def progress_of(progress: Progress | bool | None) -> Progress | None:
     return None if progress is False else progress
 
 
+def is_given(several: object) -> bool:
+    """Whether an argument that holds several is not left empty."""
+    return not (isinstance(several, tuple | list) and len(several) == 0)
+
+
 def warn(messages: Iterable[str], level: int = 4) -> None:
     """Warn the caller of the public function that calls this."""
     for message in messages:

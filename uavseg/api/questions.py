@@ -9,13 +9,19 @@ from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import regions_of, warn, work
+from uavseg.api._values import is_given, regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.detail import as_length
 from uavseg.jobs.each import RegionJob
 from uavseg.jobs.like.by_classes import MatchClassesRequest, match_classes
+from uavseg.jobs.like.ranges_of_sample import (
+    SampleRange,
+    SuggestLikeRequest,
+    open_all_bands,
+    ranges_of_sample,
+)
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.match import match as run_match
 from uavseg.jobs.open_source import open_source
@@ -59,6 +65,7 @@ def match(
     detail: float | str | None = None,
     min_area: float | str | None = None,
     fill_holes: float | str | None = None,
+    min_confidence: float | None = None,
     simplify: float | None = None,
     tile: int | None = None,
     threads: int | None = None,
@@ -103,6 +110,8 @@ def match(
         Bands to compare, each by itself; beside texture too.
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
+    min_confidence : float, optional
+        0 to 1: regions of a lower confidence are dropped at last; those found by texture have none.
     band, ..., allow_network
         As of `extract`.
 
@@ -110,7 +119,8 @@ def match(
     -------
     regions : geopandas.GeoDataFrame
         With the columns of `extract` and `similarity`: 1 where a region is as like the sample as the sample
-        is to itself. `range_low` and `range_high` are the means that windows may have.
+        is to itself. Regions by texture and those of classes have no confidence (NaN). `range_low` and
+        `range_high` are the means that windows may have.
 
     Raises
     ------
@@ -142,9 +152,10 @@ def match(
             by,
             _samples(unlike),
             as_length(detail),
+            min_confidence,
         )
     else:
-        _check_alone(like, unlike, (window, similarity, intensity, by))
+        _check_alone(like, unlike, (window, similarity, intensity, by, min_confidence))
         request = MatchClassesRequest(
             os.fspath(classes), refine, drawing, holes, least, tuple(bands), as_length(detail)
         )
@@ -171,10 +182,10 @@ def _matched(request: MatchRequest | MatchClassesRequest, opened: Source, how: W
 
 
 def _check_alone(like: object, unlike: object, words: tuple[object, ...]) -> None:
-    if like not in ((), []) or unlike not in ((), []) or words != (None, 0.9, 1.0, "auto"):
+    if is_given(like) or is_given(unlike) or words != (None, 0.9, 1.0, "auto", None):
         raise ParameterError(
             "classes compares the colors of all its samples; leave out like, unlike, window, similarity, "
-            "intensity and by"
+            "intensity, by and min_confidence"
         )
 
 
@@ -193,6 +204,9 @@ def suggest(
     source: Any,
     classes: int | str = "auto",
     *,
+    like: Sample | Sequence[Sample] = (),
+    unlike: Sequence[Sample] = (),
+    bands: Sequence[int | str] = (),
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
     index: str | None = None,
@@ -200,6 +214,7 @@ def suggest(
     band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
+    flatten: float | str | None = None,
     method: str = "adaptive",
     threshold: float = 1.2,
     intensity_step: float = 0.05,
@@ -211,8 +226,10 @@ def suggest(
     collar: str = "auto",
     allow_path: Folders = (),
     allow_network: bool = False,
-) -> list[Suggestion]:
+) -> list[Suggestion] | list[SampleRange]:
     """Ranges of v that a raster suggests by itself: the classes of the means of its leaves.
+
+    With a sample, the bands, indices and sums of bands and the ranges of their values that part it best.
 
     Parameters
     ----------
@@ -220,15 +237,21 @@ def suggest(
         As of `extract`; or the path of a block map, which answers by itself.
     classes : int or "auto"
         How many ranges, 2 to 8; as many as the histogram of means has by itself, if left out.
+    like, unlike
+        Samples of what is wanted and of what is not, as of `match`.
+    bands : sequence of int or str
+        With a sample: the bands to look at, by number or name; by default all.
     band, ..., allow_network
         As of `extract`.
 
     Returns
     -------
-    ranges : list of Suggestion
+    ranges : list of Suggestion, or with a sample list of SampleRange
         The darkest first: `low` and `high`, together `range`; valid `pixels` and their `share` of all;
         `regions`, the number that `extract` gives; where `exact` is false, an estimate of it. Empty where all
-        leaves have one mean. What makes the ranges doubtful is a warning.
+        leaves have one mean. What makes the ranges doubtful is a warning. With a sample, the best first:
+        `extract(source, values=found.values, **found.words)` extracts one, which has the `agreement` that is
+        expected, from 0 to 1.
 
     Raises
     ------
@@ -246,15 +269,25 @@ def suggest(
     (0.0, 0.51) 0.875 1
     (0.51, 1.0) 0.125 1
     """
-    segment = SegmentParams.from_words(method, threshold, intensity_step, None)
-    request = SuggestRequest(_number_of(classes), segment)
     words = BandWords(index, expr, band_names)
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)
+    how = work(threads, tile, progress, resume)
     with allowing(allow_path, allow_network):
-        opened = open_source(source, options)
-        found = run_suggest(opened, request, work(threads, tile, progress, resume))
-    warn(found.warnings)
-    return list(found.ranges)
+        if not any(map(is_given, (like, unlike, bands))):
+            segment = SegmentParams.from_words(method, threshold, intensity_step, None)
+            request = SuggestRequest(_number_of(classes), segment)
+            found = run_suggest(open_source(source, options), request, how)
+            warn(found.warnings)
+            return list(found.ranges)
+        if (classes, method, threshold, intensity_step, resume) != ("auto", "adaptive", 1.2, 0.05, None):
+            raise ParameterError(
+                "classes, method, threshold, intensity_step and resume are for ranges without a sample; "
+                "leave them out"
+            )
+        samples = SuggestLikeRequest(_samples(like), _samples(unlike), tuple(bands))
+        parting = ranges_of_sample(open_all_bands(source, options), samples, how)
+    warn(parting.warnings)
+    return list(parting.ranges)
 
 
 def _number_of(classes: int | str) -> int | None:

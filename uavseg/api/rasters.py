@@ -7,20 +7,18 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import regions_of, warn, work
+from uavseg.api._values import regions_of, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.detail import as_length
-from uavseg.jobs.divide import divide as run_divide
 from uavseg.jobs.each import RegionJob
 from uavseg.jobs.extract import ExtractRequest
 from uavseg.jobs.extract import extract as run_extract
-from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
+from uavseg.jobs.extract_classes import ClassesRequest, extract_classes, refuse_thin_lines
 from uavseg.jobs.level_breaks import breaks_of
 from uavseg.jobs.levels import LevelsRequest, Small, level_params
 from uavseg.jobs.levels import levels as run_levels
-from uavseg.jobs.open_source import open_source
 from uavseg.jobs.range_words import range_of_words
 from uavseg.jobs.result import Drawing
 from uavseg.jobs.segment_kinds import joint_params
@@ -32,8 +30,6 @@ from uavseg.segmentation.params import Levels, SegmentParams
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
-
-    from uavseg.segmentation.blocks.block_map import BlockMap
 
 
 @checked
@@ -51,13 +47,16 @@ def extract(
     band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
+    flatten: float | str | None = None,
     method: str = "adaptive",
     refine: str | None = None,
     threshold: float = 1.2,
     intensity_step: float = 0.05,
     detail: float | str | None = None,
+    thin_lines: bool = False,
     min_area: float | str | None = None,
     fill_holes: float | str | None = None,
+    min_confidence: float | None = None,
     smooth_outline: float | None = None,
     simplify: float | None = None,
     tile: int | None = None,
@@ -103,10 +102,17 @@ def extract(
         Names for the bands: "red,green,blue,nir", or of some "nir=4".
     nodata, stretch, method, refine, threshold, intensity_step
         As the options of `uavseg extract`.
+    flatten : float or str, optional
+        Metres, or pixels as "200px": light that changes slowly over this width is taken away, and `range` is
+        of v without it; several times the width of what is sought. Columns of values are then empty.
     detail : float or str, optional
         Metres, or pixels as "8px": narrower structures are left out, necks cut and gaps closed, before holes.
+    thin_lines : bool
+        Whether lines of 1 to 3 pixels are added by their contrast along 15 pixels; for one range.
     min_area, fill_holes : float or str, optional
         Square metres, or pixels as "64px". Holes are filled first, then regions dropped.
+    min_confidence : float, optional
+        0 to 1: regions of a lower confidence are dropped at last.
     smooth_outline : float, optional
         Metres that outlines without stairs may leave the pixel edges, at most half a pixel.
     simplify : float, optional
@@ -132,8 +138,10 @@ def extract(
     Returns
     -------
     regions : geopandas.GeoDataFrame
-        In the raster's CRS, the region with most pixels first: id, area_m2, perimeter_m, mean, std, pixels,
-        holes, lon, lat, range_low, range_high, source. With classes also class, and color if one has a color.
+        In the raster's CRS, the region with most pixels first: id, confidence, area_m2, perimeter_m, mean,
+        std, pixels, holes, lon, lat, range_low, range_high, source. With classes also class, and color if one
+        has a color. The confidence is the probability that a region is right, as on drawn scenes; NaN where
+        regions end at block edges.
 
     Raises
     ------
@@ -145,16 +153,18 @@ def extract(
     >>> import uavseg
     >>> regions = uavseg.extract("tile.tif", range=(0.55, 1))  # doctest: +SKIP
     """
-    how = Drawing(smooth_outline, simplify), as_area(fill_holes), as_area(min_area), as_length(detail)
+    drawing, areas = Drawing(smooth_outline, simplify), (as_area(fill_holes), as_area(min_area))
+    how = drawing, *areas, as_length(detail), min_confidence
     segment = SegmentParams.from_words(method, threshold, intensity_step, refine)
     words = BandWords(index, expr, band_names)
-    read = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
+    read = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)
     if classes is None:
-        request = ExtractRequest(range_of_words(range, values, percentile), segment, *how)
+        request = ExtractRequest(range_of_words(range, values, percentile), segment, *how, thin_lines)
         job = RegionJob(read, lambda opened, work: run_extract(opened, request, work))
     else:
         if not range is values is percentile is None:
             raise ParameterError("extract takes a range or classes; give one of them")
+        refuse_thin_lines(thin_lines)
         asked = ClassesRequest(classes_of_words(classes), joint_params(segment, refine), *how)
         job = RegionJob(read, lambda opened, work: extract_classes(opened, asked, work))
     with allowing(allow_path, allow_network):
@@ -174,6 +184,7 @@ def levels(
     band_names: str | None = None,
     nodata: float | None = None,
     stretch: str = "auto",
+    flatten: float | str | None = None,
     method: str = "adaptive",
     threshold: float = 1.2,
     intensity_step: float = 0.05,
@@ -181,6 +192,7 @@ def levels(
     detail: float | str | None = None,
     min_area: float | str | None = None,
     small: Small = "merge",
+    min_confidence: float | None = None,
     smooth_outline: float | None = None,
     simplify: float | None = None,
     tile: int | None = None,
@@ -212,6 +224,8 @@ def levels(
     small : {"merge", "drop"}
         What becomes of segments of less than `min_area`: the smallest first, each becomes part of the
         neighbour with the longest common border; or they are dropped.
+    min_confidence : float, optional
+        0 to 1: segments of a lower confidence are dropped at last.
     band, ..., allow_network
         As of `extract`.
 
@@ -241,59 +255,10 @@ def levels(
         as_area(min_area),
         small,
         as_length(detail),
+        min_confidence,
     )
-    job = RegionJob(
-        ReadOptions(
-            band,
-            rgb,
-            nodata,
-            stretch,
-            skip_bad_tiles,
-            words=BandWords(index, expr, band_names),
-            collar=collar,
-        ),
-        lambda opened, how: run_levels(opened, request, how),
-    )
+    words = BandWords(index, expr, band_names)
+    read = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)
+    job = RegionJob(read, lambda opened, how: run_levels(opened, request, how))
     with allowing(allow_path, allow_network):
         return regions_of(source, job, work(threads, tile, progress, resume))
-
-
-@checked
-def divide(
-    source: Any,
-    *,
-    band: int | str | None = None,
-    rgb: tuple[int | str, int | str, int | str] | None = None,
-    index: str | None = None,
-    expr: str | None = None,
-    band_names: str | None = None,
-    nodata: float | None = None,
-    stretch: str = "auto",
-    tile: int | None = None,
-    threads: int | None = None,
-    resume: str | os.PathLike[str] | None = None,
-    skip_bad_tiles: bool = False,
-    collar: str = "auto",
-    allow_path: Folders = (),
-    allow_network: bool = False,
-) -> BlockMap:
-    """The block map of a raster, from which `uavseg.segmentation` answers any range.
-
-    Parameters
-    ----------
-    source : path, sequence of paths, DataArray or Dataset
-    band, rgb, index, expr, band_names, nodata, stretch
-    tile, threads : int, optional
-    resume : path, optional
-    skip_bad_tiles, allow_network : bool
-    collar : {"auto", "keep"}
-    allow_path : path or sequence of paths
-        As of `extract`.
-    """
-    words = BandWords(index, expr, band_names)
-    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=words, collar=collar)
-    with allowing(allow_path, allow_network):
-        opened = open_source(source, options)
-        found = run_divide(opened, work=work(threads, tile, None, resume))
-    warn(found.warnings)
-    return found.saved.blocks

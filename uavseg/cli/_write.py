@@ -160,9 +160,17 @@ def summary_rows(found: Extraction) -> dict[str, str]:
         **_range_row(found),
         "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {found.area_unit}",
         "largest": largest(found),
+        **confidence_row(found),
         "stretch": found.stretch.name,
         "band": found.band_names,
     }
+
+
+def confidence_row(found: Extraction) -> dict[str, str]:
+    """How many regions were left out because of their confidence, if a least one was asked for."""
+    if found.unsure is None:
+        return {}
+    return {"too unsure": f"{found.unsure:,} of {found.unsure + len(found.regions):,} left out"}
 
 
 def _range_row(found: Extraction) -> dict[str, str]:

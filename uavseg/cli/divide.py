@@ -8,7 +8,13 @@ import click
 
 from uavseg.cli._write import keep_inputs
 from uavseg.cli.options.creation import creation_of, creation_option
-from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
+from uavseg.cli.options.raster import (
+    flatten_option,
+    read_options,
+    reading_options,
+    segment_params,
+    segmenting_options,
+)
 from uavseg.cli.options.running import RunOptions, running_options
 
 
@@ -16,6 +22,7 @@ from uavseg.cli.options.running import RunOptions, running_options
 @reading_options
 @click.option("-o", "--output", required=True, metavar="PATH.tif", help="The block map.")
 @creation_option
+@flatten_option
 @segmenting_options
 @running_options
 def command(**options: Any) -> None:
@@ -40,11 +47,18 @@ def command(**options: Any) -> None:
     write_block_map(output, found.saved, request.segment.division, run.overwrite, creation)
     run.reporter.finish(found.warnings)
     rows, cols = found.saved.blocks.blocks
+    flat = found.saved.origin.flatten
+    light = {} if flat is None else {"slow light": f"taken away over {flat.removesuffix('px')} {_unit(flat)}"}
     run.reporter.table(
         {
             "blocks": f"{rows * cols:,} of 64 x 64 -> {output}",
             "stretch": found.saved.stretch.name,
             "band": found.saved.band_names,
+            **light,
             "seconds": f"{run.reporter.seconds:.2f}",
         }
     )
+
+
+def _unit(length: str) -> str:
+    return "pixels" if length.endswith("px") else "m"

@@ -36,7 +36,9 @@ from uavseg.cli.options.raster import (
     area,
     drawing,
     drawing_options,
+    flatten_option,
     length,
+    min_confidence_option,
     read_options,
     reading_options,
     segment_params,
@@ -73,6 +75,7 @@ if TYPE_CHECKING:
     help="Also write the labels of the regions as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
 @creation_option
+@flatten_option
 @segmenting_options
 @click.option(
     "--refine",
@@ -86,8 +89,14 @@ if TYPE_CHECKING:
     metavar="M|Npx",
     help="Leave out what is narrower, cut necks and close gaps that are; before holes are filled.",
 )
+@click.option(
+    "--thin-lines",
+    is_flag=True,
+    help="Also find lines of 1 to 3 pixels (cracks, tracks) in one range by their contrast along 15 pixels.",
+)
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less, after holes are filled.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
+@min_confidence_option
 @drawing_options
 @click.option(
     "--mission", metavar="PATH", help="Also plan a mission over the regions: a file as of uavseg plan."
@@ -165,14 +174,21 @@ def _request(options: dict[str, Any]) -> ExtractRequest | ClassesRequest:
 
     asked, refine = asked_ranges(options), options["refine"]
     check_mission_classes(options, asked)
-    how = drawing(options), area(options["fill_holes"]), area(options["min_area"]), length(options["detail"])
+    how = (
+        drawing(options),
+        area(options["fill_holes"]),
+        area(options["min_area"]),
+        length(options["detail"]),
+        options["min_confidence"],
+    )
     if not isinstance(asked, ValueClasses):
         from uavseg.jobs.extract import ExtractRequest
 
-        return ExtractRequest(asked, segment_params(options, refine), *how)
-    from uavseg.jobs.extract_classes import ClassesRequest
+        return ExtractRequest(asked, segment_params(options, refine), *how, options["thin_lines"])
+    from uavseg.jobs.extract_classes import ClassesRequest, refuse_thin_lines
     from uavseg.jobs.segment_kinds import joint_params
 
+    refuse_thin_lines(options["thin_lines"])
     return ClassesRequest(asked, joint_params(segment_params(options, None), refine), *how)
 
 

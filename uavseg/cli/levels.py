@@ -21,7 +21,9 @@ from uavseg.cli.options.raster import (
     area,
     drawing,
     drawing_options,
+    flatten_option,
     length,
+    min_confidence_option,
     read_options,
     reading_options,
     segment_params,
@@ -60,6 +62,7 @@ _LISTED = 8  # levels in the table at the end
     help="Also write the labels of the segments as a raster: one .tif, or a .vrt over a folder of tiles.",
 )
 @creation_option
+@flatten_option
 @segmenting_options
 @click.option(
     "--refine",
@@ -83,6 +86,7 @@ _LISTED = 8  # levels in the table at the end
     help="What becomes of small segments. Merge: one after the other, the smallest first, becomes part of "
     "the neighbour with the longest common border (then the nearest mean); one that has grown enough stays.",
 )
+@min_confidence_option
 @drawing_options
 @style_option
 @stream_options
@@ -161,6 +165,7 @@ def _request(options: dict[str, Any]) -> LevelsRequest:
         area(options["min_area"]),
         options["small"],
         length(options["detail"]),
+        options["min_confidence"],
     )
 
 

@@ -9,6 +9,7 @@ import click
 from uavseg.cli._write import (
     LabelFile,
     check_targets,
+    confidence_row,
     keep_inputs,
     shown,
     summary_rows,
@@ -18,7 +19,14 @@ from uavseg.cli._write import (
 from uavseg.cli.options.bands import many_bands
 from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.each import answer_each, check_alone, each_options
-from uavseg.cli.options.raster import area, drawing, length, read_options, reading_options
+from uavseg.cli.options.raster import (
+    area,
+    drawing,
+    length,
+    min_confidence_option,
+    read_options,
+    reading_options,
+)
 from uavseg.cli.options.running import RunOptions, running_options
 from uavseg.cli.options.stream import geojson_form, stream_options, stream_warnings
 from uavseg.cli.options.style import style_kind, style_option
@@ -116,6 +124,7 @@ if TYPE_CHECKING:
 )
 @click.option("--min-area", metavar="M2|Npx", help="Drop regions of less.")
 @click.option("--fill-holes", metavar="M2|Npx", help="Fill holes of less, before small regions are dropped.")
+@min_confidence_option
 @click.option(
     "--simplify", type=float, metavar="METRES", help="Simplify outlines; shared borders stay shared."
 )
@@ -191,6 +200,7 @@ def command(**options: Any) -> None:
         "regions": f"{len(found.regions):,} -> {shown(target)}",
         "total area": common["total area"],
         "largest": common["largest"],
+        **confidence_row(found),
         **compared,
         "stretch": common["stretch"],
         "band": common["band"],
@@ -206,6 +216,7 @@ def _check_samples(options: dict[str, Any]) -> None:
         return
     alone = ("like", "unlike", "window")
     given = [f"--{name}" for name in alone if options[name]]
+    given += ["--min-confidence"] * (options["min_confidence"] is not None)
     usual = {"by": "auto", "similarity": 0.9, "intensity": 1.0}
     given += [f"--{name}" for name, value in usual.items() if options[name] != value]
     if given:
@@ -242,6 +253,7 @@ def _request(options: dict[str, Any]) -> MatchRequest | MatchClassesRequest:
         options["by"],
         tuple(map(parse_like, options["unlike"])),
         length(options["detail"]),
+        options["min_confidence"],
     )
 
 

@@ -47,7 +47,8 @@ _OF_RASTERS = (*_LAYERS[:-1], "band", "rgb", "index", "expr", "band_names", "nod
 def command(**options: Any) -> None:
     """Draw RASTER (many are one mosaic, a YAML file is a ROS map) in grey as a PNG picture, with a scale bar
     and what is named: the outlines and ids of regions, the legs of missions in their order with their fence,
-    the states or the levels of segments, the leaves of the quadtree, a path.
+    the states or the levels of segments, the leaves of the quadtree, a path. The surer a region is, the
+    stronger it is filled; lines are dashed below a confidence of 0.8 and dotted below 0.5.
 
     Without RASTER, missions are drawn on a blank map, with a profile of their heights below; then FILE.plan
     may be given in place of --mission FILE.plan.

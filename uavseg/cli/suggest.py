@@ -11,8 +11,16 @@ import click
 from click.core import ParameterSource
 
 from uavseg.cli._say import show
+from uavseg.cli._suggest_like import suggest_like
 from uavseg.cli._write import keep_inputs, transaction
-from uavseg.cli.options.raster import read_options, reading_options, segment_params, segmenting_options
+from uavseg.cli.options.bands import many_bands
+from uavseg.cli.options.raster import (
+    flatten_option,
+    read_options,
+    reading_options,
+    segment_params,
+    segmenting_options,
+)
 from uavseg.cli.options.running import Reporter, RunOptions, running_options
 
 if TYPE_CHECKING:
@@ -42,7 +50,27 @@ def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | Non
     metavar="N|auto",
     help="How many ranges: 2 to 8, or as many as the histogram has by itself.",
 )
+@click.option(
+    "--like",
+    multiple=True,
+    metavar="SAMPLE|X,Y,RADIUS",
+    help="The band, index or sum of bands and the range of its values that part this sample best: a file of "
+    "polygons, or a disc in the raster's coordinates. May be given several times.",
+)
+@click.option(
+    "--unlike",
+    multiple=True,
+    metavar="SAMPLE|X,Y,RADIUS",
+    help="With --like: a sample of what is not wanted; may be given several times.",
+)
+@click.option(
+    "--bands",
+    metavar="BAND,...",
+    callback=many_bands,
+    help="With --like: look at these bands alone.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Write JSON, for programs.")
+@flatten_option
 @segmenting_options
 @running_options
 def command(**options: Any) -> None:
@@ -52,7 +80,14 @@ def command(**options: Any) -> None:
 
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
     thresholds). RASTER may also be a block map from `uavseg divide`, which answers by itself.
+
+    With --like, all bands are looked at: the best band, the best index or ratio and the best weighted sum of
+    bands, each with the range of its values that fits what has the colors of the sample, and how well it is
+    expected to agree with that: pixels that are both, as a share of those that are either.
     """
+    if options["like"] or options["unlike"] or options["bands"]:
+        suggest_like(options)
+        return
     from uavseg.jobs.open_source import open_source
     from uavseg.jobs.source import Pixels
     from uavseg.jobs.suggest import SuggestRequest, suggest
@@ -87,22 +122,12 @@ def _command(
     """The line that extracts a range, from the same rasters in the same way."""
     from uavseg.jobs.command_line import extract_line
     from uavseg.raster.source_list import stem_of
+    from uavseg.regions.formats.export import suffix_for
 
-    target = f"{stem_of(rasters[0])}.{str(chosen).replace(',', '-')}{_suffix(found)}"
+    suffix = suffix_for(found.source.geobox.wkt)
+    target = f"{stem_of(rasters[0])}.{str(chosen).replace(',', '-')}{suffix}"
     line = extract_line(rasters, read_options(options), str(chosen))
     return f"{line} {shlex.join([*_chosen(options), '-o', target])}"
-
-
-def _suffix(found: Suggestions) -> str:
-    """GeoJSON where it can hold the regions."""
-    from uavseg.errors import OutputError
-    from uavseg.regions.formats import export
-
-    try:
-        export.check_region_crs("regions.geojson", found.source.geobox.wkt)
-    except OutputError:
-        return ".gpkg"
-    return ".geojson"
 
 
 def _chosen(options: dict[str, Any]) -> list[str]:

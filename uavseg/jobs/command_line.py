@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.access import current_policy
+from uavseg.jobs.detail import Length
 from uavseg.jobs.source import ReadOptions
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
 from uavseg.raster.source_list import expand_sources, is_list
@@ -16,7 +17,7 @@ from uavseg.raster.source_list import expand_sources, is_list
 _FEW = 8  # names that are spelled out where a pattern stands for them
 
 
-def extract_line(sources: Sequence[str], options: ReadOptions, interval: str) -> str:
+def extract_line(sources: Sequence[str], options: ReadOptions, interval: str, kind: str = "--range") -> str:
     """The line that extracts a range from the same sources, read in the same way.
 
     Parameters
@@ -25,14 +26,16 @@ def extract_line(sources: Sequence[str], options: ReadOptions, interval: str) ->
         As the user named them.
     options : ReadOptions
     interval : str
-        As --range takes it.
+        As --range takes it, or another option.
+    kind : str
+        That option.
 
     Examples
     --------
     >>> extract_line(["my tile.tif"], ReadOptions(band=2, stretch="0,2047"), "0.5,1")
     "uavseg extract 'my tile.tif' --band 2 --stretch 0,2047 --range 0.5,1"
     """
-    words = [*source_words(sources), *option_words(options), *_access_words(), "--range", interval]
+    words = [*source_words(sources), *option_words(options), *_access_words(), kind, interval]
     return shlex.join(["uavseg", "extract", *words])
 
 
@@ -72,6 +75,8 @@ def option_words(options: ReadOptions) -> list[str]:
 
 
 def _text(value: Any) -> str:
+    if isinstance(value, Length):
+        return value.word
     if isinstance(value, Stretch):
         return _text((value.low, value.high))
     if isinstance(value, StretchSpec):

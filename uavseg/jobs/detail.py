@@ -12,6 +12,11 @@ from uavseg.segmentation.refine.detail import MAX_DETAIL, Detail
 class Length:
     """A length in metres, or in pixels.
 
+    Raises
+    ------
+    ParameterError
+        If it is not finite and above 0.
+
     Examples
     --------
     >>> parse_length("8px")
@@ -23,10 +28,15 @@ class Length:
 
     def __post_init__(self) -> None:
         if not 0 < self.value < float("inf"):
-            raise ParameterError(f"a detail is a finite length above 0, not {self.value:g}")
+            raise ParameterError(f"a detail or a width is a finite length above 0, not {self.value:g}")
 
     def __str__(self) -> str:
         return f"{self.value:.12g} {'pixels' if self.in_pixels else 'm'}"
+
+    @property
+    def word(self) -> str:
+        """As options of the command line take it."""
+        return f"{self.value!r}".removesuffix(".0") + ("px" if self.in_pixels else "")
 
 
 def parse_length(text: str) -> Length:
@@ -43,7 +53,7 @@ def parse_length(text: str) -> Length:
         value = float(number.removesuffix("px"))
     except ValueError as error:
         raise ParameterError(
-            f"a detail is metres such as 2.5, or pixels such as 8px, not {text!r}"
+            f"a detail or a width is metres such as 2.5, or pixels such as 8px, not {text!r}"
         ) from error
     return Length(value, in_pixels)
 
@@ -91,7 +101,7 @@ def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = 
             "a detail is decided to the pixel, and these regions end at block edges; leave --detail out, "
             "or refine to the pixel"
         )
-    rows, cols = _in_pixels(length, geobox)
+    rows, cols = in_pixels(length, geobox)
     if max(rows, cols) < 2:
         raise ParameterError(
             f"a detail of {length} is less than two pixels of the raster, so it would change nothing; "
@@ -120,13 +130,19 @@ def refuse_without_pixels(length: Length | None) -> None:
         )
 
 
-def _in_pixels(length: Length, geobox: GeoBox) -> tuple[int, int]:
-    """The nearest whole numbers of rows and columns, at least 1."""
+def in_pixels(length: Length, geobox: GeoBox) -> tuple[int, int]:
+    """The nearest whole numbers of rows and columns, at least 1.
+
+    Raises
+    ------
+    ParameterError
+        If metres are given and there is no CRS.
+    """
     if length.in_pixels:
         along_row = along_col = 1.0
     elif geobox.crs is None:
         raise ParameterError(
-            "the raster has no CRS, so there are no metres; give the detail in pixels, "
+            "the raster has no CRS, so there are no metres; give the length in pixels, "
             f"such as {length.value:g}px"
         )
     else:

@@ -71,5 +71,5 @@ def block_map_of(source: Pixels, tile_pass: TilePass) -> tuple[SavedBlocks, Sour
     decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
     dataset = source.dataset
     info = SourceInfo.of(grey)
-    facts = grey.stretch, dataset.band_names, source.origin, info.axis
+    facts = grey.stretch, dataset.band_names, source.origin, info.axis, grey.illumination
     return SavedBlocks(blocks, dataset.geobox, *facts), info

@@ -6,12 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, logger, phase
 from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
+from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
 from uavseg.jobs.fill_holes import filled
-from uavseg.jobs.metadata import drawing_facts, range_facts, segment_facts, with_metadata
-from uavseg.jobs.ranges import AnyRange, FoundRange, grey_for, range_of_blocks, range_text
+from uavseg.jobs.metadata import doubt_facts, drawing_facts, range_facts, segment_facts, with_metadata
+from uavseg.jobs.ranges import AnyRange, FoundRange, grey_for, range_of_blocks, range_text, where_to_look
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.unchanged import check_unchanged
@@ -29,6 +31,7 @@ from uavseg.segmentation.pipeline import (
     cells_to_refine,
     measure_block_map_for,
 )
+from uavseg.segmentation.refine.thin_lines import ThinLines
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.typical_noise import typical_noise
 from uavseg.units import CELLS
@@ -52,6 +55,17 @@ class ExtractRequest:
         Regions of less are dropped, after holes are filled.
     detail : Length, optional
         Structures narrower than this are left out, necks are cut and gaps closed; this comes before holes.
+    min_confidence : float, optional
+        Regions of a lower confidence are dropped at last.
+    thin_lines : bool
+        Whether lines of 1 to 3 pixels are added where their contrast along 15 pixels is significant; before
+        holes too.
+
+    Raises
+    ------
+    ParameterError
+        If thin lines are asked for with a detail, which leaves them out, or without refinement to the pixel;
+        if the minimum confidence is not within 0 and 1, or regions end at block edges, where it is not known.
     """
 
     interval: AnyRange
@@ -60,6 +74,18 @@ class ExtractRequest:
     fill_holes: Area | None = None
     min_area: Area | None = None
     detail: Length | None = None
+    min_confidence: float | None = None
+    thin_lines: bool = False
+
+    def __post_init__(self) -> None:
+        check_least(self.min_confidence, self.segment.refine)
+        if self.thin_lines and self.detail is not None:
+            raise ParameterError("a detail leaves out the lines that thin lines adds; give one of them")
+        if self.thin_lines and self.segment.refine == "none":
+            raise ParameterError(
+                "thin lines are decided to the pixel, and these regions end at block edges; leave thin lines "
+                "out, or refine to the pixel"
+            )
 
 
 def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Extraction:
@@ -93,13 +119,18 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     else:
         hints.append(f"{source.saved.origin.rasters[0]} is not where it was, so regions end at block edges")
         found = _at_block_edges(source, request)
-    if len(found.regions) == 0:
+    if len(found.regions) == 0 and found.unsure:
+        hints.append(nothing_sure(found.unsure, request.min_confidence))
+    elif len(found.regions) == 0:
         sought = range_text(request.interval, found.axis)
-        kind = "v" if isinstance(request.interval, IntensityRange) else "values"
         wide = "" if request.detail is None else f" and is {request.detail} wide"
-        hints.append(f"no region has a mean {sought}{wide}; uavseg info shows which {kind} there are")
+        by_v = isinstance(request.interval, IntensityRange)
+        look = where_to_look(source) if by_v else "uavseg info shows which values there are"
+        hints.append(f"no region has a mean {sought}{wide}; {look}")
     how = range_facts(found.wanted, found.axis) | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    how |= {"thin_lines": True} if request.thin_lines else {}
+    how |= doubt_facts(request.min_confidence)
     return work.finished(with_metadata(found, source, "extract", how), *hints)
 
 
@@ -143,7 +174,7 @@ def _log_cells(grey: GreySource, cells: NDArray[np.uint8]) -> None:
 def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work) -> Extraction:
     """The same from the division on, with blocks that are known."""
     outlining = work.over(raster)
-    grey = GreySource(raster.cleaned(outlining.silent), source.saved.stretch)
+    grey = source.grey(raster, outlining)
     with work.reading_here():
         check_unchanged(grey, source)
     wanted = range_of_blocks(source, request.interval)
@@ -158,6 +189,11 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 
     refuse_without_pixels(request.detail)
+    if request.thin_lines:
+        raise ParameterError(
+            "thin lines are decided to the pixel, and regions from this block map end at block edges; leave "
+            "them out, or give the raster"
+        )
     blocks, segment = source.saved.blocks, request.segment
     wanted = range_of_blocks(source, request.interval)
     outlined = outline_block_map(blocks, cells_in_range(blocks, wanted.interval, segment.division))
@@ -176,7 +212,7 @@ def _outlined(
 ) -> RegionOutlines:
     """Outlines of the regions, with small holes filled."""
     refine = request.segment.refine
-    detail = detail_of(request.detail, grey.dataset.geobox, refine)
+    detail = ThinLines() if request.thin_lines else detail_of(request.detail, grey.dataset.geobox, refine)
     outlined = outline_regions(grey, cells, wanted.interval, refine, tile_pass, expected, detail)
     trim_heap()
     return filled(grey, outlined, request.fill_holes, tile_pass)
@@ -190,4 +226,5 @@ def _measured(
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     interval = wanted.interval
     ends = interval.low, interval.high
-    return measured(outlined, info, ends, request.drawing, wanted=wanted)
+    doubt = Doubt.of(outlined, ends, request.segment.refine, request.min_confidence)
+    return measured(outlined, info, ends, request.drawing, wanted=wanted, doubt=doubt)

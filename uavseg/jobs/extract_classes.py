@@ -4,8 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uavseg.errors import ParameterError
 from uavseg.jobs.detail import Length
-from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
+from uavseg.jobs.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.ranges import where_to_look
 from uavseg.jobs.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import KindsRequest, segment_kinds
 from uavseg.jobs.source import Source
@@ -34,6 +37,13 @@ class ClassesRequest:
         Regions of less are dropped, after holes are filled.
     detail : Length, optional
         Structures narrower than this become part of what is near, or are left out; this comes before holes.
+    min_confidence : float, optional
+        As of `ExtractRequest`.
+
+    Raises
+    ------
+    ParameterError
+        As of `ExtractRequest`.
     """
 
     classes: ValueClasses
@@ -42,6 +52,22 @@ class ClassesRequest:
     fill_holes: Area | None = None
     min_area: Area | None = None
     detail: Length | None = None
+    min_confidence: float | None = None
+
+    def __post_init__(self) -> None:
+        check_least(self.min_confidence, self.segment.refine)
+
+
+def refuse_thin_lines(thin_lines: bool) -> None:
+    """Refuse thin lines with several classes.
+
+    Raises
+    ------
+    ParameterError
+        If they are asked for.
+    """
+    if thin_lines:
+        raise ParameterError("thin lines are found for one range, not for classes; leave thin lines out")
 
 
 def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL) -> Extraction:
@@ -84,10 +110,15 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
         edited = request.fill_holes is not None or request.min_area is not None
         left = "is left once holes are filled and small regions dropped" if edited else "is there"
         left += "" if request.detail is None else f" and is {request.detail} wide"
-        hints.append(f"no region of {', '.join(empty)} {left}; uavseg info shows which v there are")
-    result = measured(outlined, found.info, (low[kind], high[kind]), request.drawing, columns)
+        hints.append(f"no region of {', '.join(empty)} {left}; {where_to_look(source)}")
+    ends = low[kind], high[kind]
+    doubt = Doubt.of(outlined, ends, found.refine, request.min_confidence)
+    result = measured(outlined, found.info, ends, request.drawing, columns, doubt=doubt)
     how = {"classes": [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]}
     facts = segment_facts(request.segment) | drawing_facts(
         request.drawing, request.fill_holes, request.min_area, request.detail
     )
+    if result.unsure and not len(result.regions):
+        hints.append(nothing_sure(result.unsure, request.min_confidence))
+    facts |= doubt_facts(request.min_confidence)
     return work.finished(with_metadata(result, source, "extract", how | facts), *hints)

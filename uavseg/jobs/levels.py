@@ -7,8 +7,9 @@ import numpy as np
 
 from uavseg.errors import ParameterError
 from uavseg.jobs.detail import Length
+from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
 from uavseg.jobs.level_breaks import BreakChoice
-from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
 from uavseg.jobs.result import Drawing, Extraction, measured
 from uavseg.jobs.segment_kinds import ChoosePartition, KindsRequest, Segmented, joint_params, segment_kinds
 from uavseg.jobs.source import Source
@@ -40,6 +41,8 @@ class LevelsRequest:
         Segments of less than `min_area` become part of a neighbour, see `eliminate`, or are dropped.
     detail : Length, optional
         Structures that are narrower become part of what is near, before small segments do.
+    min_confidence : float, optional
+        Segments of a lower confidence are dropped at last.
 
     Raises
     ------
@@ -53,8 +56,10 @@ class LevelsRequest:
     min_area: Area | None = None
     small: Small = "merge"
     detail: Length | None = None
+    min_confidence: float | None = None
 
     def __post_init__(self) -> None:
+        check_least(self.min_confidence, self.segment.refine)
         joint_params(self.segment, self.segment.refine)
         if self.small not in get_args(Small):
             raise ParameterError(f"small segments are merged or dropped: merge or drop, not {self.small!r}")
@@ -103,8 +108,11 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     small = {"small": request.small} if request.min_area is not None else {}
     how = {"levels": [0.0, *found.partition.edges, 1.0]} | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, None, request.min_area, request.detail) | small
+    how |= doubt_facts(request.min_confidence)
     result = with_metadata(_measured(found, request), source, "levels", how)
-    if not len(result.regions):
+    if not len(result.regions) and result.unsure:
+        notes.append(nothing_sure(result.unsure, request.min_confidence))
+    elif not len(result.regions):
         notes.append(
             "no segment is left: no pixel is valid, or all segments are smaller than the minimum area"
         )
@@ -148,4 +156,6 @@ def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
     if request.min_area is not None and request.small == "merge":
         outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
     bounds = np.array([0.0, *found.partition.edges, 1.0])
-    return measured(outlined, info, (bounds[level], bounds[level + 1]), request.drawing, {"level": level})
+    ends = bounds[level], bounds[level + 1]
+    doubt = Doubt.of(outlined, ends, found.refine, request.min_confidence)
+    return measured(outlined, info, ends, request.drawing, {"level": level}, doubt=doubt)

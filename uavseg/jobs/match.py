@@ -17,7 +17,7 @@ from uavseg.jobs.like.by_color import learn, outlines_by_color, regions_by_color
 from uavseg.jobs.like.by_texture import TextureSample, regions_by_texture, search_texture
 from uavseg.jobs.like.color_bands import band_sources, color_sources
 from uavseg.jobs.like.request import MatchRequest
-from uavseg.jobs.metadata import drawing_facts, with_metadata
+from uavseg.jobs.metadata import doubt_facts, drawing_facts, with_metadata
 from uavseg.jobs.open_source import raster_of
 from uavseg.jobs.result import Extraction
 from uavseg.jobs.source import Raster, Source
@@ -161,6 +161,7 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
         any_intensity = made.color is not None or not np.isfinite(request.intensity)
         facts |= {"intensity": "any" if any_intensity else request.intensity}
     facts |= {"refine": request.refine, "bands": request.bands or None}
+    facts |= doubt_facts(request.min_confidence)
     return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
 
 

@@ -21,7 +21,7 @@ from uavseg.segmentation.blocks.saved_blocks import Origin
 from uavseg.segmentation.params import SegmentParams
 
 # by what they result in
-_SAID_OTHERWISE = ("band", "rgb", "stretch", "skip_bad_tiles", "free_is_white", "words", "collar")
+_SAID_OTHERWISE = ("band", "rgb", "stretch", "skip_bad_tiles", "free_is_white", "words", "collar", "flatten")
 
 
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
@@ -89,6 +89,11 @@ def drawing_facts(
     }
 
 
+def doubt_facts(least: float | None) -> dict[str, Any]:
+    """Which regions were left out because of their confidence."""
+    return {} if least is None else {"min_confidence": least}
+
+
 def _area(area: Area | None) -> str | None:
     return None if area is None else f"{area.value:.12g} {'pixels' if area.in_pixels else 'm2'}"
 
@@ -111,7 +116,7 @@ def _reading(source: Source) -> dict[str, Any]:
     others = {
         name: value
         for name, value in chosen.items()
-        if name not in _SAID_OTHERWISE and value not in (None, False, ())
+        if name not in _SAID_OTHERWISE and not (isinstance(value, bool | tuple | None) and not value)
     }
     return others | _of_origin(source.origin)
 
@@ -120,7 +125,8 @@ def _of_origin(origin: Origin) -> dict[str, str | None]:
     """How intensity was made of bands, and whether there was a collar that counts as nodata."""
     words = origin.words
     collar = "nodata" if origin.collar == "auto" else None
-    return {"index": words.index, "expr": words.expr, "band_names": words.names, "collar": collar}
+    formula = {"index": words.index, "expr": words.expr, "band_names": words.names}
+    return {**formula, "collar": collar, "flatten": origin.flatten}
 
 
 def _plain(value: Any) -> Any:

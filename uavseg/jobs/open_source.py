@@ -196,11 +196,19 @@ def _check_one_band(options: ReadOptions) -> None:
         raise ParameterError("an array has one band and no nodata; what is missing in it is NaN")
 
 
+def _refuse_flatten(options: ReadOptions, what: str) -> None:
+    if options.flatten is not None:
+        raise ParameterError(f"{what}; leave flatten out")
+
+
 def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
     if len(parts) > 1:
         raise ParameterError(f"{parts[0]} is a block map, which is no part of a mosaic; name it alone")
     if options.chooses_pixels or options.stretches("auto"):
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
+    _refuse_flatten(
+        options, "the light of a block map was taken away when it was made (uavseg divide --flatten), or not"
+    )
     return Blocks(read_block_map(parts[0]), os.fspath(parts[0]), options.skip_bad_tiles)
 
 
@@ -213,6 +221,7 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
         raise ParameterError("a ROS map has neither bands nor nodata; leave band, rgb and nodata out")
     if options.stretches("auto", "none"):
         raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
+    _refuse_flatten(options, "a ROS map holds probabilities, which have no light")
     return ProbabilityMap(*open_map(parts[0]), is_ros=True)
 
 
@@ -238,6 +247,7 @@ def _unknown_polarity(picture: Path) -> str:
 
 def _grid(grid: "OccupancyGrid", options: ReadOptions) -> ProbabilityMap:
     _check_one_band(options)
+    _refuse_flatten(options, "a map holds probabilities, which have no light")
     dataset = grid.dataset()
     return ProbabilityMap(dataset, _probability_stretch(dataset, options))
 

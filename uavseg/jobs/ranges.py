@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 
+from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
-from uavseg.jobs.source import Blocks, Pixels
+from uavseg.jobs.source import Blocks, Pixels, Raster
 from uavseg.raster.intensity.value_range import FittedRange, ValueRange, axis_of, range_on_axis
 from uavseg.raster.intensity.values import fit_values
 from uavseg.raster.tiling import TilePass
@@ -30,7 +31,25 @@ class FoundRange:
     ends: tuple[float, float]
 
 
+_FLAT = (
+    "without slow light v no longer stands for values of the raster, so values and percentiles of it do not "
+    "fit; give a range of v (uavseg suggest with the same --flatten proposes some), or leave --flatten out"
+)
 UNKNOWN_ENDS = (float("nan"), float("nan"))
+
+
+def is_flat(source: Pixels | Blocks) -> bool:
+    """Whether slow light is taken away from v, or was when a block map was made."""
+    if isinstance(source, Blocks):
+        return source.saved.illumination is not None
+    return isinstance(source, Raster) and source.options.flat_field is not None
+
+
+def where_to_look(source: Pixels | Blocks) -> str:
+    """What shows which v there are, for messages."""
+    if is_flat(source):
+        return "uavseg suggest with the same --flatten shows which v there are"
+    return "uavseg info shows which v there are"
 
 
 def grey_for(source: Pixels, asked: AnyRange, tile_pass: TilePass) -> tuple[GreySource, FoundRange]:
@@ -46,9 +65,12 @@ def grey_for(source: Pixels, asked: AnyRange, tile_pass: TilePass) -> tuple[Grey
     Raises
     ------
     ParameterError
-        If the range lies outside of a stretch that the user chose.
+        If the range lies outside of a stretch that the user chose, or slow light is taken away and the range
+        is of values.
     """
     if isinstance(asked, ValueRange):
+        if is_flat(source):
+            raise ParameterError(_FLAT)
         dataset = source.cleaned(tile_pass)
         with phase("stretch"):
             stretch, [found] = fit_values(dataset, source.stretch, [asked], tile_pass)
@@ -56,7 +78,8 @@ def grey_for(source: Pixels, asked: AnyRange, tile_pass: TilePass) -> tuple[Grey
         decided("the range %s is v in %.7g..%.7g", asked, found.low, found.high)
         return GreySource(dataset, stretch), _found(found)
     grey = source.grey(tile_pass)
-    return grey, FoundRange(asked, ends_of(axis_of(source.dataset, grey.stretch), asked))
+    axis = None if grey.is_flat else axis_of(source.dataset, grey.stretch)
+    return grey, FoundRange(asked, ends_of(axis, asked))
 
 
 def range_of_blocks(source: Blocks, asked: AnyRange) -> FoundRange:
@@ -65,11 +88,13 @@ def range_of_blocks(source: Blocks, asked: AnyRange) -> FoundRange:
     Raises
     ------
     ParameterError
-        If it is of percentiles, or reaches beyond that stretch.
+        If it is of percentiles, or reaches beyond that stretch, or slow light was taken away.
     """
     axis = source.saved.axis
     if not isinstance(asked, ValueRange):
         return FoundRange(asked, ends_of(axis, asked))
+    if is_flat(source):
+        raise ParameterError(_FLAT)
     return _found(range_on_axis(asked, axis, source.name))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import ParameterError
+from uavseg.jobs.doubt import COLUMN, Doubt
 from uavseg.jobs.ranges import FoundRange
 from uavseg.jobs.source import Blocks
 from uavseg.raster.geobox import GeoBox
@@ -42,6 +43,8 @@ class Extraction:
         How v maps to values in the raster's own units, where that is known.
     wanted : FoundRange or None
         The range that was asked for, if it is one.
+    unsure : int or None
+        Regions that were left out because of their confidence, if a least one was asked for.
     """
 
     regions: Regions
@@ -53,6 +56,7 @@ class Extraction:
     in_metres: bool = True
     axis: ValueAxis | None = None
     wanted: FoundRange | None = None
+    unsure: int | None = None
 
     @property
     def area_unit(self) -> str:
@@ -98,7 +102,7 @@ class SourceInfo:
         dataset, stretch = source.dataset, source.stretch
         warnings = dataset.warnings + stretch.warnings
         facts = stretch, dataset.band_names, warnings
-        axis = axis_of(dataset, stretch)
+        axis = None if source.is_flat else axis_of(dataset, stretch)
         return cls(dataset.source, dataset.geobox, *facts, dataset.in_metres, axis)
 
 
@@ -162,6 +166,7 @@ def measured(
     drawing: Drawing = Drawing(),
     more: Mapping[str, NDArray[Any]] = {},
     wanted: FoundRange | None = None,
+    doubt: Doubt | None = None,
 ) -> Extraction:
     """Regions with their attributes.
 
@@ -177,7 +182,20 @@ def measured(
         Columns that come after the id.
     wanted : FoundRange, optional
         The range that was asked for, in both units; by default its values follow from `interval`.
+    doubt : Doubt, optional
+        Their confidence, a column after `more`; those of less than is wanted are left out.
+
+    Raises
+    ------
+    ParameterError
+        If a confidence is wanted that is not known.
     """
+    unsure = None
+    if doubt is not None:
+        outlined, kept = doubt.applied(outlined)
+        more = {name: column[kept] for name, column in more.items()} | {COLUMN: doubt.confidence[kept]}
+        interval = _kept(interval[0], kept), _kept(interval[1], kept)
+        unsure = None if doubt.least is None else int(np.count_nonzero(~kept))
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
@@ -185,4 +203,8 @@ def measured(
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
     facts = info.stretch, info.band_names, info.warnings, info.in_metres, info.axis, wanted
-    return Extraction(regions, rings, info.geobox, *facts)
+    return Extraction(regions, rings, info.geobox, *facts, unsure)
+
+
+def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:
+    return ends if np.ndim(ends) == 0 else np.asarray(ends)[kept]

@@ -66,6 +66,8 @@ class Segmented:
         The kinds (k,) of segments by their first pixels (k, 2), also after some were dropped or renumbered.
     info : SourceInfo
     partition : Partition
+    refine : str
+        How they were refined: "tv", or "none" for those at block edges.
     notes : tuple of str
     """
 
@@ -73,6 +75,7 @@ class Segmented:
     kinds_at: Callable[[Firsts], NDArray[np.int64]]
     info: SourceInfo
     partition: Partition
+    refine: str
     notes: tuple[str, ...] = ()
 
 
@@ -157,7 +160,7 @@ def _refined(
 ) -> Segmented:
     """From the division on, with blocks that are known."""
     outlining = work.over(raster)
-    grey = GreySource(raster.cleaned(outlining.silent), source.saved.stretch)
+    grey = source.grey(raster, outlining)
     with work.reading_here():
         check_unchanged(grey, source)
     cells = kinds_to_refine(source.saved.blocks, partition, request.segment)
@@ -185,7 +188,7 @@ def _outlined(
         kinds_at = kinds.at
     trim_heap()
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
-    return Segmented(outlined, kinds_at, SourceInfo.of(grey), partition)
+    return Segmented(outlined, kinds_at, SourceInfo.of(grey), partition, request.segment.refine)
 
 
 def _at_block_edges(
@@ -201,7 +204,7 @@ def _at_block_edges(
     outlined = outline_block_map(blocks, kinds)
     if request.fill_holes is not None:
         outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
-    return Segmented(outlined, _of_cells(kinds), SourceInfo.of(source), partition, notes)
+    return Segmented(outlined, _of_cells(kinds), SourceInfo.of(source), partition, "none", notes)
 
 
 def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], NDArray[np.int64]]:

@@ -7,6 +7,8 @@ from typing import Any
 
 from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
+from uavseg.jobs.detail import Length, as_length
+from uavseg.jobs.flatten import flatten_width, flattened
 from uavseg.raster.collar.find import check_collar, without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
@@ -43,6 +45,8 @@ class ReadOptions:
         An index or an expression in place of a band, and names for the bands.
     collar : {"auto", "keep"}
         Whether an untagged black or white collar of a raster counts as nodata.
+    flatten : Length, float or str, optional
+        Light that changes slowly over this width is taken away from v: metres, or pixels as "200px".
 
     Raises
     ------
@@ -58,9 +62,12 @@ class ReadOptions:
     free_is_white: bool | None = None
     words: BandWords = BandWords()
     collar: str = "auto"
+    flatten: Length | float | str | None = None
 
     def __post_init__(self) -> None:
         check_collar(self.collar)
+        if not isinstance(self.flatten, Length):
+            object.__setattr__(self, "flatten", as_length(self.flatten))
         if isinstance(self.stretch, str):
             object.__setattr__(self, "stretch", parse_stretch(self.stretch))
 
@@ -72,6 +79,12 @@ class ReadOptions:
     def open(self, sources: Any) -> Dataset:
         """Open rasters with these options; see `Dataset.open`."""
         return Dataset.open(sources, self.band, self.rgb, self.nodata, self.skip_bad_tiles, self.words)
+
+    @property
+    def flat_field(self) -> Length | None:
+        """The width of the flat field, parsed."""
+        assert self.flatten is None or isinstance(self.flatten, Length), "parsed when the options are made"
+        return self.flatten
 
     @property
     def spec(self) -> Stretch | StretchSpec | None:
@@ -166,6 +179,15 @@ class Raster(Pixels):
                 self._cleaned.append(without_collar(self.dataset, tile_pass))
         return self._cleaned[0]
 
+    def grey(self, tile_pass: TilePass) -> GreySource:
+        """As of `Pixels`; without slow light where that was chosen."""
+        length = self.options.flat_field
+        if length is None:
+            return super().grey(tile_pass)
+        flatten_width(length, self.geobox)  # refused before any work
+        stretching, measuring = tile_pass.stages(2)
+        return flattened(super().grey(stretching), length, measuring)
+
     @property
     def origin(self) -> Origin:
         """What a block map of this raster says it was made from."""
@@ -180,6 +202,7 @@ class Raster(Pixels):
             options.nodata,
             options.words,
             "auto" if found else "keep",
+            None if options.flat_field is None else options.flat_field.word,
         )
 
 
@@ -238,6 +261,12 @@ class Blocks:
     def warnings(self) -> tuple[str, ...]:
         """What the user should know of it: the block map says nothing of its raster's files."""
         return ()
+
+    def grey(self, raster: "Raster", tile_pass: TilePass) -> GreySource:
+        """The pixels of its raster, as it was made from them."""
+        return GreySource(
+            raster.cleaned(tile_pass.silent), self.saved.stretch, illumination=self.saved.illumination
+        )
 
     @cached_property
     def raster(self) -> Raster | None:

@@ -168,7 +168,7 @@ def suggest(source: Source, request: SuggestRequest = SuggestRequest(), work: Wo
     found = _suggestions(saved.blocks, info, request)
     if pixels is None or tile_pass is None or request.segment.refine == "none":
         return work.finished(found)
-    grey = GreySource(pixels.cleaned(tile_pass.silent), saved.stretch)
+    grey = GreySource(pixels.cleaned(tile_pass.silent), saved.stretch, illumination=saved.illumination)
     if isinstance(source, Blocks):
         with work.reading_here():
             check_unchanged(grey, source)

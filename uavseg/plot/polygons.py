@@ -31,6 +31,7 @@ _AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 _LARGEST = 1e100  # the square of it is a number too
 _DRAWN_COLUMNS = (
     "id",
+    "confidence",
     "area_m2",
     "level",
     "range_low",

@@ -225,6 +225,8 @@ class Sums:
         Row and column of the first pixel in raster order; pixels also where components are whole cells.
     beyond : (n,) int64 array, optional
         Sum of greys beyond the ends of the stretch, see `greys_beyond`; None if it is 0.
+    steps : (n, 2) int64 array, optional
+        Contrast across the border, see `border_steps`; None where it is not known.
     """
 
     counts: NDArray[np.int64]
@@ -232,6 +234,7 @@ class Sums:
     squares: NDArray[np.uint64]
     firsts: NDArray[np.int64]
     beyond: NDArray[np.int64] | None = None
+    steps: NDArray[np.int64] | None = None
 
 
 def with_beyond(sums: Sums, labels: NDArray[np.uint32], beyond: NDArray[np.int32] | None) -> Sums:

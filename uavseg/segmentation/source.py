@@ -1,7 +1,7 @@
 """GreySource: windowed reads of a dataset as 16-bit grey."""
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity.beyond import greys_beyond
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.tiling import Window, whole_blocks
+from uavseg.segmentation.illumination import Illumination
 from uavseg.units import BLOCK
 
 
@@ -51,26 +52,34 @@ class GreyTile:
 
 @dataclass(frozen=True)
 class GreySource:
-    """A dataset and the stretch that maps its values to grey."""
+    """A dataset, the stretch that maps its values to grey, and the light that is taken away from grey."""
 
     dataset: Dataset
     stretch: Stretch
+    illumination: Illumination | None = field(default=None, kw_only=True)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.dataset.geobox.shape
 
+    @property
+    def is_flat(self) -> bool:
+        """Whether slow light is taken away, so that v no longer stands for values of the dataset."""
+        return self.illumination is not None
+
     def read(self, window: Window, margin: int, beyond: bool = False) -> GreyTile:
         """Read the grey of a window with `margin` more pixels on every side.
 
-        With `beyond`, also by how much pixels lie beyond the ends of the stretch.
+        With `beyond`, also by how much pixels lie beyond the ends of the stretch, unless light is taken away.
         """
         shape = (whole_blocks(window.rows) + 2 * margin, whole_blocks(window.cols) + 2 * margin)
         part = window.grown(margin).clipped(self.shape)
         values, mask = self.dataset.read(part)
         pixels = self.stretch.apply(values, mask)
-        more = greys_beyond(values, mask, pixels, self.stretch) if beyond else None
+        more = greys_beyond(values, mask, pixels, self.stretch) if beyond and not self.is_flat else None
+        if self.illumination is not None:
+            self.illumination.subtract_from(pixels, mask, (part.row, part.col))
         if part.rows == shape[0] and part.cols == shape[1]:
             valid = np.ones(shape, np.uint8) if mask is None else mask.view(np.uint8)
             return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None, more)

@@ -59,6 +59,7 @@ def test_labels_are_the_same_whatever_is_chosen(tmp_path_factory, words, dtype, 
     assert bytes_of(path) == (b"\x2b\x00" if words["BIGTIFF"] == "YES" else b"\x2a\x00")
 
 
+@pytest.mark.slow
 @given(allowed(floats=True), st.integers(0, 9))
 def test_pages_of_floats_are_the_same_to_the_bit(tmp_path_factory, words, seed):
     path = tmp_path_factory.mktemp("pages") / "a.tif"

@@ -12,6 +12,7 @@ import numpy as np
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.detail import Length, detail_of
+from uavseg.jobs.doubt import Doubt
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.color_bands import color_sources
 from uavseg.jobs.metadata import drawing_facts, with_metadata
@@ -121,7 +122,8 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     kind = kinds.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
-    result = measured(outlined, SourceInfo.of(grey), (0.0, 1.0), request.drawing, columns)
+    doubt = Doubt.unknown(outlined)
+    result = measured(outlined, SourceInfo.of(grey), (0.0, 1.0), request.drawing, columns, doubt=doubt)
     facts = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
     facts |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     return work.finished(with_metadata(result, raster, "match", facts), *hints)

@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.detail import detail_of
+from uavseg.jobs.doubt import Doubt
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -84,9 +86,25 @@ def regions_by_color(
     outlined = filled(likeness, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
-    means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
-    similarity = np.minimum(means / max(likeness.table.own, 1e-9), 1)
+    similarity = similarity_of(outlined, likeness.table.own)
+    alike = similarity, likeness.table.own - likeness.table.share
+    doubt = Doubt.of_matches(outlined, alike, request.refine, request.min_confidence)
     with phase("attributes and drawing"):
         outlined = replace(outlined, sums=sum_regions(grey, outlined, tile_pass))
         info = SourceInfo.of(grey)
-        return measured(outlined, info, (0.0, 1.0), request.drawing, {"similarity": similarity})
+        more = {"similarity": similarity}
+        return measured(outlined, info, (0.0, 1.0), request.drawing, more, doubt=doubt)
+
+
+def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:
+    """Mean likeness of regions as a share of that of the sample, at most 1: (n,) float64.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+        With the sums of likeness.
+    own : float
+        Mean likeness of the sample.
+    """
+    means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
+    return np.asarray(np.minimum(means / max(own, 1e-9), 1))

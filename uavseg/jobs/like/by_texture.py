@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import phase
 from uavseg.jobs.detail import detail_of
+from uavseg.jobs.doubt import Doubt
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
@@ -180,4 +181,5 @@ def _measured(
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
-    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more)
+    doubt = Doubt.unknown(outlined, request.min_confidence)
+    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, doubt=doubt)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
 from uavseg.jobs.detail import Length
+from uavseg.jobs.doubt import check_least
 from uavseg.jobs.result import Drawing
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
@@ -45,6 +46,8 @@ class MatchRequest:
         Samples of what is not wanted; they are compared by color.
     detail : Length, optional
         As of `ExtractRequest`.
+    min_confidence : float, optional
+        Regions of a lower confidence are dropped at last; regions found by texture have none.
 
     Raises
     ------
@@ -64,8 +67,15 @@ class MatchRequest:
     by: str = "auto"
     unlike: tuple[Disc | str, ...] = ()
     detail: Length | None = None
+    min_confidence: float | None = None
 
     def __post_init__(self) -> None:
+        check_least(self.min_confidence, self.refine)
+        if self.min_confidence is not None and self.texture_alone:
+            raise ParameterError(
+                "regions found by texture have no confidence; compare color, or leave the minimum confidence "
+                "out"
+            )
         if len(self.samples) == 0:
             raise ParameterError("a sample is needed, of what is wanted")
         if not self.is_one and self.texture_alone:

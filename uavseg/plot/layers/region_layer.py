@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 from uavseg.plot.layers.class_colors import ClassColors
+from uavseg.plot.layers.sureness import PLAIN, Look, looks_of
 from uavseg.plot.map_furniture import area_text
 from uavseg.plot.polygons import PolygonArray, PolygonTable, polygon_paths, simplified
 
@@ -40,12 +41,15 @@ class RegionLayer:
         Sum of their column `area_m2`, if they have one.
     classes : ClassColors, optional
         Their colours by class, if they have classes.
+    looks : list of (Look, (n,) bool array), optional
+        How those of each confidence are drawn; all alike by default.
     """
 
     ids: NDArray[Any]
     polygons: PolygonArray
     area_m2: float | None
     classes: ClassColors | None = None
+    looks: list[tuple[Look, NDArray[np.bool_]]] | None = None
 
     @classmethod
     def of(cls, regions: Any, frame: Frame) -> "RegionLayer":
@@ -61,7 +65,8 @@ class RegionLayer:
         if ids is None or not all(map(_is_name, ids)):
             ids = np.arange(1, len(found.polygons) + 1)
         total = None if areas is None else _total(areas)
-        return cls(ids, found.in_plot(frame), total, ClassColors.of(found.columns, _COLORS))
+        looks = looks_of(found.columns, len(found.polygons))
+        return cls(ids, found.in_plot(frame), total, ClassColors.of(found.columns, _COLORS), looks)
 
     def title_parts(self, has_crs: bool) -> list[str]:
         """The number of regions and their total area."""
@@ -85,10 +90,16 @@ class RegionLayer:
             for name, color in self.classes.legend.items():
                 ax.scatter([], [], s=40, marker="s", color=color, label=name.replace("$", r"\$"))
         paths = polygon_paths(shapes)
-        for color in order:
-            group = [path for path, own in zip(paths, colors, strict=True) if own == color]
-            ax.add_collection(PathCollection(group, facecolor=color, alpha=0.3, lw=0, zorder=3))
-            ax.add_collection(PathCollection(group, facecolor="none", edgecolor=color, lw=1.1, zorder=4))
+        for look, those in self.looks or [(PLAIN, np.ones(len(seen), bool))]:
+            if look.name:
+                ax.plot([], [], color="#555555", lw=1.4, ls=look.line, label=look.name)
+            for color in order:
+                own = (colors == color) & those[seen]
+                group = [paths[k] for k in np.flatnonzero(own)]
+                ax.add_collection(PathCollection(group, facecolor=color, alpha=look.alpha, lw=0, zorder=3))
+                outlines = PathCollection(group, facecolor="none", edgecolor=color, lw=1.1, zorder=4)
+                outlines.set_linestyle(look.line)
+                ax.add_collection(outlines)
         _draw_labels(ax, self.ids[seen], shapes, point)
 
 

@@ -95,6 +95,15 @@ def check_region_path(path: str | os.PathLike[str], overwrite: bool = False) -> 
     return check_target(path, overwrite)
 
 
+def suffix_for(wkt: str | None) -> str:
+    """The extension of a file of regions in a CRS: that of GeoJSON, unless it cannot hold them."""
+    try:
+        check_region_crs("regions.geojson", wkt)
+    except OutputError:
+        return ".gpkg"
+    return ".geojson"
+
+
 def check_region_crs(path: str | os.PathLike[str], wkt: str | None, form: GeoJsonForm = COLLECTION) -> None:
     """Check that regions in a CRS can be written to a file of this name, or to a stream ("-").
 

@@ -51,6 +51,12 @@ class Rings:
         _pixel_areas(self.vertices, self.starts, areas)
         return areas
 
+    def pixel_perimeters(self) -> NDArray[np.int64]:
+        """Pixel edges along each ring."""
+        lengths = np.empty(len(self.labels), np.int64)
+        _pixel_perimeters(self.vertices, self.starts, lengths)
+        return lengths
+
     def select(self, rings: NDArray[np.bool_], labels: NDArray[np.int64] | None = None) -> "Rings":
         """A subset of the rings, relabelled if labels are given.
 
@@ -121,6 +127,18 @@ def _pixel_areas(vertices, starts, areas):  # type: ignore[no-untyped-def]
         areas[ring] = doubled // 2
 
 
+@kernel("void(i4[:,::1], i8[::1], i8[::1])")
+def _pixel_perimeters(vertices, starts, lengths):  # type: ignore[no-untyped-def]
+    for ring in range(lengths.shape[0]):
+        length = np.int64(0)
+        before = starts[ring + 1] - 1
+        for v in range(starts[ring], starts[ring + 1]):
+            length += abs(np.int64(vertices[v, 0]) - np.int64(vertices[before, 0]))
+            length += abs(np.int64(vertices[v, 1]) - np.int64(vertices[before, 1]))
+            before = v
+        lengths[ring] = length
+
+
 @dataclass(frozen=True)
 class RegionOutlines:
     """Rings and pixel sums of regions 1..n, largest first; ties in raster order of the first pixel.
@@ -166,7 +184,8 @@ def size_order(sums: Sums) -> NDArray[np.int64]:
 def select_sums(sums: Sums, which: NDArray[np.int64] | NDArray[np.bool_]) -> Sums:
     """Sums of some regions, by index or mask."""
     beyond = None if sums.beyond is None else sums.beyond[which]
-    return Sums(sums.counts[which], sums.greys[which], sums.squares[which], sums.firsts[which], beyond)
+    steps = None if sums.steps is None else sums.steps[which]
+    return Sums(sums.counts[which], sums.greys[which], sums.squares[which], sums.firsts[which], beyond, steps)
 
 
 def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
@@ -186,7 +205,10 @@ def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
         np.zeros(count, sums.squares.dtype),  # NaN where they are not known
         np.zeros((count, 2), np.int64),
         None if sums.beyond is None else np.zeros(count, np.int64),
+        None if sums.steps is None else np.zeros((count, 2), np.int64),
     )
+    if merged.steps is not None and sums.steps is not None:
+        np.add.at(merged.steps, group, sums.steps)
     if merged.beyond is not None and sums.beyond is not None:
         np.add.at(merged.beyond, group, sums.beyond)
     np.add.at(merged.counts, group, sums.counts)

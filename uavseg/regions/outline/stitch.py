@@ -1,7 +1,7 @@
 """Stitch tiles: merge the components that meet at tile borders (union-find), and link their outlines."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from uavseg.raster.tiling import Window
 from uavseg.regions.outline.chains import OWNER, Chains, trace_tile
 from uavseg.regions.outline.rings import RegionOutlines, merge_sums, select_sums, size_order
 from uavseg.regions.outline.trace import link_rings
+from uavseg.segmentation.border_steps import border_steps
 from uavseg.segmentation.components import Sums, component_sums, label_equal_values, union_roots, with_beyond
 from uavseg.segmentation.source import GreyTile
 from uavseg.units import CELL
@@ -75,6 +76,7 @@ def outline_tile(
     beyond = None if tile.beyond is None else tile.beyond[inner]
     sums = with_beyond(component_sums(labels, count, tile.grey, halo), labels, beyond)
     sums.firsts[:] += (window.row, window.col)
+    sums = replace(sums, steps=border_steps(image, labels, count, tile.grey, tile.valid))
     chains = trace_tile(image, labels, halo, (window.row, window.col), width)
     own = labels[: window.rows, : window.cols]
     return TileOutlines(sums, chains, own[0].copy(), own[-1].copy(), own[:, 0].copy(), own[:, -1].copy())
@@ -197,6 +199,7 @@ def _concatenate_sums(parts: Sequence[Sums]) -> Sums:
         np.concatenate([np.empty(0, np.uint64), *(part.squares for part in parts)]),
         np.concatenate([np.empty((0, 2), np.int64), *(part.firsts for part in parts)]),
         _concatenate_beyond(parts),
+        _concatenate_steps(parts),
     )
 
 
@@ -205,4 +208,10 @@ def _concatenate_beyond(parts: Sequence[Sums]) -> NDArray[np.int64] | None:
         return None
     return np.concatenate(
         [np.zeros_like(part.counts) if part.beyond is None else part.beyond for part in parts]
+    )
+
+
+def _concatenate_steps(parts: Sequence[Sums]) -> NDArray[np.int64]:
+    return np.concatenate(
+        [np.empty((0, 2), np.int64), *(part.steps for part in parts if part.steps is not None)]
     )

@@ -42,14 +42,37 @@ class LikenessSource(GreySource):
         return GreyTile(grey, valid, all_valid)
 
 
-def fit_likeness(
+@dataclass(frozen=True)
+class SampledColors:
+    """Blurred colours of pixels.
+
+    Parameters
+    ----------
+    points : (n, bands) uint16 array
+        All over the raster.
+    sample : (m, bands) uint16 array
+        Of the samples of what is wanted.
+    unlike : (k, bands) uint16 array, optional
+        Of the samples of what is not.
+    """
+
+    points: NDArray[np.uint16]
+    sample: NDArray[np.uint16]
+    unlike: NDArray[np.uint16] | None
+
+    def table(self) -> LikenessTable:
+        """What the colours of the samples are, against those of the whole raster."""
+        return LikenessTable.fit(self.points, self.sample, self.unlike)
+
+
+def sample_colors(
     bands: Sequence[GreySource],
     places: Sequence[SampleMask],
     tile_pass: TilePass,
     unlike: Sequence[SampleMask] = (),
     name: str = "the sample",
-) -> LikenessSource:
-    """Learn what the colours of samples are, against those of the whole raster.
+) -> SampledColors:
+    """Colours of samples, and of pixels in small windows that are spread evenly over the raster.
 
     Parameters
     ----------
@@ -74,7 +97,21 @@ def fit_likeness(
     sample = _colors_of(run, bands, places, name)
     others = _colors_of(run, bands, unlike, "the sample of what is unlike") if unlike else None
     looked = list(run.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
-    table = LikenessTable.fit(np.concatenate([*looked, sample[:1]]), sample, others)
+    return SampledColors(np.concatenate([*looked, sample[:1]]), sample, others)
+
+
+def fit_likeness(
+    bands: Sequence[GreySource],
+    places: Sequence[SampleMask],
+    tile_pass: TilePass,
+    unlike: Sequence[SampleMask] = (),
+    name: str = "the sample",
+) -> LikenessSource:
+    """Learn what the colours of samples are, against those of the whole raster.
+
+    Parameters and errors are those of `sample_colors`.
+    """
+    table = sample_colors(bands, places, tile_pass, unlike, name).table()
     return LikenessSource(bands[0].dataset, bands[0].stretch, tuple(bands), table)
 
 

@@ -15,12 +15,14 @@ from uavseg.regions.outline.rasterise import EdgeTable, edge_tables
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import TileOutlines, outline_tile, stitch_tiles
 from uavseg.regions.tiles.detail_tiles import with_detail
+from uavseg.regions.tiles.thin_tiles import with_thin_lines
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.components import Sums, component_sums, label_components, with_beyond
 from uavseg.segmentation.params import IntensityRange, Refinement
 from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
+from uavseg.segmentation.refine.thin_lines import ThinLines
 from uavseg.segmentation.source import GreySource, GreyTile
 
 
@@ -31,7 +33,7 @@ def outline_regions(
     refine: Refinement,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
-    detail: Detail | None = None,
+    detail: Detail | ThinLines | None = None,
 ) -> RegionOutlines:
     """Outline the regions of a raster, refined to the pixel.
 
@@ -46,8 +48,8 @@ def outline_regions(
     tile_pass : TilePass
     expected : BlockMap, optional
         The sums and counts that cells must have, if the block map was made earlier.
-    detail : Detail, optional
-        Structures that are narrower vanish from what was refined; not with "none".
+    detail : Detail or ThinLines, optional
+        Structures that are narrower vanish from what was refined, or thin lines are added; not with "none".
 
     Raises
     ------
@@ -76,7 +78,7 @@ def tile_jobs(
     cells: NDArray[np.uint8],
     windows: Sequence[Window],
     expected: BlockMap | None,
-    detail: Detail | None = None,
+    detail: Detail | ThinLines | None = None,
 ) -> LazySequence[TileJob]:
     """Tiles with what their refinement takes; the sums of cells are those of a block map, if one is given."""
     halo = 0 if detail is None else detail.halo
@@ -97,13 +99,15 @@ def _outline_tile(
     source: GreySource,
     interval: IntensityRange,
     refine: Refinement,
-    detail: Detail | None,
+    detail: Detail | ThinLines | None,
     job: TileJob,
 ) -> TileOutlines | None:
     found = refine_tile(source, job.cells, interval, refine, job.refined)
+    if isinstance(detail, ThinLines):
+        found = with_thin_lines(source, found, interval, job.window)
     if found is None:
         return None
-    pixels, tile = found if detail is None else with_detail(*found, detail)
+    pixels, tile = with_detail(*found, detail) if isinstance(detail, Detail) else found
     check_sums(source, job, tile)
     return outline_tile(pixels, *label_components(pixels, REFINE_HALO), tile, job.window, source.shape[1])
 
@@ -128,7 +132,10 @@ def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> 
 
 
 def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> Sums:
-    """Sums of each region over all valid pixels that its outlines enclose, read again from the raster."""
+    """Sums of each region over all valid pixels that its outlines enclose, read again from the raster.
+
+    The contrast across borders stays as it was.
+    """
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts, beyond = np.zeros_like(sums.counts), np.zeros_like(sums.counts)
@@ -141,7 +148,7 @@ def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePas
             squares[labels - 1] += parts.squares
             if parts.beyond is not None:
                 beyond[labels - 1] += parts.beyond
-    return Sums(counts, greys, squares, sums.firsts, beyond if beyond.any() else None)
+    return Sums(counts, greys, squares, sums.firsts, beyond if beyond.any() else None, sums.steps)
 
 
 def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], Sums] | None:

@@ -24,13 +24,14 @@ from uavseg.segmentation.blocks.block_header import (
 )
 from uavseg.segmentation.blocks.block_map import BlockMap, find_leaves
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
+from uavseg.segmentation.illumination import Illumination
 from uavseg.segmentation.params import DivisionParams
 from uavseg.units import BLOCK, CELL, CELLS, GREY_MAX
 
 _TAG = "UAVSEG_BLOCK_MAP"
 _BAND_NAMES = ("mean v", "side of the leaf in pixels")
 _RATIO_NAMES = ("R of 64", *(f"R of 32, {k}" for k in range(4)), *(f"R of 16, {k}" for k in range(16)))
-_SUMS, _COUNTS, _RATIOS = 2, 3, 4  # pages of the file
+_SUMS, _COUNTS, _RATIOS, _LIGHT = 2, 3, 4, 5  # pages of the file
 
 
 def is_block_map(path: str | os.PathLike[str]) -> bool:
@@ -99,11 +100,20 @@ def write_block_map(
             Page([_crop(blocks.sums, cells)], cells, ["sum of grey"]),
             Page([_crop(blocks.counts, cells)], cells, ["valid pixels"]),
             Page(list(blocks.ratios.transpose(2, 0, 1)), saved.geobox.coarsen(CELL * CELLS), _RATIO_NAMES),
+            *_light_pages(saved),
         ],
         {_TAG: header_text(saved)},
         overwrite,
         creation,
     )
+
+
+def _light_pages(saved: SavedBlocks) -> list[Page]:
+    """The light that was taken away, with a pixel for each of its squares."""
+    light = saved.illumination
+    if light is None:
+        return []
+    return [Page([light.nodes], saved.geobox.coarsen(light.step), ["light that was taken away, in grey"])]
 
 
 def _crop(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
@@ -125,6 +135,7 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         shape = (header["rows"], header["cols"])
         geobox = GeoBox(shape, scaled(cells.transform, 1 / CELL, 1 / CELL), cells.crs)
         blocks = _read_blocks(path, shape, _checked_shape(shape, CELL, cells.shape))
+        illumination = _read_light(path, shape, header.get("flatten"))
     except (KeyError, ValueError, RecursionError, RasterReadError) as error:
         raise RasterError(
             f"{path} is not a block map that this version reads ({cause_of(error)}); make it again with "
@@ -132,7 +143,7 @@ def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
         ) from error
     stretch = Stretch(header["low"], header["high"], header["stretch"])
     origin, axis = origin_of_header(header), axis_of_header(header, stretch)
-    return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, axis)
+    return SavedBlocks(blocks, geobox, stretch, header["bands"], origin, axis, illumination)
 
 
 def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tuple[int, int]) -> BlockMap:
@@ -148,6 +159,17 @@ def _read_blocks(path: str | os.PathLike[str], shape: tuple[int, int], cells: tu
     blocks.counts[: cells[0], : cells[1]] = counts
     blocks.ratios[:] = ratios.transpose(1, 2, 0)
     return blocks
+
+
+def _read_light(
+    path: str | os.PathLike[str], shape: tuple[int, int], described: dict[str, Any] | None
+) -> Illumination | None:
+    """The light that was taken away, as the description of a block map has it."""
+    if described is None:
+        return None
+    step = described["step"]
+    squares = (-(-shape[0] // step), -(-shape[1] // step))
+    return Illumination(_read_page(path, _LIGHT, squares, 1, np.uint16)[0], step, described["target"])
 
 
 def _read_page(

@@ -11,6 +11,7 @@ from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.value_scale import BandScale, ValueAxis
 from uavseg.segmentation.blocks.saved_blocks import Origin, SavedBlocks
+from uavseg.units import CELL, GREY_MAX
 
 
 def _is_list(value: Any, fits: Callable[[Any], bool]) -> bool:
@@ -52,6 +53,8 @@ def _is_values(value: Any) -> bool:
     )
 
 
+_MAX_STEP = 1 << 16  # pixels; far more than squares of light have
+
 _SCHEMA: dict[str, Callable[[Any], bool]] = {
     "rows": _is_whole,
     "cols": _is_whole,
@@ -84,9 +87,28 @@ def checked_header(header: Any) -> dict[str, Any]:
     for name, fits in _SCHEMA.items():
         if name not in header or not fits(header[name]):
             raise ValueError(f"its {name} are {shown(header.get(name))}")
+    if not _is_flat_field(header.get("flatten")):
+        raise ValueError(f"its flat field is {shown(header['flatten'])}")
     if not _is_formula(header.get("formula", {})):
         raise ValueError(f"its formula is {shown(header['formula'])}")
     return header
+
+
+def _is_flat_field(value: Any) -> bool:
+    """Whether a value says how slow light was taken away, or that it was not."""
+    if value is None:
+        return True
+    if not isinstance(value, dict) or value.keys() != {"width", "step", "target"}:
+        return False
+    step, target = value["step"], value["target"]
+    whole = all(isinstance(number, int) and not isinstance(number, bool) for number in (step, target))
+    return (
+        whole
+        and _is_name(value["width"])
+        and CELL <= step <= _MAX_STEP
+        and step & (step - 1) == 0
+        and 0 <= target <= GREY_MAX
+    )
 
 
 def _is_formula(value: Any) -> bool:
@@ -102,7 +124,14 @@ def origin_of_header(header: dict[str, Any]) -> Origin:
     nodata = None if header["nodata"] is None else float(header["nodata"])
     words = BandWords(**header.get("formula", {}))
     return Origin(
-        tuple(header["rasters"]), header["folder"], header["band"], rgb, nodata, words, header["collar"]
+        tuple(header["rasters"]),
+        header["folder"],
+        header["band"],
+        rgb,
+        nodata,
+        words,
+        header["collar"],
+        flatten["width"] if (flatten := header.get("flatten")) else None,
     )
 
 
@@ -135,6 +164,9 @@ def header_text(saved: SavedBlocks) -> str:
     }
     if origin.collar != "keep":
         header["collar"] = origin.collar
+    if saved.illumination is not None:
+        flat = saved.illumination
+        header["flatten"] = {"width": origin.flatten, "step": flat.step, "target": flat.target}
     if saved.axis is not None:
         scale = saved.axis.scale
         limits = [end if math.isfinite(end) else None for end in saved.axis.limits]

@@ -11,6 +11,7 @@ from uavseg.raster.opening import file_exists
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.value_scale import ValueAxis
 from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.illumination import Illumination
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,8 @@ class Origin:
         An index or an expression, and names of bands.
     collar : {"auto", "keep"}
         "auto" if a collar was found, which counts as nodata.
+    flatten : str, optional
+        The width over which slow light was taken away, such as "12.5" (metres) or "200px".
     """
 
     rasters: tuple[str, ...]
@@ -38,6 +41,7 @@ class Origin:
     nodata: float | None = None
     words: BandWords = BandWords()
     collar: str = "keep"
+    flatten: str | None = None
 
     def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
         """Paths of the rasters, at their old place or beside the block map; None if one does not exist."""
@@ -63,7 +67,10 @@ class Origin:
 
 @dataclass(frozen=True)
 class SavedBlocks:
-    """A block map with its georeference, the stretch that made its grey, its origin and its values."""
+    """A block map with its georeference, the stretch that made its grey, its origin and its values.
+
+    Where slow light was taken away from its grey, `illumination` is that light.
+    """
 
     blocks: BlockMap
     geobox: GeoBox
@@ -71,3 +78,4 @@ class SavedBlocks:
     band_names: str
     origin: Origin
     axis: ValueAxis | None = None
+    illumination: Illumination | None = None

@@ -43,9 +43,22 @@ def estimate_noise(
     lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_COARSE, _COARSE * cols), np.int32)
     flags = np.empty(grey.shape[1], np.uint8), np.empty(means.shape, np.uint8)
     _measure_squares(grey, valid, dilate(squares), lines, flags[0], means, flags[1], *estimates)
-    noise = np.zeros((rows, cols))
-    _take_medians(estimates.max(axis=0), squares, np.empty(9), np.empty((2, cols)), noise)
-    return math.sqrt(math.pi / 2) / 6 * noise
+    return math.sqrt(math.pi / 2) / 6 * medians_around(estimates.max(axis=0), squares)
+
+
+def medians_around(found: NDArray[np.float64], squares: NDArray[np.uint8]) -> NDArray[np.float64]:
+    """Upper median of the known values in the 3 x 3 squares around each wanted one; 0 elsewhere.
+
+    Parameters
+    ----------
+    found : (m, n) float64 array
+        Negative where not known.
+    squares : (m, n) uint8 array
+        1 where a median is wanted.
+    """
+    medians = np.zeros(found.shape)
+    _take_medians(found, squares, np.empty(9), np.empty((2, found.shape[1])), medians)
+    return medians
 
 
 @inlined

@@ -18,6 +18,7 @@ BLUR_HALO = 2  # pixels
 _BINS = {1: 4096, 2: 512, 3: 64}  # along each of so many axes
 _TAILS = (0.001, 0.999)  # quantiles between which bins lie; what is beyond belongs to the outer ones
 _AXES = 3
+_LEAST_LIMIT = 0.25  # of likeness, on the way from what is certainly of other kinds to the sample
 _OTHERS = 0.05  # share of the raster that is certainly of other kinds
 
 
@@ -59,7 +60,8 @@ class LikenessTable:
         """Fit a table to colours.
 
         One half lies at least in the middle between the likeness of the sample and that of the least likely
-        twentieth of the raster; with a sample of what is not of the kind, in the middle between the two.
+        twentieth of the raster; with a sample of what is not of the kind, in the middle between the two. From
+        there it is lowered to the limit above which the expected intersection over union is largest.
 
         Parameters
         ----------
@@ -87,11 +89,13 @@ class LikenessTable:
             middle = max(0.5, (float(np.quantile(of_raster, _OTHERS)) + of_own) / 2)
         else:
             middle = min(max((float(vote.likeness(other).mean()) + of_own) / 2, 0.01), 0.99)
-        of_grid = np.interp(vote.likeness((grid - mean) / deviation), [0, middle, 1], [0, 0.5, 1])
+        likely = [_moved(vote.likeness((values - mean) / deviation), middle) for values in (raster, own)]
+        limit = _best_limit(*likely)
+        of_grid = _moved(_moved(vote.likeness((grid - mean) / deviation), middle), limit)
         likeness = np.rint(of_grid * GREY_MAX).astype(np.uint16)
         table = cls(weights, lows, scales, likeness, 0.0, 0.0)
-        parts = [float(table._of(values).mean()) / GREY_MAX for values in (sample, points)]
-        against = None if unlike is None else float(table._of(unlike).mean()) / GREY_MAX
+        parts = [float(table.of(values).mean()) / GREY_MAX for values in (sample, points)]
+        against = None if unlike is None else float(table.of(unlike).mean()) / GREY_MAX
         return cls(weights, lows, scales, likeness, parts[0], parts[1], against)
 
     @property
@@ -99,8 +103,8 @@ class LikenessTable:
         """By how much the likeness of the sample exceeds that of what it is compared with."""
         return self.own - (self.share if self.unlike is None else self.unlike)
 
-    def _of(self, colors: NDArray[np.uint16]) -> NDArray[np.uint16]:
-        """Likeness of (n, bands) colours."""
+    def of(self, colors: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        """Likeness of (n, bands) colours, 65535 for certain."""
         found: NDArray[np.uint16] = self.apply([column[None] for column in colors.T])[0]
         return found
 
@@ -130,6 +134,28 @@ def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.ui
     sums, counts = np.empty((2, grey.shape[1]), np.int64)
     _blur(grey, valid, sums, counts, means)
     return means
+
+
+def _moved(likeness: Points, middle: float) -> Points:
+    """Likeness where what was this becomes one half."""
+    found: Points = np.interp(likeness, [0, middle, 1], [0, 0.5, 1])
+    return found
+
+
+def _best_limit(likeness: Points, own: Points) -> float:
+    """The limit, at most one half, above which pixels overlap best with what is of the kind, as is expected.
+
+    It lies at least a quarter of the way from the least likely twentieth of the raster to the sample.
+
+    The expected intersection over union of the k likeliest pixels is that of the sums of probabilities:
+    S. Nowozin, Optimal Decisions from Probabilistic Models: the Intersection-over-Union Case, CVPR 2014.
+    """
+    falling = np.sort(likeness)[::-1]
+    found = np.cumsum(falling)
+    overlap = found / np.maximum(found[-1] + np.arange(1, len(found) + 1) - found, 1e-9)
+    rest = float(np.quantile(likeness, _OTHERS))
+    least = rest + _LEAST_LIMIT * (float(own.mean()) - rest)
+    return float(min(max(falling[int(overlap.argmax())], least, 1e-3), 0.5))
 
 
 def _axes(points: Points, sample: Points) -> Points:

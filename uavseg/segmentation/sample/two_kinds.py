@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, SCORE_UNITS
 
 _FEW = 32  # cells
-_SEPARABLE = 0.85  # least share of the variance that lies between the two kinds
+_SEPARABLE = 0.8  # least share of the variance that lies between the two kinds
 _GAP = SCORE_UNITS // 4  # width of the gap above the limit
 _LEAST = 0.1  # share of cells beyond the gap
-_BETWEEN = 0.25  # cells within the gap, as a share of those beyond it
+_BETWEEN = 0.4  # cells within the gap, as a share of those beyond it
 _OUTLIERS = 0.99  # quantile to which larger scores are reduced
 
 

@@ -1,0 +1,181 @@
+"""Tests of the confidence of regions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.ndimage import gaussian_filter
+
+import uavseg
+from uavseg.regions.confidence import OF_RANGES, confidence_of, keep_confident, region_terms
+from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.outline.trace import trace
+from uavseg.segmentation.border_steps import border_steps
+from uavseg.segmentation.components import component_sums, label_components
+
+
+def outlined(mask, grey):
+    """Regions of a mask, with their sums."""
+    labels, count = label_components(mask.astype(np.uint8))
+    steps = border_steps(mask.astype(np.uint8), labels, count, grey, np.ones_like(mask, np.uint8))
+    return RegionOutlines(trace(labels), replace(component_sums(labels, count, grey), steps=steps))
+
+
+@pytest.fixture
+def square():
+    """A square of 10 pixels with a contrast of a fifth of the range and noise of a sixteenth."""
+    mask = np.zeros((30, 30), bool)
+    mask[10:20, 10:20] = True
+    noise = np.random.default_rng(0).normal(0, 0.06, mask.shape)
+    return mask, np.rint(65535 * (0.4 + 0.2 * mask + noise)).astype(np.uint16)
+
+
+def test_terms_are_what_they_are_said_to_be(square):
+    mask, grey = square
+    size, shape, margin, contrast, product = region_terms(outlined(mask, grey), 0.5, 1)[0]
+    own = grey[mask].astype(float)
+    beside = np.abs(np.diff(grey.astype(int), axis=1))[mask[:, 1:] != mask[:, :-1]].tolist()
+    beside += np.abs(np.diff(grey.astype(int), axis=0))[mask[1:] != mask[:-1]].tolist()
+    assert size == pytest.approx(np.log(100))
+    assert shape == pytest.approx(0)
+    assert margin == pytest.approx(np.log1p((own.mean() - 0.5 * 65535) / (own.std() + 1)))
+    assert contrast == pytest.approx(np.log1p(np.mean(beside) / (own.std() + 1)))
+    assert product == pytest.approx(size * contrast)
+
+
+def test_a_clear_square_is_surer_than_a_faint_or_ragged_one(square):
+    mask, grey = square
+    faint = np.rint(65535 * 0.5 + (grey - 65535 * 0.5) * np.where(mask, 1, 0.2)).astype(np.uint16)
+    rng = np.random.default_rng(1)
+    ragged = rng.permutation(grey[mask]).reshape(100, 1)
+    line = np.full((120, 3), grey[~mask].min(), np.uint16)
+    line[10:110, 1:2] = ragged
+    along = np.zeros(line.shape, bool)
+    along[10:110, 1] = True
+    clear = confidence_of(outlined(mask, grey), 0.5, 1)[0]
+    assert clear > 0.9
+    assert confidence_of(outlined(mask, faint), 0.5, 1)[0] < clear
+    assert confidence_of(outlined(along, line), 0.5, 1)[0] < 0.5
+
+
+@given(st.floats(0.2, 0.55), st.integers(0, 99))
+def test_dark_regions_are_as_sure_as_bright_ones(low, seed):
+    rng = np.random.default_rng(seed)
+    mask = rng.random((12, 12)) < 0.4
+    grey = np.rint(65535 * rng.random(mask.shape)).astype(np.uint16)
+    bright = confidence_of(outlined(mask, grey), low, 1)
+    dark = confidence_of(outlined(mask, 65535 - grey), 0, 1 - low)
+    np.testing.assert_allclose(bright, dark, atol=0.0011)
+    assert ((bright >= 0) & (bright <= 1)).all()
+
+
+def test_what_is_not_known_has_no_confidence(square):
+    mask, grey = square
+    found = outlined(mask, grey)
+    without = replace(found, sums=replace(found.sums, steps=None))
+    assert np.isnan(confidence_of(without, 0.5, 1)).all()
+
+
+def test_a_region_without_bounds_or_borders_has_some():
+    grey = np.full((8, 8), 100, np.uint16)
+    found = confidence_of(outlined(np.ones((8, 8), bool), grey), 0, 1)
+    assert np.isfinite(found).all()
+
+
+def test_the_probability_is_a_logistic_function():
+    terms = np.array([[1.0, 0.5, 2.0, 1.0, 1.0]])
+    logit = OF_RANGES.intercept + float(terms[0] @ OF_RANGES.terms)
+    assert OF_RANGES.probability(terms)[0] == pytest.approx(1 / (1 + np.exp(-logit)), abs=0.0005)
+
+
+def test_the_sure_ones_are_kept_in_order():
+    mask = np.zeros((9, 20), bool)
+    mask[1:8, 1:8], mask[1:4, 10:13], mask[6:8, 10:12] = True, True, True
+    found = outlined(mask, np.full(mask.shape, 9, np.uint16))
+    kept, which = keep_confident(found, np.array([0.2, 0.9, 0.5]), 0.5)
+    assert which.tolist() == [False, True, True]
+    assert kept.sums.counts.tolist() == found.sums.counts[1:].tolist()
+    assert sorted(set(kept.rings.labels.tolist())) == [1, 2]
+
+
+@pytest.fixture
+def noisy():
+    """A bright square of 60 pixels among grains of a few pixels."""
+    rng = np.random.default_rng(3)
+    grains = gaussian_filter(rng.normal(size=(256, 256)), 2)
+    v = 0.42 + 0.04 * grains / grains.std() + rng.normal(0, 0.03, grains.shape)
+    v[40:100, 40:100] += 0.26
+    return np.clip(v, 0, 1)
+
+
+def test_tiles_and_threads_change_nothing(noisy):
+    whole = uavseg.extract(noisy, range=(0.5, 1), stretch="none")
+    tiled = uavseg.extract(noisy, range=(0.5, 1), stretch="none", tile=64, threads=2)
+    assert whole["confidence"].nunique() > 1
+    assert whole["confidence"].tolist() == tiled["confidence"].tolist()
+
+
+def test_the_square_is_sure_and_the_specks_are_not(noisy):
+    found = uavseg.extract(noisy, range=(0.5, 1), stretch="none")
+    assert found["confidence"][0] > 0.8
+    assert found["confidence"][1:].max() < 0.5
+    kept = uavseg.extract(noisy, range=(0.5, 1), stretch="none", min_confidence=0.6)
+    assert kept["pixels"].tolist() == found["pixels"][:1].tolist()
+    assert kept["id"].tolist() == [1]
+    assert kept.attrs["uavseg"]["min_confidence"] == 0.6
+    assert "min_confidence" not in found.attrs["uavseg"]
+
+
+@pytest.mark.parametrize("job", ["classes", "levels"])
+def test_kinds_have_the_confidence_of_their_own_range(noisy, job):
+    if job == "classes":
+        many = uavseg.extract(noisy, classes={"a": (0, 0.5), "b": (0.5, 1)}, stretch="none")
+    else:
+        many = uavseg.levels(noisy, breaks=[0.5], stretch="none")
+    least = uavseg.extract(noisy, range=(0.5, 1), stretch="none")
+    same = many[many["range_low"] == 0.5]
+    assert same["pixels"].max() == least["pixels"].max()
+    assert abs(same["confidence"].iloc[0] - least["confidence"].iloc[0]) < 0.01
+    sure = float(many["confidence"].median())
+    again = (
+        uavseg.extract(noisy, classes={"a": (0, 0.5), "b": (0.5, 1)}, stretch="none", min_confidence=sure)
+        if job == "classes"
+        else uavseg.levels(noisy, breaks=[0.5], stretch="none", min_confidence=sure)
+    )
+    kept = many[many["confidence"] >= sure]
+    assert 0 < len(again) < len(many)
+    for column in ("pixels", "confidence", "range_low", "class" if job == "classes" else "level"):
+        assert again[column].tolist() == kept[column].tolist()
+
+
+def test_block_edges_have_no_confidence_and_refuse_a_least_one(noisy):
+    found = uavseg.extract(noisy, range=(0.5, 1), stretch="none", refine="none")
+    assert found["confidence"].isna().all()
+    with pytest.raises(uavseg.errors.ParameterError, match="block edges have no confidence"):
+        uavseg.extract(noisy, range=(0.5, 1), stretch="none", refine="none", min_confidence=0.5)
+
+
+@pytest.mark.parametrize("least", [-0.1, 1.1, float("nan")])
+def test_a_least_confidence_is_within_0_and_1(noisy, least):
+    with pytest.raises(uavseg.errors.ParameterError, match="within 0 and 1"):
+        uavseg.extract(noisy, range=(0.5, 1), stretch="none", min_confidence=least)
+
+
+def test_where_none_is_sure_enough_a_warning_says_so(noisy):
+    noisy[40:100, 40:100] -= 0.26
+    with pytest.warns(UserWarning, match="a confidence of less than 1; a smaller minimum keeps more"):
+        found = uavseg.extract(noisy, range=(0.5, 1), stretch="none", min_confidence=1)
+    assert len(found) == 0
+
+
+def test_matches_by_color_have_a_confidence_and_those_by_texture_none(noisy):
+    found = uavseg.match(noisy, like=(70, 70, 20), by="color", stretch="none")
+    assert found["confidence"].iloc[0] > 0.8
+    tiled = uavseg.match(noisy, like=(70, 70, 20), by="color", stretch="none", tile=64)
+    assert found["confidence"].tolist() == tiled["confidence"].tolist()
+    kept = uavseg.match(noisy, like=(70, 70, 20), by="color", stretch="none", min_confidence=0.8)
+    assert kept["pixels"].tolist() == found["pixels"][found["confidence"] >= 0.8].tolist()
+    textured = uavseg.match(noisy, like=(70, 70, 24), by="texture", stretch="none")
+    assert textured["confidence"].isna().all()

@@ -1,0 +1,159 @@
+"""Confidence of regions: the probability that a region is a real one, by logistic regression.
+
+A region is right where it overlaps one region of the truth with an intersection over union of more than one
+half, the usual criterion of detection (Everingham et al., "The PASCAL Visual Object Classes Challenge", IJCV
+88, 2010); above one half no two regions can claim the same truth. The weights are fitted on drawn scenes by
+``python -m benchmarks.confidence``; docs/quality.md says how well they hold on others.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
+from uavseg.segmentation.components import Sums
+from uavseg.units import GREY_MAX
+
+Floats = NDArray[np.float64]
+
+DECIMALS = 3  # few enough that logarithms of other platforms make no difference
+MOST_DEVIATIONS = 50.0  # contrasts beyond this are alike
+LEAST_SIMILARITY = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """Constants of a logistic regression.
+
+    Parameters
+    ----------
+    intercept : float
+    terms : tuple of float
+    """
+
+    intercept: float
+    terms: tuple[float, ...]
+
+    def probability(self, terms: Floats) -> Floats:
+        """Of rows of terms (n, k): (n,), in thousandths."""
+        with np.errstate(over="ignore"):
+            probability = 1 / (1 + np.exp(-(self.intercept + terms @ np.array(self.terms))))
+        return np.asarray(np.round(probability, DECIMALS))
+
+
+OF_RANGES = Weights(-7.642, (0.360, -4.779, 0.643, -0.811, 2.099))
+OF_MATCHES = Weights(-10.379, (1.501, -3.291, -3.4, 0.378, 0.759, 10.398, 10.835))
+
+
+def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
+    """Probability that each region is right, from its size, shape, margin and contrast.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+        Refined to the pixel, with the sums of what the range is of.
+    low, high : float or (n,) array
+        The range of v, of all regions or of each; 0 and 1 are no bounds.
+
+    Returns
+    -------
+    confidence : (n,) float64 array
+        0 to 1, in thousandths; NaN where the sums of squares or the contrast are not known.
+    """
+    return OF_RANGES.probability(region_terms(outlined, low, high))
+
+
+def match_confidence_of(outlined: RegionOutlines, similarity: Floats, parting: float) -> Floats:
+    """Probability that each region like a sample is right.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+        Refined to the pixel, with the sums of likeness to the sample.
+    similarity : (n,) float64 array
+        0 to 1.
+    parting : float
+        By how much the likeness of the sample exceeds that of the raster.
+
+    Returns
+    -------
+    confidence : (n,) float64 array
+        As of `confidence_of`.
+    """
+    return OF_MATCHES.probability(match_terms(outlined, similarity, parting))
+
+
+def match_terms(outlined: RegionOutlines, similarity: Floats, parting: float) -> Floats:
+    """What the confidence of matches is computed from: (n, 7) float64.
+
+    Those of `region_terms` with likeness in place of grey, the logarithm of the similarity, and the parting.
+    """
+    alike = np.log(np.maximum(similarity, LEAST_SIMILARITY))
+    return np.column_stack([region_terms(outlined, 0.5, 1), alike, np.full(len(alike), parting)])
+
+
+def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
+    """What the confidence is computed from: (n, 5) float64.
+
+    In order: logarithm of the number of pixels; logarithm of the squared perimeter over that of a square of
+    the same area; logarithms of one more than the distance of the mean from the nearest bound, and than the
+    mean step across the border, both in standard deviations of the region; the product of the first and the
+    last.
+
+    Parameters
+    ----------
+    outlined, low, high
+        As of `confidence_of`.
+    """
+    sums = outlined.sums
+    counts = np.maximum(sums.counts, 1).astype(np.float64)
+    mean = sums.greys / counts
+    unit = (
+        np.sqrt(np.maximum(sums.squares / counts - mean * mean, 0)) + 1
+    )  # greys; no region is without noise
+    size = np.log(counts)
+    shape = np.log(np.maximum(_perimeters(outlined.rings, len(counts)) ** 2 / (16 * counts), 1))
+    margin = _in_deviations(np.maximum(_distance_to_bound(mean / GREY_MAX, low, high), 0) * GREY_MAX, unit)
+    contrast = _in_deviations(_mean_steps(sums), unit)
+    return np.stack([size, shape, margin, contrast, size * contrast], 1)
+
+
+def keep_confident(
+    outlined: RegionOutlines, confidence: Floats, least: float
+) -> tuple[RegionOutlines, NDArray[np.bool_]]:
+    """Keep regions of at least a confidence, in order, and number them 1..n; also which were kept, (n,) bool.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+    confidence : (n,) float64 array
+    least : float
+    """
+    kept = np.asarray(confidence >= least)
+    rings = outlined.rings
+    return renumber_by_size(rings, outlined.sums, kept[rings.labels - 1]), kept
+
+
+def _in_deviations(greys: Floats, unit: Floats) -> Floats:
+    return np.asarray(np.log1p(np.minimum(greys / unit, MOST_DEVIATIONS)))
+
+
+def _distance_to_bound(mean: Floats, low: ArrayLike, high: ArrayLike) -> Floats:
+    """Distance in v from the nearest bound; infinite where there is none."""
+    lows, highs = np.asarray(low, np.float64), np.asarray(high, np.float64)
+    from_low = np.where(lows > 0, mean - lows, np.inf)
+    from_high = np.where(highs < 1, highs - mean, np.inf)
+    return np.asarray(np.minimum(from_low, from_high))
+
+
+def _mean_steps(sums: Sums) -> Floats:
+    """Mean grey difference across the border; 0 where no border is inside of the raster."""
+    if sums.steps is None:
+        return np.full(len(sums.counts), np.nan)
+    return np.asarray(sums.steps[:, 0] / np.maximum(sums.steps[:, 1], 1))
+
+
+def _perimeters(rings: Rings, count: int) -> Floats:
+    """Pixel edges along the rings of each region."""
+    return np.asarray(np.bincount(rings.labels, rings.pixel_perimeters(), count + 1)[1:])
