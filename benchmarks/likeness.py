@@ -1,25 +1,39 @@
 """Regions like one small disc, on real pictures with hand-drawn truth.
 
-    python -m benchmarks.likeness FOLDER
+    python -m benchmarks.likeness [FOLDER]
 
 FOLDER holds pairs `name.tif` and `name_truth.tif` (1 wanted, 0 not). Discs with a radius of 8, 16 and 32
 pixels lie at random places inside of what is wanted; every method gets the same discs, and nothing else.
+
+Without a folder scenes are drawn in which what is wanted differs from one neighbour by its texture alone and
+from the other by its color alone, and scenes whose light more than doubles from one side to the other, with
+a disc in the widest place.
 """
 
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from benchmarks import table
 from benchmarks.match import overlap
+from benchmarks.textures import RADIUS, SIDE, texture
 
 RADII = (8, 16, 32)
 PLACES = 3  # discs of each radius in each picture
+
+PAIRS = (("rows", "meadow"), ("forest", "sand"), ("meadow", "rows"), ("glint", "meadow"), ("sand", "meadow"))
+DRAWS = 2  # scenes of each pair
+LIT = 4  # scenes under slow light
+LIGHT = (0.6, 1.5)  # least and most
+COLORS = ((0.40, 0.34, 0.36), (0.42, 0.48, 0.42), (0.30, 0.30, 0.36))  # red, green and blue of three kinds
+SHIFTS = (0.2, -0.08, -0.12)  # of red, green and blue: another color of the same luminance, nearly
 
 
 @dataclass(frozen=True)
@@ -55,6 +69,45 @@ def queries(folder: Path) -> Iterator[Query]:
                 yield Query(path, image, truth, (row + 0.5, col + 0.5, radius))
 
 
+def drawn(folder: Path) -> Iterator[Query]:
+    """Scenes of color with texture and scenes of color under slow light, written to a folder."""
+    from scipy.ndimage import gaussian_filter
+
+    for seed, (wanted, other) in enumerate(PAIRS * DRAWS):
+        rng = np.random.default_rng([seed, 1])
+        fields = gaussian_filter(rng.normal(size=(3, SIDE, SIDE)), (0, SIDE / 14, SIDE / 14))
+        kind = fields.argmax(0)  # the wanted one, another texture, another color
+        grey = np.where(kind == 1, texture(rng, other, SIDE), texture(rng, wanted, SIDE))
+        planes = [grey + np.where(kind == 2, shift, 0) + rng.normal(0, 0.02, grey.shape) for shift in SHIFTS]
+        yield _query(folder / f"{wanted} beside {other} {seed}.tif", np.stack(planes), kind == 0)
+    for seed in range(LIT):
+        rng = np.random.default_rng([seed, 2])
+        fields = gaussian_filter(rng.normal(size=(4, SIDE, SIDE)), (0, SIDE / 14, SIDE / 14))
+        kind, slow = fields[:3].argmax(0), gaussian_filter(fields[3], SIDE / 7)
+        light = np.interp(slow, [slow.min(), slow.max()], LIGHT)
+        planes = [light * np.array(shades)[kind] for shades in COLORS]
+        yield _query(
+            folder / f"slow light {seed}.tif",
+            np.stack(planes) + rng.normal(0, 0.02, (3, SIDE, SIDE)),
+            kind == 0,
+        )
+
+
+def _query(path: Path, planes: Any, truth: Any) -> Query:
+    """A scene as a file, with a disc in the widest place of what is wanted."""
+    import rasterio
+    from scipy.ndimage import distance_transform_edt
+
+    image = np.rint(255 * np.clip(planes, 0, 1)).astype(np.uint8)
+    room = distance_transform_edt(np.pad(truth, 1))[1:-1, 1:-1]
+    row, col = np.unravel_index(int(room.argmax()), room.shape)
+    profile = {"driver": "GTiff", "count": 3, "height": SIDE, "width": SIDE, "dtype": "uint8"}
+    place = {"crs": "EPSG:32633", "transform": rasterio.Affine(1, 0, 0, 0, -1, SIDE)}
+    with rasterio.open(path, "w", **profile, **place, photometric="RGB") as file:
+        file.write(image)
+    return Query(path, image, truth, (row + 0.5, col + 0.5, min(int(room.max()) - 2, RADIUS)))
+
+
 def by_match(query: Query, by: str = "auto") -> Any:
     """`uavseg match`, or that by color or texture alone; nothing is found where it refuses the disc."""
     from uavseg.errors import SampleError
@@ -66,13 +119,51 @@ def by_match(query: Query, by: str = "auto") -> Any:
     from uavseg.regions.sample.place import Disc
 
     source = open_raster(str(query.path))
-    row, col, radius = query.disc
-    x, y = source.geobox.transform * (col, row)
     try:
-        found = match(source, MatchRequest(Disc(x, y, radius * abs(source.geobox.transform.a)), by=by))
+        found = match(source, MatchRequest(Disc(*_on_map(query)), by=by))
     except SampleError:
         return np.zeros_like(query.truth)
     return rasterise(found.found.rings, Window(0, 0, *query.truth.shape)) > 0
+
+
+def by_range(query: Query) -> Any:
+    """The first line that `uavseg suggest --like` proposes: `extract` of a band, an index or a sum."""
+    from uavseg import extract, suggest
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        ranges: list[Any] = [*suggest(str(query.path), like=_on_map(query))]
+        if not ranges:
+            return np.zeros_like(query.truth)
+        regions = extract(str(query.path), values=ranges[0].values, **ranges[0].words)
+    return _drawn(query, regions)
+
+
+def by_percentiles(query: Query) -> Any:
+    """`extract` of what the middle 98 % of the disc's intensity are."""
+    from uavseg import extract
+
+    own = _grey(query.image)[query.inside]
+    low, high = np.quantile(own, (0.01, 0.99))
+    return _drawn(query, extract(str(query.path), values=(float(low), float(high))))
+
+
+def _on_map(query: Query) -> tuple[float, float, float]:
+    import rasterio
+
+    with rasterio.open(query.path) as file:
+        x, y = file.transform * (query.disc[1], query.disc[0])
+        return x, y, query.disc[2] * abs(file.transform.a)
+
+
+def _drawn(query: Query, regions: Any) -> Any:
+    import rasterio
+    from rasterio.features import rasterize
+
+    if regions.empty:
+        return np.zeros_like(query.truth)
+    with rasterio.open(query.path) as file:
+        return rasterize(((shape, 1) for shape in regions.geometry), file.shape, transform=file.transform) > 0
 
 
 def by_deviations(query: Query) -> Any:
@@ -102,6 +193,8 @@ METHODS: dict[str, Callable[[Query], Any]] = {
     "uavseg match": by_match,
     "--by color": partial(by_match, by="color"),
     "--by texture": partial(by_match, by="texture"),
+    "suggest --like, extract": by_range,
+    "extract, 1 to 99 %": by_percentiles,
     "grey ± 3 deviations": by_deviations,
     "GrabCut": by_grabcut,
 }
@@ -114,10 +207,13 @@ def _grey(image: Any) -> Any:
 def main() -> None:
     """Print a row for each picture and radius, and the means."""
     found: dict[str, list[list[float]]] = {}
-    for query in queries(Path(sys.argv[1])):
-        values = [overlap(find(query), query.truth) for find in METHODS.values()]
-        for name in (query.path.stem, f"radius {query.disc[2]}", "all"):
-            found.setdefault(name, []).append(values)
+    with TemporaryDirectory() as made:
+        folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+        for query in drawn(Path(made)) if folder is None else queries(folder):
+            values = [overlap(find(query), query.truth) for find in METHODS.values()]
+            stem, radius = query.path.stem, f"radius {query.disc[2]}"
+            for name in (stem.rstrip(" 0123456789"), "all") if folder is None else (stem, radius, "all"):
+                found.setdefault(name, []).append(values)
     print(table.mean_rows(found, ["", "discs", *METHODS]))
 
 

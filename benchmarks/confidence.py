@@ -1,0 +1,184 @@
+"""Confidence of regions: weights fitted on drawn scenes, and how well they hold on others.
+
+    python -m benchmarks.confidence [--fit]
+
+A region is right where its intersection over union with one region of the truth exceeds one half. The scenes
+are all families of `benchmarks.quality`, each as drawn and resampled (a Gaussian blur of 0.7 pixels, as
+orthophotos have), each extracted with a range that begins where it should and with two that do not. With
+`--fit` the weights of `uavseg.regions.confidence` are fitted on one half of the seeds and printed; the
+tables are of the other half. For `match` by color the same scenes are searched with one disc in an object.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from affine import Affine
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from benchmarks import table
+from benchmarks.quality.scenes import FAMILIES, Scene, draw
+from uavseg.jobs.like.by_color import learn, outlines_by_color, similarity_of
+from uavseg.jobs.like.request import MatchRequest
+from uavseg.jobs.source import Raster
+from uavseg.jobs.work import SERIAL
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.stretch import StretchSpec
+from uavseg.raster.tiling import Window
+from uavseg.regions import confidence
+from uavseg.regions.confidence import Weights
+from uavseg.regions.outline.rasterise import Rasteriser
+from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.sample.place import Disc, sample_mask
+from uavseg.regions.tiles.range_tiles import outline_regions
+from uavseg.segmentation.params import IntensityRange, Refinement, SegmentParams
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
+
+FIT_SEEDS, CHECK_SEEDS = (10, 11, 12), (20, 21, 22)
+LOWS = (0.5, 0.55, 0.6)  # of the range; objects have 0.68, the background 0.42
+BLUR = 0.7  # pixels, of resampled scenes
+LEAST_IOU = 0.5
+RADII = (5, 8, 16)  # pixels, of discs
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Regions of one family: what their confidence is computed from, and whether they are right."""
+
+    family: str
+    terms: NDArray[np.float64]
+    right: NDArray[np.bool_]
+
+
+def regions(
+    seeds: Sequence[int], families: Sequence[str] = tuple(FAMILIES), refine: Refinement = "tv"
+) -> Iterator[Found]:
+    """Regions of all scenes with these seeds."""
+    for family in families:
+        for seed in seeds:
+            scene = draw(FAMILIES[family], seed)
+            for v in (scene.v, resampled(scene)):
+                for low in LOWS:
+                    wanted = IntensityRange(low, 1)
+                    outlined = outlines(v, wanted, refine)
+                    terms = confidence.region_terms(outlined, low, 1)
+                    yield Found(family, terms, best_iou(outlined.rings, scene.truth) > LEAST_IOU)
+
+
+def matches(seeds: Sequence[int], families: Sequence[str] = tuple(FAMILIES)) -> Iterator[Found]:
+    """Regions by color of all scenes with these seeds, each with discs of several radii in the truth."""
+    for family in families:
+        for seed in seeds:
+            scene, rng = draw(FAMILIES[family], seed), np.random.default_rng(seed)
+            room = ndimage.distance_transform_edt(np.pad(scene.truth, 1))[1:-1, 1:-1]
+            for v in (scene.v, resampled(scene)):
+                for radius in RADII:
+                    places = np.argwhere(room > radius + 1)
+                    if len(places):
+                        row, col = places[rng.integers(len(places))] + 0.5
+                        terms, rings = matched(raster_of(v), Disc(col, row, radius))
+                        yield Found(family, terms, best_iou(rings, scene.truth) > LEAST_IOU)
+
+
+def matched(source: Raster, disc: Disc) -> tuple[NDArray[np.float64], Rings]:
+    """Terms and outlines of `uavseg match --by color`."""
+    passes = SERIAL.begun().over(source).stages(4)
+    place, bands = sample_mask(disc, source.geobox), [source.grey(passes[0])]
+    likeness = learn(bands, (place,), [], passes[1])
+    outlined = outlines_by_color(likeness, MatchRequest(disc, by="color"), passes[2:])
+    own, share = likeness.table.own, likeness.table.share
+    return confidence.match_terms(outlined, similarity_of(outlined, own), own - share), outlined.rings
+
+
+def resampled(scene: Scene) -> NDArray[np.float64]:
+    """A scene after a slight blur, of valid pixels alone."""
+    weights = ndimage.gaussian_filter(scene.valid.astype(float), BLUR)
+    values = ndimage.gaussian_filter(np.where(scene.valid, scene.v, 0), BLUR)
+    return np.where(scene.valid, values / np.maximum(weights, 1e-9), np.nan)
+
+
+def outlines(v: NDArray[np.float64], wanted: IntensityRange, refine: Refinement) -> RegionOutlines:
+    """Outlines of `uavseg extract`, with their sums."""
+    source, params = raster_of(v), SegmentParams(refine=refine)
+    passes = SERIAL.begun().over(source).stages(3)
+    grey = source.grey(passes[0])
+    blocks = measure_block_map_for(grey, wanted, params, passes[1])
+    return outline_regions(grey, cells_to_refine(blocks, wanted, params), wanted, refine, passes[2])
+
+
+def raster_of(v: NDArray[np.float64]) -> Raster:
+    """A raster in memory, which is not stretched."""
+    dataset = Dataset.of_values(v, GeoBox(v.shape, Affine.identity(), None), "scene")
+    return Raster(dataset, StretchSpec("none"))
+
+
+def best_iou(rings: Rings, truth: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The largest intersection over union of each region with one connected region of the truth."""
+    count = int(rings.labels.max(initial=0))
+    best = np.zeros(count + 1)
+    if count:
+        true, _ = ndimage.label(truth)
+        labels = Rasteriser(rings)(Window(0, 0, *truth.shape))
+        both = (labels > 0) & (true > 0)
+        pairs, common = np.unique(np.stack([labels[both], true[both]]), axis=1, return_counts=True)
+        sizes, true_sizes = np.bincount(labels.ravel()), np.bincount(true.ravel())
+        ious = common / (sizes[pairs[0]] + true_sizes[pairs[1]] - common)
+        np.maximum.at(best, pairs[0].astype(int), ious)
+    return best[1:]
+
+
+def fitted(found: Sequence[Found]) -> Weights:
+    """Weights with the largest likelihood, in thousandths."""
+    from sklearn.linear_model import LogisticRegression
+
+    terms = np.concatenate([one.terms for one in found])
+    right = np.concatenate([one.right for one in found])
+    mean, deviation = terms.mean(0), terms.std(0)
+    model = LogisticRegression(C=1e4, max_iter=5000).fit((terms - mean) / deviation, right)
+    weights = model.coef_[0] / deviation
+    intercept = float(model.intercept_[0] - weights @ mean)
+    return Weights(round(intercept, 3), tuple(map(float, weights.round(3))))
+
+
+def reliability(said: NDArray[np.float64], right: NDArray[np.bool_]) -> str:
+    """A row for each tenth of confidence: regions, their mean confidence, and the share that is right."""
+    tenth = np.minimum((said * 10).astype(int), 9)
+    rows = []
+    for k in range(10):
+        own = tenth == k
+        parts = [f"{said[own].mean():.3f}", f"{right[own].mean():.3f}"] if own.any() else ["", ""]
+        rows.append([f"{k / 10:.1f} to {(k + 1) / 10:.1f}", f"{int(own.sum()):,}", *parts])
+    return table.rows(["confidence", "regions", "mean", "right"], rows)
+
+
+def families_table(found: Sequence[Found], weights: Weights) -> str:
+    """A row for each family: regions, mean confidence, share that is right, and that among the sure ones."""
+    rows = []
+    for family in dict.fromkeys(one.family for one in found):
+        said = np.concatenate([weights.probability(one.terms) for one in found if one.family == family])
+        right = np.concatenate([one.right for one in found if one.family == family])
+        sure = said >= 0.8
+        of_sure = f"{right[sure].mean():.3f}" if sure.any() else ""
+        numbers = [f"{len(said):,}", f"{said.mean():.3f}", f"{right.mean():.3f}"]
+        rows.append([family, *numbers, f"{int(sure.sum()):,}", of_sure])
+    heads = ["family", "regions", "mean confidence", "right", "at least 0.8", "right of these"]
+    return table.rows(heads, rows)
+
+
+def main() -> None:
+    """Print weights if they are to be fitted, and the tables."""
+    for draw_regions, weights in ((regions, confidence.OF_RANGES), (matches, confidence.OF_MATCHES)):
+        if "--fit" in sys.argv[1:]:
+            weights = fitted(list(draw_regions(FIT_SEEDS)))
+            print(f"{draw_regions.__name__}: {weights}\n")
+        found = list(draw_regions(CHECK_SEEDS))
+        said = weights.probability(np.concatenate([one.terms for one in found]))
+        print(reliability(said, np.concatenate([one.right for one in found])), "\n")
+        print(families_table(found, weights), "\n")
+
+
+if __name__ == "__main__":
+    main()
