@@ -152,6 +152,7 @@ PHASES = {
     "blocks.thumbnail": set(),
     "blocks.block_map": {"blocks.division", "blocks.memory", "blocks.thumbnail", "params"},
     "blocks.leaves": {"blocks.block_map", "params", "partition"},
+    "blocks.cell_pairs": {"blocks.block_map", "params"},
     "blocks.leaf_codes": {"blocks.block_map", "params"},
     "refine.noise": {"dilation"},
     "refine.total_variation": set(),
@@ -190,6 +191,7 @@ ON_RASTERS = {  # these may import raster, and all phases
     "states.classify_strips",
     "states.thin_structures",
     "range_candidates",
+    "range_choice",
     "typical_noise",
     "measure_illumination",
 }

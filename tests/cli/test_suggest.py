@@ -56,10 +56,11 @@ def facts(*words: object) -> list[dict[str, object]]:
 def test_people_read_a_table_and_the_line_to_type_next() -> None:
     result = done("suggest", write("a.tif", fields()))
     lines = result.stdout.splitlines()
-    assert lines[0].split() == ["v", "values", "area", "regions"] and len(lines) == 7 and result.stderr == ""
-    assert lines[1].startswith("0 to 0.") and lines[1].split()[7] == "%" and lines[5].startswith("0.")
-    high = float(lines[1].split()[2])
-    assert float(lines[1].split()[5]) == pytest.approx(255 * high, abs=1e-3)
+    assert lines[0].split() == ["v", "values", "area", "regions", "contrast"]
+    assert len(lines) == 7 and result.stderr == ""
+    [darkest] = [line.split() for line in lines[1::2] if line.startswith("0 to 0.")]
+    assert darkest[7] == "%" and float(darkest[9]) > 2.5
+    assert float(darkest[5]) == pytest.approx(255 * float(darkest[2]), abs=1e-3)
     shares = [float(line.split()[6]) for line in lines[1::2]]
     assert sum(shares) == pytest.approx(100, abs=0.16)
     assert all(line.startswith("    uavseg extract a.tif --range 0") for line in lines[2::2])

@@ -13,16 +13,16 @@ from uavseg.jobs import suggest as module
 from uavseg.jobs.divide import divide
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.source import Blocks, Raster
-from uavseg.jobs.suggest import Suggestions, SuggestRequest, suggest
+from uavseg.jobs.suggest import SuggestRequest, suggest
+from uavseg.jobs.suggestions import Suggestion, Suggestions
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
-from uavseg.raster.intensity.otsu import multi_otsu
 from uavseg.raster.intensity.stretch import parse_stretch
 from uavseg.segmentation.blocks.block_file import is_block_map
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams
-from uavseg.segmentation.range_candidates import RangeCandidates
+from uavseg.segmentation.range_choice import ChosenRange, RangeChoice
 
 NONE = SegmentParams(refine="none")
 
@@ -52,6 +52,11 @@ def suggested(
     return suggest(raster(image), SuggestRequest(classes, segment), work)
 
 
+def classes_of(found: Suggestions) -> list[Suggestion]:
+    """The ranges that together are 0..1."""
+    return [one for one in found.by_intensity if not one.part]
+
+
 def saved(image: np.ndarray) -> Blocks:
     return Blocks(divide(raster(image)).saved, "blocks.tif")
 
@@ -78,7 +83,7 @@ def test_regions_and_pixels_are_those_of_extracting_each_range(
 def test_ranges_are_all_of_v_and_their_shares_are_all_of_the_area(seed: int) -> None:
     image = scene(seed)
     for classes in (None, 2, 3, 8):
-        ranges = suggested(image, classes).ranges
+        ranges = classes_of(suggested(image, classes))
         assert sum(chosen.pixels for chosen in ranges) == np.isfinite(image).sum()
         assert sum(chosen.share for chosen in ranges) == pytest.approx(1, abs=1e-12)
         assert [chosen.low for chosen in ranges] == [0, *(chosen.high for chosen in ranges[:-1])]
@@ -89,9 +94,8 @@ def test_a_cut_that_is_a_mean_moves_beside_it(monkeypatch: pytest.MonkeyPatch) -
     """Otherwise the leaves on it would belong to the ranges on both of its sides."""
     image = np.full((128, 128), 0.4, np.float32)
     image[:64] = 0.8
-    monkeypatch.setattr(
-        module, "propose_ranges", lambda *_: RangeCandidates((0.4,), multi_otsu([1, 1], 2)[1], True)
-    )
+    halves = tuple(ChosenRange(*ends, False, None) for ends in ((0.0, 0.4), (0.4, 1.0)))
+    monkeypatch.setattr(module, "choose_ranges", lambda *_: RangeChoice(halves, 1.0))
     found = suggest(saved(image))
     assert [chosen.range for chosen in found.ranges] == [(0, 0.40001), (0.40001, 1)]
     assert [chosen.share for chosen in found.ranges] == [0.5, 0.5]
@@ -108,12 +112,59 @@ def test_tiles_threads_and_a_block_map_change_nothing() -> None:
 
 
 def test_known_classes_are_found() -> None:
-    found = suggested(scene(3)).ranges
+    found = classes_of(suggested(scene(3)))
     assert len(found) == 3
     assert [chosen.high for chosen in found[:2]] == [
         pytest.approx(0.325, abs=0.06),
         pytest.approx(0.675, abs=0.06),
     ]
+
+
+def discs(share: float, step: float, seed: int = 0) -> np.ndarray:
+    """Two grounds, and small discs that are brighter (or darker) than both."""
+    rng = np.random.default_rng(seed)
+    image = np.full((320, 384), 0.4) + 0.12 * (np.arange(384) > 180)
+    rows, cols = np.indices(image.shape)
+    inside = np.zeros(image.shape, bool)
+    while inside.mean() < share:
+        row, col, radius = rng.uniform(12, 308), rng.uniform(12, 372), rng.uniform(6, 11)
+        inside |= (rows - row) ** 2 + (cols - col) ** 2 < radius**2
+    image = image + step * inside + rng.normal(0, 0.03, image.shape)
+    return np.clip(image, 0, 1).astype(np.float32)
+
+
+@pytest.mark.parametrize("step", [0.3, -0.3])
+def test_small_things_are_a_part_that_comes_first(step: float) -> None:
+    image = discs(0.02, step)
+    found = suggested(image, segment=SegmentParams())
+    first = found.ranges[0]
+    assert first.low > 0.6 if step > 0 else first.high < 0.35
+    truth = image > 0.69 if step > 0 else image < 0.28
+    assert first.share == pytest.approx(truth.mean(), rel=0.5) and first.contrast is not None
+    assert first.contrast > max(one.contrast or 0 for one in found.ranges[1:]) and found.warnings == ()
+    regions = extract(raster(image), ExtractRequest(IntensityRange(*first.range))).regions
+    assert len(regions) == first.regions
+
+
+def test_a_part_has_the_cells_whose_own_mean_lies_in_it() -> None:
+    found = suggested(discs(0.01, 0.3, 2), segment=SegmentParams())
+    kinds = found.by_intensity
+    [part] = [one for one in kinds if one.part]
+    assert kinds[-1] is part and part.high == 1
+    blocks = found.blocks
+    mean = blocks.sums / (65535.0 * np.maximum(blocks.counts, 1))
+    inside = (blocks.counts > 0) & (mean >= part.low)
+    assert np.array_equal(found.intervals == len(kinds), inside)
+    assert part.pixels == blocks.counts[inside].sum()
+    assert part.share == pytest.approx(part.pixels / blocks.counts.sum())
+
+
+def test_a_number_of_classes_is_without_parts() -> None:
+    image = discs(0.02, 0.3)
+    assert any(one.part for one in suggested(image, segment=SegmentParams()).ranges)
+    for classes in (2, 4):
+        found = suggested(image, classes, SegmentParams())
+        assert len(found.ranges) == classes and not any(one.part for one in found.ranges)
 
 
 def test_a_constant_raster_is_one_class_and_no_range() -> None:
@@ -132,7 +183,7 @@ def test_fewer_means_than_classes_are_told() -> None:
 
 def test_doubt_is_told() -> None:
     image = np.random.default_rng(4).normal(0.5, 0.1, (512, 512)).astype(np.float32)
-    assert "make one hump, without a valley" in suggested(image).warnings[0]
+    assert "no range stands out at its borders (contrast 2." in suggested(image).warnings[0]
 
 
 def test_what_cannot_be_is_refused() -> None:
@@ -169,4 +220,7 @@ def test_the_public_word_warns_and_refuses() -> None:
 def test_real_rasters(shared_data: Path, name: str) -> None:
     assert not is_block_map(shared_data / name)
     found = suggest(Raster(Dataset.open(shared_data / name)))
-    assert len(found.ranges) >= 2 and sum(chosen.share for chosen in found.ranges) == pytest.approx(1)
+    classes = classes_of(found)
+    assert len(classes) >= 2 and sum(chosen.share for chosen in classes) == pytest.approx(1)
+    for part in (one for one in found.ranges if one.part):
+        assert 0 < part.share < 0.8 * max(one.share for one in classes) and part.regions > 0

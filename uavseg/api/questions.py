@@ -27,8 +27,9 @@ from uavseg.jobs.match import match as run_match
 from uavseg.jobs.open_source import open_source
 from uavseg.jobs.result import Drawing, Extraction
 from uavseg.jobs.source import ReadOptions, Source
-from uavseg.jobs.suggest import Suggestion, SuggestRequest
+from uavseg.jobs.suggest import SuggestRequest
 from uavseg.jobs.suggest import suggest as run_suggest
+from uavseg.jobs.suggestions import Suggestion
 from uavseg.jobs.work import Work
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.regions.edit.small import as_area
@@ -227,7 +228,7 @@ def suggest(
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> list[Suggestion] | list[SampleRange]:
-    """Ranges of v that a raster suggests by itself: the classes of the means of its leaves.
+    """Ranges of v that a raster suggests by itself: classes of its leaves, and what stands out in them.
 
     With a sample, the bands, indices and sums of bands and the ranges of their values that part it best.
 
@@ -236,7 +237,7 @@ def suggest(
     source
         As of `extract`; or the path of a block map, which answers by itself.
     classes : int or "auto"
-        How many ranges, 2 to 8; as many as the histogram of means has by itself, if left out.
+        How many ranges, 2 to 8, of Otsu's thresholds alone; as many as the raster has by itself, if left out.
     like, unlike
         Samples of what is wanted and of what is not, as of `match`.
     bands : sequence of int or str
@@ -247,8 +248,9 @@ def suggest(
     Returns
     -------
     ranges : list of Suggestion, or with a sample list of SampleRange
-        The darkest first: `low` and `high`, together `range`; valid `pixels` and their `share` of all;
-        `regions`, the number that `extract` gives; where `exact` is false, an estimate of it. Empty where all
+        Those that look most like things on a ground first: `low` and `high`, together `range`; valid `pixels`
+        and their `share` of all; `regions`, the number that `extract` gives; where `exact` is false, an
+        estimate of it; the `contrast` at its borders; whether it is a `part` of another one. Empty where all
         leaves have one mean. What makes the ranges doubtful is a warning. With a sample, the best first:
         `extract(source, values=found.values, **found.words)` extracts one, which has the `agreement` that is
         expected, from 0 to 1.
@@ -266,8 +268,8 @@ def suggest(
     >>> field[16:32, 16:48] = 200
     >>> for found in uavseg.suggest(field):
     ...     print(found.range, found.share, found.regions)
-    (0.0, 0.51) 0.875 1
     (0.51, 1.0) 0.125 1
+    (0.0, 0.51) 0.875 1
     """
     words = BandWords(index, expr, band_names)
     options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, None, words, collar, flatten)

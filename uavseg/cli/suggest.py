@@ -24,7 +24,7 @@ from uavseg.cli.options.raster import (
 from uavseg.cli.options.running import Reporter, RunOptions, running_options
 
 if TYPE_CHECKING:
-    from uavseg.jobs.suggest import Suggestion, Suggestions
+    from uavseg.jobs.suggestions import Suggestion, Suggestions
 
 _PASSED_ON = {"method", "threshold", "intensity_step"}
 
@@ -48,7 +48,7 @@ def _number(ctx: click.Context, param: click.Parameter, value: str) -> int | Non
     show_default=True,
     callback=_number,
     metavar="N|auto",
-    help="How many ranges: 2 to 8, or as many as the histogram has by itself.",
+    help="How many ranges: 2 to 8, of Otsu's thresholds alone, or as many as the raster has by itself.",
 )
 @click.option(
     "--like",
@@ -79,7 +79,11 @@ def command(**options: Any) -> None:
     the number is estimated ("about").
 
     The ranges cut the histogram of the means of leaves into the classes that vary least within (Otsu's
-    thresholds). RASTER may also be a block map from `uavseg divide`, which answers by itself.
+    thresholds), as many as its valleys separate; without a valley, into two by the smallest cross entropy.
+    Things that stand out in the darkest or the brightest of them get a range of their own, a "part". What
+    looks most like things on a ground comes first: compact, closed, with a contrast at its borders (their
+    step, as a multiple of the differences on one side; noise and slow light reach 2.5). RASTER may also be a
+    block map from `uavseg divide`, which answers by itself.
 
     With --like, all bands are looked at: the best band, the best index or ratio and the best weighted sum of
     bands, each with the range of its values that fits what has the colors of the sample, and how well it is
@@ -164,10 +168,12 @@ def _table(found: Suggestions, commands: list[str]) -> str:
     values = [one.values_text for one in found.ranges]
     width = max(map(len, values)) + 3 if any(values) else 0
     title = "values" if width else ""
-    lines = [f"{'v':<20}{title:<{width}}{'area':>8}{'regions':>14}"]
+    lines = [f"{'v':<20}{title:<{width}}{'area':>8}{'regions':>14}{'contrast':>11}"]
     for chosen, text, line in zip(found.ranges, values, commands, strict=True):
         interval = str(chosen).replace(",", " to ")
-        lines.append(f"{interval:<20}{text:<{width}}{100 * chosen.share:>6.1f} %{chosen.regions_text:>14}")
+        contrast = "" if chosen.contrast is None else f"{chosen.contrast:.1f}"
+        row = f"{interval:<20}{text:<{width}}{100 * chosen.share:>6.1f} %{chosen.regions_text:>14}"
+        lines.append(f"{row}{contrast:>11}{'  part' * chosen.part}")
         lines.append(f"    {line}")
     return "\n".join(lines)
 

@@ -8,9 +8,15 @@ import numpy as np
 
 from uavseg.atomic import atomic_file
 from uavseg.jobs.inputs import keep_inputs
-from uavseg.jobs.suggest import Suggestion, Suggestions
+from uavseg.jobs.suggestions import Suggestion, Suggestions
 from uavseg.plot.frame import Frame
-from uavseg.plot.layers.range_layer import RangeLayer, draw_cells, range_colors
+from uavseg.plot.layers.range_layer import (
+    BRIGHT_PART_COLOR,
+    DARK_PART_COLOR,
+    RangeLayer,
+    draw_cells,
+    range_colors,
+)
 from uavseg.plot.layers.raster_layer import draw_raster
 from uavseg.plot.map_furniture import TEXT_COLOR, draw_north_arrow, draw_scale_bar
 from uavseg.plot.page import (
@@ -107,9 +113,16 @@ def _draw_map(ax: Any, point: float, frame: Frame, found: Suggestions, dataset: 
         draw_cells(ax, greys, counts > 0, frame, _MAX_PIXELS)
     if found.ranges:
         seen = found.intervals * (counts > 0)  # a leaf may extend into nodata
-        RangeLayer.of(seen, len(found.ranges), frame, _MAX_PIXELS).draw(ax)
+        RangeLayer.of(seen, _colors(found), frame, _MAX_PIXELS).draw(ax)
     draw_scale_bar(ax, frame, point)
     draw_north_arrow(ax, frame, point)
+
+
+def _colors(found: Suggestions) -> list[str]:
+    """Colours of the ranges by intensity, parts last."""
+    ranges = found.by_intensity
+    parts = [DARK_PART_COLOR if one.low == 0 else BRIGHT_PART_COLOR for one in ranges if one.part]
+    return range_colors(len(ranges) - len(parts)) + parts
 
 
 def _draw_histogram(ax: Any, found: Suggestions) -> None:
@@ -117,13 +130,17 @@ def _draw_histogram(ax: Any, found: Suggestions) -> None:
     counts = found.histogram.reshape(_BINS, -1).sum(axis=1)
     held = np.flatnonzero(counts)
     v = (np.arange(_BINS) + 0.5) / _BINS
-    edges = [chosen.high for chosen in found.ranges[:-1]]
+    colors_of = list(zip(found.by_intensity, _colors(found), strict=True))
+    edges = [one.high for one, _ in colors_of if not one.part][:-1]
     colors = np.array(range_colors(len(edges) + 1))[np.searchsorted(edges, v)]
     ax.barh(v, np.sqrt(counts / counts.max()), 1 / _BINS, color=colors, lw=0)
     ax.set(xlim=(0, 1.28), ylim=(max(held[0] / _BINS - 0.03, 0), min((held[-1] + 1) / _BINS + 0.03, 1)))
     for edge in edges:
         ax.axhline(edge, color=TEXT_COLOR, lw=0.9)
         ax.text(1.27, edge, f"{edge:.7g}", size=8, weight="bold", color=TEXT_COLOR, ha="right", va="bottom")
+    for one, color in colors_of:
+        if one.part:
+            ax.axhline(one.high if one.low == 0 else one.low, color=color, lw=1.2, ls=(0, (3, 2)))
     ax.set_xticks([])
     ax.tick_params(labelsize=7, colors=CAPTION_COLOR, length=2.5)
     ax.set_ylabel("v", size=8, color=CAPTION_COLOR, rotation=0, labelpad=6)
@@ -159,8 +176,9 @@ def _write_legend(figure: Any, x: float, found: Suggestions) -> None:
     y = 1 - (_HEAD_IN + 0.02) / page
     if not found.ranges:
         figure.text(x, y, "one class: no range to choose", size=8, color=TEXT_COLOR, va="top")
-    for color, chosen in reversed(list(zip(range_colors(len(found.ranges)), found.ranges, strict=True))):
-        figure.text(x, y, "■", size=10, color=color, va="top")
+    colored = sorted(zip(found.by_intensity, _colors(found), strict=True), key=lambda pair: pair[0].range)
+    for chosen, color in reversed(colored):
+        figure.text(x, y, "◆" if chosen.part else "■", size=10, color=color, va="top")
         for place, text, side in _columns(chosen):
             figure.text(x + place / _WIDTH_IN, y, text, size=8, color=TEXT_COLOR, va="top", ha=side)
         y -= _LINE_IN / page

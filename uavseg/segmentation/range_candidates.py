@@ -14,6 +14,7 @@ from uavseg.units import GREY_MAX
 MAX_CLASSES = 8  # that a caller may ask for
 MAX_PROPOSED = 6  # classes, where the caller gives no number
 _BINS = 256
+_BINS_NEAR = 4  # bins: how far an edge may lie from the grey that is asked for
 
 _DECIMALS = range(2, 7)
 _MIN_DECIMALS = 5  # see `edge_beside_means`
@@ -61,6 +62,56 @@ def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -
         for low, high in (_gap(occupied, width, *pair) for pair in pairs)
     ]
     return RangeCandidates(_edges(histogram, gaps, width), classes, are_separated(bins, classes))
+
+
+def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high: float = 1.0) -> float | None:
+    """A number of few digits near a grey that splits the range between two edges.
+
+    Parameters
+    ----------
+    histogram : (65536,) int64 array
+        Valid pixels by the mean grey of their leaf.
+    grey : float
+    low, high : float
+        Edges, or 0 and 1.
+
+    Returns
+    -------
+    edge : float or None
+        There are means between it and both edges; None where a threshold at the grey has none on one side.
+    """
+    below = np.concatenate([[0], np.cumsum(histogram)])
+    first = math.floor(low * GREY_MAX) + 1 if low > 0 else 0
+    last = math.floor(high * GREY_MAX)
+    greys = first + np.flatnonzero(histogram[first : last + 1])
+    darker = int(np.searchsorted(greys, grey))
+    if darker in (0, len(greys)):
+        return None
+    reach = _BINS_NEAR * -(-int(greys[-1] - greys[0] + 1) // _BINS)
+    gap = (max(int(greys[darker - 1]), round(grey) - reach), min(int(greys[darker]), round(grey) + reach))
+    return _edge(below, below[first], gap, last, reach)
+
+
+def explained_by(histogram: NDArray[np.int64], edges: Sequence[float]) -> float:
+    """Share of the variance of a histogram that lies between the ranges of some edges.
+
+    Examples
+    --------
+    >>> histogram = np.zeros(65536, np.int64)
+    >>> histogram[[1000, 3000, 60000]] = 1
+    >>> round(explained_by(histogram, [0.5]), 4), explained_by(histogram, [])
+    (0.9991, 0.0)
+    """
+    greys = np.flatnonzero(histogram)
+    kinds = np.searchsorted(np.floor(np.array(edges) * GREY_MAX), greys)
+    weights = histogram[greys].astype(np.float64)
+    total = weights.sum()
+    if len(greys) < 2 or not len(edges):
+        return float(len(greys) < 2)
+    offsets = greys - (weights * greys).sum() / total
+    number = np.bincount(kinds, weights)
+    sums = np.bincount(kinds, weights * offsets)
+    return float((sums**2 / np.maximum(number, 1)).sum() / (weights * offsets**2).sum())
 
 
 def _gap(occupied: NDArray[np.int64], width: int, end: int, start: int) -> tuple[int, int]:

@@ -1,5 +1,6 @@
 """Layer of ranges: the cells of each range in its colour, translucent over grey."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from uavseg.raster.geobox import GeoBox, scaled
 from uavseg.units import CELL
 
 RANGE_COLORS = ("#3b5bdb", "#19c3f0", "#2fd05f", "#b5e61d", "#ffe119", "#ff8c1a", "#e8362e", "#f032e6")
+DARK_PART_COLOR, BRIGHT_PART_COLOR = "#19c3f0", "#f032e6"  # of ranges that are parts of the outermost ones
 _ALPHA = 0.42
 _ZORDER = 2.2  # zorder
 
@@ -39,25 +41,27 @@ class RangeLayer:
         The range of each pixel of the layer, counted from 1; 0 for none.
     pixels : Affine
         From pixel corners (col, row) of the layer to plot coordinates.
-    count : int
-        Number of ranges.
+    colors : sequence of str
+        Of the ranges.
     """
 
     intervals: NDArray[np.uint8]
     plot_from_pixel: Affine
-    count: int
+    colors: Sequence[str]
 
     @classmethod
-    def of(cls, intervals: NDArray[np.uint8], count: int, frame: Frame, max_side: int) -> "RangeLayer":
+    def of(
+        cls, intervals: NDArray[np.uint8], colors: Sequence[str], frame: Frame, max_side: int
+    ) -> "RangeLayer":
         """The ranges of cells of 8 x 8 pixels, upsampled to at most `max_side` rows and columns."""
-        return cls(*upsample_cells(intervals, frame, max_side), count)
+        return cls(*upsample_cells(intervals, frame, max_side), colors)
 
     def draw(self, ax: Any) -> None:
         """Draw on axes."""
         from matplotlib.colors import to_rgba
 
-        table = np.zeros((self.count + 1, 4), np.uint8)
-        for k, color in enumerate(range_colors(self.count), start=1):
+        table = np.zeros((len(self.colors) + 1, 4), np.uint8)
+        for k, color in enumerate(self.colors, start=1):
             table[k] = np.round(255 * np.array(to_rgba(color, _ALPHA)))
         draw_image(ax, table[self.intervals], self.plot_from_pixel, zorder=_ZORDER)
 

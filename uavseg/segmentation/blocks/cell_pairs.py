@@ -1,0 +1,271 @@
+"""Means of neighbouring cells, as joint histograms: what lies on both sides of the border of any range."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg._jit import inlined, kernel
+from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.params import IntensityRange
+from uavseg.units import CELL, GREY_LEVELS, GREY_MAX
+
+BINS = 512
+_LEAST_PIXELS = CELL * CELL // 2  # valid ones, of a cell that counts
+_APART = 2  # cells: a border runs through the cell between
+_LEAST_STEP = 0.001  # of v: smaller differences are rounding and noise alike
+
+Counts = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class RangeBorder:
+    """How a range of means lies in the picture.
+
+    Parameters
+    ----------
+    share : float
+        Of the cells.
+    frame : float
+        Of the cells beside the edge of the raster or nodata, the share that lies in the range: the ground of
+        a picture holds its frame, things on it do not.
+    compactness : float
+        Of the pairs of neighbouring cells with one or both in the range, the share with both; 1 for a range
+        without borders.
+    contrast : float
+        Difference of the means on both sides of the border, two cells apart, as a multiple of that between
+        means on one side of it.
+    """
+
+    share: float
+    frame: float
+    compactness: float
+    contrast: float
+
+    @property
+    def score(self) -> float:
+        """How much the range looks like things on a ground: compact, closed and contrasting at the border."""
+        return self.contrast * math.sqrt(self.compactness) * (1 - self.frame) * (1 - self.share)
+
+
+@dataclass(frozen=True)
+class CellPairs:
+    """Joint histograms of the means of neighbouring cells, in bins of grey.
+
+    Parameters
+    ----------
+    first, width : int
+        The grey at which the first bin begins, and greys in each.
+    cells : (512,) int64 array
+        Cells of each bin that have at least 32 valid pixels.
+    frame : (512,) int64 array
+        Those of them beside the edge of the raster or a cell that does not count.
+    near, far : (512, 512) int64 arrays
+        Pairs of such cells side by side, and two cells apart, along rows and columns; the darker is the row.
+    """
+
+    first: int
+    width: int
+    cells: Counts
+    frame: Counts
+    near: Counts
+    far: Counts
+
+    def bin_of(self, v: float) -> int:
+        """Number of bins that lie below a bound, rounded."""
+        return min(max(round((v * GREY_MAX + 0.5 - self.first) / self.width), 0), BINS)
+
+    def grey_of(self, bound: int) -> float:
+        """The grey at which so many bins end, halfway between two greys."""
+        return self.first + bound * self.width - 0.5
+
+    def histogram(self) -> Counts:
+        """Cells by grey, (65536,): those of a bin at its middle."""
+        found = np.zeros(GREY_LEVELS, np.int64)
+        bins = np.flatnonzero(self.cells)
+        middles = self.first + bins * self.width + (self.width - 1) // 2
+        found[np.minimum(middles, GREY_MAX)] = self.cells[bins]  # the last bin may reach beyond all greys
+        return found
+
+    def border(self, low: int, high: int) -> RangeBorder:
+        """Look of the range that holds the bins low..high - 1.
+
+        Raises
+        ------
+        ValueError
+            If no cell lies in it.
+        """
+        inside = self.cells[low:high].sum()
+        if not inside:
+            raise ValueError(f"no cell lies in the bins {low} to {high - 1}")
+        both, cross, _ = _sides(self._near_sums, low, high)
+        far_within = _within(self._far_sums, low, high)
+        steps_within = _within(self._step_sums, low, high)
+        crossing, steps = (_sides(sums, low, high)[1] for sums in (self._far_sums, self._step_sums))
+        least = _LEAST_STEP * GREY_MAX / self.width
+        contrast = (steps / max(crossing, 1)) / (steps_within / max(far_within, 1) + least)
+        return RangeBorder(
+            share=float(inside / self.cells.sum()),
+            frame=float(self.frame[low:high].sum() / max(self.frame.sum(), 1)),
+            compactness=float(both / max(both + cross, 1)),
+            contrast=float(contrast),
+        )
+
+    def contrasts(self) -> tuple[NDArray[np.float64], Counts]:
+        """The average contrast of each bound between two bins, and the number of pairs that it parts.
+
+        The contrast that a bound t detects between two means is the smaller of their distances to t; a bound
+        in the middle of many steps has the largest average (Kohler, Computer Graphics and Image Processing 15
+        (1981) 319-338).
+
+        Returns
+        -------
+        contrasts : (513,) float64 array
+            In greys, of the pairs two cells apart; 0 where a bound parts none.
+        parted : (513,) int64 array
+        """
+        darker, brighter = np.nonzero(self.far)
+        number = self.far[darker, brighter]
+        tent = np.zeros(2 * BINS + 2, np.int64)  # its second differences, at every half bin
+        np.add.at(tent, 2 * darker, number)
+        np.add.at(tent, darker + brighter, -2 * number)
+        np.add.at(tent, 2 * brighter, number)
+        sums = np.cumsum(np.cumsum(tent))  # element x + 1 less 1 for the place x
+        ends = np.zeros(BINS + 1, np.int64)
+        np.add.at(ends, darker + 1, number)
+        np.add.at(ends, brighter + 1, -number)
+        parted = np.cumsum(ends)[: BINS + 1]
+        bounds = np.arange(BINS + 1)
+        detected = sums[np.maximum(2 * bounds - 2, 0)] * (bounds > 0)
+        contrasts = np.where(parted > 0, detected / np.maximum(parted, 1), 0.0) * self.width / 2
+        return contrasts, parted
+
+    @cached_property
+    def _near_sums(self) -> Counts:
+        return _prefix_sums(self.near)
+
+    @cached_property
+    def _far_sums(self) -> Counts:
+        return _prefix_sums(self.far)
+
+    @cached_property
+    def _step_sums(self) -> Counts:
+        bins = np.arange(BINS)
+        return _prefix_sums(self.far * np.abs(bins[:, None] - bins))
+
+
+def count_cell_pairs(blocks: BlockMap) -> CellPairs | None:
+    """Joint histograms of the means of the cells of a block map.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+
+    Returns
+    -------
+    pairs : CellPairs or None
+        None where no cell has 32 valid pixels.
+    """
+    extent = np.array([GREY_MAX + 1, -1])
+    _extent(blocks.sums, blocks.counts, extent)
+    first, last = extent.tolist()
+    if last < 0:
+        return None
+    width = -(-(last - first + 1) // BINS)
+    cells, frame = np.zeros(BINS, np.int64), np.zeros(BINS, np.int64)
+    near, far = np.zeros((BINS, BINS), np.int64), np.zeros((BINS, BINS), np.int64)
+    _count_pairs(blocks.sums, blocks.counts, first, width, cells, frame, near, far)
+    return CellPairs(first, width, cells, frame, near, far)
+
+
+def cells_of_own_mean(blocks: BlockMap, interval: IntensityRange) -> NDArray[np.uint8]:
+    """Cells whose own mean lies in a range, whatever that of their leaf.
+
+    Parameters
+    ----------
+    blocks : BlockMap
+    interval : IntensityRange
+
+    Returns
+    -------
+    inside : (8 B, 8 C) uint8 array, 1 in range
+    """
+    inside = np.zeros(blocks.counts.shape, np.uint8)
+    for row in range(len(inside)):
+        counts = blocks.counts[row]
+        mean = blocks.sums[row] / (float(GREY_MAX) * np.maximum(counts, 1))
+        inside[row] = (counts > 0) & (mean >= interval.low) & (mean <= interval.high)
+    return inside
+
+
+def _prefix_sums(counts: Counts) -> Counts:
+    """Sums over all earlier rows and columns."""
+    sums = np.zeros((BINS + 1, BINS + 1), np.int64)
+    np.cumsum(np.cumsum(counts, axis=0), axis=1, out=sums[1:, 1:])
+    return sums
+
+
+def _sides(sums: Counts, low: int, high: int) -> tuple[int, int, int]:
+    """Sums over the pairs with both in a range of bins, with one, and with none."""
+
+    def block(a: int, b: int, c: int, d: int) -> int:
+        return int(sums[b, d] - sums[a, d] - sums[b, c] + sums[a, c])
+
+    both = block(low, high, low, high)
+    one = block(0, low, low, high) + block(low, high, high, BINS)
+    return both, one, int(sums[BINS, BINS]) - both - one
+
+
+def _within(sums: Counts, low: int, high: int) -> int:
+    """Sum over the pairs that no end of a range of bins parts."""
+    both, _, none = _sides(sums, low, high)
+    return both + none
+
+
+@inlined
+def _grey(sums, counts, row, col):  # type: ignore[no-untyped-def]
+    """Mean grey of a cell, rounded down; -1 where it does not count."""
+    if row < 0 or col < 0 or row >= counts.shape[0] or col >= counts.shape[1]:
+        return -1
+    if counts[row, col] < _LEAST_PIXELS:
+        return -1
+    return np.int64(sums[row, col]) // np.int64(counts[row, col])
+
+
+@kernel("void(u4[:,::1], u1[:,::1], i8[::1])")
+def _extent(sums, counts, extent):  # type: ignore[no-untyped-def]
+    for row in range(counts.shape[0]):
+        for col in range(counts.shape[1]):
+            grey = _grey(sums, counts, row, col)
+            if grey >= 0:
+                extent[0] = min(extent[0], grey)
+                extent[1] = max(extent[1], grey)
+
+
+@kernel("void(u4[:,::1], u1[:,::1], i8, i8, i8[::1], i8[::1], i8[:,::1], i8[:,::1])")
+def _count_pairs(sums, counts, first, width, cells, frame, near, far):  # type: ignore[no-untyped-def]
+    for row in range(counts.shape[0]):
+        for col in range(counts.shape[1]):
+            grey = _grey(sums, counts, row, col)
+            if grey < 0:
+                continue
+            own = (grey - first) // width
+            cells[own] += 1
+            outer = False
+            for side in range(4):
+                down = (side == 0) - (side == 1)
+                right = (side == 2) - (side == 3)
+                beside = _grey(sums, counts, row + down, col + right)
+                outer |= beside < 0
+                if down + right != 1:
+                    continue
+                if beside >= 0:
+                    other = (beside - first) // width
+                    near[min(own, other), max(own, other)] += 1
+                apart = _grey(sums, counts, row + _APART * down, col + _APART * right)
+                if apart >= 0:
+                    other = (apart - first) // width
+                    far[min(own, other), max(own, other)] += 1
+            frame[own] += outer

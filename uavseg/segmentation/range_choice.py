@@ -1,0 +1,180 @@
+"""Choice of ranges by what lies on both sides of their borders, and their order.
+
+histogram of leaf means -> classes: Otsu's, or two of least cross entropy where no valleys part them
+joint histograms of cells -> darkest and brightest things: the bound with the largest average contrast
+                          -> order: compact, closed and contrasting ranges first
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavseg.raster.intensity.cross_entropy import least_cross_entropy
+from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
+from uavseg.segmentation.range_candidates import edge_near, explained_by, propose_ranges
+
+LEAST_CONTRAST = 2.5  # of a border; noise, slow light and fractal surfaces have at most 2.4 at any bound
+_PART_CONTRAST = 4.0  # of the border of a part of a class
+_PART_WEIGHT = 0.5  # of its score: it must stand out twice as much to come before a class
+_MOST_OF_CLASS = 0.8  # of its cells: a part that holds more is the class itself
+_PROMINENCE = 1.25  # of a bound's average contrast, over what lies between it and a higher one
+_LEAST_SHARE = 0.25  # of the largest average contrast
+_LEAST_PAIRS = 12  # that a bound parts: the border of a few cells
+
+
+@dataclass(frozen=True, slots=True)
+class ChosenRange:
+    """A range of v, and how it lies in the picture.
+
+    Parameters
+    ----------
+    low, high : float
+        0, 1, or a decimal number of few digits.
+    is_part : bool
+        Whether it is a part of the darkest or the brightest class; otherwise it is a class, and all classes
+        together are 0..1.
+    border : RangeBorder or None
+        None where no cell counts.
+    """
+
+    low: float
+    high: float
+    is_part: bool
+    border: RangeBorder | None
+
+    @property
+    def score(self) -> float:
+        """By which ranges are ordered."""
+        if self.border is None:
+            return 0.0
+        return self.border.score * (_PART_WEIGHT if self.is_part else 1)
+
+
+@dataclass(frozen=True, slots=True)
+class RangeChoice:
+    """Ranges of a raster.
+
+    Parameters
+    ----------
+    ranges : tuple of ChosenRange
+        The classes, the darkest first, then the part of the darkest and that of the brightest.
+    explained : float
+        Share of the variance of the leaf means that lies between the classes.
+    """
+
+    ranges: tuple[ChosenRange, ...]
+    explained: float
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Between the classes."""
+        return tuple(one.high for one in self.ranges if not one.is_part and one.high < 1)
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """Ends of all ranges, 0 and 1 aside."""
+        ends = {end for one in self.ranges for end in (one.low, one.high)}
+        return tuple(sorted(ends - {0.0, 1.0}))
+
+    @property
+    def ranked(self) -> tuple[int, ...]:
+        """Indices of the ranges, those that look most like things on a ground first."""
+        return tuple(sorted(range(len(self.ranges)), key=lambda k: (-self.ranges[k].score, k)))
+
+    @property
+    def contrast(self) -> float | None:
+        """The largest of any range; None where no cell counts."""
+        contrasts = [one.border.contrast for one in self.ranges if one.border is not None]
+        return max(contrasts, default=None)
+
+
+def choose_ranges(
+    histogram: NDArray[np.int64],
+    pairs: CellPairs | None,
+    n_classes: int | None = None,
+    refined: bool = True,
+) -> RangeChoice:
+    """Ranges of a raster.
+
+    Parameters
+    ----------
+    histogram : (65536,) int64 array
+        Valid pixels by the mean grey of their leaf; not all 0.
+    pairs : CellPairs or None
+        Of the same block map.
+    n_classes : int, optional
+        Number of Otsu's classes, and no parts of them. By default as many as valleys of the histogram
+        separate; where there are no such valleys, two of least cross entropy.
+    refined : bool
+        Whether regions are refined to the pixel, so that a cell that differs from its leaf is found too.
+    """
+    cuts = propose_ranges(histogram, n_classes)
+    edges = cuts.edges
+    if n_classes is None and pairs is not None and not cuts.clear and len(edges) == 1:
+        edges = _two_of_least_entropy(histogram, pairs) or edges
+    bounds = (0.0, *edges, 1.0)
+    ranges = [(low, high, False) for low, high in pairwise(bounds)]
+    if n_classes is None and pairs is not None and edges:
+        ranges += _parts(pairs.histogram() if refined else histogram, pairs, edges)
+    chosen = tuple(ChosenRange(*one, _border(pairs, *one[:2])) for one in ranges)
+    return RangeChoice(chosen, explained_by(histogram, edges))
+
+
+def _two_of_least_entropy(histogram: NDArray[np.int64], pairs: CellPairs) -> tuple[float, ...]:
+    if np.count_nonzero(pairs.cells) < 2:
+        return ()
+    end, start = least_cross_entropy(pairs.cells)
+    edge = edge_near(histogram, (pairs.grey_of(end + 1) + pairs.grey_of(start)) / 2)
+    return () if edge is None else (edge,)
+
+
+def _parts(
+    histogram: NDArray[np.int64], pairs: CellPairs, edges: Sequence[float]
+) -> list[tuple[float, float, bool]]:
+    """The part of the darkest class and that of the brightest whose borders stand out most."""
+    found: list[tuple[float, float, bool]] = []
+    bounds = _contrasting_bounds(pairs)
+    for side, outer, inner in (("dark", 0.0, edges[0]), ("bright", 1.0, edges[-1])):
+        scores = []
+        for bound in bounds:
+            low, high = sorted((outer, inner))
+            edge = edge_near(histogram, pairs.grey_of(bound), low, high)
+            if edge is None:
+                continue
+            part = (0.0, edge) if side == "dark" else (edge, 1.0)
+            border, whole = _border(pairs, *part), _border(pairs, low, high)
+            if border is None or whole is None or border.contrast < _PART_CONTRAST:
+                continue
+            if border.share < _MOST_OF_CLASS * whole.share:
+                scores.append((border.score, border.share, part))
+        if scores:
+            found.append((*max(scores)[2], True))
+    return found
+
+
+def _contrasting_bounds(pairs: CellPairs) -> list[int]:
+    """Bounds between bins where the average contrast has a prominent maximum, the highest first."""
+    contrasts, parted = pairs.contrasts()
+    contrasts = np.where(parted >= _LEAST_PAIRS, contrasts, 0.0)
+    least = max(_LEAST_SHARE * contrasts.max(), np.finfo(float).tiny)
+    tops = 1 + np.flatnonzero((contrasts[1:-1] >= contrasts[:-2]) & (contrasts[1:-1] >= contrasts[2:]))
+    found: list[int] = []
+    for top in tops[np.argsort(-contrasts[tops], kind="stable")].tolist():
+        if contrasts[top] < least:
+            break
+        between = [contrasts[min(top, one) : max(top, one) + 1].min() for one in found]
+        if all(_PROMINENCE * lowest <= contrasts[top] for lowest in between):
+            found.append(top)
+    return found
+
+
+def _border(pairs: CellPairs | None, low: float, high: float) -> RangeBorder | None:
+    """Look of a range; None where no cell lies in it."""
+    if pairs is None:
+        return None
+    first = 0 if low <= 0 else pairs.bin_of(low)
+    last = BINS if high >= 1 else pairs.bin_of(high)
+    return pairs.border(first, last) if pairs.cells[first:last].any() else None
