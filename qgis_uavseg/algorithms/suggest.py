@@ -28,8 +28,8 @@ class SuggestRanges(ProgramAlgorithm):
     GROUP = GROUP
     SUMMARY = (
         "Proposes ranges of intensity for Extract regions, each with its share of the area and the "
-        "number of regions "
-        "that it gives: the classes that vary least within (Otsu's thresholds)."
+        "number of regions that it gives: classes of the histogram, and small things that stand out in the "
+        "darkest or the brightest of them. What looks most like things on a ground comes first."
     )
     TAGS = ("histogram", "otsu", "threshold")
 
@@ -38,7 +38,7 @@ class SuggestRanges(ProgramAlgorithm):
             "CLASSES",
             "How many ranges",
             "--classes",
-            "Empty: as many as the histogram has by itself.",
+            "Empty: as many as the raster has by itself.",
             tuple("2345678"),
         )
         return with_input((shown(classes),), RASTER, DIVISION, (THREADS,))
@@ -85,7 +85,7 @@ class SuggestRanges(ProgramAlgorithm):
 def _lines(ranges: list[dict[str, Any]]) -> list[str]:
     return [
         f"{part['low']:g} to {part['high']:g}: {100 * part['share']:.1f} % of the area, {_count(part)} "
-        f"regions"
+        f"regions, contrast {_contrast(part)}"
         for part in ranges
     ]
 
@@ -93,8 +93,8 @@ def _lines(ranges: list[dict[str, Any]]) -> list[str]:
 def _html(found: dict[str, Any]) -> str:
     """The table as a page; all texts of files are escaped."""
     rows = "".join(
-        f"<tr><td>{part['low']:g},{part['high']:g}</td><td>{part['value_low']:g} to {part['value_high']:g} "
-        f"{escape(str(part['unit']))}</td><td>{100 * part['share']:.1f} %</td><td>{_count(part)}</td></tr>"
+        f"<tr><td>{part['low']:g},{part['high']:g}</td><td>{escape(_values(part))}</td>"
+        f"<td>{100 * part['share']:.1f} %</td><td>{_count(part)}</td><td>{_contrast(part)}</td></tr>"
         for part in found["ranges"]
     )
     return (
@@ -102,10 +102,26 @@ def _html(found: dict[str, Any]) -> str:
         f"<title>Ranges of {escape(found['source'])}</title></head>"
         f"<body><p>Ranges of v for {escape(found['source'])}, stretch {escape(found['stretch'])}:</p>"
         '<table border="1" cellpadding="4"><tr>'
-        "<th>Range of v</th><th>Values</th><th>Area</th><th>Regions</th></tr>"
+        "<th>Range of v</th><th>Values</th><th>Area</th><th>Regions</th><th>Contrast</th></tr>"
         f"{rows}</table></body></html>\n"
     )
 
 
 def _count(part: dict[str, Any]) -> str:
     return f"{part['regions']:,}" if part["exact"] else f"about {part['regions']:,}"
+
+
+def _values(part: dict[str, Any]) -> str:
+    """The range in the units of the raster, as far as they are known."""
+    low, high, unit = part["value_low"], part["value_high"], part["unit"]
+    if low is None and high is None:
+        return ""
+    if low is None or high is None:
+        return f"{low:g} and more {unit}" if high is None else f"{high:g} and less {unit}"
+    return f"{low:g} to {high:g} {unit}"
+
+
+def _contrast(part: dict[str, Any]) -> str:
+    """How much the range stands out at its borders, and whether it is a part of another one."""
+    text = "not known" if part["contrast"] is None else f"{part['contrast']:.1f}"
+    return text + (" (part)" if part["part"] else "")
