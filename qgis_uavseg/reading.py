@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .options import band, choice, number, text
+from .options import band, choice, number, switch, text
 
 INDICES = (
     "ndvi",
@@ -120,4 +120,29 @@ MIN_AREA = text(
 )
 FILL_HOLES = text(
     "FILL_HOLES", "Fill holes up to (m², or pixels as 50px)", "--fill-holes", "Smaller holes are filled."
+)
+DETAIL = text(
+    "DETAIL",
+    "Wanted detail (m, or pixels as 9px)",
+    "--detail",
+    "What is narrower than a disc of this diameter is left out, necks are cut and gaps closed.",
+)
+FLATTEN = text(
+    "FLATTEN",
+    "Take slow light away over (m, or pixels as 200px)",
+    "--flatten",
+    "Several times the width of what is looked for: light that changes slowly over it is taken away from v.",
+)
+MIN_CONFIDENCE = number(
+    "MIN_CONFIDENCE",
+    "Least confidence",
+    "--min-confidence",
+    "From 0 to 1: regions that are less probably right are left out. Empty: all stay.",
+    0,
+)
+THIN_LINES = switch(
+    "THIN_LINES",
+    "Add thin lines",
+    "--thin-lines",
+    "Lines of 1 to 3 pixels, such as cracks, are found by their contrast along 15 pixels.",
 )

@@ -7,7 +7,17 @@ from collections.abc import Sequence
 from qgis.core import QgsProcessingException, QgsProcessingParameterMatrix
 
 from ..options import Option, Values, choice, file, filled, interval, metres, unless
-from ..reading import DIVISION, FILL_HOLES, MIN_AREA, RASTER, THREADS
+from ..reading import (
+    DETAIL,
+    DIVISION,
+    FILL_HOLES,
+    FLATTEN,
+    MIN_AREA,
+    MIN_CONFIDENCE,
+    RASTER,
+    THIN_LINES,
+    THREADS,
+)
 from .regions import RegionAlgorithm, with_input
 
 
@@ -70,6 +80,10 @@ class ExtractRegions(RegionAlgorithm):
                     ("tv", "scan", "none", "smooth"),
                 ),
                 FILL_HOLES,
+                DETAIL,
+                THIN_LINES,
+                FLATTEN,
+                MIN_CONFIDENCE,
                 metres(
                     "SMOOTH_OUTLINE",
                     "Smooth outlines within",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..options import Option, choice, metres, number, shown, text
-from ..reading import DIVISION, MIN_AREA, RASTER, THREADS
+from ..reading import DETAIL, DIVISION, FLATTEN, MIN_AREA, MIN_CONFIDENCE, RASTER, THREADS
 from .regions import RegionAlgorithm, with_input
 
 
@@ -57,6 +57,9 @@ class SegmentByLevels(RegionAlgorithm):
                     "Become part of a neighbour (merge), or are left out (drop). Empty: merge.",
                     ("merge", "drop"),
                 ),
+                DETAIL,
+                FLATTEN,
+                MIN_CONFIDENCE,
                 metres(
                     "SMOOTH_OUTLINE",
                     "Smooth outlines within",

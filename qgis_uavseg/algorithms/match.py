@@ -14,7 +14,7 @@ from qgis.core import (
 
 from ..options import Option, Values, choice, metres, number, plain, text
 from ..places import place
-from ..reading import FILL_HOLES, MIN_AREA, RASTER, THREADS
+from ..reading import DETAIL, FILL_HOLES, MIN_AREA, MIN_CONFIDENCE, RASTER, THREADS
 from ..targets import refuse_unsaved
 from .regions import RegionAlgorithm, with_input
 
@@ -106,6 +106,8 @@ class RegionsLikeSample(RegionAlgorithm):
             RASTER,
             (
                 FILL_HOLES,
+                DETAIL,
+                MIN_CONFIDENCE,
                 metres("SIMPLIFY", "Simplify outlines within", "--simplify", "Shared borders stay shared."),
                 THREADS,
             ),

@@ -15,7 +15,7 @@ from qgis.core import (
 )
 
 from ..options import Option, Values, choice, shown, words_of
-from ..reading import DIVISION, RASTER, THREADS
+from ..reading import DIVISION, FLATTEN, RASTER, THREADS
 from .base import ProgramAlgorithm
 from .regions import GROUP, with_input
 
@@ -41,7 +41,7 @@ class SuggestRanges(ProgramAlgorithm):
             "Empty: as many as the raster has by itself.",
             tuple("2345678"),
         )
-        return with_input((shown(classes),), RASTER, DIVISION, (THREADS,))
+        return with_input((shown(classes),), RASTER, (FLATTEN,), DIVISION, (THREADS,))
 
     def add_outputs(self) -> None:
         add = self.addParameter

@@ -42,6 +42,24 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, str], list[object]]] = {
             ],
         ],
     ),
+    "what is looked at": (
+        "extract",
+        {
+            "INPUT": SHORE,
+            "RANGE": "0.5,1",
+            "THIN_LINES": True,
+            "FLATTEN": "200px",
+            "MIN_CONFIDENCE": 0.4,
+        },
+        {"OUTPUT": "o.gpkg"},
+        [
+            "extract",
+            SHORE,
+            "--range",
+            "0.5,1",
+            *("--thin-lines", "--flatten", "200px", "--min-confidence", "0.4"),
+        ],
+    ),
     "open values": (
         "extract",
         {"INPUT": QUARRY, "RANGE": "140,nan", "RANGE_IN": 1},
@@ -99,9 +117,9 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, str], list[object]]] = {
     ),
     "width": (
         "levels",
-        {"INPUT": QUARRY, "WIDTH": 0.2, "MIN_AREA": "50"},
+        {"INPUT": QUARRY, "WIDTH": 0.2, "MIN_AREA": "50", "DETAIL": "3"},
         {"OUTPUT": "levels.gpkg", "LABELS": "levels.tif"},
-        ["levels", QUARRY, "--width", "0.2", "--min-area", "50"],
+        ["levels", QUARRY, "--width", "0.2", "--min-area", "50", "--detail", "3"],
     ),
     "breaks": (
         "levels",
