@@ -88,6 +88,17 @@ def test_the_pixels_selected_are_those_whose_value_lies_in_the_range(
     assert np.array_equal(selected(image, found, fit), in_range(image, asked))
 
 
+@pytest.mark.parametrize("span", [50, 3000, 65534, 65535])
+@pytest.mark.parametrize("within", [0.25, 0.5, 0.75, 0.9999])
+def test_a_range_between_two_integers_holds_no_pixel(span: int, within: float) -> None:
+    image = np.linspace(0, span, 5000).astype(np.uint16).reshape(50, 100)
+    image[0, :40] = np.arange(40)
+    for below in (0, 7, 21, 38):
+        end = below + within
+        found, [fit] = fitted(dataset_of(image), "minmax", ValueRange(end, end))
+        assert fit.low < fit.high and not selected(image, found, fit).any()
+
+
 @settings(max_examples=60)
 @given(cases(), st.sampled_from(["0,50", "percentile:10,90", "dtype", "none"]))
 def test_a_chosen_stretch_decides_exactly_or_refuses(case: tuple[NDArray, ValueRange], stretch: str) -> None:

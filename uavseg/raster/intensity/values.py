@@ -204,8 +204,9 @@ def _in_v(dataset: Dataset, stretch: Stretch, inner: Bounds) -> tuple[float, flo
     exact = _steps_are_greys(dataset, stretch)
     low = _low_v(stretch, inner.low, exact) if math.isfinite(inner.low) else 0.0
     high = _high_v(stretch, inner.high, exact) if math.isfinite(inner.high) else 1.0
-    if low >= high:
-        low, high = max(low - 0.25 / GREY_MAX, 0.0), min(high + 0.25 / GREY_MAX, 1.0)
+    if low >= high:  # one intensity, or none: between the greys of two integers
+        middle, reach = (low + high) / 2, (0.25 if low == high else 0.125) / GREY_MAX
+        low, high = max(middle - reach, 0.0), min(middle + reach, 1.0)
     return low, high
 
 
