@@ -131,7 +131,7 @@ def test_tile_and_threads_change_nothing(raster: Path, regions: geopandas.GeoDat
         same(uavseg.extract(raster, RANGE, tile=tile, threads=threads), regions)
 
 
-def test_progress_is_told(raster: Path) -> None:
+def test_progress_is_reported(raster: Path) -> None:
     told: list[float] = []
     uavseg.extract(raster, RANGE, tile=64, progress=lambda done, total: told.append(done / total))
     assert len(told) >= 18 and told[-1] == 1 and told == sorted(told)

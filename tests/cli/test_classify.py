@@ -105,7 +105,7 @@ def table_of(result: Result) -> dict[str, str]:
     return {line[2:14].strip(): line[14:] for line in lines}
 
 
-def test_states_objects_and_labels_and_what_is_told() -> None:
+def test_states_objects_and_labels_and_what_is_reported() -> None:
     table = table_of(done("map.tif", "-o", "s.tif", "--objects", "o.geojson", "--labels", "l.tif"))
     states, labels = read("s.tif"), read("l.tif")
     with rasterio.open("s.tif") as file:

@@ -82,7 +82,7 @@ def test_a_block_map_is_a_raster_of_cells_that_shows_means_and_leaves() -> None:
     assert 0.6 < mean[30 // 8, 40 // 8] < 0.8 and np.nanmin(mean) < 0.3
 
 
-def test_what_is_told_at_the_end() -> None:
+def test_what_is_reported_at_the_end() -> None:
     rows = dict(
         line.split(maxsplit=1) for line in done("divide", "tile.tif", "-o", "b.tif").stderr.splitlines()
     )

@@ -332,7 +332,7 @@ def test_a_mission_in_one_go_starts_outside_of_all_regions() -> None:
     assert commands[0] == 22 and commands[-1] == 20  # take off, return to launch
 
 
-def test_a_mission_starts_where_it_is_said_and_is_told_of() -> None:
+def test_a_mission_starts_where_it_is_said_and_is_reported() -> None:
     said = ("--home", "45.1,-76.2", "--altitude", 50)
     result = extracted("tile.tif", *RANGE, "--mission", "fly.plan", *said)
     plan = json.loads(Path("fly.plan").read_text())
@@ -478,7 +478,7 @@ def test_there_is_no_mission_over_no_region() -> None:
         "tile.tif --range 0.5,1 --pattern zigzag",
     ],
 )
-def test_wrong_usage_is_told_with_exit_code_2(arguments: str) -> None:
+def test_wrong_usage_is_reported_with_exit_code_2(arguments: str) -> None:
     result = run(*arguments.split())
     assert result.exit_code == 2 and "Usage: " in result.stderr and files() == {"tile.tif"}
 

@@ -70,7 +70,7 @@ def sample(name: str = "sample.gpkg", crs: str = "EPSG:32618", shape: object = N
     return name
 
 
-def test_regions_labels_and_what_is_told() -> None:
+def test_regions_labels_and_what_is_reported() -> None:
     told = done(write(), "--like", LIKE, "-o", "a.gpkg", "--labels", "l.tif").stderr
     regions = geopandas.read_file("a.gpkg")
     with rasterio.open("l.tif") as file:
@@ -164,7 +164,7 @@ def test_the_program_itself_reads_files_of_regions() -> None:
     assert Path("a.plan").exists()
 
 
-def test_nothing_found_is_told() -> None:
+def test_nothing_found_is_reported() -> None:
     told = done(write(), "--like", LIKE, "-o", "a.fgb", "--min-area", "1e9").stderr
     assert "nothing is like the sample" in told
     assert len(geopandas.read_file("a.fgb")) == 0

@@ -79,7 +79,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("option", BAD, ids=" ".join)
-def test_what_cannot_be_is_told_in_one_line_and_nothing_is_written(option: tuple[str, str]) -> None:
+def test_what_cannot_be_is_reported_in_one_line_and_nothing_is_written(option: tuple[str, str]) -> None:
     before = Path("scene.tif").read_bytes()
     output = () if option[0] == "-o" else ("-o", "labels.tif")
     result = run("scene.tif", *option, *output)

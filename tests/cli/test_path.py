@@ -89,7 +89,7 @@ def test_a_path_goes_through_the_door_and_round_the_thin_wall() -> None:
     assert "coordinates are local" in result.stderr and "kept out of 48 cells" in result.stderr
 
 
-def test_its_length_is_that_of_the_line_and_told_with_the_rest() -> None:
+def test_its_length_is_that_of_the_line_and_reported_with_the_rest() -> None:
     result = found("local.tif", *RANGE, *LOCAL_ENDS, "-o", "path.geojson")
     told = json.loads(Path("path.geojson").read_text())["features"][0]["properties"]
     legs = np.diff(np.array(cells_of("path.geojson")), axis=0)
@@ -164,7 +164,7 @@ def test_the_antimeridian_cuts_the_line(folder: Path) -> None:
     assert west[-1] == [180.0, east[0][1]] and east[0][0] == -180.0
 
 
-def test_oblong_cells_are_told_of(folder: Path) -> None:
+def test_oblong_cells_are_reported(folder: Path) -> None:
     north = {"crs": "EPSG:4326", "transform": Affine(0.001, 0, 20, 0, -0.001, 60)}
     write(folder / "north.tif", np.full((64, 64), 20, np.uint8), **north)
     result = found("north.tif", *RANGE, "--start", "20.01,59.99", "--goal", "20.03,59.95", "-o", "p.geojson")
@@ -192,7 +192,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("option", BAD, ids=" ".join)
-def test_what_cannot_be_is_told_in_one_line_and_nothing_is_written(option: tuple[str, str]) -> None:
+def test_what_cannot_be_is_reported_in_one_line_and_nothing_is_written(option: tuple[str, str]) -> None:
     Path("rooms.geojson").write_text("mine")
     before = {path.name for path in Path().iterdir()}
     options = {"--range": "0,0.45", "--start": at(100, 20), "--goal": at(100, 100), "-o": "path.geojson"}
@@ -205,7 +205,7 @@ def test_what_cannot_be_is_told_in_one_line_and_nothing_is_written(option: tuple
     assert Path("rooms.geojson").read_text() == "mine"
 
 
-def test_the_nearest_free_cell_is_told_in_metres() -> None:
+def test_the_nearest_free_cell_is_reported_in_metres() -> None:
     result = run("rooms.tif", *RANGE, "--start", at(100, 20), "--goal", at(100, 69), "-o", "p.geojson")
     assert "nearest free cell of region 1 is 1.5 m from the goal" in result.stderr
     assert f"at {float(at(100, 72).split(',')[0]):.12g}" in result.stderr

@@ -88,7 +88,7 @@ def test_a_simulated_map_with_everything_that_is_made_of_it(
     assert np.ptp(bare, axis=2).max() < 10 and (np.ptp(drawn, axis=2) > 40).mean() > 0.2
 
 
-def test_layers_that_are_not_what_they_should_be_are_told_in_one_line(raster: Path) -> None:
+def test_layers_that_are_not_what_they_should_be_are_reported_in_one_line(raster: Path) -> None:
     Path("no.geojson").write_text("{}")
     for option, told in (
         (("--states", "a.tif"), "uavseg classify"),

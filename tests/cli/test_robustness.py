@@ -313,7 +313,7 @@ def assert_told(outcome: tuple[int, str]) -> None:
         ("preview", "a.tif", "-o", "a.png"),
     ],
 )
-def test_a_disk_that_is_full_is_told_of_in_one_line(arguments: tuple[object, ...]) -> None:
+def test_a_disk_that_is_full_is_reported_in_one_line(arguments: tuple[object, ...]) -> None:
     assert_told(limited(800, *arguments, "-q"))
     assert files() == {"a.tif"}
 

@@ -138,7 +138,7 @@ def test_the_sensor_can_be_changed(scene: str) -> None:
         (["lens", "--truth", "there.tif"], "there.tif exists; give --overwrite"),
     ],
 )
-def test_what_cannot_be_is_told_in_one_line_and_nothing_is_written(words: list[str], told: str) -> None:
+def test_what_cannot_be_is_reported_in_one_line_and_nothing_is_written(words: list[str], told: str) -> None:
     Path("there.tif").write_text("mine")
     result = run("-o", "map.tif", *words)  # of two -o the last counts
     assert result.exit_code == 1

@@ -270,7 +270,7 @@ def test_a_clearing_is_not_like_the_forest_around_it(shared_data: Path) -> None:
 
 
 @pytest.mark.parametrize("radius", [3, 8, 12])
-def test_a_sample_that_is_too_small_is_refused_and_told_how_large_it_must_be(radius: float) -> None:
+def test_a_sample_that_is_too_small_is_refused_with_how_large_it_must_be(radius: float) -> None:
     image, _ = scene("rows", "meadow")
     with pytest.raises(SampleError, match=r"at least 512.* a radius of 16 pixels"):
         found(image, Disc(110, 110, radius))
@@ -287,7 +287,7 @@ def test_the_window_is_the_largest_usual_one_that_fits(radius: float, window: in
 
 @settings(max_examples=10)
 @given(x=st.floats(100, 120), y=st.floats(100, 120), window=st.sampled_from([16, 32, 64]))
-def test_a_disc_as_large_as_it_is_told_is_enough(x: float, y: float, window: int) -> None:
+def test_a_disc_as_large_as_the_message_says_is_enough(x: float, y: float, window: int) -> None:
     image, _ = scene("rows", "meadow", shape=(220, 220))
     made = found(image, Disc(x, y, window), replace(PLAIN, window=window))
     assert made.texture is not None and made.texture.sample.model.count > 2 * window**2

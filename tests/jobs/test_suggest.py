@@ -174,14 +174,14 @@ def test_a_constant_raster_is_one_class_and_no_range() -> None:
     )
 
 
-def test_fewer_means_than_classes_are_told() -> None:
+def test_fewer_means_than_classes_are_reported() -> None:
     image = np.full((64, 128), 0.2, np.float32)
     image[:, 64:] = 0.9
     found = suggested(image, 5)
     assert len(found.ranges) == 2 and "fall into 2 bins, which are no 5 classes" in found.warnings[0]
 
 
-def test_doubt_is_told() -> None:
+def test_doubt_is_reported() -> None:
     image = np.random.default_rng(4).normal(0.5, 0.1, (512, 512)).astype(np.float32)
     assert "no range stands out at its borders (contrast 2." in suggested(image).warnings[0]
 

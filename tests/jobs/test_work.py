@@ -53,14 +53,14 @@ def test_each_job_has_unreadable_blocks_of_its_own() -> None:
     assert not work.bad_blocks and work == one == other
 
 
-def test_the_windows_are_told_once_when_a_job_begins() -> None:
+def test_the_windows_are_reported_once_when_a_job_begins() -> None:
     begun: list[int] = []
     work = Work(64, started=lambda windows: begun.append(len(windows)))
     extract(open_raster(SCENE), ExtractRequest(IntensityRange(0.5, 1)), work)
     assert begun == [9]
 
 
-def test_tiles_that_are_found_in_a_checkpoint_are_told(tmp_path: Path) -> None:
+def test_tiles_that_are_found_in_a_checkpoint_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.tif"
     place = Affine(2, 0, 0, 0, -2, 0)
     with rasterio.open(path, "w", "GTiff", 160, 160, 1, dtype="uint8", transform=place) as file:

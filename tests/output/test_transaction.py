@@ -175,7 +175,7 @@ def race(target: Path, overwrite: bool) -> list[tuple[int, str]]:
     return [(one.returncode, text) for one, text in zip(started, said, strict=True)]
 
 
-def test_of_three_runs_that_write_the_same_one_wins_and_two_are_told(tmp_path: Path) -> None:
+def test_of_three_runs_that_write_the_same_one_wins_and_two_report_it(tmp_path: Path) -> None:
     ended = race(tmp_path / "a.gpkg", overwrite=False)
     assert sorted(code for code, _ in ended) == [0, 1, 1]
     assert all("exists" in said for code, said in ended if code)
@@ -255,7 +255,7 @@ def note(*acts: Callable[[], object]) -> str:
         return str(written)
 
 
-def test_what_was_written_is_told(tmp_path: Path) -> None:
+def test_what_was_written_is_reported(tmp_path: Path) -> None:
     first, second = tmp_path / "a.tif", tmp_path / "b.tif"
     assert note() == "nothing was written"
     assert note(lambda: write(first)) == f"{first} was written"

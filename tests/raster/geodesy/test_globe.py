@@ -69,7 +69,7 @@ def test_a_text_that_is_not_a_crs_is_neither_geographic_nor_in_metres() -> None:
         transform_between("nonsense", LONLAT)
 
 
-def test_the_earth_is_told_from_other_bodies_by_its_radius() -> None:
+def test_the_earth_is_distinguished_from_other_bodies_by_its_radius() -> None:
     assert is_on_earth(UTM) and is_on_earth(GRADS) and not is_on_earth(EUROPA)
 
 
