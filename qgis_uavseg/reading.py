@@ -39,6 +39,13 @@ INDICES = (
     "evi2",
 )
 
+BAND_NAMES = text(
+    "BAND_NAMES",
+    "Names of the bands",
+    "--band-names",
+    "For an index or a formula: red,green,blue,nir, or some, such as nir=4.",
+)
+
 BAND_CHOICE = (
     band(),
     choice("INDEX", "Spectral index", "--index", "In place of a band: a spectral index.", INDICES),
@@ -48,12 +55,7 @@ BAND_CHOICE = (
         "--expr",
         "In place of a band: a formula, such as (nir - red) / (nir + red), or (b4 - b3) / (b4 + b3).",
     ),
-    text(
-        "BAND_NAMES",
-        "Names of the bands",
-        "--band-names",
-        "For an index or a formula: red,green,blue,nir, or some, such as nir=4.",
-    ),
+    BAND_NAMES,
 )
 
 NODATA = number(

@@ -10,12 +10,14 @@ from .match import RegionsLikeSample
 from .path import FindPath
 from .plan import PlanMission
 from .suggest import SuggestRanges
+from .suggest_like import SuggestForSample
 
 ALGORITHMS = (
     ExtractRegions,
     SegmentByLevels,
     RegionsLikeSample,
     SuggestRanges,
+    SuggestForSample,
     PlanMission,
     CheckMission,
     ClassifyMap,

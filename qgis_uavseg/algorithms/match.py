@@ -4,36 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from qgis.core import (
-    QgsProcessing,
-    QgsProcessingException,
-    QgsProcessingParameterDistance,
-    QgsProcessingParameterFeatureSource,
-    QgsUnitTypes,
-)
-
-from ..options import Option, Values, choice, metres, number, plain, text
-from ..places import place
+from ..options import Option, Values, choice, metres, number, text
 from ..reading import DETAIL, FILL_HOLES, MIN_AREA, MIN_CONFIDENCE, RASTER, THREADS
-from ..targets import refuse_unsaved
 from .regions import RegionAlgorithm, with_input
-
-
-def _sample() -> Option:
-    return Option(
-        lambda: QgsProcessingParameterFeatureSource(
-            "SAMPLE", "Sample (polygons)", [QgsProcessing.TypeVectorPolygon], None, True
-        ),
-        lambda _: [],
-        "Polygons around what is looked for; those that are selected, if you tick that.",
-        advanced=False,
-    )
-
-
-def _radius() -> QgsProcessingParameterDistance:
-    definition = QgsProcessingParameterDistance("RADIUS", "Radius around the place", 10, "", True, 0)
-    definition.setDefaultUnit(QgsUnitTypes.DistanceMeters)
-    return definition
+from .sample import SAMPLE, sample_word
 
 
 class RegionsLikeSample(RegionAlgorithm):
@@ -52,14 +26,7 @@ class RegionsLikeSample(RegionAlgorithm):
     def options(self) -> Sequence[Option]:
         return with_input(
             (
-                _sample(),
-                place("PLACE", "Or a place in it", "The middle of a disc in the sample.", True, lambda _: []),
-                Option(
-                    _radius,
-                    lambda _: [],
-                    "Of the disc, in metres; in units of the raster where it has no CRS.",
-                    False,
-                ),
+                *SAMPLE,
                 choice(
                     "BY",
                     "Compare by",
@@ -114,27 +81,4 @@ class RegionsLikeSample(RegionAlgorithm):
         )
 
     def more_words(self, values: Values) -> list[str]:
-        if values.given("SAMPLE") == values.given("PLACE"):
-            raise QgsProcessingException("give a sample either as polygons or as a place, and not both")
-        return [f"--like={self._polygons(values) if values.given('SAMPLE') else self._disc(values)}"]
-
-    def _polygons(self, values: Values) -> str:
-        layer = self.parameterAsVectorLayer(values.parameters, "SAMPLE", values.context)
-        if layer is not None:
-            refuse_unsaved(layer, values.label("SAMPLE"))
-        return self.parameterAsCompatibleSourceLayerPath(
-            values.parameters,
-            "SAMPLE",
-            values.context,
-            ["gpkg", "geojson", "fgb", "shp"],
-            "gpkg",
-            values.feedback,
-        )
-
-    def _disc(self, values: Values) -> str:
-        crs = self.parameterAsRasterLayer(values.parameters, "INPUT", values.context).crs()
-        point = self.parameterAsPoint(values.parameters, "PLACE", values.context, crs)
-        radius = values.number("RADIUS")
-        if crs.isValid() and not crs.isGeographic():
-            radius /= QgsUnitTypes.fromUnitToUnitFactor(crs.mapUnits(), QgsUnitTypes.DistanceMeters)
-        return f"{point.x()!r},{point.y()!r},{plain(radius)}"
+        return [sample_word(values)]

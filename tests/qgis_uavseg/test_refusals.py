@@ -111,6 +111,6 @@ def test_the_program_sees_nothing_of_the_libraries_of_qgis(qgis: Any, tmp_path: 
 
 @pytest.mark.slow
 def test_all_algorithms_have_help_and_parameters_with_help(qgis: Any) -> None:
-    for name in ("extract", "levels", "match", "suggest", "plan", "check", "classify", "path"):
+    for name in ("extract", "levels", "match", "suggest", "suggestlike", "plan", "check", "classify", "path"):
         text = qgis.call("help", f"uavseg:{name}").stdout
         assert "Arguments" in text and len(text) > 500 and "Traceback" not in text, name

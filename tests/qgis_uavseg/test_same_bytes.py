@@ -205,6 +205,26 @@ def test_ranges_are_those_of_the_command_line(qgis: Any, tmp_path: Path) -> None
     assert files["REPORT"].read_text(encoding="utf-8").count("<tr>") == 1 + len(ranges) == 4
 
 
+@pytest.mark.slow
+def test_the_range_of_a_sample_is_that_of_the_command_line(qgis: Any, tmp_path: Path) -> None:
+    files = {"JSON": tmp_path / "r.json", "REPORT": tmp_path / "r.html"}
+    disc = {"PLACE": "488200,5207300", "RADIUS": 60}
+    answer = qgis.run("suggestlike", INPUT=WETLANDS, **disc, BANDS="1,2,3,4", **files)
+    assert answer.code == 0, answer.log
+    words = ["suggest", WETLANDS, "--like", "488200,5207300,60", "--bands", "1,2,3,4", "--json"]
+    printed = qgis.typed(*words)
+    assert files["JSON"].read_text(encoding="utf-8") == printed
+    ranges = json.loads(printed)["ranges"]
+    first, found = ranges[0], answer.results
+    assert files["REPORT"].read_text(encoding="utf-8").count("<tr>") == 1 + len(ranges) == 1 + found["COUNT"]
+    low, high = ("" if end is None else f"{end:.10g}" for end in (first["value_low"], first["value_high"]))
+    assert found["RANGE"] == f"{low},{high}"
+    named = {"BAND": "band", "INDEX": "index", "EXPRESSION": "expr"}
+    assert {word: found[name] for name, word in named.items() if found[name]} == {
+        word: str(value) for word, value in first["words"].items()
+    }
+
+
 @pytest.fixture(scope="module")
 def regions(qgis: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path: Path = tmp_path_factory.mktemp("regions") / "pits.gpkg"

@@ -29,13 +29,20 @@ from qgis.core import (
     QgsVectorLayer,
 )
 
-NAMES = ("extract", "levels", "match", "suggest", "plan", "check", "classify", "path")
+NAMES = ("extract", "levels", "match", "suggest", "suggestlike", "plan", "check", "classify", "path")
 # The parameters of a run; texts in angle brackets are files that the fixture `inputs` made, or results.
 RUNS: dict[str, dict[str, Any]] = {
     "extract": {"INPUT": "<quarry>", "RANGE": "0.55,1", "OUTPUT": "<out>/o.gpkg"},
     "levels": {"INPUT": "<quarry>", "WIDTH": 0.25, "OUTPUT": "<out>/o.gpkg"},
     "match": {"INPUT": "<fields>", "PLACE": "548225,6471890", "RADIUS": 4, "OUTPUT": "<out>/o.gpkg"},
     "suggest": {"INPUT": "<quarry>", "REPORT": "<out>/o.html"},
+    "suggestlike": {
+        "INPUT": "<fields>",
+        "PLACE": "548225,6471890",
+        "RADIUS": 4,
+        "JSON": "<out>/o.json",
+        "REPORT": "<out>/o.html",
+    },
     "plan": {"REGIONS": "<regions>", "OUTPUT": "<out>/o.plan"},
     "check": {"INPUT": "<mission>", "REPORT": "<out>/o.json"},
     "classify": {"INPUT": "<map>", "STRETCH": "none", "OUTPUT": "<out>/o.tif"},
