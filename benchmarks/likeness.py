@@ -79,33 +79,34 @@ def drawn(folder: Path) -> Iterator[Query]:
         kind = fields.argmax(0)  # the wanted one, another texture, another color
         grey = np.where(kind == 1, texture(rng, other, SIDE), texture(rng, wanted, SIDE))
         planes = [grey + np.where(kind == 2, shift, 0) + rng.normal(0, 0.02, grey.shape) for shift in SHIFTS]
-        yield _query(folder / f"{wanted} beside {other} {seed}.tif", np.stack(planes), kind == 0)
+        yield query(folder / f"{wanted} beside {other} {seed}.tif", np.stack(planes), kind == 0)
     for seed in range(LIT):
         rng = np.random.default_rng([seed, 2])
         fields = gaussian_filter(rng.normal(size=(4, SIDE, SIDE)), (0, SIDE / 14, SIDE / 14))
         kind, slow = fields[:3].argmax(0), gaussian_filter(fields[3], SIDE / 7)
         light = np.interp(slow, [slow.min(), slow.max()], LIGHT)
         planes = [light * np.array(shades)[kind] for shades in COLORS]
-        yield _query(
+        yield query(
             folder / f"slow light {seed}.tif",
             np.stack(planes) + rng.normal(0, 0.02, (3, SIDE, SIDE)),
             kind == 0,
         )
 
 
-def _query(path: Path, planes: Any, truth: Any) -> Query:
-    """A scene as a file, with a disc in the widest place of what is wanted."""
+def query(path: Path, planes: Any, truth: Any, radius: int = RADIUS) -> Query:
+    """A scene as a file, with a disc of at most a radius in the widest place of what is wanted."""
     import rasterio
     from scipy.ndimage import distance_transform_edt
 
     image = np.rint(255 * np.clip(planes, 0, 1)).astype(np.uint8)
     room = distance_transform_edt(np.pad(truth, 1))[1:-1, 1:-1]
     row, col = np.unravel_index(int(room.argmax()), room.shape)
-    profile = {"driver": "GTiff", "count": 3, "height": SIDE, "width": SIDE, "dtype": "uint8"}
-    place = {"crs": "EPSG:32633", "transform": rasterio.Affine(1, 0, 0, 0, -1, SIDE)}
+    height, width = truth.shape
+    profile = {"driver": "GTiff", "count": 3, "height": height, "width": width, "dtype": "uint8"}
+    place = {"crs": "EPSG:32633", "transform": rasterio.Affine(1, 0, 0, 0, -1, height)}
     with rasterio.open(path, "w", **profile, **place, photometric="RGB") as file:
         file.write(image)
-    return Query(path, image, truth, (row + 0.5, col + 0.5, min(int(room.max()) - 2, RADIUS)))
+    return Query(path, image, truth, (row + 0.5, col + 0.5, min(int(room.max()) - 2, radius)))
 
 
 def by_match(query: Query, by: str = "auto") -> Any:
@@ -209,9 +210,9 @@ def main() -> None:
     found: dict[str, list[list[float]]] = {}
     with TemporaryDirectory() as made:
         folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
-        for query in drawn(Path(made)) if folder is None else queries(folder):
-            values = [overlap(find(query), query.truth) for find in METHODS.values()]
-            stem, radius = query.path.stem, f"radius {query.disc[2]}"
+        for asked in drawn(Path(made)) if folder is None else queries(folder):
+            values = [overlap(find(asked), asked.truth) for find in METHODS.values()]
+            stem, radius = asked.path.stem, f"radius {asked.disc[2]}"
             for name in (stem.rstrip(" 0123456789"), "all") if folder is None else (stem, radius, "all"):
                 found.setdefault(name, []).append(values)
     print(table.mean_rows(found, ["", "discs", *METHODS]))

@@ -120,7 +120,7 @@ def by_threshold(scene: Scene) -> Any:
     from skimage.filters import gaussian
 
     blurred = gaussian(scene.image, 2)
-    own = blurred[_disc(scene.image.shape, scene.sample)]
+    own = blurred[disc_of(scene.image.shape, scene.sample)]
     return abs(blurred - own.mean()) <= 2 * own.std()
 
 
@@ -143,12 +143,29 @@ def by_best_range(scene: Scene) -> Any:
 
 def by_cooccurrence(scene: Scene) -> Any:
     """Grey level co-occurrence features of windows of 32 pixels, and a random forest."""
+    return _random_forest(cooccurrence(scene.image, 16), scene)
+
+
+def cooccurrence(image: Any, half: int, step: int = 8) -> Any:
+    """Grey level co-occurrence features of windows around each pixel, the same within a step.
+
+    Parameters
+    ----------
+    image : (M, N) uint8 array
+    half : int
+        Half of the side of a window.
+    step : int
+
+    Returns
+    -------
+    features : (M', N', 48) array
+        M' and N' are M and N, rounded down to whole steps.
+    """
     import numpy as np
     from skimage.feature import graycomatrix, graycoprops
 
-    half, step = 16, 8
-    grey = np.pad(scene.image // 16, half, mode="reflect")
-    rows, cols = (length // step for length in scene.image.shape)
+    grey = np.pad(image // 16, half, mode="reflect")
+    rows, cols = (length // step for length in image.shape)
     names = ("contrast", "dissimilarity", "homogeneity", "energy", "correlation", "ASM")
     features = np.empty((rows, cols, len(names) * 8))
     for row in range(rows):
@@ -163,7 +180,7 @@ def by_cooccurrence(scene: Scene) -> Any:
                 normed=True,
             )
             features[row, col] = np.concatenate([graycoprops(counts, name).ravel() for name in names])
-    return _random_forest(features.repeat(step, 0).repeat(step, 1), scene)
+    return features.repeat(step, 0).repeat(step, 1)
 
 
 def by_features(scene: Scene) -> Any:
@@ -178,7 +195,7 @@ def _random_forest(features: Any, scene: Scene) -> Any:
     import numpy as np
     from sklearn.ensemble import RandomForestClassifier
 
-    own, other = (_disc(scene.truth.shape, disc) for disc in (scene.sample, scene.other))
+    own, other = (disc_of(scene.truth.shape, disc) for disc in (scene.sample, scene.other))
     forest = RandomForestClassifier(n_estimators=50, max_depth=10, max_samples=0.2, random_state=0)
     forest.fit(
         np.concatenate([features[own], features[other]]),
@@ -187,7 +204,8 @@ def _random_forest(features: Any, scene: Scene) -> Any:
     return forest.predict(features.reshape(-1, features.shape[-1])).reshape(scene.truth.shape)
 
 
-def _disc(shape: tuple[int, int], disc: tuple[int, int, int]) -> Any:
+def disc_of(shape: tuple[int, int], disc: tuple[float, float, float]) -> Any:
+    """The pixels of a disc: row, column and radius."""
     import numpy as np
 
     row, col, radius = disc

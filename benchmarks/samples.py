@@ -46,16 +46,17 @@ def samples(folder: Path) -> Iterator[Samples]:
             image, truth = file.read(), drawn.read(1) == 1
         for radius in RADII:
             for _ in range(DRAWS):
-                like, unlike = (_places(mask, radius, rng) for mask in (truth, ~truth))
+                like, unlike = (places(mask, radius, rng, EACH) for mask in (truth, ~truth))
                 if len(like) == len(unlike) == EACH:
                     yield Samples(path, image, truth, like, unlike)
 
 
-def _places(mask: Any, radius: int, rng: np.random.Generator) -> list[Place]:
+def places(mask: Any, radius: int, rng: np.random.Generator, count: int) -> list[Place]:
+    """So many discs at random places within a mask, or fewer where there is no room."""
     from scipy.ndimage import distance_transform_edt
 
     room = np.argwhere(distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1] > radius + 1)
-    return [(row + 0.5, col + 0.5, radius) for row, col in rng.permutation(room)[:EACH]]
+    return [(row + 0.5, col + 0.5, radius) for row, col in rng.permutation(room)[:count]]
 
 
 def by_match(asked: Samples) -> Any:
@@ -83,7 +84,7 @@ def _matched(asked: Samples, against: list[Place]) -> Any:
         x, y = transform * (place[1], place[0])
         return Disc(x, y, place[2] * abs(transform.a))
 
-    like, unlike = (tuple(map(disc, places)) for places in (asked.like, against))
+    like, unlike = (tuple(map(disc, within)) for within in (asked.like, against))
     found = match(source, MatchRequest(like, by="color", unlike=unlike)).found
     return rasterise(found.rings, Window(0, 0, *asked.truth.shape)) > 0
 
@@ -95,7 +96,7 @@ def by_forest(asked: Samples) -> Any:
 
     planes = np.moveaxis(asked.image.astype(float), 0, -1)
     features = multiscale_basic_features(planes, sigma_min=1, sigma_max=16, channel_axis=-1)
-    inside, outside = (_within(places, asked.truth.shape) for places in (asked.like, asked.unlike))
+    inside, outside = (_within(discs, asked.truth.shape) for discs in (asked.like, asked.unlike))
     forest = RandomForestClassifier(n_estimators=50, max_depth=10, max_samples=0.05, random_state=0)
     forest.fit(
         np.concatenate([features[inside], features[outside]]),
@@ -104,9 +105,9 @@ def by_forest(asked: Samples) -> Any:
     return forest.predict(features.reshape(-1, features.shape[-1])).reshape(asked.truth.shape)
 
 
-def _within(places: list[Place], shape: tuple[int, int]) -> Any:
+def _within(discs: list[Place], shape: tuple[int, int]) -> Any:
     rows, cols = np.indices(shape) + 0.5
-    return np.any([(rows - row) ** 2 + (cols - col) ** 2 <= radius**2 for row, col, radius in places], axis=0)
+    return np.any([(rows - row) ** 2 + (cols - col) ** 2 <= radius**2 for row, col, radius in discs], axis=0)
 
 
 METHODS: dict[str, Callable[[Samples], Any]] = {

@@ -22,7 +22,7 @@ from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.sample.class_places import class_masks
-from uavseg.regions.sample.likeness import fit_likeness
+from uavseg.regions.sample.likeness import fit_likeness, spread_colors
 from uavseg.regions.tiles.likely_classes import LIKELY, outline_likely_classes
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
@@ -100,11 +100,13 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     grey = raster.grey(passes[0])
     bands = color_sources(raster, grey, request.bands, passes[0].silent)
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
+    with phase("colors of the raster"):
+        spread = spread_colors(bands, passes[0])
     likenesses, cells, hints = [], [], []
     for (name, own), tile_pass in zip(places.items(), passes[1:], strict=False):
         others = [mask for other, masks in places.items() if other != name for mask in masks]
         with phase(f"colors of {name}"):
-            found = fit_likeness(bands, own, tile_pass, others, f"the sample of {name}")
+            found = fit_likeness(bands, own, tile_pass, others, f"the sample of {name}", spread)
         decided(
             "%s: likeness %.3f in its samples, %.3f in the others", name, found.table.own, found.table.unlike
         )

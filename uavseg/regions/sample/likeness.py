@@ -71,8 +71,9 @@ def sample_colors(
     tile_pass: TilePass,
     unlike: Sequence[SampleMask] = (),
     name: str = "the sample",
+    spread: NDArray[np.uint16] | None = None,
 ) -> SampledColors:
-    """Colours of samples, and of pixels in small windows that are spread evenly over the raster.
+    """Colours of samples, and of pixels all over the raster.
 
     Parameters
     ----------
@@ -86,6 +87,8 @@ def sample_colors(
         Samples of what is not.
     name : str
         What an error calls the samples of what is wanted.
+    spread : (n, bands) uint16 array, optional
+        What `spread_colors` found, where several samples are compared.
 
     Raises
     ------
@@ -96,8 +99,15 @@ def sample_colors(
     run = tile_pass.silent
     sample = _colors_of(run, bands, places, name)
     others = _colors_of(run, bands, unlike, "the sample of what is unlike") if unlike else None
-    looked = list(run.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
-    return SampledColors(np.concatenate([*looked, sample[:1]]), sample, others)
+    if spread is None:
+        spread = spread_colors(bands, tile_pass)
+    return SampledColors(np.concatenate([spread, sample[:1]]), sample, others)
+
+
+def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[np.uint16]:
+    """Colours of pixels in small windows that are spread evenly over a raster: (n, bands)."""
+    windows = _spread_windows(bands[0].shape)
+    return np.concatenate(list(tile_pass.silent.run(partial(_colors, bands), windows)))
 
 
 def fit_likeness(
@@ -106,12 +116,13 @@ def fit_likeness(
     tile_pass: TilePass,
     unlike: Sequence[SampleMask] = (),
     name: str = "the sample",
+    spread: NDArray[np.uint16] | None = None,
 ) -> LikenessSource:
     """Learn what the colours of samples are, against those of the whole raster.
 
     Parameters and errors are those of `sample_colors`.
     """
-    table = sample_colors(bands, places, tile_pass, unlike, name).table()
+    table = sample_colors(bands, places, tile_pass, unlike, name, spread).table()
     return LikenessSource(bands[0].dataset, bands[0].stretch, tuple(bands), table)
 
 
