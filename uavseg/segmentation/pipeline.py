@@ -6,6 +6,7 @@ cells_to_refine   leaves in range, mixed cells              (on the block map al
 refine_tile       pixels of a tile in regions               (one pass over all tiles)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -20,7 +21,7 @@ from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, m
 from uavseg.segmentation.params import DivisionParams, IntensityRange, Intervals, Refinement, SegmentParams
 from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
-from uavseg.segmentation.source import CACHED_SIDE, BlockCache, GreySource, GreyTile
+from uavseg.segmentation.source import CACHED_SIDE, CAPACITY, BlockCache, GreySource, GreyTile
 from uavseg.units import BLOCK, CELLS, GREY_LEVELS
 
 IN_RANGE, MIXED = np.uint8(1), np.uint8(2)  # bits of `cells_to_refine`
@@ -70,12 +71,25 @@ def measure_block_map_for(
     params : SegmentParams
     tile_pass : TilePass
     """
-    measuring, dividing = tile_pass.stages(2)
-    query = LeafQuery(intervals.edges, params.division)
-    measured = measure_cells(source, measuring, query)
-    required = query.required_ratios(measured.blocks.sums, measured.blocks.counts)
-    fill_ratios(source, measured, required, dividing, query)
-    return measured.blocks
+    return measure_block_maps_for([source], intervals, params, tile_pass)[0]
+
+
+def measure_block_maps_for(
+    sources: Sequence[GreySource],
+    intervals: Intervals,
+    params: SegmentParams,
+    tile_pass: TilePass,
+) -> list[BlockMap]:
+    """As `measure_block_map_for`, of several sources of one shape, which are measured in one pass."""
+    measuring, *dividing = tile_pass.stages(1 + len(sources))
+    queries = [
+        LeafQuery(intervals.edges, params.division, BlockCache(CAPACITY // len(sources))) for _ in sources
+    ]
+    found = _measure_several(sources, measuring, queries)
+    for source, measured, query, own in zip(sources, found, queries, dividing, strict=True):
+        required = query.required_ratios(measured.blocks.sums, measured.blocks.counts)
+        fill_ratios(source, measured, required, own, query)
+    return [measured.blocks for measured in found]
 
 
 @dataclass(frozen=True)
@@ -109,11 +123,7 @@ class _CacheBlocks:
             self.query.cache.put(window, tile, _block_corners(self.query.required_ratios(sums, counts)))
 
 
-def measure_cells(
-    source: GreySource,
-    tile_pass: TilePass,
-    query: LeafQuery | None = None,
-) -> MeasuredCells:
+def measure_cells(source: GreySource, tile_pass: TilePass, query: LeafQuery | None = None) -> MeasuredCells:
     """First pass: sums and counts of all cells, and the bin edges of contrast over the whole raster.
 
     Parameters
@@ -123,17 +133,26 @@ def measure_cells(
     query : LeafQuery, optional
         Fills its cache with the blocks that it requires.
     """
-    blocks = BlockMap.empty(source.shape)
-    histogram = np.zeros(GREY_LEVELS, np.int64)
-    measure_tile = partial(_measure_tile, source, _CacheBlocks(query))
-    for window, result in zip(tile_pass.windows, tile_pass.run(measure_tile), strict=True):
-        if result is None:
-            continue
-        sums, counts, contrasts = result
+    return _measure_several([source], tile_pass, [query])[0]
+
+
+def _measure_several(
+    sources: Sequence[GreySource], tile_pass: TilePass, queries: Sequence[LeafQuery | None]
+) -> list[MeasuredCells]:
+    maps = [BlockMap.empty(source.shape) for source in sources]
+    histograms = [np.zeros(GREY_LEVELS, np.int64) for _ in sources]
+    caches = [_CacheBlocks(query) for query in queries]
+    measure_tile = partial(_measure_tile, list(zip(sources, caches, strict=True)))
+    for window, results in zip(tile_pass.windows, tile_pass.run(measure_tile), strict=True):
         cells = window_cells(window)
-        blocks.sums[cells], blocks.counts[cells] = sums, counts
-        histogram += contrasts
-    return MeasuredCells(blocks, contrast_bin_edges(histogram))
+        for blocks, histogram, result in zip(maps, histograms, results, strict=True):
+            if result is None:
+                continue
+            sums, counts, contrasts = result
+            blocks.sums[cells], blocks.counts[cells] = sums, counts
+            histogram += contrasts
+    edges = [contrast_bin_edges(histogram) for histogram in histograms]
+    return [MeasuredCells(blocks, own) for blocks, own in zip(maps, edges, strict=True)]
 
 
 def fill_ratios(
@@ -222,6 +241,12 @@ def refine_tile(
 
 
 def _measure_tile(
+    sources: Sequence[tuple[GreySource, _CacheBlocks]], window: Window
+) -> list[tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None]:
+    return [_measure_source(source, cache, window) for source, cache in sources]
+
+
+def _measure_source(
     source: GreySource, cache: _CacheBlocks, window: Window
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None:
     if source.dataset.is_empty(window):

@@ -22,10 +22,10 @@ from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.sample.class_places import class_masks
-from uavseg.regions.sample.likeness import fit_likeness, spread_colors
+from uavseg.regions.sample.likeness import BlurredBands, fit_likeness, spread_colors
 from uavseg.regions.tiles.likely_classes import LIKELY, outline_likely_classes
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
+from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
 from uavseg.units import MAX_KINDS
 
 _LEAST_PARTING = 0.15  # of the likeness of a class: that of its samples less that of the others
@@ -96,26 +96,26 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     detail = detail_of(request.detail, raster.geobox, request.refine)
     if len(places) > MAX_KINDS:
         raise SampleError(f"{request.classes} has {len(places)} classes; at most {MAX_KINDS} are told apart")
-    passes = work.over(raster).stages(len(places) + 2)
+    passes = work.over(raster).stages(3)
     grey = raster.grey(passes[0])
-    bands = color_sources(raster, grey, request.bands, passes[0].silent)
+    bands = BlurredBands(color_sources(raster, grey, request.bands, passes[0].silent))
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
     with phase("colors of the raster"):
-        spread = spread_colors(bands, passes[0])
-    likenesses, cells, hints = [], [], []
-    for (name, own), tile_pass in zip(places.items(), passes[1:], strict=False):
+        spread = spread_colors(bands.bands, passes[0])
+    likenesses, hints = [], []
+    for name, own in places.items():
         others = [mask for other, masks in places.items() if other != name for mask in masks]
         with phase(f"colors of {name}"):
-            found = fit_likeness(bands, own, tile_pass, others, f"the sample of {name}", spread)
+            found = fit_likeness(bands, own, passes[0], others, f"the sample of {name}", spread)
         decided(
             "%s: likeness %.3f in its samples, %.3f in the others", name, found.table.own, found.table.unlike
         )
         if found.table.parting < _LEAST_PARTING:
             hints.append(f"color hardly parts the samples of {name} from the others")
-        with phase(f"division by {name}"):
-            blocks = measure_block_map_for(found, LIKELY, params, tile_pass)
-            cells.append(cells_to_refine(blocks, LIKELY, params))
         likenesses.append(found)
+    with phase("division"):
+        maps = measure_block_maps_for(likenesses, LIKELY, params, passes[1])
+        cells = [cells_to_refine(blocks, LIKELY, params) for blocks in maps]
     with phase("refinement and outlines"):
         outlined, kinds = outline_likely_classes(grey, likenesses, cells, params.refine, passes[-1], detail)
     outlined = filled(grey, outlined, request.fill_holes, passes[-1])

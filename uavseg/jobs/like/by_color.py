@@ -20,7 +20,7 @@ from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
-from uavseg.regions.sample.likeness import LikenessSource, fit_likeness
+from uavseg.regions.sample.likeness import BlurredBands, LikenessSource, fit_likeness
 from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.tiles.likely_classes import LIKELY
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
@@ -38,7 +38,7 @@ def learn(
 ) -> LikenessSource:
     """The raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
-        found = fit_likeness(bands, places, tile_pass, unlike)
+        found = fit_likeness(BlurredBands(bands), places, tile_pass, unlike)
     decided("likeness %.3f in the sample, %.3f in the raster", found.table.own, found.table.share)
     return found
 

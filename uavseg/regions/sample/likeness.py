@@ -1,5 +1,6 @@
 """A raster as the probability that each pixel is of a sample's kind, by its colour."""
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -25,21 +26,49 @@ class LikenessSource(GreySource):
 
     Parameters
     ----------
-    bands : tuple of GreySource
+    bands : BlurredBands
     table : LikenessTable
     """
 
-    bands: tuple[GreySource, ...]
+    bands: "BlurredBands"
     table: LikenessTable
 
     def read(self, window: Window, margin: int, beyond: bool = False) -> GreyTile:
         """As of `GreySource`; nothing lies beyond the ends."""
-        planes, valid = _read_blurred(self.bands, window, margin)
+        planes, valid = self.bands.read(window, margin)
         grey = self.table.apply(planes)
         all_valid = bool(valid.all())
         if not all_valid:
             grey[valid == 0] = 0
         return GreyTile(grey, valid, all_valid)
+
+
+class BlurredBands:
+    """Blurred bands of a raster, which several likenesses share; each thread keeps what it read last.
+
+    Parameters
+    ----------
+    bands : sequence of GreySource
+    """
+
+    def __init__(self, bands: Sequence[GreySource]) -> None:
+        self.bands = tuple(bands)
+        self._last = threading.local()
+
+    def __reduce__(self) -> tuple[type["BlurredBands"], tuple[tuple[GreySource, ...]]]:
+        return BlurredBands, (self.bands,)
+
+    def fingerprint(self) -> tuple[GreySource, ...]:
+        """The bands: no result depends on what is kept."""
+        return self.bands
+
+    def read(self, window: Window, margin: int) -> tuple[list[NDArray[np.uint16]], NDArray[np.uint8]]:
+        """Blurred bands of a window with a margin, and where all of them are valid; not to be changed."""
+        if getattr(self._last, "place", None) != (window, margin):
+            self._last.found = _read_blurred(self.bands, window, margin)
+            self._last.place = window, margin
+        found: tuple[list[NDArray[np.uint16]], NDArray[np.uint8]] = self._last.found
+        return found
 
 
 @dataclass(frozen=True)
@@ -111,7 +140,7 @@ def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[n
 
 
 def fit_likeness(
-    bands: Sequence[GreySource],
+    bands: BlurredBands,
     places: Sequence[SampleMask],
     tile_pass: TilePass,
     unlike: Sequence[SampleMask] = (),
@@ -122,8 +151,9 @@ def fit_likeness(
 
     Parameters and errors are those of `sample_colors`.
     """
-    table = sample_colors(bands, places, tile_pass, unlike, name, spread).table()
-    return LikenessSource(bands[0].dataset, bands[0].stretch, tuple(bands), table)
+    table = sample_colors(bands.bands, places, tile_pass, unlike, name, spread).table()
+    first = bands.bands[0]
+    return LikenessSource(first.dataset, first.stretch, bands, table)
 
 
 def _colors_of(
