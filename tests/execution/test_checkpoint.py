@@ -227,3 +227,10 @@ def test_what_a_killed_run_left_in_the_folder_is_removed(tmp_path: Path) -> None
 def test_a_folder_whose_name_is_too_long_is_refused_in_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be created: File name too long"):
         with_checkpoint(serial, tmp_path / ("a" * 300))
+
+
+def test_a_folder_whose_name_is_no_text_is_refused_and_not_made(tmp_path: Path) -> None:
+    folder = tmp_path / "out\udce9"
+    with pytest.raises(OutputError, match="is not UTF-8; name the output otherwise"):
+        with_checkpoint(serial, folder)
+    assert not list(tmp_path.iterdir())

@@ -10,6 +10,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.items import (
     CAMERA_DISTANCE,
     CAMERA_INTERVAL,
+    CHANGE_SPEED,
     FRAME_MISSION,
     FRAME_RELATIVE,
     IMAGE_START,
@@ -86,3 +87,14 @@ def test_no_photographs_and_one_photograph_have_no_step() -> None:
         MissionItem(command, FRAME_MISSION, (-1.0, 0.0, 0.0, 0.0))
     MissionItem(IMAGE_START, FRAME_MISSION, (0.0, 1e-9, 1.0, 0.0))
     MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (0.01, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("speed", [1e-320, 0.0099])
+def test_a_speed_at_which_nothing_arrives_is_refused(speed: float) -> None:
+    with pytest.raises(MissionError, match=r"sets a speed of .* m/s; expected 0.01 m/s at least"):
+        MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, speed, -1.0, 0.0))
+
+
+@pytest.mark.parametrize("speed", [-2.0, -1.0, 0.0, 0.01, 12.0])
+def test_a_speed_that_stays_and_a_slow_one_are_taken(speed: float) -> None:
+    MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, speed, -1.0, 0.0))

@@ -101,7 +101,7 @@ def _rows(about: dict[str, Any]) -> dict[str, str]:
         "home": f"{home['lat']:.7f},{home['lon']:.7f}, {home['altitude_m']:g} m above the sea",
         "heights": f"{about['lowest_m']:g} to {about['highest_m']:g} m above home",
         "distance": f"{about['distance_m'] / 1000:.2f} km at {speed} m/s",
-        "time": f"about {duration_text(about['duration_s'])}",
+        "time": duration_text(about["duration_s"]),
         "photographs": f"{about['photographs']:,}",
         "fence": f"{fence['inclusions']} to stay inside, {fence['exclusions']} to keep out of",
         "rally points": f"{about['rally_points']}",

@@ -22,6 +22,7 @@ from uavseg.execution.fingerprint import fingerprint
 from uavseg.execution.lazy_sequence import lazy_selection
 from uavseg.execution.result_file import DamagedResultError, decode_result, encode_result
 from uavseg.output.renames import recover
+from uavseg.output.targets import check_utf8
 from uavseg.output.written import note_kept
 
 UNSAVED = ("corner", "is_filled_white")
@@ -56,6 +57,7 @@ def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResum
     if not os.fspath(folder):  # a Path takes it for the working directory
         raise OutputError("the name of the folder for resume is empty; name a folder, or leave resume out")
     root = Path(folder)
+    check_utf8(root)
     _make_folder(root)
     note_kept(str(folder))
 

@@ -32,6 +32,7 @@ MAX_HEIGHT_M = 1000.0  # above home: more is nearly always a height above the se
 MAX_FIRST_LEG_M = 20_000.0
 MAX_DISTANCE_M = 100_000.0
 MIN_PHOTO_STEP = 0.01  # metres or seconds between photographs: less is a damaged file
+MIN_SPEED_M_S = 0.01
 
 ItemParams = tuple[float | None, float | None, float | None, float | None]
 
@@ -82,8 +83,8 @@ class MissionItem:
     Raises
     ------
     MissionError
-        If a number is not finite, the position is not on Earth, at or below home, or too high, or photographs
-        follow one another by less than 0.01 m or s.
+        If a number is not finite, the position is not on Earth, at or below home, or too high, photographs
+        follow one another by less than 0.01 m or s, or the speed is less than 0.01 m/s.
     """
 
     command: int
@@ -104,6 +105,7 @@ class MissionItem:
         if self.has_position:
             _check_item_position(self)
         _check_photo_step(self)
+        _check_speed(self)
 
     @property
     def has_position(self) -> bool:
@@ -145,6 +147,14 @@ def _check_photo_step(item: MissionItem) -> None:
         raise MissionError(
             f"command {item.command} takes a photograph every {step:g} {unit}; expected "
             f"{MIN_PHOTO_STEP:g} {unit} at least, or 0 for none"
+        )
+
+
+def _check_speed(item: MissionItem) -> None:
+    speed = item.params[1] or 0.0  # 0 and less: as it was, or the default
+    if item.command == CHANGE_SPEED and 0 < speed < MIN_SPEED_M_S:
+        raise MissionError(
+            f"command {item.command} sets a speed of {speed:g} m/s; expected {MIN_SPEED_M_S:g} m/s at least"
         )
 
 

@@ -1,5 +1,6 @@
 """Check of a mission file: what it holds, who would refuse it, and whether the flight is safe."""
 
+import math
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -133,7 +134,7 @@ class MissionCheck:
                 str(n): count for n, count in sorted(Counter(i.command for i in mission.items).items())
             },
             "distance_m": round(mission.distance_m, 1),
-            "duration_s": round(mission.duration_s, 1),
+            "duration_s": round(mission.duration_s, 1) if math.isfinite(mission.duration_s) else None,
             "photographs": mission.estimate.photographs,
             "lowest_m": round(float(heights.min()), 3),
             "highest_m": round(float(heights.max()), 3),

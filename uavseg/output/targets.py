@@ -77,6 +77,20 @@ def existing_files(path: Path) -> list[Path]:
     return list(found.values())
 
 
+def check_utf8(path: Path) -> None:
+    """The name of what is written is text in UTF-8.
+
+    Raises
+    ------
+    OutputError
+        If it is not.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise OutputError(f"the name {path} is not UTF-8; name the output otherwise") from error
+
+
 def find_target(path: Path_, overwrite: bool = False) -> Target:
     """The target of that name, if it may be made.
 
@@ -90,8 +104,8 @@ def find_target(path: Path_, overwrite: bool = False) -> Target:
     """
     given = Path(path)
     target = Target(given, _follow(given) if overwrite and given.is_symlink() else given)
-    if not _is_utf8(target.path):
-        raise OutputError(f"the name {given} is not UTF-8; name the output otherwise")
+    check_utf8(given)
+    check_utf8(target.path)
     if not target.home.is_dir():
         raise OutputError(f"the folder {target.home} does not exist; create it first")
     if given.is_dir():
@@ -103,14 +117,6 @@ def find_target(path: Path_, overwrite: bool = False) -> Target:
         _check_replaceable(target, file)
     _check_shared(target)
     return target
-
-
-def _is_utf8(path: Path) -> bool:
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _exists_text(given: Path, file: Path) -> str:

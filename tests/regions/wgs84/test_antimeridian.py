@@ -1,8 +1,10 @@
 """Polygons around the antimeridian and the poles, small enough to see."""
 
 import numpy as np
+import pytest
 import shapely
 
+from uavseg.errors import OutputError
 from uavseg.regions.wgs84.antimeridian import cut_at_antimeridian
 
 
@@ -88,3 +90,9 @@ def test_three_quarters_around_the_pole_leave_one_out():
 def test_nothing_reaches_beyond_a_pole():
     ring = np.array([[0, 85], [10, 85], [10, 95], [0, 95], [0, 85]], float)
     assert cut_at_antimeridian([ring], jumping=False).equals(shapely.box(0, 85, 10, 90))
+
+
+def test_a_polygon_of_many_turns_is_refused():
+    ring = np.array([[0, 0], [1e11, 0], [1e11, 10], [0, 10], [0, 0]])
+    with pytest.raises(OutputError, match=r"a region is 1e\+11 degrees wide; the georeference .* is damaged"):
+        cut_at_antimeridian([ring], jumping=False)

@@ -20,6 +20,7 @@ from uavseg.regions.shapes import RaggedPolygons
 Floats = NDArray[np.float64]
 
 _AT_POLE = 90 - 1e-9
+_MAX_TURNS = 16  # around the Earth, by one region
 _MAX_ADDED = 10_000_000  # vertices that may be added to the edges of a batch
 
 
@@ -91,6 +92,10 @@ def _close_at_pole(ring: Floats) -> Floats:
 
 def _cut_into_bands(polygon: Any) -> Any:
     west, _, east, _ = polygon.bounds
+    if not east - west <= 360 * _MAX_TURNS:
+        raise OutputError(
+            f"a region is {east - west:.3g} degrees wide; the georeference of the raster is damaged"
+        )
     bands = range(int(np.floor((west + 180) / 360)), int(np.ceil((east + 180) / 360)))
     try:
         return shapely.union_all([_band_of(polygon, 360.0 * k) for k in bands])
