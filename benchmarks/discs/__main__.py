@@ -52,7 +52,7 @@ def report(seeds: int, side: int = SIDE, families: Sequence[str] = tuple(FAMILIE
         f"{side}² pixels, {seeds} scenes of each family; intersection over union.",
         "",
         table.mean_rows(found, ["", "scenes", *methods]),
-        *("| " + " | ".join(cells) + " |" for cells in last),
+        *(f"| {' | '.join(cells)} |" for cells in last),
     ]
     reasons = [f"- {name}: {reason}" for name, reason in absent.items()]
     return "\n".join([*lines, *([""] if reasons else []), *reasons])

@@ -27,10 +27,10 @@ def test_scenes_are_reproducible_and_discs_lie_where_they_should(family: str, tm
 
 
 def test_shares_and_radii_are_those_of_the_names(tmp_path: Path) -> None:
-    asked = [scene("rare, 1 to 3 %", seed, tmp_path) for seed in (0, SEEDS - 1)]
+    asked = [scene("rare, 1 to 3 %", seed, tmp_path, SIDE) for seed in (0, SEEDS - 1)]
     assert [round(one.truth.mean(), 3) for one in asked] == [0.01, 0.03]
     assert scene("frequent, half", 0, tmp_path, SIDE).truth.mean() == pytest.approx(0.5, abs=0.01)
-    radii = [scene("small sample, radius 4 to 8", seed, tmp_path).like[0][2] for seed in range(5)]
+    radii = [scene("small sample, radius 4 to 8", seed, tmp_path, SIDE).like[0][2] for seed in range(5)]
     assert radii == [4, 5, 6, 7, 8]
 
 
@@ -51,6 +51,7 @@ def easy(tmp_path: Path) -> Samples:
     return Samples(asked.path, asked.image, truth, [asked.disc], against)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", methods.METHODS)
 def test_every_method_finds_what_is_plain(name: str, easy: Samples) -> None:
     if name in methods.skipped():
@@ -58,6 +59,7 @@ def test_every_method_finds_what_is_plain(name: str, easy: Samples) -> None:
     assert overlap(methods.METHODS[name](easy), easy.truth) > 0.8
 
 
+@pytest.mark.slow
 def test_a_disc_that_is_too_small_finds_nothing(easy: Samples) -> None:
     row, col, _ = easy.like[0]
     small = Samples(easy.path, easy.image, easy.truth, [(row, col, 4)], easy.unlike)
