@@ -19,6 +19,7 @@ from uavseg.flight.items import (
     LOITER_TIME,
     LOITER_TURNS,
     MIN_PHOTO_STEP,
+    MIN_SPEED_M_S,
     MOUNT_CONTROL,
     RETURN,
     SPLINE_WAYPOINT,
@@ -56,9 +57,13 @@ def _valid(item: MissionItem) -> MissionItem:
     return replace(item, params=(*item.params[:3], 0.0))
 
 
-steps = numbers.filter(lambda value: not 0 < value < MIN_PHOTO_STEP)  # no camera is faster
+photo_steps = numbers.filter(lambda value: not 0 < value < MIN_PHOTO_STEP)  # no camera is faster
+speed_orders = numbers.filter(lambda value: not 0 < value < MIN_SPEED_M_S)
 orders = st.builds(
-    MissionItem, st.sampled_from(ORDERS), st.just(FRAME_MISSION), st.tuples(steps, *[numbers] * 3)
+    MissionItem,
+    st.sampled_from(ORDERS),
+    st.just(FRAME_MISSION),
+    st.tuples(photo_steps, speed_orders, numbers, numbers),
 )
 
 
