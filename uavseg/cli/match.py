@@ -165,12 +165,12 @@ def command(**options: Any) -> None:
     _check_samples(options)
     request, read = _request(options), read_options(options)
 
-    def find(source: Source, how: Work) -> tuple[Extraction, dict[str, str]]:
+    def find(source: Source, how: Work) -> tuple[Extraction, dict[str, str], str | None]:
         if isinstance(request, MatchRequest):
             made = match(source, request, how)
-            return made.found, _compared(made)
+            return made.found, _compared(made), made.advice
         found = match_classes(source, request, how)
-        return found, _classes(found)
+        return found, _classes(found), None
 
     if options["each"]:
         answer_each(
@@ -191,8 +191,10 @@ def command(**options: Any) -> None:
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
-    found, compared = find(source, work)
+    found, compared, advice = find(source, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
+    if advice is not None:
+        run.reporter.say(f"note: {advice}")
     with transaction():
         write_regions_and_labels(found, target, label_file, work, run.overwrite, form, style)
     common = summary_rows(found)
