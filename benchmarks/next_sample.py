@@ -2,10 +2,10 @@
 
     python -m benchmarks.next_sample [FOLDER]
 
-FOLDER and the first discs are those of `benchmarks.likeness`. The second disc is as large as the first one,
-and given as --like or --unlike by what most of it is in the truth; of random ones the mean of three is taken.
-Those of *one kind* lie within what is wanted or outside of it as a whole, which a user who looks takes care
-of; the proposed ones need not.
+FOLDER and the first discs are those of `benchmarks.likeness`. The second disc is as large as the proposed
+one, and given as --like or --unlike by what most of it is in the truth; of random ones the mean of three is
+taken. Those of *one kind* lie within what is wanted or outside of it as a whole, which a user who looks takes
+care of; the proposed ones need not.
 
 Without a folder scenes are drawn of seven kinds of ground, of which two with colors near each other are
 wanted.
@@ -64,7 +64,7 @@ def compared(query: Query) -> list[float] | None:
     if proposed is None:
         return None
     rng = np.random.default_rng([*map(int, query.disc)])
-    sorts = [_random_places(query, rng, of_one_kind) for of_one_kind in (False, True)]
+    sorts = [_random_places(query, rng, proposed[2], of_one_kind) for of_one_kind in (False, True)]
     tried = [[_with(query, place) for place in places] for places in sorts]
     means = [float(np.mean(values)) for values in tried]
     return [overlap(found, query.truth), *means, _with(query, proposed)]
@@ -107,15 +107,14 @@ def _inside(query: Query, place: Place) -> Any:
     return (row - place[0]) ** 2 + (col - place[1]) ** 2 <= place[2] ** 2
 
 
-def _random_places(query: Query, rng: np.random.Generator, of_one_kind: bool) -> list[Place]:
-    """Places for a disc as large as the first one, apart from it by as much as a proposed one."""
+def _random_places(query: Query, rng: np.random.Generator, radius: float, of_one_kind: bool) -> list[Place]:
+    """Places for a disc of this radius, apart from the first one by as much as a proposed one."""
     from scipy.ndimage import distance_transform_edt
 
-    radius = query.disc[2]
     kinds = [query.truth, ~query.truth] if of_one_kind else [np.ones_like(query.truth)]
     rooms = [distance_transform_edt(np.pad(kind, 1))[1:-1, 1:-1] for kind in kinds]
     row, col = np.indices(query.truth.shape) + 0.5
-    apart = np.hypot(row - query.disc[0], col - query.disc[1]) > 4 * radius
+    apart = np.hypot(row - query.disc[0], col - query.disc[1]) > query.disc[2] + 3 * radius
     places = np.argwhere((np.max(rooms, 0) > radius + 1) & apart)
     return [(r + 0.5, c + 0.5, radius) for r, c in rng.permutation(places)[:RANDOM]]
 

@@ -166,7 +166,7 @@ def test_typing_the_proposed_line_works(tile: Path, tmp_path: Path) -> None:
     first = CliRunner().invoke(main, line)
     assert first.exit_code == 0, first.output
     said = re.search(
-        r"^note: undecided is what lies at (\S+), (\S+): look there, and add (--like \S+) or (--unlike \S+)$",
+        r"^undecided is what lies at (\S+), (\S+): look there, and add (--like \S+) or (--unlike \S+)$",
         first.stderr,
         re.MULTILINE,
     )
@@ -197,4 +197,4 @@ def test_a_quiet_command_does_not_say_it(tile: Path, tmp_path: Path) -> None:
 
 def test_the_line_is_not_in_a_stream_of_regions(tile: Path) -> None:
     said = CliRunner().invoke(main, ["match", str(tile), "--like", "1044,900,10", "--by", "color", "-o", "-"])
-    assert said.stdout.startswith("{") and "note:" not in said.stdout and "note: undecided" in said.stderr
+    assert said.stdout.startswith("{") and "undecided is" not in said.stdout and "undecided is" in said.stderr

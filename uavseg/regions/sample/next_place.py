@@ -23,9 +23,9 @@ from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.sample.undecided_cells import half_widths, most_undecided
 from uavseg.units import CELL, GREY_MAX
 
-_LEAST_SHARE = 0.03  # of the raster that is undecided, below which no sample is asked for
+_LEAST_SHARE = 0.05  # of the raster that is undecided, below which no sample is asked for
 _LEAST_DOUBT = 0.5  # of the pixels of a disc on average
-_LEAST_RADIUS, _LARGEST_RADIUS = 8.0, 32.0  # pixels
+_LEAST_RADIUS, _LARGEST_RADIUS = 8.0, 16.0  # pixels
 _GAP = 2  # radii from the samples
 _LOOKED_AT = 16  # discs whose pixels are read
 _STRETCHED = 4  # a pixel this many times longer than wide is too long for a disc of cells
@@ -37,7 +37,7 @@ def next_place(
     """The disc on the map whose pixels are the least decided; None where hardly any are.
 
     It lies on valid pixels as a whole and outside of all samples, and is about as large as these are, with a
-    radius of 8 to 32 pixels; of 8 where no larger one fits.
+    radius of 8 to 16 pixels; of 8 where no larger one fits.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ def next_place(
             return None
         taken = _taken(samples, blocks.counts.shape, _GAP * radius)
         cells = most_undecided(blocks.sums, blocks.counts, taken, reach, _LOOKED_AT, _LEAST_DOUBT)
-        found = _least_decided(likeness, [_disc(geobox, *cell, reach) for cell in cells], samples, tile_pass)
+        discs = [_disc(geobox, row, col, reach) for row, col in cells.tolist()]
+        found = _least_decided(likeness, discs, samples, tile_pass)
         if found is not None:
             return found
     return None
