@@ -57,7 +57,7 @@ def test_a_plain_search_finds_the_same(seed: int, radius: float, least: float) -
 def test_the_height_of_a_strip_changes_nothing(seed: int) -> None:
     expected = most_undecided(*drawn(seed), 12.0, 7, 0.1).tolist()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(undecided_cells, "_STRIP", 3)
+        patch.setattr(undecided_cells, "_STRIP", 50)
         assert most_undecided(*drawn(seed), 12.0, 7, 0.1).tolist() == expected
 
 

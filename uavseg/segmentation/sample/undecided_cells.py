@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from uavseg.units import CELL, GREY_MAX
 
-_STRIP = 512  # rows of cells that are scored at a time
+_STRIP = 1 << 20  # cells that are scored at a time, in whole rows
 _FORBIDDEN = -(1 << 40)  # score of a cell that no disc may touch: less than any disc can outweigh
 _FULL = CELL * CELL  # pixels of a cell
 _CERTAIN = _FULL * GREY_MAX  # sum of a cell whose likeness is 1
@@ -92,9 +92,10 @@ def _strips(
     """The first row of each strip, and the score of a disc around each of its cells."""
     reach, side = len(widths) // 2, int(widths.max())
     rows, cols = sums.shape
-    for top in range(0, rows, _STRIP):
-        first, end = max(top - reach, 0), min(top + _STRIP + reach, rows)
-        height = min(_STRIP, rows - top)
+    step = max(_STRIP // cols, 1)
+    for top in range(0, rows, step):
+        first, end = max(top - reach, 0), min(top + step + reach, rows)
+        height = min(step, rows - top)
         around = np.full((height + 2 * reach, cols + 2 * side), _FORBIDDEN, np.int64)
         part = np.s_[first:end]
         inner = around[first - top + reach : end - top + reach, side : side + cols]
