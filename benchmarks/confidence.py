@@ -88,7 +88,7 @@ def matched(source: Raster, disc: Disc) -> tuple[NDArray[np.float64], Rings]:
     passes = SERIAL.begun().over(source).stages(4)
     place, bands = sample_mask(disc, source.geobox), [source.grey(passes[0])]
     likeness = learn(bands, (place,), [], passes[1])
-    outlined = outlines_by_color(likeness, MatchRequest(disc, by="color"), passes[2:])
+    outlined, _ = outlines_by_color(likeness, MatchRequest(disc, by="color"), [place], passes[2:])
     own, share = likeness.table.own, likeness.table.share
     return confidence.match_terms(outlined, similarity_of(outlined, own), own - share), outlined.rings
 

@@ -23,6 +23,7 @@ import uavseg
 from tests.flight.link.link_missions import fenced, survey
 from tests.flight.link.served import udp_vehicle
 from tests.flight.link.vehicles import ArduPilot, FakeVehicle, Generic, Px4
+from tests.jobs.test_next_sample import fields
 from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
 from uavseg.cli import main
 from uavseg.flight import files
@@ -88,6 +89,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         write("deep.tif", patches(2).astype(np.uint16) * 200, nodata=0)
         framed = np.pad(patches(7, (90, 110)), ((20, 30), (24, 36)))
         write("collar.tif", framed, **UTM)
+        write("fields.tif", fields((140, 198))[0], **UTM)
         write("west.tif", patches(3)[:, :90], nodata=0, **UTM)
         east = {"crs": UTM["crs"], "transform": UTM["transform"] @ Affine.translation(90, 0)}
         write("east.tif", patches(3)[:, 90:], nodata=0, **east)
@@ -342,6 +344,8 @@ MATCH: list[tuple[Any, Words]] = [
     ("tile.tif", {"like": DISC, "by": "texture", "min_confidence": 0.3}),
     ("tile.tif", {"like": DISC, "by": "color", "window": 16}),
     ("bands.tif", {"like": DISC, "by": "color", "bands": (1, 2, 3), "min_area": 60.0, "fill_holes": "9px"}),
+    ("fields.tif", {"like": (4e5 + 60, 5e6 - 140, 20), "by": "color", "min_confidence": 0.3}),
+    ("fields.tif", {"like": [(4e5 + 60, 5e6 - 140, 20), (4e5 + 70, 5e6 - 60, 9)], "tile": 64}),
     (["west.tif", "east.tif"], {"like": DISC, "window": 24}),
     ("deep.tif", {"like": (85, -70, 33)}),
     ("deep.tif", {"like": (85, 70, 33)}),

@@ -175,6 +175,7 @@ PHASES = {
     "sample.likeness_table": {"sample.mixture"},
     "sample.likelihood_weights": {"sample.g_scores", "blocks.lbp"},
     "sample.two_kinds": {"sample.g_scores"},
+    "sample.undecided_cells": set(),
 }
 EVERY_PHASE = set(PHASES)
 PHASES["in_memory"] = EVERY_PHASE  # the phases one by one, for notebooks

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import rasterio
 
-from benchmarks import likeness, samples
+from benchmarks import likeness, next_sample, samples
 from benchmarks.match import overlap
 
 pytestmark = pytest.mark.slow
@@ -37,3 +37,17 @@ def test_discs_lie_for_and_against(tmp_path: Path) -> None:
         assert not any(one.truth[int(row), int(col)] for row, col, _ in one.unlike)
     for find in samples.METHODS.values():
         assert overlap(find(asked[0]), asked[0].truth) > 0.9
+
+
+def test_a_proposed_disc_is_compared_with_random_ones_of_its_size(tmp_path: Path) -> None:
+    query = next(query for query in next_sample.drawn(tmp_path) if next_sample.matched(query, [])[1])
+    assert (query.truth & query.inside).sum() == query.inside.sum() > 0
+    for of_one_kind in (False, True):
+        places = next_sample._random_places(query, np.random.default_rng(0), 8, of_one_kind)
+        assert len(places) == next_sample.RANDOM
+        for place in places:
+            inside = next_sample._inside(query, place)
+            assert not (inside & query.inside).any() and inside.sum() > 190
+            assert not of_one_kind or query.truth[inside].mean() in (0, 1)
+    values = next_sample.compared(query)
+    assert values is not None and len(values) == 4 and all(0 <= value <= 1 for value in values)

@@ -148,6 +148,9 @@ def command(**options: Any) -> None:
     is --unlike, are compared by color. With --classes, a whole map: samples of each class against those of
     all others; what is like none of them is left out.
 
+    Where color leaves much of the raster undecided, a line says where to look, and what to add: the disc that
+    would help most as another sample.
+
     Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
@@ -165,12 +168,12 @@ def command(**options: Any) -> None:
     _check_samples(options)
     request, read = _request(options), read_options(options)
 
-    def find(source: Source, how: Work) -> tuple[Extraction, dict[str, str]]:
+    def find(source: Source, how: Work) -> tuple[Extraction, dict[str, str], str | None]:
         if isinstance(request, MatchRequest):
             made = match(source, request, how)
-            return made.found, _compared(made)
+            return made.found, _compared(made), made.advice
         found = match_classes(source, request, how)
-        return found, _classes(found)
+        return found, _classes(found), None
 
     if options["each"]:
         answer_each(
@@ -191,8 +194,10 @@ def command(**options: Any) -> None:
     source = open_source(options["rasters"], read)
     export.check_region_crs(target, source.geobox.wkt, form)
     work = run.work()
-    found, compared = find(source, work)
+    found, compared, advice = find(source, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
+    if advice is not None:
+        run.reporter.say(advice)
     with transaction():
         write_regions_and_labels(found, target, label_file, work, run.overwrite, form, style)
     common = summary_rows(found)

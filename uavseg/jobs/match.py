@@ -53,17 +53,31 @@ class Match:
         The colors, where they were compared.
     texture : TextureSample, optional
         The texture, where it was compared.
+    next_sample : Disc, optional
+        Where a further sample would help most, if color alone decided and left much of the raster undecided.
     """
 
     found: Extraction
     color: LikenessTable | None
     texture: TextureSample | None
+    next_sample: Disc | None = None
 
     @property
     def compared(self) -> str:
         """What decided: "color", "texture", or both."""
         parts = [self.color is not None and "color", self.texture is not None and "texture"]
         return " and ".join(part for part in parts if part)
+
+    @property
+    def advice(self) -> str | None:
+        """Where to look for a further sample, as a line with what to type."""
+        if self.next_sample is None:
+            return None
+        x, y, radius = (
+            f"{value:.15g}" for value in (self.next_sample.x, self.next_sample.y, self.next_sample.radius)
+        )
+        disc = f"{x},{y},{radius}"
+        return f"undecided is what lies at {x}, {y}: look there, and add --like {disc} or --unlike {disc}"
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -134,7 +148,7 @@ def _by_color(
         if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
             decided("color hardly parts the sample from the raster: texture is compared")
             return Match(regions_by_texture(search, passes[2:4]), None, search.how)
-    outlined = outlines_by_color(likeness, request, passes[1:3])
+    outlined, proposed = outlines_by_color(likeness, request, [*places, *unlike], passes[1:3])
     if window is not None and window >= _LEAST_WINDOW:
         plain = replace(request, intensity=float("inf"), bands=())
         search = search_texture(grey, (), places[0], plain, passes[3:5])
@@ -142,7 +156,8 @@ def _by_color(
         if are_two_kinds(search.scores.best[inner], search.criterion.limit):
             decided("texture clearly parts what has the colors of the sample")
             return Match(regions_by_texture(search, passes[5:7], outlined.rings), likeness.table, search.how)
-    return Match(regions_by_color(grey, likeness, outlined, request, passes[2]), likeness.table, None)
+    found = regions_by_color(grey, likeness, outlined, request, passes[2])
+    return Match(found, likeness.table, None, proposed)
 
 
 def _parts(table: LikenessTable) -> bool:
@@ -162,6 +177,8 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
         facts |= {"intensity": "any" if any_intensity else request.intensity}
     facts |= {"refine": request.refine, "bands": request.bands or None}
     facts |= doubt_facts(request.min_confidence)
+    if made.next_sample is not None:
+        facts |= {"next_sample": _fact(made.next_sample)}
     return facts | drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
 
 

@@ -21,7 +21,8 @@ from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.likeness import BlurredBands, LikenessSource, fit_likeness
-from uavseg.regions.sample.place import SampleMask
+from uavseg.regions.sample.next_place import next_place
+from uavseg.regions.sample.place import Disc, SampleMask
 from uavseg.regions.tiles.likely_classes import LIKELY
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params import SegmentParams
@@ -44,24 +45,32 @@ def learn(
 
 
 def outlines_by_color(
-    likeness: LikenessSource, request: MatchRequest, passes: Sequence[TilePass]
-) -> RegionOutlines:
-    """Outlines where the likeness is one half and more.
+    likeness: LikenessSource,
+    request: MatchRequest,
+    samples: Sequence[SampleMask],
+    passes: Sequence[TilePass],
+) -> tuple[RegionOutlines, Disc | None]:
+    """Outlines where the likeness is one half and more, and where the next sample would help most.
 
     Parameters
     ----------
     likeness : LikenessSource
     request : MatchRequest
+    samples : sequence of SampleMask
+        All that were given.
     passes : two of TilePass
     """
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
     with phase("division"):
         blocks = measure_block_map_for(likeness, LIKELY, params, passes[0])
         cells = cells_to_refine(blocks, LIKELY, params)
+    with phase("next sample"):
+        proposed = next_place(likeness, blocks, samples, passes[0])
     del blocks
     detail = detail_of(request.detail, likeness.dataset.geobox, params.refine)
     with phase("refinement and outlines"):
-        return outline_regions(likeness, cells, LIKELY, params.refine, passes[1], detail=detail)
+        outlined = outline_regions(likeness, cells, LIKELY, params.refine, passes[1], detail=detail)
+    return outlined, proposed
 
 
 def regions_by_color(

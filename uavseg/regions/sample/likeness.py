@@ -174,8 +174,7 @@ def _colors_of(
 def _check_apart(places: Sequence[SampleMask], unlike: Sequence[SampleMask]) -> None:
     for one in places:
         for other in unlike:
-            common = one.window.common(other.window)
-            if common.rows and common.cols and (one.part(common) & other.part(common)).any():
+            if one.meets(other):
                 raise SampleError(
                     "a sample of what is wanted and one of what is not have pixels in common; draw them apart"
                 )

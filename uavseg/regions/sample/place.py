@@ -101,6 +101,12 @@ class SampleMask:
         row, col = window.row - self.window.row, window.col - self.window.col
         return self.mask[row : row + window.rows, col : col + window.cols]
 
+    def meets(self, other: "SampleMask") -> bool:
+        """Whether two samples have pixels in common."""
+        common = self.window.common(other.window)
+        both = common.rows and common.cols and (self.part(common) & other.part(common)).any()
+        return bool(both)
+
 
 def sample_mask(like: Disc | str, geobox: GeoBox) -> SampleMask:
     """Mask of the pixels of a raster whose centres lie in a sample.

@@ -19,6 +19,7 @@ _BINS = {1: 4096, 2: 512, 3: 64}  # along each of so many axes
 _TAILS = (0.001, 0.999)  # quantiles between which bins lie; what is beyond belongs to the outer ones
 _AXES = 3
 _LEAST_LIMIT = 0.25  # of likeness, on the way from what is certainly of other kinds to the sample
+_UNDECIDED = 0.5  # likeness of less than this from 0.5, doubled, is undecided: 0.25 to 0.75
 _OTHERS = 0.05  # share of the raster that is certainly of other kinds
 
 
@@ -40,6 +41,8 @@ class LikenessTable:
         Mean probability of the raster's pixels.
     unlike : float, optional
         Mean probability of the pixels of samples of what is not of the kind.
+    undecided : float
+        Share of the raster's pixels with a probability of 0.25 to 0.75.
     """
 
     weights: NDArray[np.float64]
@@ -49,6 +52,7 @@ class LikenessTable:
     own: float
     share: float
     unlike: float | None = None
+    undecided: float = 0.0
 
     @classmethod
     def fit(
@@ -94,9 +98,11 @@ class LikenessTable:
         of_grid = _moved(_moved(vote.likeness((grid - mean) / deviation), middle), limit)
         likeness = np.rint(of_grid * GREY_MAX).astype(np.uint16)
         table = cls(weights, lows, scales, likeness, 0.0, 0.0)
-        parts = [float(table.of(values).mean()) / GREY_MAX for values in (sample, points)]
+        of_points = table.of(points)
+        parts = [float(found.mean()) / GREY_MAX for found in (table.of(sample), of_points)]
         against = None if unlike is None else float(table.of(unlike).mean()) / GREY_MAX
-        return cls(weights, lows, scales, likeness, parts[0], parts[1], against)
+        undecided = float((np.abs(2 * (of_points / GREY_MAX) - 1) < _UNDECIDED).mean())
+        return cls(weights, lows, scales, likeness, parts[0], parts[1], against, undecided)
 
     @property
     def parting(self) -> float:

@@ -1,0 +1,142 @@
+"""A second disc where `match` proposes one, compared with one at a random place.
+
+    python -m benchmarks.next_sample [FOLDER]
+
+FOLDER and the first discs are those of `benchmarks.likeness`. The second disc is as large as the proposed
+one, and given as --like or --unlike by what most of it is in the truth; of random ones the mean of three is
+taken. Those of *one kind* lie within what is wanted or outside of it as a whole, which a user who looks takes
+care of; the proposed ones need not.
+
+Without a folder scenes are drawn of seven kinds of ground, of which two with colors near each other are
+wanted.
+"""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from benchmarks import table
+from benchmarks.likeness import Query, queries
+from benchmarks.match import overlap
+
+RANDOM = 3  # discs at random places, of each sort
+SCENES, SIDE, KINDS = 10, 320, 7
+RADII = (8, 16)  # of drawn scenes
+SPREAD, NOISE = 0.09, 0.035  # of the colors of kinds, and within a kind
+
+Place = tuple[float, float, float]  # row, column, radius
+
+
+def drawn(folder: Path) -> Iterator[Query]:
+    """Scenes of several kinds of ground, written to a folder, with discs at random places in one of them."""
+    import rasterio
+    from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+    for seed in range(SCENES):
+        rng = np.random.default_rng([seed, 3])
+        kind = gaussian_filter(rng.normal(size=(KINDS, SIDE, SIDE)), (0, SIDE / 16, SIDE / 16)).argmax(0)
+        colors = rng.uniform(0.3, 0.7, 3) + rng.normal(0, SPREAD, (KINDS, 3))
+        near = np.argsort(((colors - colors[0]) ** 2).sum(1))[:2]  # the first kind, and the nearest to it
+        planes = (colors[kind] + rng.normal(0, NOISE, (SIDE, SIDE, 3))).transpose(2, 0, 1)
+        image = np.rint(255 * np.clip(planes, 0, 1)).astype(np.uint8)
+        path = folder / f"drawn {seed}.tif"
+        place = {"crs": "EPSG:32633", "transform": rasterio.Affine(1, 0, 0, 0, -1, SIDE)}
+        size = {"driver": "GTiff", "count": 3, "height": SIDE, "width": SIDE, "dtype": "uint8"}
+        with rasterio.open(path, "w", **size, **place, photometric="RGB") as file:
+            file.write(image)
+        room = distance_transform_edt(np.pad(kind == 0, 1))[1:-1, 1:-1]
+        for radius in RADII:
+            places = np.argwhere(room > radius + 1)
+            for row, col in rng.permutation(places)[:1]:
+                yield Query(path, image, np.isin(kind, near), (row + 0.5, col + 0.5, radius))
+
+
+def compared(query: Query) -> list[float] | None:
+    """Overlap with one disc, with random ones, with random ones of one kind, and with what is proposed.
+
+    None where nothing is proposed.
+    """
+    found, proposed = matched(query, [])
+    if proposed is None:
+        return None
+    rng = np.random.default_rng([*map(int, query.disc)])
+    sorts = [_random_places(query, rng, proposed[2], of_one_kind) for of_one_kind in (False, True)]
+    tried = [[_with(query, place) for place in places] for places in sorts]
+    means = [float(np.mean(values)) for values in tried]
+    return [overlap(found, query.truth), *means, _with(query, proposed)]
+
+
+def matched(query: Query, more: list[tuple[Place, bool]]) -> tuple[Any, Place | None]:
+    """What `uavseg match --by color` finds with further discs, wanted or not, and the disc it proposes."""
+    from uavseg.jobs.like.request import MatchRequest
+    from uavseg.jobs.match import match
+    from uavseg.jobs.open_source import open_raster
+    from uavseg.raster.tiling import Window
+    from uavseg.regions.outline.rasterise import rasterise
+    from uavseg.regions.sample.place import Disc
+
+    source = open_raster(str(query.path))
+    transform = source.geobox.transform
+
+    def disc(place: Place) -> Disc:
+        x, y = transform * (place[1], place[0])
+        return Disc(x, y, place[2] * abs(transform.a))
+
+    like = tuple(disc(place) for place, wanted in [(query.disc, True), *more] if wanted)
+    unlike = tuple(disc(place) for place, wanted in more if not wanted)
+    made = match(source, MatchRequest(like, by="color", unlike=unlike))
+    found = rasterise(made.found.rings, Window(0, 0, *query.truth.shape)) > 0
+    if made.next_sample is None:
+        return found, None
+    col, row = ~transform * (made.next_sample.x, made.next_sample.y)
+    return found, (row, col, made.next_sample.radius / abs(transform.a))
+
+
+def _with(query: Query, place: Place) -> float:
+    """Overlap with a further disc, which is given as what most of it is."""
+    wanted = bool(query.truth[_inside(query, place)].mean() >= 0.5)
+    return overlap(matched(query, [(place, wanted)])[0], query.truth)
+
+
+def _inside(query: Query, place: Place) -> Any:
+    row, col = np.indices(query.truth.shape) + 0.5
+    return (row - place[0]) ** 2 + (col - place[1]) ** 2 <= place[2] ** 2
+
+
+def _random_places(query: Query, rng: np.random.Generator, radius: float, of_one_kind: bool) -> list[Place]:
+    """Places for a disc of this radius, apart from the first one by as much as a proposed one."""
+    from scipy.ndimage import distance_transform_edt
+
+    kinds = [query.truth, ~query.truth] if of_one_kind else [np.ones_like(query.truth)]
+    rooms = [distance_transform_edt(np.pad(kind, 1))[1:-1, 1:-1] for kind in kinds]
+    row, col = np.indices(query.truth.shape) + 0.5
+    apart = np.hypot(row - query.disc[0], col - query.disc[1]) > query.disc[2] + 3 * radius
+    places = np.argwhere((np.max(rooms, 0) > radius + 1) & apart)
+    return [(r + 0.5, c + 0.5, radius) for r, c in rng.permutation(places)[:RANDOM]]
+
+
+def main() -> None:
+    """Print a row for each picture and radius, and the means."""
+    found: dict[str, list[list[float]]] = {}
+    silent = 0
+    with TemporaryDirectory() as made:
+        folder = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+        for query in drawn(Path(made)) if folder is None else queries(folder):
+            values = compared(query)
+            if values is None:
+                silent += 1
+                continue
+            stem, radius = query.path.stem, f"radius {query.disc[2]}"
+            for name in (radius, "all") if folder is None else (stem, radius, "all"):
+                found.setdefault(name, []).append(values)
+    heads = ["", "discs", "one disc", "second at random", "at random, of one kind", "as proposed"]
+    print(table.mean_rows(found, heads))
+    print(f"\nNothing was proposed for {silent} more discs.")
+
+
+if __name__ == "__main__":
+    main()
