@@ -16,7 +16,7 @@ from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.bad_blocks import BadBlock, record_bad_block
 from uavseg.segmentation.params import IntensityRange
 
-FIRST, SECOND = BadBlock("a.tif", 0, 0, 64, 64), BadBlock("a.tif", 64, 0, 64, 64)
+FIRST, SECOND = BadBlock("a.tif", 0, 0, 64, 64), BadBlock("a.tif", 128, 0, 64, 64)
 SCENE = np.kron(np.arange(16).reshape(4, 4) * 16, np.ones((40, 40))).astype(np.uint8)
 
 

@@ -1,6 +1,7 @@
 """Damaged files: an error that names the bad block, or invalid pixels."""
 
 import pickle
+import re
 import struct
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import serial, threads
-from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
+from uavseg.raster.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, tiles
@@ -314,3 +315,34 @@ def test_of_wide_strips_only_the_window_is_read(
     _, valid = Dataset.open(path, skip_bad_tiles=True).read(Window(0, 64, ROWS, 16))
     assert valid is not None and not valid.all()
     assert {(window.col, window.cols) for window in read} == {(64, 16)}
+
+
+@given(st.sets(st.tuples(st.sampled_from("ab"), st.integers(0, 4), st.integers(0, 4))))
+def test_adjacent_bad_blocks_are_one_rectangle_and_none_is_left_out(bad: set[tuple[str, int, int]]) -> None:
+    """Of files of 5 x 5 blocks, the last of each row and column of which is narrower."""
+    rows, cols = (10, 10, 10, 10, 3), (8, 8, 8, 8, 5)
+    found = [BadBlock(name, 10 * r, 8 * c, rows[r], cols[c]) for name, r, c in bad]
+    said = bad_block_warnings(found)
+    assert said == bad_block_warnings(reversed(found)) and len(said) <= len(found)
+    for name in "ab":
+        count = np.zeros((43, 37), int)
+        for text in said:
+            if text.startswith(f"{name} "):
+                ends = [int(number) for pair in re.findall(r"(\d+) to (\d+)", text) for number in pair]
+                top, bottom, left, right = ends
+                count[top:bottom, left:right] += 1
+        expected = np.zeros_like(count)
+        for block in found:
+            if block.path == name:
+                expected[block.row : block.row + block.rows, block.col : block.col + block.cols] = 1
+        assert np.array_equal(count, expected)
+
+
+def test_a_file_whose_strips_are_all_bad_has_one_warning_and_a_checkered_one_says_how_many_more() -> None:
+    strips = [BadBlock("a", 22 * k, 0, 22, 256) for k in range(900)]
+    assert [text.split(":")[0] for text in bad_block_warnings(strips)] == [
+        "a cannot be read in rows 0 to 19800, columns 0 to 256"
+    ]
+    checkered = [BadBlock("a", 64 * r, 64 * c, 64, 64) for r in range(10) for c in range(10) if (r + c) % 2]
+    said = bad_block_warnings(checkered)
+    assert len(said) == 21 and said[-1] == "30 more places cannot be read: their pixels count as nodata"

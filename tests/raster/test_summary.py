@@ -58,6 +58,12 @@ def test_statistics_of_floats_with_nan_are_those_of_numpy(tmp_path: Path) -> Non
     assert sum(found.histogram) == v.size
 
 
+def test_intensities_that_float32_cannot_hold_leave_values_that_json_can(tmp_path: Path) -> None:
+    pixels = np.where(np.arange(300).reshape(15, 20) % 2, 3e307, -3e307)
+    values = summarize(opened(tmp_path / "a.tif", pixels)).as_dict()["values"]
+    assert json.loads(json.dumps(values, allow_nan=False))["low"] is None
+
+
 def test_bounds_and_centre_are_those_of_the_raster(tmp_path: Path) -> None:
     found = summarize(opened(tmp_path / "a.tif", np.ones((100, 50), np.uint8)))
     assert (found.rows, found.cols, found.epsg, found.driver) == (100, 50, 32618, "GTiff")

@@ -121,7 +121,7 @@ def _draw_raster(options: dict[str, Any]) -> None:
         _, notes = warnings_of(lambda: preview(source.dataset, out, **drawn, **how))
     if options["quiet"]:
         return
-    for warning in (*source.warnings, *map(str, sorted(work.bad_blocks)), *notes):
+    for warning in (*source.warnings, *work.bad_block_warnings, *notes):
         say(f"uavseg: warning: {warning}")
     say(f"wrote {out}")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from uavseg.execution.executors import Map, Progress, serial, usable_cores
 from uavseg.execution.executors import threads as thread_pool
 from uavseg.execution.phases import decided
-from uavseg.raster.bad_blocks import BadBlock, recording_bad_blocks, with_bad_blocks
+from uavseg.raster.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.tiling import TilePass, Window
 from uavseg.segmentation.blocks.memory import check_memory
 
@@ -114,10 +114,15 @@ class Work:
         with recording_bad_blocks(self.bad_blocks):
             yield
 
+    @property
+    def bad_block_warnings(self) -> tuple[str, ...]:
+        """What cannot be read, see `raster.bad_blocks.bad_block_warnings`."""
+        return bad_block_warnings(self.bad_blocks)
+
     def finished(self, result: Result, *hints: str) -> Result:
         """A result with all of its warnings: its own, the unreadable blocks, then hints of the job."""
         known: Any = result
-        found: Result = replace(known, warnings=(*known.warnings, *map(str, sorted(self.bad_blocks)), *hints))
+        found: Result = replace(known, warnings=(*known.warnings, *self.bad_block_warnings, *hints))
         return found
 
 

@@ -108,7 +108,7 @@ def preview(
                 width_px=width,
                 overwrite=overwrite,
             )
-    for warning in (*opened.warnings, *map(str, sorted(work.bad_blocks))):
+    for warning in (*opened.warnings, *work.bad_block_warnings):
         warnings.warn(warning, stacklevel=3)
     return found
 

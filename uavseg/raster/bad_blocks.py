@@ -4,10 +4,10 @@ A file is decoded in blocks. A window that fails is read again block by block, s
 file alone, not on the windows.
 """
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -40,6 +40,37 @@ class BadBlock:
             f"{self.col + self.cols}: its pixels there count as nodata"
         )
 
+
+def bad_block_warnings(found: Iterable[BadBlock]) -> tuple[str, ...]:
+    """A sentence for each rectangle of bad blocks, in order; beyond 20 of them, how many more there are."""
+    parts = sorted(_joined(_joined(found, ("row", "col")), ("col", "row")))
+    more = len(parts) - _MOST_NAMED
+    rest = (f"{more:,} more places cannot be read: their pixels count as nodata",) if more > 0 else ()
+    return (*map(str, parts[:_MOST_NAMED]), *rest)
+
+
+def _joined(blocks: Iterable[BadBlock], axes: tuple[str, str]) -> list[BadBlock]:
+    """Rectangles that agree along the first axis and follow one another along the second, as one."""
+    along, across = axes
+    size, length = f"{along}s", f"{across}s"
+    found: list[BadBlock] = []
+    for block in sorted(
+        blocks, key=lambda b: (b.path, getattr(b, along), getattr(b, size), getattr(b, across))
+    ):
+        last = found[-1] if found else None
+        if (
+            last is not None
+            and (last.path, getattr(last, along), getattr(last, size))
+            == (block.path, getattr(block, along), getattr(block, size))
+            and getattr(last, across) + getattr(last, length) == getattr(block, across)
+        ):
+            found[-1] = replace(last, **{length: getattr(last, length) + getattr(block, length)})
+        else:
+            found.append(block)
+    return found
+
+
+_MOST_NAMED = 20  # rectangles of bad blocks, one by one
 
 MissingPart = tuple[BadBlock, Slices]
 """A block that cannot be read, and its index in the array that is read."""

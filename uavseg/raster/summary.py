@@ -147,7 +147,8 @@ class Summary:
         """The values at v = 0 and 1, their mean, and how they are stored."""
         assert self.axis is not None, "there are values"
         low, high = self.axis.values([0, 1]).tolist()
-        return {"low": low, "high": high, "mean": _plain(self.mean_value), **asdict(self.axis.scale)}
+        ends = {"low": _plain(low), "high": _plain(high), "mean": _plain(self.mean_value)}
+        return ends | asdict(self.axis.scale)
 
 
 def summarize(
