@@ -197,7 +197,7 @@ def command(**options: Any) -> None:
     found, compared, advice = find(source, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     if advice is not None:
-        run.reporter.say(advice)
+        run.reporter.say(f"note: {advice}")
     with transaction():
         write_regions_and_labels(found, target, label_file, work, run.overwrite, form, style)
     common = summary_rows(found)
@@ -221,7 +221,6 @@ def _check_samples(options: dict[str, Any]) -> None:
         return
     alone = ("like", "unlike", "window")
     given = [f"--{name}" for name in alone if options[name]]
-    given += ["--min-confidence"] * (options["min_confidence"] is not None)
     usual = {"by": "auto", "similarity": 0.9, "intensity": 1.0}
     given += [f"--{name}" for name, value in usual.items() if options[name] != value]
     if given:
@@ -244,6 +243,7 @@ def _request(options: dict[str, Any]) -> MatchRequest | MatchClassesRequest:
             area(options["min_area"]),
             options["bands"],
             length(options["detail"]),
+            options["min_confidence"],
         )
     return MatchRequest(
         tuple(map(parse_like, options["like"])),
