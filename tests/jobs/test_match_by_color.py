@@ -86,6 +86,17 @@ def test_a_kind_that_is_half_of_the_raster_is_found(tile: Path) -> None:
     assert overlap(painted(made), truth() == 0) > 0.97
 
 
+def test_a_kind_that_is_rare_is_found(tmp_path: Path) -> None:
+    """One pixel in 170, of a color between those of the others."""
+    row, col = np.indices(SHAPE)
+    rare = ((row - 40) ** 2 + (col - 150) ** 2 < 81) | ((row - 170) ** 2 + (col - 120) ** 2 < 25)
+    planes = np.where(rare, np.array([88, 76, 95]).reshape(3, 1, 1), KINDS[truth()].transpose(2, 0, 1))
+    noisy = planes + np.random.default_rng(5).normal(0, 7, planes.shape)
+    path = write(tmp_path / "rare.tif", np.rint(np.clip(noisy, 0, 255)).astype(np.uint8))
+    made = match(open_raster(str(path)), MatchRequest(Disc(1150, 960, 6), by="color"))
+    assert overlap(painted(made), rare) > 0.8
+
+
 def test_tiles_and_threads_change_nothing(tile: Path) -> None:
     source = open_raster(str(tile))
     whole = match(source, MatchRequest(DISC, by="color"))
@@ -148,6 +159,14 @@ def test_where_color_says_little_a_warning_says_so(tmp_path: Path) -> None:
     path = write(tmp_path / "noise.tif", noise)
     with pytest.warns(UserWarning, match="color hardly parts the sample"):
         uavseg.match(path, (1070, 940, 8), by="color")
+
+
+def test_where_no_region_is_sure_enough_it_says_so(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 256, (3, *SHAPE)).astype(np.uint8)
+    request = MatchRequest(DISC, by="color", min_confidence=1)
+    made = match(open_raster(str(write(tmp_path / "noise.tif", noise))), request)
+    assert len(made.found.regions) == 0
+    assert any("a confidence of less than 1;" in text for text in made.warnings)
 
 
 def test_a_sample_of_few_pixels_is_refused(tile: Path) -> None:

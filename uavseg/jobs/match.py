@@ -13,6 +13,7 @@ import numpy as np
 
 from uavseg.execution.phases import decided
 from uavseg.jobs.detail import detail_of
+from uavseg.jobs.doubt import nothing_sure
 from uavseg.jobs.like.by_color import learn, outlines_by_color, regions_by_color
 from uavseg.jobs.like.by_texture import TextureSample, regions_by_texture, search_texture
 from uavseg.jobs.like.color_bands import band_sources, color_sources
@@ -113,6 +114,8 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
         hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
     if result.color is not None and not _parts(result.color):
         hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)
+    if result.found.unsure and not len(result.found.regions):
+        hints.append(nothing_sure(result.found.unsure, request.min_confidence))
     found = with_metadata(result.found, raster, "match", _facts(request, result))
     return replace(result, found=work.finished(found, *hints))
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.sample.mixture import Mixture, SampleVote, fit_mixtures
+from uavseg.segmentation.sample.mixture import Mixture, SampleVote, fit_mixtures, votes_of
 
 
 def clouds(seed: int, centres: list[list[float]], each: int = 400) -> NDArray[np.float64]:
@@ -72,3 +72,28 @@ def test_a_sample_of_which_a_tenth_is_wrong_still_finds_its_kind() -> None:
     likeness = SampleVote.of(fit_mixtures(points), sample).likeness(points)
     assert likeness[400:800].mean() > 0.8
     assert np.delete(likeness, np.s_[400:800]).mean() < 0.2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_rare_kind_has_a_component_that_begins_at_its_sample(seed: int) -> None:
+    """One point in 200, beside a kind that none of the mixtures parts from it."""
+    rng = np.random.default_rng(seed)
+    frequent = clouds(seed, [[-2.0, 0.0], [2.0, 0.0], [0.0, 2.5]], 4000)
+    rare = rng.normal((0.9, 0.9), 0.1, (60, 2))
+    points = np.concatenate([frequent, rare])
+    usual, begun = (vote.likeness(points) for vote in votes_of(points, rare[:30]))
+    assert begun[-60:].mean() > 0.8
+    assert begun[:-60].sum() < 20 < usual[:-60].sum()
+
+
+def test_a_kind_that_is_no_cloud_of_its_own_is_not_narrowed_to_its_sample() -> None:
+    """Evenly spread points, of which the sample shows a part."""
+    points = np.concatenate([np.linspace(-1, 2, 3000), np.linspace(-2, -1.5, 500)])[:, None]
+    assert len(votes_of(points, points[2000:2100])) == 1
+
+
+def test_what_is_found_for_certain_leaves_nothing_undecided() -> None:
+    points = clouds(4, [[-3.0], [3.0]])
+    vote = SampleVote.of(fit_mixtures(points, (2,)), points[:40])
+    assert vote.undecided(points) < 0.01
+    assert vote.undecided(np.zeros((1, 1))) > vote.undecided(points)

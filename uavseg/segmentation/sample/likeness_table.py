@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.sample.mixture import Points, SampleVote, fit_mixtures
+from uavseg.segmentation.sample.mixture import Points, SampleVote, votes_of
 from uavseg.units import GREY_MAX
 
 BLUR_HALO = 2  # pixels
@@ -20,6 +20,7 @@ _TAILS = (0.001, 0.999)  # quantiles between which bins lie; what is beyond belo
 _AXES = 3
 _LEAST_LIMIT = 0.25  # of likeness, on the way from what is certainly of other kinds to the sample
 _UNDECIDED = 0.5  # likeness of less than this from 0.5, doubled, is undecided: 0.25 to 0.75
+_AGREED = 0.8  # intersection over union of what two votes find, from which on they find the same
 _OTHERS = 0.05  # share of the raster that is certainly of other kinds
 
 
@@ -81,21 +82,14 @@ class LikenessTable:
         mean = raster.mean(0)
         deviation = np.maximum(raster.std(0), 1)
         other = None if unlike is None else (_project(unlike, weights) - mean) / deviation
-        vote = SampleVote.of(fit_mixtures((raster - mean) / deviation), (own - mean) / deviation, other)
+        values = (raster - mean) / deviation, (own - mean) / deviation
+        decision = _decide(*values, other)
         bins = _BINS[len(weights)]
         lows, highs = np.quantile(np.concatenate([raster, own]), _TAILS, axis=0)
         scales = bins / np.maximum(highs - lows, 1)
         middles = [low + (np.arange(bins) + 0.5) / scale for low, scale in zip(lows, scales, strict=True)]
         grid = np.stack(np.meshgrid(*middles, indexing="ij"), -1).reshape(-1, len(weights))
-        of_own = float(vote.likeness((own - mean) / deviation).mean())
-        if other is None:
-            of_raster = vote.likeness((raster - mean) / deviation)
-            middle = max(0.5, (float(np.quantile(of_raster, _OTHERS)) + of_own) / 2)
-        else:
-            middle = min(max((float(vote.likeness(other).mean()) + of_own) / 2, 0.01), 0.99)
-        likely = [_moved(vote.likeness((values - mean) / deviation), middle) for values in (raster, own)]
-        limit = _best_limit(*likely)
-        of_grid = _moved(_moved(vote.likeness((grid - mean) / deviation), middle), limit)
+        of_grid = decision.likeness((grid - mean) / deviation)
         likeness = np.rint(of_grid * GREY_MAX).astype(np.uint16)
         table = cls(weights, lows, scales, likeness, 0.0, 0.0)
         of_points = table.of(points)
@@ -121,6 +115,43 @@ class LikenessTable:
         bins = _BINS[len(self.weights)]
         _look_up(stacked, self.weights, self.lows, self.scales, bins, self.likeness, found)
         return found
+
+
+@dataclass(frozen=True)
+class _Decision:
+    """A vote, and which likeness becomes one half: first what lies in the middle, then the limit."""
+
+    vote: SampleVote
+    middle: float
+    limit: float
+
+    @classmethod
+    def of(cls, vote: SampleVote, points: Points, sample: Points, unlike: Points | None) -> "_Decision":
+        """By the likeness of the sample, and of the points or of what is not of the kind."""
+        of_points, of_own = vote.likeness(points), vote.likeness(sample)
+        own = float(of_own.mean())
+        if unlike is None:
+            middle = max(0.5, (float(np.quantile(of_points, _OTHERS)) + own) / 2)
+        else:
+            middle = min(max((float(vote.likeness(unlike).mean()) + own) / 2, 0.01), 0.99)
+        return cls(vote, middle, _best_limit(_moved(of_points, middle), _moved(of_own, middle)))
+
+    def likeness(self, points: Points) -> Points:
+        """Likeness of points; those of one half and more are found."""
+        return _moved(_moved(self.vote.likeness(points), self.middle), self.limit)
+
+
+def _decide(points: Points, sample: Points, unlike: Points | None) -> _Decision:
+    """The usual vote; or that with a component begun at the sample, unless both find nearly the same.
+
+    The usual one is better at the rim, where pixels of two kinds are mixed.
+    """
+    usual, *begun = (_Decision.of(vote, points, sample, unlike) for vote in votes_of(points, sample, unlike))
+    for other in begun:
+        first, second = (decision.likeness(points) >= 0.5 for decision in (usual, other))
+        if (first & second).sum() < _AGREED * (first | second).sum():
+            return other
+    return usual
 
 
 def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.uint16]:

@@ -5,6 +5,11 @@ are that kind: those that are far more frequent in the sample than in the raster
 are is not known, so mixtures of several sizes vote, each by the share of the sample that it calls its kind.
 Each mixture begins with the one before, whose longest component is split.
 
+A kind that is rare, or that lies between others, has no component of its own in any of them. So each mixture
+is tried once more with a component that begins at the sample. In a picture a kind is seldom one Gaussian, and
+only the part of it that the sample shows would be found; so only those count that leave half as much
+undecided, which is where the kind is a cloud of its own.
+
 Expectation maximisation: Dempster, Laird and Rubin, Journal of the Royal Statistical Society B 39 (1977),
 1-38. Learning from a sample and unlabelled points: Elkan and Noto, Knowledge Discovery and Data Mining 2008,
 213-220. Sums are numpy's, in a fixed order, not those of a linear algebra library whose threads change them.
@@ -20,6 +25,7 @@ SIZES = (2, 3, 4, 5, 6, 8)
 """Numbers of components of the mixtures that vote."""
 
 _SWEEPS = 30
+_BEGUN_SWEEPS = 15  # of a mixture with one component more
 _FLOOR = 1e-2  # added to variances, of features whose variance in the raster is 1
 _STRETCH = 0.8  # how far from the middle the halves of a component begin, in its deviations
 _SHRINK = 0.6  # share of the variance along the longest axis that the split takes away
@@ -28,6 +34,8 @@ _IN_SAMPLE = 0.1  # share of the sample with which a component is compared at al
 _WRONG = 0.1  # share of the sample that may be of another kind
 _ELSEWHERE = 0.1  # weight of the raster where a sample of other kinds lacks what the raster has
 _VOTE = 20.0  # how much a mixture loses by the share of the sample that it does not find
+_BEGUN_SHARE = 0.01  # of the points, of a component that begins at the sample
+_CLEARER = 0.5  # share of what is undecided otherwise, that a mixture with such a component leaves at most
 
 Points = NDArray[np.float64]
 
@@ -94,6 +102,53 @@ def fit_mixtures(points: Points, sizes: Sequence[int] = SIZES) -> list[Mixture]:
     return found
 
 
+def begun_at(sample: Points, mixture: Mixture, points: Points) -> Mixture:
+    """A mixture with one component more, which begins at a sample and is then fitted like the others.
+
+    Parameters
+    ----------
+    sample : (m, d) float64 array
+    mixture : Mixture
+        Of the points.
+    points : (n, d) float64 array
+    """
+    own = _estimate(sample, np.ones((1, len(sample))))
+    shares = np.append(mixture.shares * (1 - _BEGUN_SHARE), _BEGUN_SHARE)
+    found = Mixture(
+        np.concatenate([mixture.means, own.means]),
+        np.concatenate([mixture.covariances, own.covariances]),
+        shares,
+    )
+    for _ in range(_BEGUN_SWEEPS):
+        found = _estimate(points, found.memberships(points))
+    return found
+
+
+def votes_of(points: Points, sample: Points, unlike: Points | None = None) -> list["SampleVote"]:
+    """The vote of mixtures of points on a sample, and that of mixtures with a component begun at the sample.
+
+    Of the latter only those vote that leave half as much undecided; where none does, there is one vote.
+
+    Parameters
+    ----------
+    points : (n, d) float64 array
+        All over the raster, with a variance of about 1 in each dimension.
+    sample, unlike
+        As of `SampleVote.of`.
+    """
+    mixtures = fit_mixtures(points)
+    usual = SampleVote.of(mixtures, sample, unlike)
+    least = _CLEARER * usual.undecided(points)
+    begun = [begun_at(sample, mixture, points) for mixture in mixtures]
+    clear = [
+        mixture
+        for mixture in begun
+        if mixture.memberships(sample)[-1].mean() > 0.5
+        and SampleVote.of([mixture], sample, unlike).undecided(points) < least
+    ]
+    return [usual, SampleVote.of(clear, sample, unlike)] if clear else [usual]
+
+
 @dataclass(frozen=True)
 class SampleVote:
     """Mixtures, what share of each component is of the sample's kind, and how much each mixture counts.
@@ -144,6 +199,11 @@ class SampleVote:
         parts = zip(self.mixtures, self.purities, self.weights, strict=True)
         votes = (weight * _weighted(pure, mixture.memberships(points)) for mixture, pure, weight in parts)
         return sum(votes, np.zeros(len(points)))
+
+    def undecided(self, points: Points) -> float:
+        """Of the points that are found, by how much each may be wrong on average: 0 if all are certain."""
+        likeness = self.likeness(points)
+        return float(np.minimum(likeness, 1 - likeness).sum() / max(float(likeness.sum()), 1e-9))
 
 
 def _trimmed(likeness: Points) -> float:
