@@ -6,7 +6,8 @@ A region is right where its intersection over union with one region of the truth
 are all families of `benchmarks.quality`, each as drawn and resampled (a Gaussian blur of 0.7 pixels, as
 orthophotos have), each extracted with a range that begins where it should and with two that do not. With
 `--fit` the weights of `uavseg.regions.confidence` are fitted on one half of the seeds and printed; the
-tables are of the other half. For `match` by color the same scenes are searched with one disc in an object.
+tables are of the other half. For `match` by color the same scenes are searched with one disc in an object,
+and for `match --classes` divided by one disc in an object and one beside the objects.
 """
 
 import sys
@@ -20,6 +21,7 @@ from scipy import ndimage
 
 from benchmarks import table
 from benchmarks.quality.scenes import FAMILIES, Scene, draw
+from uavseg.jobs.like.by_classes import alike, learn_classes, outlines_by_classes
 from uavseg.jobs.like.by_color import learn, outlines_by_color, similarity_of
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.source import Raster
@@ -32,6 +34,7 @@ from uavseg.regions import confidence
 from uavseg.regions.confidence import Weights
 from uavseg.regions.outline.rasterise import Rasteriser
 from uavseg.regions.outline.rings import RegionOutlines, Rings
+from uavseg.regions.sample.likeness import BlurredBands
 from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.params import IntensityRange, Refinement, SegmentParams
@@ -91,6 +94,34 @@ def matched(source: Raster, disc: Disc) -> tuple[NDArray[np.float64], Rings]:
     outlined, _ = outlines_by_color(likeness, MatchRequest(disc, by="color"), [place], passes[2:])
     own, share = likeness.table.own, likeness.table.share
     return confidence.match_terms(outlined, similarity_of(outlined, own), own - share), outlined.rings
+
+
+def class_maps(seeds: Sequence[int], families: Sequence[str] = tuple(FAMILIES)) -> Iterator[Found]:
+    """Regions of maps of all scenes with these seeds: objects and ground, each with one disc."""
+    for family in families:
+        for seed in seeds:
+            scene, rng = draw(FAMILIES[family], seed), np.random.default_rng(seed)
+            sides = scene.truth, scene.valid & ~scene.truth
+            rooms = [ndimage.distance_transform_edt(np.pad(side, 1))[1:-1, 1:-1] for side in sides]
+            for v in (scene.v, resampled(scene)):
+                for radius in RADII:
+                    places = [np.argwhere(room > radius + 1) for room in rooms]
+                    if all(map(len, places)):
+                        spots = [of_side[rng.integers(len(of_side))] + 0.5 for of_side in places]
+                        terms, rings, kind = mapped(raster_of(v), [Disc(c, r, radius) for r, c in spots])
+                        ious = np.stack([best_iou(rings, side) for side in sides])
+                        yield Found(family, terms, ious[kind, np.arange(len(kind))] > LEAST_IOU)
+
+
+def mapped(source: Raster, discs: Sequence[Disc]) -> tuple[NDArray[np.float64], Rings, NDArray[np.int64]]:
+    """Terms, outlines and classes of `uavseg match --classes`, with one disc for each class."""
+    passes = SERIAL.begun().over(source).stages(4)
+    grey = source.grey(passes[0])
+    places = {str(k): [sample_mask(disc, source.geobox)] for k, disc in enumerate(discs)}
+    likenesses = learn_classes(BlurredBands([grey]), places, passes[1])
+    outlined, kinds = outlines_by_classes(grey, likenesses, SegmentParams(), passes[2:])
+    kind = kinds.at(outlined.sums.firsts) - 1
+    return confidence.class_terms(outlined, *alike(likenesses, kind)), outlined.rings, kind
 
 
 def resampled(scene: Scene) -> NDArray[np.float64]:
@@ -170,7 +201,12 @@ def families_table(found: Sequence[Found], weights: Weights) -> str:
 
 def main() -> None:
     """Print weights if they are to be fitted, and the tables."""
-    for draw_regions, weights in ((regions, confidence.OF_RANGES), (matches, confidence.OF_MATCHES)):
+    asked = (
+        (regions, confidence.OF_RANGES),
+        (matches, confidence.OF_MATCHES),
+        (class_maps, confidence.OF_CLASSES),
+    )
+    for draw_regions, weights in asked:
         if "--fit" in sys.argv[1:]:
             weights = fitted(list(draw_regions(FIT_SEEDS)))
             print(f"{draw_regions.__name__}: {weights}\n")

@@ -14,12 +14,16 @@ from tests.jobs.test_match_by_color import KINDS, SHAPE, picture, truth, write
 from uavseg.cli import main
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import threads
-from uavseg.jobs.like.by_classes import MatchClassesRequest, match_classes
+from uavseg.jobs.like.by_classes import MatchClassesRequest, learn_classes, match_classes, outlines_by_classes
+from uavseg.jobs.like.color_bands import color_sources
 from uavseg.jobs.open_source import open_raster
 from uavseg.jobs.result import Extraction
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import Window
 from uavseg.regions.outline.rasterise import rasterise
+from uavseg.regions.sample.class_places import class_masks
+from uavseg.regions.sample.likeness import BlurredBands
+from uavseg.segmentation.params import SegmentParams
 
 NAMES = ("meadow", "roof", "water")
 PLACES = {"meadow": [(1020, 960), (1030, 830)], "roof": [(1070, 940)], "water": [(1240, 900), (1230, 990)]}
@@ -89,6 +93,47 @@ def test_the_command_says_how_many_regions_each_class_has(tile: Path, tmp_path: 
     ran = CliRunner().invoke(main, ["match", str(tile), "--classes", str(file), "-o", str(target)])
     assert ran.exit_code == 0 and "meadow 1, roof 3, water 1" in ran.output
     assert set(geopandas.read_file(target, layer="regions")["class"]) == set(NAMES)
+
+
+def test_the_confidence_is_of_the_likeness_of_each_region_to_its_class(tile: Path, tmp_path: Path) -> None:
+    """Sums over pixels, and over the edges of regions, beside those of a plain loop."""
+    source = open_raster(str(tile))
+    passes = SERIAL.begun().over(source).stages(3)
+    grey = source.grey(passes[0])
+    bands = BlurredBands(color_sources(source, grey, (), passes[0].silent))
+    places = class_masks(str(samples(tmp_path / "s.gpkg", *NAMES)), source.geobox)
+    likenesses = learn_classes(bands, places, passes[0])
+    outlined, kinds = outlines_by_classes(grey, likenesses, SegmentParams(), passes[1:])
+    labels = rasterise(outlined.rings, Window(0, 0, *SHAPE)).astype(int)
+    alike = [likeness.read(Window(0, 0, *SHAPE), 0).grey.astype(int) for likeness in likenesses]
+    for region, kind in enumerate(kinds.at(outlined.sums.firsts) - 1, 1):
+        own, here = alike[kind][: SHAPE[0], : SHAPE[1]], labels == region
+        of_region = own[here]
+        assert outlined.sums.alike is not None and outlined.sums.steps is not None
+        plain = [len(of_region), of_region.sum(), (of_region**2).sum()]
+        assert outlined.sums.alike[region - 1].tolist() == plain
+        across = [
+            (own[1:], own[:-1], here[1:] != here[:-1]),
+            (own[:, 1:], own[:, :-1], here[:, 1:] != here[:, :-1]),
+        ]
+        steps = np.concatenate([np.abs(one - other)[edge] for one, other, edge in across])
+        assert outlined.sums.steps[region - 1].tolist() == [steps.sum(), len(steps)]
+
+
+def test_regions_of_a_class_are_sure_and_specks_are_not(tile: Path, tmp_path: Path) -> None:
+    file = samples(tmp_path / "s.gpkg", *NAMES)
+    regions = uavseg.match(tile, classes=file)
+    big = regions["pixels"] > 500
+    assert regions.loc[big, "confidence"].min() > 0.8
+    kept = uavseg.match(tile, classes=file, min_confidence=0.8)
+    assert kept["pixels"].tolist() == regions.loc[regions["confidence"] >= 0.8, "pixels"].tolist()
+    with pytest.raises(ParameterError, match="block edges have no confidence"):
+        uavseg.match(tile, classes=file, min_confidence=0.5, refine="none")
+
+
+def test_filled_holes_leave_the_confidence_known(tile: Path, tmp_path: Path) -> None:
+    regions = uavseg.match(tile, classes=samples(tmp_path / "s.gpkg", *NAMES), fill_holes="40px")
+    assert regions["confidence"].between(0, 1).all()
 
 
 def test_files_that_are_no_samples_of_classes_are_refused(tile: Path, tmp_path: Path) -> None:

@@ -120,7 +120,7 @@ def match(
     -------
     regions : geopandas.GeoDataFrame
         With the columns of `extract` and `similarity`: 1 where a region is as like the sample as the sample
-        is to itself. Regions by texture and those of classes have no confidence (NaN). `range_low` and
+        is to itself. Regions by texture have no confidence (NaN). `range_low` and
         `range_high` are the means that windows may have.
         Where color decided and left much of the raster undecided, `regions.attrs["uavseg"]["next_sample"]` is
         x, y and radius of the disc that would help most as another sample, of what is wanted or of what is
@@ -159,10 +159,9 @@ def match(
             min_confidence,
         )
     else:
-        _check_alone(like, unlike, (window, similarity, intensity, by, min_confidence))
-        request = MatchClassesRequest(
-            os.fspath(classes), refine, drawing, holes, least, tuple(bands), as_length(detail)
-        )
+        _check_alone(like, unlike, (window, similarity, intensity, by))
+        words = os.fspath(classes), refine, drawing, holes, least, tuple(bands), as_length(detail)
+        request = MatchClassesRequest(*words, min_confidence)
     job = RegionJob(
         ReadOptions(
             band,
@@ -186,10 +185,10 @@ def _matched(request: MatchRequest | MatchClassesRequest, opened: Source, how: W
 
 
 def _check_alone(like: object, unlike: object, words: tuple[object, ...]) -> None:
-    if is_given(like) or is_given(unlike) or words != (None, 0.9, 1.0, "auto", None):
+    if is_given(like) or is_given(unlike) or words != (None, 0.9, 1.0, "auto"):
         raise ParameterError(
             "classes compares the colors of all its samples; leave out like, unlike, window, similarity, "
-            "intensity, by and min_confidence"
+            "intensity and by"
         )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.regions.confidence import confidence_of, keep_confident, match_confidence_of
+from uavseg.regions.confidence import class_confidence_of, confidence_of, keep_confident, match_confidence_of
 from uavseg.regions.outline.rings import RegionOutlines
 
 COLUMN = "confidence"
@@ -98,6 +98,29 @@ class Doubt:
         if refine == "none":
             return cls.unknown(outlined, least)
         return cls(match_confidence_of(outlined, *alike), least)
+
+    @classmethod
+    def of_classes(
+        cls,
+        outlined: RegionOutlines,
+        alike: tuple[NDArray[np.float64], NDArray[np.float64]],
+        refine: str,
+        least: float | None,
+    ) -> "Doubt":
+        """Of regions of classes that samples were given of.
+
+        Parameters
+        ----------
+        outlined : RegionOutlines
+            With the sums of likeness of each to its class.
+        alike : two (n,) float64 arrays
+            Of the class of each, the mean likeness of its samples, and by how much that exceeds the raster's.
+        refine, least
+            As of `of`.
+        """
+        if refine == "none":
+            return cls.unknown(outlined, least)
+        return cls(class_confidence_of(outlined, *alike), least)
 
     @classmethod
     def unknown(cls, outlined: RegionOutlines, least: float | None = None) -> "Doubt":

@@ -6,7 +6,7 @@ half, the usual criterion of detection (Everingham et al., "The PASCAL Visual Ob
 ``python -m benchmarks.confidence``; docs/quality.md says how well they hold on others.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,6 +44,7 @@ class Weights:
 
 OF_RANGES = Weights(-7.642, (0.360, -4.779, 0.643, -0.811, 2.099))
 OF_MATCHES = Weights(-10.379, (1.501, -3.291, -3.4, 0.378, 0.759, 10.398, 10.835))
+OF_CLASSES = OF_MATCHES
 
 
 def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
@@ -84,13 +85,52 @@ def match_confidence_of(outlined: RegionOutlines, similarity: Floats, parting: f
     return OF_MATCHES.probability(match_terms(outlined, similarity, parting))
 
 
-def match_terms(outlined: RegionOutlines, similarity: Floats, parting: float) -> Floats:
+def class_confidence_of(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
+    """Probability that each region of a class is right.
+
+    Parameters
+    ----------
+    outlined, own, parting
+        As of `class_terms`; refined to the pixel.
+
+    Returns
+    -------
+    confidence : (n,) float64 array
+        As of `confidence_of`.
+    """
+    return OF_CLASSES.probability(class_terms(outlined, own, parting))
+
+
+def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike) -> Floats:
     """What the confidence of matches is computed from: (n, 7) float64.
 
     Those of `region_terms` with likeness in place of grey, the logarithm of the similarity, and the parting.
     """
     alike = np.log(np.maximum(similarity, LEAST_SIMILARITY))
-    return np.column_stack([region_terms(outlined, 0.5, 1), alike, np.full(len(alike), parting)])
+    parts = np.broadcast_to(np.asarray(parting, np.float64), alike.shape)
+    return np.column_stack([region_terms(outlined, 0.5, 1), alike, parts])
+
+
+def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
+    """What the confidence of regions of classes is computed from: (n, 7) float64, as of `match_terms`.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+        With the sums of likeness to the class of each region in `alike`.
+    own : (n,) float64 array
+        Mean likeness of the samples of its class to this class.
+    parting : (n,) float64 array
+        By how much that exceeds the mean likeness of the raster to this class.
+    """
+    sums = outlined.sums
+    assert sums.alike is not None, "regions of classes have it"
+    counts, total, squares = sums.alike.T
+    of_likeness = replace(
+        sums, counts=counts, greys=total.astype(np.uint64), squares=squares.astype(np.uint64)
+    )
+    similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
+    return match_terms(replace(outlined, sums=of_likeness), similarity, parting)
 
 
 def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:

@@ -227,6 +227,9 @@ class Sums:
         Sum of greys beyond the ends of the stretch, see `greys_beyond`; None if it is 0.
     steps : (n, 2) int64 array, optional
         Contrast across the border, see `border_steps`; None where it is not known.
+    alike : (n, 3) int64 array, optional
+        Of regions of classes, the number of pixels and the sums of their likeness and of its squares; `steps`
+        are then of likeness too.
     """
 
     counts: NDArray[np.int64]
@@ -235,6 +238,7 @@ class Sums:
     firsts: NDArray[np.int64]
     beyond: NDArray[np.int64] | None = None
     steps: NDArray[np.int64] | None = None
+    alike: NDArray[np.int64] | None = None
 
 
 def with_beyond(sums: Sums, labels: NDArray[np.uint32], beyond: NDArray[np.int32] | None) -> Sums:

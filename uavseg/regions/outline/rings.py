@@ -183,9 +183,8 @@ def size_order(sums: Sums) -> NDArray[np.int64]:
 
 def select_sums(sums: Sums, which: NDArray[np.int64] | NDArray[np.bool_]) -> Sums:
     """Sums of some regions, by index or mask."""
-    beyond = None if sums.beyond is None else sums.beyond[which]
-    steps = None if sums.steps is None else sums.steps[which]
-    return Sums(sums.counts[which], sums.greys[which], sums.squares[which], sums.firsts[which], beyond, steps)
+    known = (None if part is None else part[which] for part in (sums.beyond, sums.steps, sums.alike))
+    return Sums(sums.counts[which], sums.greys[which], sums.squares[which], sums.firsts[which], *known)
 
 
 def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
@@ -204,16 +203,20 @@ def merge_sums(sums: Sums, group: NDArray[np.int64], count: int) -> Sums:
         np.zeros(count, np.uint64),
         np.zeros(count, sums.squares.dtype),  # NaN where they are not known
         np.zeros((count, 2), np.int64),
-        None if sums.beyond is None else np.zeros(count, np.int64),
-        None if sums.steps is None else np.zeros((count, 2), np.int64),
+        *(_merged(part, group, count) for part in (sums.beyond, sums.steps, sums.alike)),
     )
-    if merged.steps is not None and sums.steps is not None:
-        np.add.at(merged.steps, group, sums.steps)
-    if merged.beyond is not None and sums.beyond is not None:
-        np.add.at(merged.beyond, group, sums.beyond)
     np.add.at(merged.counts, group, sums.counts)
     np.add.at(merged.greys, group, sums.greys)
     np.add.at(merged.squares, group, sums.squares)
     order = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0]))[::-1]
     merged.firsts[group[order]] = sums.firsts[order]  # the first in raster order is written last
+    return merged
+
+
+def _merged(part: NDArray[np.int64] | None, group: NDArray[np.int64], count: int) -> NDArray[np.int64] | None:
+    """A sum of each group, if it is known."""
+    if part is None:
+        return None
+    merged = np.zeros((count, *part.shape[1:]), np.int64)
+    np.add.at(merged, group, part)
     return merged

@@ -199,7 +199,8 @@ def _concatenate_sums(parts: Sequence[Sums]) -> Sums:
         np.concatenate([np.empty(0, np.uint64), *(part.squares for part in parts)]),
         np.concatenate([np.empty((0, 2), np.int64), *(part.firsts for part in parts)]),
         _concatenate_beyond(parts),
-        _concatenate_steps(parts),
+        _concatenate_known([part.steps for part in parts]),
+        _concatenate_known([part.alike for part in parts]),
     )
 
 
@@ -211,7 +212,6 @@ def _concatenate_beyond(parts: Sequence[Sums]) -> NDArray[np.int64] | None:
     )
 
 
-def _concatenate_steps(parts: Sequence[Sums]) -> NDArray[np.int64]:
-    return np.concatenate(
-        [np.empty((0, 2), np.int64), *(part.steps for part in parts if part.steps is not None)]
-    )
+def _concatenate_known(parts: Sequence[NDArray[np.int64] | None]) -> NDArray[np.int64] | None:
+    known = [part for part in parts if part is not None]
+    return np.concatenate(known) if known else None

@@ -134,7 +134,7 @@ def _same(first: tuple[NDArray[Any], ...], second: tuple[NDArray[Any], ...]) -> 
 def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> Sums:
     """Sums of each region over all valid pixels that its outlines enclose, read again from the raster.
 
-    The contrast across borders stays as it was.
+    The contrast across borders, and the likeness of classes, stay as they were.
     """
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
@@ -148,7 +148,7 @@ def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePas
             squares[labels - 1] += parts.squares
             if parts.beyond is not None:
                 beyond[labels - 1] += parts.beyond
-    return Sums(counts, greys, squares, sums.firsts, beyond if beyond.any() else None, sums.steps)
+    return Sums(counts, greys, squares, sums.firsts, beyond if beyond.any() else None, sums.steps, sums.alike)
 
 
 def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], Sums] | None:

@@ -128,7 +128,19 @@ class KindOutlines:
         width : int
             Columns of the raster.
         """
-        labels, count = label_equal_values(pixels, REFINE_HALO)
+        return cls.of_labels(pixels, *label_equal_values(pixels, REFINE_HALO), tile, window, width)
+
+    @classmethod
+    def of_labels(
+        cls,
+        pixels: NDArray[np.uint8],
+        labels: NDArray[np.uint32],
+        count: int,
+        tile: GreyTile,
+        window: Window,
+        width: int,
+    ) -> "KindOutlines | None":
+        """As `of`, with the components of the pixels, from `label_equal_values`."""
         outlines = outline_tile(pixels, labels, count, tile, window, width)
         if outlines is None:
             return None
