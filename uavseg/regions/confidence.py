@@ -44,7 +44,7 @@ class Weights:
 
 OF_RANGES = Weights(-7.642, (0.360, -4.779, 0.643, -0.811, 2.099))
 OF_MATCHES = Weights(-10.379, (1.501, -3.291, -3.4, 0.378, 0.759, 10.398, 10.835))
-OF_CLASSES = OF_MATCHES
+OF_CLASSES = Weights(-7.326, (1.971, -4.591, -5.918, 1.997, 0.716, 9.848, 9.33))
 
 
 def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
