@@ -105,6 +105,9 @@ def fit_mixtures(points: Points, sizes: Sequence[int] = SIZES) -> list[Mixture]:
 def begun_at(sample: Points, mixture: Mixture, points: Points) -> Mixture:
     """A mixture with one component more, which begins at a sample and is then fitted like the others.
 
+    The sample counts among the points as if it were a thousandth of them: a kind may be so rare that few of
+    them show it.
+
     Parameters
     ----------
     sample : (m, d) float64 array
@@ -119,8 +122,11 @@ def begun_at(sample: Points, mixture: Mixture, points: Points) -> Mixture:
         np.concatenate([mixture.covariances, own.covariances]),
         shares,
     )
+    everything = np.concatenate([points, sample])
+    counts = np.ones(len(everything))
+    counts[len(points) :] = _RARE * len(points) / len(sample)
     for _ in range(_BEGUN_SWEEPS):
-        found = _estimate(points, found.memberships(points))
+        found = _estimate(everything, counts * found.memberships(everything))
     return found
 
 
