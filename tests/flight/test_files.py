@@ -45,7 +45,7 @@ MISSION = Mission(
 )
 
 numbers = st.floats(-1e4, 1e4)
-steps = numbers.filter(lambda value: not 0 < value < 0.01)  # between photographs
+steps = numbers.filter(lambda value: not 0 < value < 0.01)  # between photographs, and speeds
 headings = st.none() | st.floats(-360, 360).filter(bool)
 places = st.builds(
     MissionItem,
@@ -57,7 +57,7 @@ places = st.builds(
     st.floats(0.01, 1000),
 )
 orders = st.builds(
-    MissionItem, st.sampled_from([20, 178, 206]), st.just(FRAME_MISSION), st.tuples(steps, *[numbers] * 3)
+    MissionItem, st.sampled_from([20, 178, 206]), st.just(FRAME_MISSION), st.tuples(steps, steps, numbers, numbers)
 )
 missions = st.builds(
     Mission, st.just(HOME), st.tuples(places, orders, places), st.just("ardupilot")

@@ -11,7 +11,7 @@ SLOW_S = 8.0
 _ESTIMATE = re.compile(r"flight +km +time |.* \d+\.\d\d +\d+:\d\d +\d+:\d\d ")  # the table of a plan
 _SAID = re.compile(  # what a command says on stderr beside its errors
     r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: (\d+ regions?, )?\d+ items, |"
-    r" *kept out of [\d,]+ cells| *G per pixel |uavseg: interrupted"
+    r" *kept out of [\d,]+ cells| *G per pixel |uavseg: interrupted|undecided is what lies at "
 )
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 _RAW = re.compile(
@@ -144,6 +144,7 @@ def _judge_files(case: Case, name: str, outcome: Outcome, several: bool) -> list
             made
             for made in outcome.made
             if not made.startswith(case.targets)
+            and not any(_is_flight(made, target) for target in case.targets)
             and not re.search(r"\.(regions|levels|states|match|preview)\.", made)
         ]
         others = [made for made in others if "." not in case.targets]
@@ -153,6 +154,12 @@ def _judge_files(case: Case, name: str, outcome: Outcome, several: bool) -> list
     if outcome.outside:
         found.append(Finding("OUTSIDE", f"{name} {outcome.outside}"[:160], f"{outcome.outside}"))
     return found
+
+
+def _is_flight(made: str, target: str) -> bool:
+    """Whether a file is one of the flights that a mission is divided into."""
+    stem, dot, suffix = target.rpartition(".")
+    return re.fullmatch(re.escape(stem) + r"-\d+" + re.escape(dot + suffix), made) is not None
 
 
 def _judge_same(outcomes: list[Outcome]) -> list[Finding]:

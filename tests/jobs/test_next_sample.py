@@ -166,7 +166,7 @@ def test_typing_the_proposed_line_works(tile: Path, tmp_path: Path) -> None:
     first = CliRunner().invoke(main, line)
     assert first.exit_code == 0, first.output
     said = re.search(
-        r"^note: undecided is what lies at (\S+), (\S+): look there, and add (--like \S+) or (--unlike \S+)$",
+        r"^undecided is what lies at (\S+), (\S+): look there, and add (--like \S+) or (--unlike \S+)$",
         first.stderr,
         re.MULTILINE,
     )

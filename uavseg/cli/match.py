@@ -197,7 +197,7 @@ def command(**options: Any) -> None:
     found, compared, advice = find(source, work)
     run.reporter.finish([*found.warnings, *stream_warnings(form, source.geobox.wkt)])
     if advice is not None:
-        run.reporter.say(f"note: {advice}")
+        run.reporter.say(advice)
     with transaction():
         write_regions_and_labels(found, target, label_file, work, run.overwrite, form, style)
     common = summary_rows(found)
