@@ -57,7 +57,10 @@ places = st.builds(
     st.floats(0.01, 1000),
 )
 orders = st.builds(
-    MissionItem, st.sampled_from([20, 178, 206]), st.just(FRAME_MISSION), st.tuples(steps, steps, numbers, numbers)
+    MissionItem,
+    st.sampled_from([20, 178, 206]),
+    st.just(FRAME_MISSION),
+    st.tuples(steps, steps, numbers, numbers),
 )
 missions = st.builds(
     Mission, st.just(HOME), st.tuples(places, orders, places), st.just("ardupilot")
