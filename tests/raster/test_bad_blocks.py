@@ -346,3 +346,26 @@ def test_a_file_whose_strips_are_all_bad_has_one_warning_and_a_checkered_one_say
     checkered = [BadBlock("a", 64 * r, 64 * c, 64, 64) for r in range(10) for c in range(10) if (r + c) % 2]
     said = bad_block_warnings(checkered)
     assert len(said) == 21 and said[-1] == "30 more places cannot be read: their pixels count as nodata"
+
+
+SMALL_BLOCKS = {"tiled": True, "blockxsize": 16, "blockysize": 16, "compress": "deflate"}
+
+
+@pytest.mark.parametrize("side", [64, 384, 2048])
+def test_a_file_of_many_blocks_none_of_which_can_be_read_is_left_out_as_a_whole(
+    tmp_path: Path, write_raster: Callable, side: int
+) -> None:
+    pixels = np.random.default_rng(1).integers(1, 255, (1050, 1040), np.uint8)
+    path = write_raster(pixels, tmp_path / "a.tif", **SMALL_BLOCKS)
+    spoil(path, [(row, col) for row in range(66) for col in range(65)])
+    _, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side)
+    assert not valid.any() and found == [BadBlock(str(path), 0, 0, 1050, 1040)]
+
+
+def test_where_one_of_many_blocks_can_be_read_each_is_tried(tmp_path: Path, write_raster: Callable) -> None:
+    pixels = np.random.default_rng(1).integers(1, 255, (1050, 1040), np.uint8)
+    path = write_raster(pixels, tmp_path / "a.tif", **SMALL_BLOCKS)
+    kept = divmod(66 * 65 * 21 // 128, 65)  # the eleventh of those that are tried first
+    spoil(path, [(row, col) for row in range(66) for col in range(65) if (row, col) != kept])
+    _, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), 2048)
+    assert valid.sum() == 256 and len(found) == 66 * 65 - 1

@@ -1,13 +1,15 @@
 """Bad blocks: blocks of damaged files that cannot be read, and the pixels of all other blocks.
 
 A file is decoded in blocks. A window that fails is read again block by block, so the result depends on the
-file alone, not on the windows.
+file alone, not on the windows. Each failure costs an opening of the file: one of a hundred thousand blocks of
+which none can be read is left out as a whole, as soon as none of some all over it can.
 """
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -173,7 +175,11 @@ def read_skipping_bad_blocks(
     bad : list of (BadBlock, (slice, slice))
         The blocks that cannot be read, in raster order, and their index in the arrays.
     """
-    failed = handles.failed_blocks(file.path, tuple(choice.bands))
+    bands = tuple(choice.bands)
+    if handles.bad_as_a_whole(file.path, bands, partial(_is_bad_as_a_whole, file, handles, choice)):
+        whole = BadBlock(file.path, 0, 0, *file.shape), (slice(shape[0]), slice(shape[1]))
+        return np.zeros((choice.planes, *shape), choice.dtype), np.zeros(shape, bool), [whole]
+    failed = handles.failed_blocks(file.path, bands)
     if failed and any((block.row, block.col) in failed for block in file.blocks_in(window)):
         return _read_block_by_block(file, handles, choice, window, shape)
     try:
@@ -182,6 +188,29 @@ def read_skipping_bad_blocks(
         return *_read_whole_blocks(file, handles, choice, window), []
     except RasterReadError:
         return _read_block_by_block(file, handles, choice, window, shape)
+
+
+def _is_bad_as_a_whole(file: RasterFile, handles: OpenFiles, choice: BandChoice) -> bool:
+    """Whether a file has many blocks, and none of those that lie evenly all over it can be read."""
+    rows, cols = (-(-length // size) for length, size in zip(file.shape, file.block, strict=True))
+    count = rows * cols
+    if count <= _MANY:
+        return False
+    with gdal_read_errors(file.path, Window(0, 0, *file.shape), file.online):
+        handles.open(file.path, file.located, file.driver)  # a missing file is an error, not a bad block
+    for k in range(_TRIED):
+        row, col = divmod(count * (2 * k + 1) // (2 * _TRIED), cols)
+        block = Window(row * file.block[0], col * file.block[1], *file.block).clipped(file.shape)
+        try:
+            file.read(handles, choice, block)
+        except RasterReadError:
+            continue
+        return False
+    return True
+
+
+_MANY = 4096  # blocks
+_TRIED = 64  # blocks
 
 
 def _read_whole_blocks(

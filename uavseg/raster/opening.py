@@ -6,7 +6,7 @@ import re
 import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -80,6 +80,13 @@ class OpenFiles:
         known: dict[tuple[str, tuple[int, ...]], set[tuple[int, int]]]
         known = self._local.__dict__.setdefault("failed", {})
         return known.setdefault((path, bands), set())
+
+    def bad_as_a_whole(self, path: str, bands: tuple[int, ...], is_bad: Callable[[], bool]) -> bool:
+        """Whether nothing of a file can be read, which this thread asks once."""
+        known: dict[tuple[str, tuple[int, ...]], bool] = self._local.__dict__.setdefault("bad", {})
+        if (path, bands) not in known:
+            known[path, bands] = is_bad()
+        return known[path, bands]
 
     def close(self, path: str) -> None:
         """Close a file, if this thread has it open; it is opened anew when it is needed."""
