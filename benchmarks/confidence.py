@@ -7,12 +7,14 @@ are all families of `benchmarks.quality`, each as drawn and resampled (a Gaussia
 orthophotos have), each extracted with a range that begins where it should and with two that do not. With
 `--fit` the weights of `uavseg.regions.confidence` are fitted on one half of the seeds and printed; the
 tables are of the other half. For `match` by color the same scenes are searched with one disc in an object,
-and for `match --classes` divided by one disc in an object and one beside the objects.
+and for `match --classes` divided by one disc in an object and one beside the objects. For `match` by texture
+the scenes are those of `benchmarks.textures`.
 """
 
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from affine import Affine
@@ -21,8 +23,11 @@ from scipy import ndimage
 
 from benchmarks import table
 from benchmarks.quality.scenes import FAMILIES, Scene, draw
+from benchmarks.textures import FAMILIES as FAMILIES_OF_TEXTURE
+from benchmarks.textures import scene
 from uavseg.jobs.like.by_classes import alike, learn_classes, outlines_by_classes
 from uavseg.jobs.like.by_color import learn, outlines_by_color, similarity_of
+from uavseg.jobs.like.by_texture import outlines_by_texture, parting_of, search_texture
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.source import Raster
 from uavseg.jobs.work import SERIAL
@@ -45,6 +50,8 @@ LOWS = (0.5, 0.55, 0.6)  # of the range; objects have 0.68, the background 0.42
 BLUR = 0.7  # pixels, of resampled scenes
 LEAST_IOU = 0.5
 RADII = (5, 8, 16)  # pixels, of discs
+TEXTURE_RADII = (16, 24, 40)
+OWN_SHARES, BLOBS = (1, 0.5, 0.25), (12, 24)  # of scenes of texture
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +129,33 @@ def mapped(source: Raster, discs: Sequence[Disc]) -> tuple[NDArray[np.float64], 
     outlined, kinds = outlines_by_classes(grey, likenesses, SegmentParams(), passes[2:])
     kind = kinds.at(outlined.sums.firsts) - 1
     return confidence.class_terms(outlined, *alike(likenesses, kind)), outlined.rings, kind
+
+
+def textures(seeds: Sequence[int], families: Sequence[str] = tuple(FAMILIES_OF_TEXTURE)) -> Iterator[Found]:
+    """Regions by texture of scenes of `benchmarks.textures`, large and small, clear and faint ones.
+
+    Discs of several radii lie in the objects, or in the ground where that is of one texture.
+    """
+    for family, seed, own, blobs in product(families, seeds, OWN_SHARES, BLOBS):
+        drawn, rng = scene(family, seed, own=own, blobs=blobs), np.random.default_rng(seed)
+        for truth in [drawn.truth, ~drawn.truth][: 3 - len(FAMILIES_OF_TEXTURE[family][1])]:
+            room = ndimage.distance_transform_edt(np.pad(truth, 1))[1:-1, 1:-1]
+            for radius in TEXTURE_RADII:
+                places = np.argwhere(room > radius + 1)
+                if len(places):
+                    row, col = places[rng.integers(len(places))] + 0.5
+                    terms, rings = textured(drawn.image, Disc(col, row, radius))
+                    yield Found(family, terms, best_iou(rings, truth) > LEAST_IOU)
+
+
+def textured(image: NDArray[np.uint8], disc: Disc) -> tuple[NDArray[np.float64], Rings]:
+    """Terms and outlines of `uavseg match --by texture`."""
+    source = Raster(Dataset.of_values(image, GeoBox(image.shape, Affine.identity(), None), "scene"))
+    passes = SERIAL.begun().over(source).stages(5)
+    grey, place = source.grey(passes[0]), sample_mask(disc, source.geobox)
+    search = search_texture(grey, (), place, MatchRequest(disc, by="texture"), passes[1:3])
+    outlined, _ = outlines_by_texture(search, passes[3:])
+    return confidence.texture_terms(outlined, parting_of(search)), outlined.rings
 
 
 def resampled(scene: Scene) -> NDArray[np.float64]:
@@ -205,6 +239,7 @@ def main() -> None:
         (regions, confidence.OF_RANGES),
         (matches, confidence.OF_MATCHES),
         (class_maps, confidence.OF_CLASSES),
+        (textures, confidence.OF_TEXTURES),
     )
     for draw_regions, weights in asked:
         if "--fit" in sys.argv[1:]:

@@ -38,18 +38,31 @@ class Scene:
     other: tuple[int, int, int]
 
 
-def scene(family: str, seed: int, side: int = SIDE) -> Scene:
-    """A reproducible scene of a family: blobs of one texture in a background of others."""
+def scene(family: str, seed: int, side: int = SIDE, own: float = 1, blobs: int = 12) -> Scene:
+    """A reproducible scene of a family: blobs of one texture in a background of others.
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+    seed : int
+    side : int
+    own : float
+        Share of the variance of blobs that is of their own texture; the rest is of that around them.
+    blobs : int
+        About how many blobs have room along a side.
+    """
     import numpy as np
     from scipy.ndimage import distance_transform_edt, gaussian_filter
 
     rng = np.random.default_rng([seed, list(FAMILIES).index(family)])
     objects, background = FAMILIES[family]
-    field = gaussian_filter(rng.normal(size=(side, side)), side / 12)
+    field = gaussian_filter(rng.normal(size=(side, side)), side / blobs)
     truth = field > np.quantile(field, 0.6)
     selector = gaussian_filter(rng.normal(size=(len(background), side, side)), (0, side / 16, side / 16))
     image = np.choose(selector.argmax(axis=0), [texture(rng, name, side) for name in background])
-    image = np.where(truth, texture(rng, objects, side), image) + rng.normal(0, NOISE, (side, side))
+    inside = MEAN + own**0.5 * (texture(rng, objects, side) - MEAN) + (1 - own) ** 0.5 * (image - MEAN)
+    image = np.where(truth, inside, image) + rng.normal(0, NOISE, (side, side))
     discs = []
     for mask in (truth, ~truth):
         room = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
 import uavseg
-from uavseg.regions.confidence import OF_RANGES, confidence_of, keep_confident, region_terms
+from uavseg.regions.confidence import (
+    OF_RANGES,
+    Parting,
+    confidence_of,
+    keep_confident,
+    region_terms,
+    texture_terms,
+)
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.border_steps import border_steps
@@ -170,12 +177,49 @@ def test_where_none_is_sure_enough_a_warning_says_so(noisy):
     assert len(found) == 0
 
 
-def test_matches_by_color_have_a_confidence_and_those_by_texture_none(noisy):
+def test_matches_have_a_confidence(noisy):
     found = uavseg.match(noisy, like=(70, 70, 20), by="color", stretch="none")
     assert found["confidence"].iloc[0] > 0.8
     tiled = uavseg.match(noisy, like=(70, 70, 20), by="color", stretch="none", tile=64)
     assert found["confidence"].tolist() == tiled["confidence"].tolist()
     kept = uavseg.match(noisy, like=(70, 70, 20), by="color", stretch="none", min_confidence=0.8)
     assert kept["pixels"].tolist() == found["pixels"][found["confidence"] >= 0.8].tolist()
-    textured = uavseg.match(noisy, like=(70, 70, 24), by="texture", stretch="none")
-    assert textured["confidence"].isna().all()
+
+
+@pytest.fixture
+def rows():
+    """A square of 150 pixels with rows in two directions, on grains of the same mean and deviation."""
+    rng = np.random.default_rng(5)
+    grains = gaussian_filter(rng.normal(size=(256, 256)), 1)
+    row, col = np.mgrid[:256, :256]
+    v = 0.5 + 0.1 * grains / grains.std()
+    inside = 0.5 + 0.14 * np.sin((row + 0.5 * col) * 2 * np.pi / 7) + rng.normal(0, 0.02, v.shape)
+    v[40:190, 40:190] = inside[40:190, 40:190]
+    return np.clip(v, 0, 1)
+
+
+def test_a_region_by_texture_is_sure_where_texture_parts_it(rows):
+    found = uavseg.match(rows, like=(115, 115, 40), by="texture", stretch="none")
+    assert found["confidence"].iloc[0] > 0.8
+    assert abs(found["pixels"].iloc[0] - 150**2) < 1500
+    tiled = uavseg.match(rows, like=(115, 115, 40), by="texture", stretch="none", tile=64, threads=2)
+    assert found["confidence"].tolist() == tiled["confidence"].tolist()
+    kept = uavseg.match(rows, like=(115, 115, 40), by="texture", stretch="none", min_confidence=0.8)
+    assert kept["pixels"].tolist() == found["pixels"][found["confidence"] >= 0.8].tolist()
+
+
+def test_texture_at_the_edges_of_cells_has_no_confidence(rows):
+    found = uavseg.match(rows, like=(115, 115, 40), by="texture", refine="none", stretch="none")
+    assert found["confidence"].isna().all()
+
+
+def test_where_no_texture_is_sure_enough_a_warning_says_so(rows):
+    with pytest.warns(UserWarning, match="have a confidence of less than 1|has a confidence of less than 1"):
+        found = uavseg.match(rows, like=(115, 115, 40), by="texture", stretch="none", min_confidence=1)
+    assert len(found) == 0
+
+
+def test_terms_of_texture_are_what_they_are_said_to_be(square):
+    mask, grey = square
+    terms = texture_terms(outlined(mask, grey), Parting(window=8, separability=0.9, pixels=1000))[0]
+    assert terms == pytest.approx([np.log(100 / 64), 0, 0.9, 0.1])

@@ -112,7 +112,7 @@ def match(
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
     min_confidence : float, optional
-        0 to 1: regions of a lower confidence are dropped at last; those found by texture have none.
+        0 to 1: regions of a lower confidence are dropped at last.
     band, ..., allow_network
         As of `extract`.
 
@@ -120,8 +120,8 @@ def match(
     -------
     regions : geopandas.GeoDataFrame
         With the columns of `extract` and `similarity`: 1 where a region is as like the sample as the sample
-        is to itself. Regions by texture have no confidence (NaN). `range_low` and
-        `range_high` are the means that windows may have.
+        is to itself. Of regions by texture, `range_low` and `range_high` are the means that windows may
+        have.
         Where color decided and left much of the raster undecided, `regions.attrs["uavseg"]["next_sample"]` is
         x, y and radius of the disc that would help most as another sample, of what is wanted or of what is
         not.

@@ -6,7 +6,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.errors import ParameterError
-from uavseg.regions.confidence import class_confidence_of, confidence_of, keep_confident, match_confidence_of
+from uavseg.regions.confidence import (
+    Parting,
+    class_confidence_of,
+    confidence_of,
+    keep_confident,
+    match_confidence_of,
+    texture_confidence_of,
+)
 from uavseg.regions.outline.rings import RegionOutlines
 
 COLUMN = "confidence"
@@ -123,6 +130,28 @@ class Doubt:
         return cls(class_confidence_of(outlined, *alike), least)
 
     @classmethod
+    def of_textures(
+        cls,
+        outlined: RegionOutlines,
+        parting: Parting,
+        refine: str,
+        least: float | None,
+    ) -> "Doubt":
+        """Of regions whose texture is like a sample's.
+
+        Parameters
+        ----------
+        outlined : RegionOutlines
+        parting : Parting
+            How clearly texture parts the sample from the raster.
+        refine, least
+            As of `of`.
+        """
+        if refine == "none":
+            return cls.unknown(outlined, least)
+        return cls(texture_confidence_of(outlined, parting), least)
+
+    @classmethod
     def unknown(cls, outlined: RegionOutlines, least: float | None = None) -> "Doubt":
         """Of regions whose confidence is not known."""
         return cls(np.full(len(outlined.sums.counts), np.nan), least)
@@ -139,7 +168,7 @@ class Doubt:
             return outlined, np.ones(len(self.confidence), bool)
         if np.isnan(self.confidence).any():
             raise ParameterError(
-                "the confidence of these regions is not known, because they end at block edges or were found "
-                "by texture; leave the minimum confidence out"
+                "the confidence of these regions is not known, because they end at block edges; leave the "
+                "minimum confidence out"
             )
         return keep_confident(outlined, self.confidence, self.least)

@@ -110,7 +110,7 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     made = _by_texture if request.texture_alone else _by_color
     result = made(raster, raster.grey(passes[0]), places, request, passes)
     hints = []
-    if result.color is None and len(result.found.regions) == 0:
+    if result.color is None and not len(result.found.regions) and not result.found.unsure:
         hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
     if result.color is not None and not _parts(result.color):
         hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)

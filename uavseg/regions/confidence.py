@@ -23,6 +23,25 @@ LEAST_SIMILARITY = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
+class Parting:
+    """How clearly texture parts a sample from the rest of a raster.
+
+    Parameters
+    ----------
+    window : int
+        Side in pixels of the windows that are compared.
+    separability : float
+        Of the scores of all cells, see `two_kinds.separability`.
+    pixels : int
+        Number of valid pixels of the raster.
+    """
+
+    window: int
+    separability: float
+    pixels: int
+
+
+@dataclass(frozen=True, slots=True)
 class Weights:
     """Constants of a logistic regression.
 
@@ -45,6 +64,7 @@ class Weights:
 OF_RANGES = Weights(-7.642, (0.360, -4.779, 0.643, -0.811, 2.099))
 OF_MATCHES = Weights(-10.379, (1.501, -3.291, -3.4, 0.378, 0.759, 10.398, 10.835))
 OF_CLASSES = Weights(-7.326, (1.971, -4.591, -5.918, 1.997, 0.716, 9.848, 9.33))
+OF_TEXTURES = Weights(-7.448, (1.305, -0.751, 9.572, -5.778))
 
 
 def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
@@ -101,6 +121,22 @@ def class_confidence_of(outlined: RegionOutlines, own: Floats, parting: Floats) 
     return OF_CLASSES.probability(class_terms(outlined, own, parting))
 
 
+def texture_confidence_of(outlined: RegionOutlines, parting: Parting) -> Floats:
+    """Probability that each region whose texture is like a sample's is right.
+
+    Parameters
+    ----------
+    outlined, parting
+        As of `texture_terms`; refined to the pixel.
+
+    Returns
+    -------
+    confidence : (n,) float64 array
+        As of `confidence_of`.
+    """
+    return OF_TEXTURES.probability(texture_terms(outlined, parting))
+
+
 def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike) -> Floats:
     """What the confidence of matches is computed from: (n, 7) float64.
 
@@ -133,6 +169,24 @@ def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Float
     return match_terms(replace(outlined, sums=of_likeness), similarity, parting)
 
 
+def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
+    """What the confidence of regions by texture is computed from: (n, 4) float64.
+
+    In order: logarithm of the number of pixels over that of a window; the term of shape of `region_terms`;
+    the separability; the share of the raster, which is large where nothing ends a region.
+
+    Parameters
+    ----------
+    outlined : RegionOutlines
+    parting : Parting
+    """
+    counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
+    size, shape = np.log(counts / parting.window**2), _shapes(outlined.rings, counts)
+    return np.column_stack(
+        [size, shape, np.full_like(size, parting.separability), counts / max(parting.pixels, 1)]
+    )
+
+
 def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
     """What the confidence is computed from: (n, 5) float64.
 
@@ -153,7 +207,7 @@ def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> F
         np.sqrt(np.maximum(sums.squares / counts - mean * mean, 0)) + 1
     )  # greys; no region is without noise
     size = np.log(counts)
-    shape = np.log(np.maximum(_perimeters(outlined.rings, len(counts)) ** 2 / (16 * counts), 1))
+    shape = _shapes(outlined.rings, counts)
     margin = _in_deviations(np.maximum(_distance_to_bound(mean / GREY_MAX, low, high), 0) * GREY_MAX, unit)
     contrast = _in_deviations(_mean_steps(sums), unit)
     return np.stack([size, shape, margin, contrast, size * contrast], 1)
@@ -194,6 +248,7 @@ def _mean_steps(sums: Sums) -> Floats:
     return np.asarray(sums.steps[:, 0] / np.maximum(sums.steps[:, 1], 1))
 
 
-def _perimeters(rings: Rings, count: int) -> Floats:
-    """Pixel edges along the rings of each region."""
-    return np.asarray(np.bincount(rings.labels, rings.pixel_perimeters(), count + 1)[1:])
+def _shapes(rings: Rings, counts: Floats) -> Floats:
+    """Logarithm of the squared perimeter of each region over that of a square of the same area."""
+    perimeters = np.bincount(rings.labels, rings.pixel_perimeters(), len(counts) + 1)[1:]
+    return np.asarray(np.log(np.maximum(perimeters**2 / (16 * counts), 1)))

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from skimage.filters import threshold_otsu
 
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, NO_SCORE, NULL_SCORE, SCORE_UNITS
 from uavseg.segmentation.sample.two_kinds import are_two_kinds, separability
@@ -53,6 +54,18 @@ def test_known_distributions_have_the_share_that_the_docstring_gives() -> None:
     even = np.linspace(0, MAX_SCORE - 1, 100_000).astype(np.uint16)
     assert separability(even) == pytest.approx(0.75, abs=0.01)
     assert separability(even[:31]) == separability(np.full(99, 7, np.uint16)) == 0
+
+
+@given(st.integers(0, 999), st.integers(32, 3000), st.floats(0, 3), st.booleans())
+def test_the_share_is_that_of_all_values_one_by_one(seed: int, count: int, far: float, few: bool) -> None:
+    found = scores((0.5, 0.2, count), (0.5 + far, 0.3, count), seed=seed)
+    found = found // 4096 * 4096 if few else found
+    every = np.minimum(found.astype(float), np.quantile(found, 0.99))
+    low = every <= threshold_otsu(every) if every.min() < every.max() else every < 0
+    between = (
+        low.mean() * (1 - low.mean()) * (every[low].mean() - every[~low].mean()) ** 2 if low.any() else 0
+    )
+    assert separability(found) == pytest.approx(between / max(every.var(), 1e-9), abs=1e-9)
 
 
 @given(st.integers(0, 99), st.integers(1, 3), st.integers(0, 5000))

@@ -22,6 +22,7 @@ from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.like.request import MatchRequest
 from uavseg.jobs.result import Extraction, SourceInfo, measured
 from uavseg.raster.tiling import TilePass
+from uavseg.regions.confidence import Parting
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.sample.colors import fit_colors
@@ -35,6 +36,7 @@ from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS
 from uavseg.segmentation.sample.pixel_decision import PixelWeights, undecided_cells
+from uavseg.segmentation.sample.two_kinds import separability
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL, GREY_MAX
 
@@ -133,6 +135,20 @@ def regions_by_texture(
 
     Parameters
     ----------
+    search, passes, within
+        As of `outlines_by_texture`.
+    """
+    outlined, scores = outlines_by_texture(search, passes, within)
+    return _measured(search, outlined, scores, passes[1])
+
+
+def outlines_by_texture(
+    search: TextureSearch, passes: Sequence[TilePass], within: Rings | None = None
+) -> tuple[RegionOutlines, CellScores]:
+    """Outlines of regions whose texture and intensity are like those of a sample, and the scores of cells.
+
+    Parameters
+    ----------
     search : TextureSearch
     passes : two of TilePass
     within : Rings, optional
@@ -151,7 +167,7 @@ def regions_by_texture(
         if within is not None:
             outlined = drop_small_regions(outlined, grey.dataset.geobox, _PIECE)
     trim_heap()
-    return _measured(search, outlined, scores, passes[1])
+    return outlined, scores
 
 
 def _outlined(
@@ -178,8 +194,19 @@ def _measured(
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
-    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
-    doubt = Doubt.unknown(outlined, request.min_confidence)
+    doubt = Doubt.of_textures(outlined, parting_of(search), request.refine, request.min_confidence)
+    more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tile_pass))}
     return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, doubt=doubt)
+
+
+def parting_of(search: TextureSearch) -> Parting:
+    """How clearly texture parts the sample from the rest of the raster.
+
+    Parameters
+    ----------
+    search : TextureSearch
+    """
+    pixels = int(search.valid.sum()) * CELL * CELL
+    return Parting(search.side * CELL, separability(search.scores.best.ravel()), pixels)

@@ -47,7 +47,7 @@ class MatchRequest:
     detail : Length, optional
         As of `ExtractRequest`.
     min_confidence : float, optional
-        Regions of a lower confidence are dropped at last; regions found by texture have none.
+        Regions of a lower confidence are dropped at last.
 
     Raises
     ------
@@ -71,11 +71,6 @@ class MatchRequest:
 
     def __post_init__(self) -> None:
         check_least(self.min_confidence, self.refine)
-        if self.min_confidence is not None and self.texture_alone:
-            raise ParameterError(
-                "regions found by texture have no confidence; compare color, or leave the minimum confidence "
-                "out"
-            )
         if len(self.samples) == 0:
             raise ParameterError("a sample is needed, of what is wanted")
         if not self.is_one and self.texture_alone:

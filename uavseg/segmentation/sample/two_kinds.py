@@ -11,6 +11,8 @@ _GAP = SCORE_UNITS // 4  # width of the gap above the limit
 _LEAST = 0.1  # share of cells beyond the gap
 _BETWEEN = 0.4  # cells within the gap, as a share of those beyond it
 _OUTLIERS = 0.99  # quantile to which larger scores are reduced
+_OTSU_BINS = 256
+_PART = 1 << 20  # scores that are counted at a time
 
 
 def separability(scores: NDArray[np.uint16]) -> float:
@@ -34,17 +36,24 @@ def separability(scores: NDArray[np.uint16]) -> float:
     """
     from skimage.filters import threshold_otsu
 
-    known = scores[scores < MAX_SCORE].astype(np.float64)
-    if len(known) < _FEW:
+    counts = _histogram(scores)[:MAX_SCORE]
+    values = np.flatnonzero(counts).astype(np.float64)
+    counts = counts[counts > 0]
+    total = int(counts.sum())
+    if total < _FEW:
         return 0.0
-    known = np.minimum(known, np.quantile(known, _OUTLIERS))
-    if known.min() == known.max():
+    values = np.minimum(values, _quantile(values, counts, _OUTLIERS))
+    if values[0] == values[-1]:
         return 0.0
-    low = known <= threshold_otsu(known)
-    share = float(low.mean())
+    bins, edges = np.histogram(values, _OTSU_BINS, weights=counts)
+    low = values <= threshold_otsu(hist=(bins, (edges[1:] + edges[:-1]) / 2))
+    share = float(counts[low].sum() / total)
     if not 0 < share < 1:
         return 0.0
-    return float(share * (1 - share) * (known[low].mean() - known[~low].mean()) ** 2 / known.var())
+    means = [float(values[side] @ counts[side] / counts[side].sum()) for side in (low, ~low)]
+    mean = float(values @ counts / total)
+    variance = float((values - mean) ** 2 @ counts / total)
+    return share * (1 - share) * (means[0] - means[1]) ** 2 / variance
 
 
 def are_two_kinds(scores: NDArray[np.uint16], limit: int) -> bool:
@@ -65,3 +74,18 @@ def are_two_kinds(scores: NDArray[np.uint16], limit: int) -> bool:
     between = int((known > limit).sum()) - beyond
     has_gap = beyond >= _LEAST * len(known) and between <= _BETWEEN * beyond
     return has_gap and separability(scores) >= _SEPARABLE
+
+
+def _histogram(scores: NDArray[np.uint16]) -> NDArray[np.int64]:
+    counts = np.zeros(1 << 16, np.int64)
+    for begin in range(0, len(scores), _PART):
+        counts += np.bincount(scores[begin : begin + _PART], minlength=len(counts))
+    return counts
+
+
+def _quantile(values: NDArray[np.float64], counts: NDArray[np.int64], share: float) -> float:
+    """Quantile of sorted values that occur so many times, between two of them as `numpy.quantile` has it."""
+    until = np.cumsum(counts)
+    place = share * (int(until[-1]) - 1)
+    low, high = (values[np.searchsorted(until, np.floor(place) + k, "right")] for k in (0, 1))
+    return float(low + (high - low) * (place - np.floor(place)))
