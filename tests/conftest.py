@@ -3,6 +3,7 @@
 import importlib.util
 import inspect
 import os
+import signal
 from functools import partialmethod
 from pathlib import Path
 from types import ModuleType
@@ -17,6 +18,10 @@ HERE = Path(__file__).resolve().parent
 # each time.
 settings.register_profile("uavseg", settings(), deadline=None, derandomize=bool(os.environ.get("CI")))
 settings.load_profile("uavseg")
+
+# In the background of a script interruptions are ignored, and commands would inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 if "mix_stderr" in inspect.signature(CliRunner).parameters:  # click < 8.2: as in later versions
     CliRunner.__init__ = partialmethod(CliRunner.__init__, mix_stderr=False)  # type: ignore[assignment]
