@@ -33,7 +33,7 @@ class Parting:
     separability : float
         Of the scores of all cells, see `two_kinds.separability`.
     pixels : int
-        Number of valid pixels of the raster.
+        Of all cells with valid ones, of the whole raster.
     """
 
     window: int
