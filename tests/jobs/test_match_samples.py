@@ -16,7 +16,8 @@ from uavseg.jobs.match import Match, match
 from uavseg.jobs.open_source import open_raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.sample.place import Disc
-from uavseg.segmentation.sample.mixture import SampleVote, fit_mixtures
+from uavseg.segmentation.sample.mixture import fit_mixtures
+from uavseg.segmentation.sample.sample_vote import SampleVote
 
 ROOF, MEADOW, WATER = Disc(1070, 940, 8), Disc(1020, 960, 8), Disc(1240, 900, 8)
 

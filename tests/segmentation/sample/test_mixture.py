@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from uavseg.segmentation.sample.mixture import Mixture, SampleVote, fit_mixtures, votes_of
+from uavseg.segmentation.sample.mixture import Mixture, _estimate, fit_mixtures
+from uavseg.segmentation.sample.sample_vote import SampleVote, votes_of
 
 
 def clouds(seed: int, centres: list[list[float]], each: int = 400) -> NDArray[np.float64]:
@@ -44,6 +45,19 @@ def plain_density(mixture: Mixture, k: int, points: NDArray[np.float64]) -> NDAr
     scale = np.sqrt((2 * np.pi) ** dims * np.linalg.det(covariance))
     found: NDArray[np.float64] = mixture.shares[k] * np.exp(-0.5 * squares) / scale
     return found
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.integers(1, 5))
+@settings(max_examples=30)
+def test_a_step_of_maximisation_has_the_weighted_moments(seed: int, dims: int, size: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, members = rng.normal(size=(40, dims)), rng.dirichlet(np.ones(size), 40).T
+    found = _estimate(points, members)
+    np.testing.assert_allclose(found.shares, members.mean(1), atol=1e-9)
+    for k in range(size):
+        np.testing.assert_allclose(found.means[k], np.average(points, 0, members[k]), atol=1e-6)
+        spread = np.cov(points.T, aweights=members[k], ddof=0).reshape(dims, dims)
+        np.testing.assert_allclose(found.covariances[k], spread + 0.01 * np.eye(dims), atol=1e-6)
 
 
 def test_the_order_of_points_changes_nothing_but_rounding() -> None:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.sample.mixture import Points, SampleVote, votes_of
+from uavseg.segmentation.sample.mixture import Points
+from uavseg.segmentation.sample.sample_vote import SampleVote, votes_of
 from uavseg.units import GREY_MAX
 
 BLUR_HALO = 2  # pixels

@@ -1,18 +1,12 @@
-"""Gaussian mixtures of few components, and what a sample says of them.
+"""Gaussian mixtures of few components.
 
-A picture of few kinds of ground has a mixture of few components, and a sample of one kind says which of them
-are that kind: those that are far more frequent in the sample than in the raster. How many components there
-are is not known, so mixtures of several sizes vote, each by the share of the sample that it calls its kind.
-Each mixture begins with the one before, whose longest component is split.
-
-A kind that is rare, or that lies between others, has no component of its own in any of them. So each mixture
-is tried once more with a component that begins at the sample. In a picture a kind is seldom one Gaussian, and
-only the part of it that the sample shows would be found; so only those count that leave half as much
-undecided, which is where the kind is a cloud of its own.
+A picture of few kinds of ground has a mixture of few components. How many there are is not known, so there
+are mixtures of several sizes. Each begins with the one before, whose longest component is split. A kind that
+is rare, or that lies between others, has no component of its own in any of them; a mixture may be fitted
+again with one that begins at points of that kind.
 
 Expectation maximisation: Dempster, Laird and Rubin, Journal of the Royal Statistical Society B 39 (1977),
-1-38. Learning from a sample and unlabelled points: Elkan and Noto, Knowledge Discovery and Data Mining 2008,
-213-220. Sums are numpy's, in a fixed order, not those of a linear algebra library whose threads change them.
+1-38. Sums are in a fixed order, not those of a linear algebra library whose threads change them.
 """
 
 from collections.abc import Sequence
@@ -20,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from uavseg._jit import kernel
 
 SIZES = (2, 3, 4, 5, 6, 8)
 """Numbers of components of the mixtures that vote."""
@@ -29,13 +25,8 @@ _BEGUN_SWEEPS = 15  # of a mixture with one component more
 _FLOOR = 1e-2  # added to variances, of features whose variance in the raster is 1
 _STRETCH = 0.8  # how far from the middle the halves of a component begin, in its deviations
 _SHRINK = 0.6  # share of the variance along the longest axis that the split takes away
-_RARE = 1e-3  # share of the raster below which a component counts as this share
-_IN_SAMPLE = 0.1  # share of the sample with which a component is compared at all
-_WRONG = 0.1  # share of the sample that may be of another kind
-_ELSEWHERE = 0.1  # weight of the raster where a sample of other kinds lacks what the raster has
-_VOTE = 20.0  # how much a mixture loses by the share of the sample that it does not find
+RARE = 1e-3  # share of the raster below which a component counts as this share
 _BEGUN_SHARE = 0.01  # of the points, of a component that begins at the sample
-_CLEARER = 0.5  # share of what is undecided otherwise, that a mixture with such a component leaves at most
 
 Points = NDArray[np.float64]
 
@@ -61,23 +52,14 @@ class Mixture:
 
     def memberships(self, points: Points) -> Points:
         """Probability that each point is of each component: (k, n)."""
-        found = np.stack([self._log_density(points, k) for k in range(len(self))])
+        found = np.empty((len(self), len(points)))
+        roots = np.linalg.cholesky(self.covariances)
+        logs = np.log(np.maximum(self.shares, 1e-12))
+        logs -= np.log(np.diagonal(roots, axis1=1, axis2=2)).sum(1)
+        _log_densities(np.ascontiguousarray(points), self.means, np.linalg.inv(roots), logs, found)
         found -= found.max(0)
         np.exp(found, out=found)
         found /= found.sum(0)
-        return found
-
-    def _log_density(self, points: Points, k: int) -> Points:
-        """Logarithm of share times density, but for the constant that all have."""
-        root = np.linalg.cholesky(self.covariances[k])
-        away = points - self.means[k]
-        solved: list[Points] = []
-        for row in range(len(root)):  # forward substitution
-            rest = away[:, row] - sum((root[row, col] * solved[col] for col in range(row)), np.zeros(1))
-            solved.append(rest / root[row, row])
-        squares = sum((column * column for column in solved), np.zeros(1))
-        constant = np.log(max(self.shares[k], 1e-12)) - np.log(np.diag(root)).sum()
-        found: Points = constant - 0.5 * squares
         return found
 
 
@@ -124,140 +106,21 @@ def begun_at(sample: Points, mixture: Mixture, points: Points) -> Mixture:
     )
     everything = np.concatenate([points, sample])
     counts = np.ones(len(everything))
-    counts[len(points) :] = _RARE * len(points) / len(sample)
+    counts[len(points) :] = RARE * len(points) / len(sample)
     for _ in range(_BEGUN_SWEEPS):
         found = _estimate(everything, counts * found.memberships(everything))
     return found
 
 
-def votes_of(points: Points, sample: Points, unlike: Points | None = None) -> list["SampleVote"]:
-    """The vote of mixtures of points on a sample, and that of mixtures with a component begun at the sample.
-
-    Of the latter only those vote that leave half as much undecided; where none does, there is one vote.
-
-    Parameters
-    ----------
-    points : (n, d) float64 array
-        All over the raster, with a variance of about 1 in each dimension.
-    sample, unlike
-        As of `SampleVote.of`.
-    """
-    mixtures = fit_mixtures(points)
-    usual = SampleVote.of(mixtures, sample, unlike)
-    least = _CLEARER * usual.undecided(points)
-    begun = [begun_at(sample, mixture, points) for mixture in mixtures]
-    clear = [
-        mixture
-        for mixture in begun
-        if mixture.memberships(sample)[-1].mean() > 0.5
-        and SampleVote.of([mixture], sample, unlike).undecided(points) < least
-    ]
-    return [usual, SampleVote.of(clear, sample, unlike)] if clear else [usual]
-
-
-@dataclass(frozen=True)
-class SampleVote:
-    """Mixtures, what share of each component is of the sample's kind, and how much each mixture counts.
-
-    Parameters
-    ----------
-    mixtures : tuple of Mixture
-    purities : tuple of (k,) float64 arrays
-        For each mixture, the share of each component that is of the sample's kind.
-    weights : tuple of float
-        Of the mixtures, with a sum of 1.
-    """
-
-    mixtures: tuple[Mixture, ...]
-    purities: tuple[Points, ...]
-    weights: tuple[float, ...]
-
-    @classmethod
-    def of(cls, mixtures: Sequence[Mixture], sample: Points, unlike: Points | None = None) -> "SampleVote":
-        """The vote of mixtures.
-
-        Parameters
-        ----------
-        mixtures : sequence of Mixture
-        sample : (m, d) float64 array
-            Points of the kind.
-        unlike : (n, d) float64 array, optional
-            Points that are not. The share of a component is then known by both, and a mixture counts by how
-            well it parts them.
-        """
-        memberships = [mixture.memberships(sample) for mixture in mixtures]
-        pairs = list(zip(mixtures, memberships, strict=True))
-        if unlike is None:
-            purities = [_purities(*pair) for pair in pairs]
-            parted = np.array([_trimmed(_weighted(p, m)) for p, m in zip(purities, memberships, strict=True)])
-        else:
-            others = [mixture.memberships(unlike) for mixture in mixtures]
-            purities = [_purities_of_two(*parts) for parts in zip(mixtures, memberships, others, strict=True)]
-            found = zip(purities, memberships, others, strict=True)
-            parted = np.array(
-                [_trimmed(_weighted(p, m)) + _trimmed(1 - _weighted(p, o)) for p, m, o in found]
-            )
-        weights = np.exp(_VOTE * (parted - parted.max()))
-        return cls(tuple(mixtures), tuple(purities), tuple((weights / weights.sum()).tolist()))
-
-    def likeness(self, points: Points) -> Points:
-        """Probability that each of (n, d) points is of the sample's kind."""
-        parts = zip(self.mixtures, self.purities, self.weights, strict=True)
-        votes = (weight * _weighted(pure, mixture.memberships(points)) for mixture, pure, weight in parts)
-        return sum(votes, np.zeros(len(points)))
-
-    def undecided(self, points: Points) -> float:
-        """Of the points that are found, by how much each may be wrong on average: 0 if all are certain."""
-        likeness = self.likeness(points)
-        return float(np.minimum(likeness, 1 - likeness).sum() / max(float(likeness.sum()), 1e-9))
-
-
-def _trimmed(likeness: Points) -> float:
-    """Mean likeness of points of which some may be of another kind."""
-    return float(np.sort(likeness)[int(_WRONG * len(likeness)) :].mean())
-
-
-def _purities_of_two(mixture: Mixture, memberships: Points, others: Points) -> Points:
-    """Share of each component that is of the kind of one sample and not of another one.
-
-    What neither has, and the raster has, is of another kind still.
-    """
-    own, other = memberships.mean(1), others.mean(1)
-    found: Points = own / (own + np.maximum(other, _ELSEWHERE * mixture.shares) + _RARE)
-    return found
-
-
-def _purities(mixture: Mixture, memberships: Points) -> Points:
-    """Share of each component that is of the kind of a sample with these memberships.
-
-    By Bayes' rule it is in proportion to how much more frequent the component is in the sample than in the
-    raster. The component where that is most is taken to be of the kind as a whole.
-    """
-    in_sample = memberships.mean(1)
-    ratio = in_sample / np.maximum(mixture.shares, _RARE)
-    largest = ratio[in_sample > _IN_SAMPLE].max()
-    found: Points = np.minimum(ratio / largest, 1)
-    return found
-
-
-def _weighted(weights: Points, rows: Points) -> Points:
-    return sum((weight * row for weight, row in zip(weights, rows, strict=True)), np.zeros(rows.shape[1]))
-
-
 def _estimate(points: Points, memberships: Points) -> Mixture:
     """The mixture of components with these members: a step of maximisation."""
-    counts = memberships.sum(1) + 1e-9
-    dims = range(points.shape[1])
-    means = np.stack([(memberships * points[:, dim]).sum(1) / counts for dim in dims], 1)
-    covariances = np.empty((len(counts), len(dims), len(dims)))
-    for k, members in enumerate(memberships):
-        away = points - means[k]
-        for a in dims:
-            for b in range(a + 1):
-                covariances[k, a, b] = (members * away[:, a] * away[:, b]).sum() / counts[k]
-                covariances[k, b, a] = covariances[k, a, b]
-        covariances[k] += _FLOOR * np.eye(len(dims))
-    return Mixture(means, covariances, counts / counts.sum())
+    size, dims = len(memberships), points.shape[1]
+    counts, sums, products = np.zeros(size), np.zeros((size, dims)), np.zeros((size, dims, dims))
+    _add_moments(np.ascontiguousarray(points), np.ascontiguousarray(memberships), counts, sums, products)
+    counts += 1e-9
+    means = sums / counts[:, None]
+    covariances = products / counts[:, None, None] - means[:, :, None] * means[:, None, :]
+    return Mixture(means, covariances + _FLOOR * np.eye(dims), counts / counts.sum())
 
 
 def _split(mixture: Mixture) -> Mixture:
@@ -281,3 +144,39 @@ def _longest_axis(covariance: Points) -> tuple[float, Points]:
     values, vectors = np.linalg.eigh(covariance)
     axis: Points = vectors[:, -1]
     return float(values[-1]), axis if axis[np.argmax(np.abs(axis))] > 0 else -axis
+
+
+@kernel("void(f8[:,::1], f8[:,::1], f8[:,:,::1], f8[::1], f8[:,::1])")
+def _log_densities(points, means, inverses, logs, found):  # type: ignore[no-untyped-def]
+    """Logarithm of share times density of components, but for the constant that all have.
+
+    `inverses` are those of the Cholesky factors of the covariances.
+    """
+    count, dims = points.shape
+    for k in range(len(logs)):
+        for i in range(count):
+            squares = 0.0
+            for row in range(dims):
+                part = 0.0
+                for col in range(row + 1):
+                    part += inverses[k, row, col] * (points[i, col] - means[k, col])
+                squares += part * part
+            found[k, i] = logs[k] - 0.5 * squares
+
+
+@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,:,::1])")
+def _add_moments(points, memberships, counts, sums, products):  # type: ignore[no-untyped-def]
+    """Add up the members of each component, their coordinates, and products of two of these."""
+    count, dims = points.shape
+    for k in range(len(memberships)):
+        for i in range(count):
+            members = memberships[k, i]
+            counts[k] += members
+            for a in range(dims):
+                weighted = members * points[i, a]
+                sums[k, a] += weighted
+                for b in range(a + 1):
+                    products[k, a, b] += weighted * points[i, b]
+        for a in range(dims):
+            for b in range(a):
+                products[k, b, a] = products[k, a, b]
