@@ -99,7 +99,7 @@ def rasters() -> Files:
             **TILED,
             **UTM,
         )
-        _tif(folder, "bits.tif", (grey > 90).astype(np.uint8), nbits=1, compress="ccittfax4", **UTM)
+        _tif(folder, "bits.tif", (grey > 90).astype(np.uint8), nbits=1, compress="packbits", **UTM)
         _tif(folder, "palette.tif", small % 4, photometric="palette", **UTM)
         with rasterio.open(folder / "palette.tif", "r+") as file:
             file.write_colormap(1, {n: (60 * n, 255 - 60 * n, 10, 255) for n in range(4)})

@@ -12,7 +12,7 @@ from uavseg.errors import RasterReadError
 from uavseg.raster.dataset import Dataset
 
 PLACE = {"crs": "EPSG:32618", "transform": Affine(1, 0, 4e5, 0, -1, 5e6)}
-ROWS, STRIP_OFFSETS, STRIP_LENGTHS = 257, 273, 279
+ROWS, COMPRESSION, STRIP_OFFSETS, STRIP_LENGTHS = 257, 259, 273, 279
 
 
 def write(path: Path, **how: str) -> Path:
@@ -52,6 +52,23 @@ def _write_at(path: Path, tag: int, place: int, number: str, value: int) -> None
     ]
     struct.pack_into(number, content, at + place, value)
     path.write_bytes(content)
+
+
+@pytest.mark.parametrize("compression", ["CCITTRLE", "CCITTFAX3", "CCITTFAX4"])
+def test_a_fax_is_refused_because_its_damage_is_not_seen(tmp_path: Path, compression: str) -> None:
+    path = write(tmp_path / "a.tif", nbits="1", compress=compression)
+    with pytest.raises(RasterReadError, match="as a fax, CCITT, where damage cannot be told from content"):
+        Dataset.open(path)
+
+
+def test_a_mask_that_became_a_fax_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.tif")
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=False), rasterio.open(path, "r+") as file:
+        file.write_mask(np.eye(30, 40, dtype=bool))
+    assert Dataset.open(path).geobox.shape == (30, 40)
+    set_tag(tmp_path / "a.tif.msk", COMPRESSION, 2)
+    with pytest.raises(RasterReadError, match="a mask in it is compressed as a fax"):
+        Dataset.open(path)
 
 
 @pytest.mark.parametrize("place", [1 << 20, 1 << 62, 1 << 63, (1 << 64) - 1])

@@ -2,7 +2,9 @@
 
 A first image whose blocks have no places is refused too: of the first block that it is asked for, GDAL reads
 the start of the file in its stead, and the others fail. So is one in strips whose index has more entries than
-it has strips: libtiff ends the process where it looks for one of the others.
+it has strips: libtiff ends the process where it looks for one of the others. And so is a file in which an
+image is compressed as a fax is: libtiff reads damage there with a warning, and leaves in the pixels what the
+memory held before.
 
 Format: https://www.awaresystems.be/imaging/tiff/faq.html, and BigTIFF. Each directory names the place of the
 next one, the last one 0.
@@ -18,14 +20,15 @@ from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
 
 MAX_DIRECTORIES = 65536  # as in libtiff
-_KIND, _COLS, _ROWS = 254, 256, 257  # tags
+_KIND, _COLS, _ROWS, _COMPRESSION = 254, 256, 257, 259  # tags
 _SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS = 277, 278, 284, 322
-_NUMBERS = (_KIND, _COLS, _ROWS, _SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS)
+_NUMBERS = (_KIND, _COLS, _ROWS, _COMPRESSION, _SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS)
 _SEPARATE = 2  # bands one after the other
 _PLACES, _LENGTHS = (273, 324), (279, 325)  # tags of the places and lengths of blocks: strips, tiles
 _INDEX = (*_PLACES, *_LENGTHS)
 _SIZES = {3: 2, 4: 4, 16: 8}  # of a number in bytes, by its type
 _REDUCED, _MASK = 1, 4  # bits of the tag of the kind
+_FAX = {2, 3, 4, 32771}  # compressions: CCITT, ITU-T T.4 and T.6
 _FORMATS = {3: "H", 4: "I", 16: "Q"}  # of a number, by its type
 
 
@@ -71,7 +74,7 @@ def stores_mask(path: str) -> bool:
     Raises
     ------
     RasterReadError
-        If one of its directories cannot be read.
+        If one of its directories cannot be read, or one of its images is compressed as a fax is.
     """
     try:
         with regular_file(path).open("rb") as file:
@@ -84,6 +87,12 @@ def stores_mask(path: str) -> bool:
             f"{path} cannot be opened as a raster (one of its directories cannot be read: {reason}); the "
             "file is damaged or incomplete: repair it, or copy its first image with gdal_translate"
         ) from error
+    if any(one.get(_COMPRESSION) in _FAX for one in directories):
+        raise RasterReadError(
+            f"{path} cannot be opened as a raster (an image or a mask in it is compressed as a fax, CCITT, "
+            "where damage cannot be told from content); compress it otherwise: gdal_translate -co "
+            "COMPRESS=DEFLATE"
+        )
     size = [directories[0].get(tag) for tag in (_ROWS, _COLS)]
     return any(
         one.get(_KIND, 0) & (_MASK | _REDUCED) == _MASK and [one.get(_ROWS), one.get(_COLS)] == size
