@@ -18,6 +18,7 @@ from uavseg.errors import RasterReadError
 from uavseg.execution.executors import serial, threads
 from uavseg.raster.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
 from uavseg.raster.dataset import Dataset
+from uavseg.raster.opening import OpenFiles
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window, tiles
 
@@ -369,3 +370,24 @@ def test_where_one_of_many_blocks_can_be_read_each_is_tried(tmp_path: Path, writ
     spoil(path, [(row, col) for row in range(66) for col in range(65) if (row, col) != kept])
     _, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), 2048)
     assert valid.sum() == 256 and len(found) == 66 * 65 - 1
+
+
+@pytest.mark.parametrize("side", [64, 192, (64, 448)], ids=str)
+def test_of_many_bad_blocks_one_more_costs_one_opening(
+    tmp_path: Path, write_raster: Callable, monkeypatch: pytest.MonkeyPatch, side: Any
+) -> None:
+    count = 300
+    pixels = np.random.default_rng(2).integers(1, 255, (64 * count, 70), np.uint8)
+    path = write_raster(pixels, tmp_path / "a.tif", compress="deflate", blockysize=64)
+    bad = [row for row in range(count) if row % 3]
+    spoil(path, [(row, 0) for row in bad])
+    closed: list[str] = []
+    close = OpenFiles.close
+    monkeypatch.setattr(OpenFiles, "close", lambda self, name: (closed.append(name), close(self, name))[1])
+    values, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side)
+    expected = np.ones(pixels.shape, bool)
+    for row in bad:
+        expected[row * 64 : row * 64 + 64] = False
+    assert np.array_equal(valid, expected) and np.array_equal(values[valid], pixels[valid])
+    assert [block.row // 64 for block in found] == bad
+    assert len(closed) <= len(bad) + 64

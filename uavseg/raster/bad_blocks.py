@@ -179,11 +179,14 @@ def read_skipping_bad_blocks(
     if handles.bad_as_a_whole(file.path, bands, partial(_is_bad_as_a_whole, file, handles, choice)):
         whole = BadBlock(file.path, 0, 0, *file.shape), (slice(shape[0]), slice(shape[1]))
         return np.zeros((choice.planes, *shape), choice.dtype), np.zeros(shape, bool), [whole]
+    is_sampled = shape != (window.rows, window.cols)
     failed = handles.failed_blocks(file.path, bands)
+    if len(failed) >= _TRIED and not is_sampled:  # the window may well fail, which costs an opening
+        return _read_block_by_block(file, handles, choice, window, shape)
     if failed and any((block.row, block.col) in failed for block in file.blocks_in(window)):
         return _read_block_by_block(file, handles, choice, window, shape)
     try:
-        if shape != (window.rows, window.cols) or file.fails_by_block:
+        if is_sampled or file.fails_by_block:
             return *file.read(handles, choice, window, shape), []
         return *_read_whole_blocks(file, handles, choice, window), []
     except RasterReadError:
