@@ -19,6 +19,7 @@ PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "samples")
 RUN = [ROOT / "docs" / "tutorial.md", *sorted((ROOT / "docs" / "how-to").glob("*.md"))]
 SHELL = re.compile(r"^```(?:sh|console)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 INLINE = re.compile(r"`(uavseg \w+ [^`]*-[^`]*)`")
+NAMED = re.compile(r"`((?:benchmarks|docs|notebooks|qgis_uavseg|samples|tests|uavseg)/[a-z0-9_/.-]+)`")
 PICTURE = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 
 
@@ -81,6 +82,13 @@ def test_images_exist_and_are_small(page: Path) -> None:
         picture = page.parent / link
         assert picture.is_file(), f"{page.name} shows {link}"
         assert picture.stat().st_size < 300_000
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_files_that_a_page_names_exist(page: Path) -> None:
+    if page.name != "CHANGELOG.md":  # names what there was
+        for name in NAMED.findall(page.read_text(encoding="utf-8")):
+            assert (ROOT / name).exists(), f"{page.name} names {name}"
 
 
 @pytest.mark.slow
