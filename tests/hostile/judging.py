@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from tests.hostile.case import Case
+from tests.hostile.case import Arguments, Case
 from tests.hostile.sandbox import MEMORY, PATIENCE_S, Outcome
 
 LONGEST = 600  # characters of a message
@@ -13,6 +13,8 @@ _SAID = re.compile(  # what a command says on stderr beside its errors
     r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: (\d+ regions?, )?\d+ items, |"
     r" *kept out of [\d,]+ cells| *G per pixel |uavseg: interrupted|undecided is what lies at "
 )
+_DETAIL = re.compile(r"uavseg: (?!error: )")  # with --verbose
+_PROGRESS = re.compile(r"progress \d+$")  # with --progress plain
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 _RAW = re.compile(
     r"invalid literal for|could not convert string|'\w+' object |object is not |has no attribute|index out of range|"
@@ -75,8 +77,9 @@ def _judge_one(case: Case, n: int, outcome: Outcome) -> list[Finding]:
         return found + [Finding(kind, _digest(text), text) for kind, text in _OWN.findall(err)]
     if outcome.cpu_seconds > SLOW_S:
         found.append(Finding("SLOW", name, f"{outcome.cpu_seconds:.0f} s of work, code {outcome.code}"))
-    several = bool(case.commands) and "--each" in case.commands[n]
-    found += _judge_text(err, outcome.code, several)
+    words = case.commands[n] if case.commands else ()
+    several = "--each" in words
+    found += _judge_text(err, outcome.code, words)
     printed = outcome.out.decode("utf-8", "surrogateescape").replace("\r\n", "")
     if _CONTROL.search(_without_separators(printed) if _separates(case, n) else printed):
         found.append(Finding("CTRLOUT", name, repr(outcome.out[:200])))
@@ -93,9 +96,11 @@ def _without_separators(text: str) -> str:
     return re.sub(r"^\x1e(?={)", "", text, flags=re.MULTILINE)
 
 
-def _judge_text(err: str, code: int, several: bool) -> list[Finding]:
-    """Each line is one of ours; one of `several` sources that fails has an error of its own."""
+def _judge_text(err: str, code: int, words: Arguments) -> list[Finding]:
+    """Each line is one of ours; with --each, one source that fails has an error of its own."""
     found = []
+    asked = [_DETAIL] * bool({"-v", "--verbose"} & set(words)) + [_PROGRESS] * ("plain" in words)
+    known = (_SAID, _ESTIMATE, *asked)
     lines = err.split("\n")
     lines = lines[:-1] if lines[-1] == "" else lines
     if code == 2 and any(line.startswith("Error: ") for line in lines):
@@ -107,11 +112,11 @@ def _judge_text(err: str, code: int, several: bool) -> list[Finding]:
         others = [
             line
             for line in lines
-            if not (line.startswith("uavseg: error: ") or _SAID.match(line) or _ESTIMATE.match(line))
+            if not (line.startswith("uavseg: error: ") or any(kind.match(line) for kind in known))
         ]
     if code not in (0, 1, 2):
         found.append(Finding("CODE", str(code), err[-300:]))
-    if len(errors) != (code != 0) and not (several and code == 1 and errors):
+    if len(errors) != (code != 0) and not ("--each" in words and code == 1 and errors):
         found.append(
             Finding(
                 "MSG", f"{len(errors)} errors, code {code} {_digest(lines[-1] if lines else '')}", err[-500:]

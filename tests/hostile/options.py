@@ -1,99 +1,13 @@
-"""Cases of options: one or two words of a command line replaced, and odd names of files."""
+"""Cases of options: some added to a command line, one or two words replaced, and odd names of files."""
 
 from pathlib import Path
 from random import Random
 
 from tests.hostile import seeds
 from tests.hostile.case import Case, chosen
+from tests.hostile.command_lines import LINES, added_to
 from tests.hostile.mutate import WORDS
 
-FLIGHT = "--altitude 50 --home auto --speed 5 --tolerance 1"
-DIVISION = "--threshold 1.2 --intensity-step 0.05"
-RUN = "--threads 1 --tile 64"
-LINES = tuple(
-    line.split()
-    for line in (
-        f"extract x.tif --range 0.5,1 -o out.geojson {DIVISION} {RUN} --min-area 5 --fill-holes 5px --simplify 1",
-        f"extract x.tif --range 0.5,1 -o out.geojson --flatten 40px {RUN}",
-        f"extract x.tif --range 0.5,1 -o out.gpkg --thin-lines --flatten 40px {RUN}",
-        f"divide x.tif -o out.tif --flatten 60 {RUN}",
-        f"extract x.tif --range 0.5,1 -o out.geojson --detail 4px --min-confidence 0.5 {RUN}",
-        f"extract x.tif --range 0.5,1 -o out.shp --smooth-outline 0.4 --band 1 --nodata 0 --stretch 0,255 {RUN}",
-        f"extract x.tif --range 0.5,1 -o out.geojson --expr b1/2+sqrt(b1) --band-names b1 {RUN}",
-        f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --band-names red,green,blue {RUN}",
-        f"extract x.tif --range 0.5,1 -o out.kml --labels out.vrt --refine tv --resume done {RUN}",
-        f"extract x.tif --range 0.5,1 -o out.gpkg --mission out.plan {FLIGHT} --spacing 10 --angle 20 --threads 1",
-        f"extract x.tif --values 20,200 -o out.geojson {RUN}",
-        f"extract x.tif --percentile 90,100 -o out.gpkg --stretch minmax {RUN}",
-        f"extract rgb.tif --band red --band-names red,green,blue --values 9,99 -o out.shp --style qml {RUN}",
-        f"extract x.tif --range 0.5,1 -o out.gpkg --style sld --collar keep {RUN}",
-        f"extract x.tif --classes c.csv -o out.geojson --style qml --mission out.plan --mission-class bright {FLIGHT} --allow-edge",
-        f"extract x.tif --classes c.yaml -o out.gpkg --mission out.plan --mission-class bright --avoid-class dark {FLIGHT} --allow-edge {RUN}",
-        f"levels x.tif --width 0.3 -o out.gpkg --style qml --collar auto {RUN}",
-        f"suggest rgb.tif --index exg --band-names red,green,blue --collar keep --json {RUN}",
-        f"suggest rgb.tif --like 500048,4499952,20 --unlike 500100,4499900,9 --bands red,green --band-names red,green,blue --json {RUN}",
-        "info rgb.tif --expr (red-blue)/(red+blue) --band-names red,green,blue --collar auto --threads 1",
-        *(f"info {name} --json" for name in ("r.geojson", "lv.geojson", "r.gpkg", "r.kml", "r.parquet")),
-        "info r.fgb --threads 1",
-        f"extract rgb.tif --rgb 1,2,3 --range 0.5,1 -o out.parquet --method paper {RUN}",
-        f"extract x.tif --class a=0,0.4 --class b=0.4,1 -o out.gpkg --labels out.tif --min-area 9 {RUN}",
-        f"extract x.tif --range 0.5,1 --range 0,0.4 -o out.fgb --mission out.plan --mission-class 0,0.4 {FLIGHT} --allow-edge",
-        f"levels x.tif --breaks 0.3,0.6 -o out.fgb --refine tv --detail 9 --min-confidence 0.5 {RUN}",
-        f"levels x.tif --breaks otsu:3 -o out.fgb --refine none {RUN}",
-        f"extract x.tif --range 0.5,1 -o - --sequence --rs --projected {RUN}",
-        f"extract x.tif --each --range 0.5,1 -o out.{{stem}}.gpkg --report out.csv --overwrite {RUN}",
-        f"levels x.tif --each --width 0.3 -o out.{{stem}}.fgb --labels out.{{stem}}.tif --skip-existing {RUN}",
-        f"levels x.tif --width 0.3 -o out.geojson --min-area 9 --small merge --simplify 1 {RUN}",
-        f"levels x.tif --width 0.3 -o out.fgb --labels out.tif --stretch percentile:1,99 --co COMPRESS=LZW --co PREDICTOR=2 {DIVISION} {RUN}",
-        f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 --bands 1 {RUN}",
-        f"match x.tif --like 500048,4499952,20 -o out.fgb --unlike 500100,4499900,9 --by color --labels out.tif --fill-holes 9px --min-area 9 --min-confidence 0.3 --detail 3px {RUN}",
-        f"match x.tif --classes cl.geojson -o out.geojson --refine none {RUN}",
-        f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
-        f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
-        f"classify m.tif -o out.yaml --mode scale {DIVISION} --threads 1",
-        "classify m.pgm -o out.tif --free-is-white --method paper --allow-lost-obstacles --threads 1",
-        f"path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 --clearance 1 -o out.geojson {RUN}",
-        f"path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 -o out.plan {FLIGHT[:-14]} {RUN}",
-        f"original x.tif -o out.tif --threshold 1.2 --merge-stop 2 --untested 0.1 --radius 2 --sweeps 1 {RUN}",
-        f"divide x.tif -o out.tif --co COMPRESS=ZSTD --co ZSTD_LEVEL=3 --co BIGTIFF=YES {DIVISION} --bidx 1 --nodata 5 {RUN}",
-        "info x.tif --json --band 1 --nodata 3 --stretch minmax --threads 1",
-        f"plan r.geojson -o out.plan {FLIGHT} --pattern survey --spacing 20 --angle 45 --autopilot px4",
-        f"plan r.geojson -o out.plan {FLIGHT} --spacing 20 --margin 5 --turnaround 10 --crosshatch",
-        f"plan r.geojson -o out.plan {FLIGHT} --sensor 13x9 --image 5200x3600 --focal 9 --trigger hover --shutter 1/500",
-        f"plan r.geojson -o out.plan {FLIGHT} --pattern perimeter --offset 3 --min-leg 4 --holes fly",
-        f"plan r.geojson -o out.plan {FLIGHT} --pattern orbit --margin 9",
-        f"plan r.geojson -o out.waypoints {FLIGHT} --ids 1 --largest 2 --where area_m2>5",
-        f"plan r.geojson -o out.plan {FLIGHT} --vehicle v.json --json --footprints",
-        f"plan r.geojson -o out.plan {FLIGHT} --dem g.tif --terrain absolute --terrain-tolerance 2 --climb 3",
-        f"plan r.geojson -o out.waypoints {FLIGHT} --dem g.tif --dem g.tif --terrain relative --descent 0.5",
-        f"plan r.geojson -o out.kmz {FLIGHT} --spacing 12 --dji-model m30t",
-        f"plan r.geojson -o out.plan {FLIGHT} --spacing 12 --editable --autopilot generic",
-        f"plan r.geojson -o out.plan {FLIGHT} --ids 1 --avoid z.geojson --avoid-margin 5 --fence none",
-        f"plan r.geojson -o out.plan {FLIGHT} --avoid 0.2,0.3 --raster x.tif --allow-edge --avoid-margin 0.1",
-        f"plan r.geojson -o out.plan {FLIGHT} --spacing 3 --endurance 2.5 --reserve 20 --max-items 60",
-        f"plan r.geojson -o out.plan {FLIGHT} --rally 40.6504,15.0004,30 --fence 40 --max-distance 3e3 --max-altitude 90",
-        f"plan r.geojson -o out.csv {FLIGHT[14:]} --camera Altum --gsd 2 --overlap 70,60 --gimbal-pitch -80",
-        f"plan r.geojson -o out.kml {FLIGHT} --pattern corridor --spacing 9",
-        f"plan r.geojson -o out.geojson {FLIGHT} --pattern visit --hold 3",
-        "check a.plan --autopilot px4 --json",
-        "check a.waypoints --avoid z.geojson --avoid-margin 3 --max-altitude 90 --max-distance 2000 --dem g.tif",
-        "cameras mavic 3",
-        "warm-up -q --processes 1",
-        "doctor --json",
-        "upload a.plan --connect tcp:127.0.0.1:9 --timeout 1",
-        "download --connect tcp:127.0.0.1:9 --timeout 1 -o out.plan",
-        "simulate s.json -o out.tif --seed 1 --sigma 0.05 --max-range 2 --fov 60 --step 2 --poses 1 --png out.png",
-        "build-map a.bag -o out.yaml --scan /scan --odom /odom --resolution 0.1 --sigma 0.05 --max-range 2",
-        "build-map a.db3 -o out.tif --scan /scan --tf --resolution 0.1 --co PREDICTOR=3 --co ZLEVEL=9",
-        "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
-        "map x.tif -o out.html --size 100 --mission a.waypoints --camera Altum --band 1 --stretch dtype",
-        "map x.tif -o out.html --size 64 --regions r.geojson --mission a.plan --threshold 1.3",
-        f"serve x.tif --size 64 --port 0 --band 1 --stretch dtype {DIVISION} {RUN}",
-        f"serve rgb.tif --size 100 --expr b1-b2 --collar keep --nodata 3 --resume done {RUN}",
-        "preview a.plan a.waypoints -o out.png --width 300 --dem g.tif",
-        "preview x.tif -o out.png --width 300 --leaves b.tif --levels lv.geojson --path p.geojson",
-    )
-)
 ZONE = b"""{"type": "Polygon", "coordinates": [[[15.001, 40.651], [15.0015, 40.651], [15.001, 40.6515],
                                                  [15.001, 40.651]]]}"""
 CLASSES = {
@@ -110,10 +24,13 @@ NAMES = (
 
 
 def case(rng: Random) -> Case:
-    """A command line of which one or two words are others."""
+    """A command line with options added, or one or two other words, or both."""
     files = _files()
     line = list(rng.choice(LINES))
-    for _ in range(rng.choice((1, 1, 2))):
+    added = rng.choice((0, 0, 1, 2))
+    for _ in range(added):
+        line += rng.choice(added_to(line[0]) or ((),))
+    for _ in range(rng.choice((0, 1, 2) if added else (1, 1, 2))):
         at = rng.randrange(1, len(line))
         named = "." in line[at] and not line[at][0].isdigit()
         word = rng.choice(NAMES if named or chosen(rng, 0.15) else WORDS).replace("\0", "")

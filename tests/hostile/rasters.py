@@ -53,6 +53,51 @@ COMMANDS: tuple[Arguments, ...] = (
     ("levels", "x.tif", "--width", "0.25", "-o", "out.geojson", "--min-area", "20", *ONE),
     ("match", "x.tif", "--like", "500020,4499980,16", "-o", "out.geojson", *ONE),
     ("match", "x.tif", "--like", "40,40,20", "-o", "out.geojson", *ONE),
+    (
+        "match",
+        "x.tif",
+        "--like",
+        "500020,4499980,16",
+        "--by",
+        "texture",
+        "-o",
+        "out.gpkg",
+        "--window",
+        "16",
+        *ONE,
+    ),
+    ("match", "x.tif", "--like", "40,40,20", "--unlike", "90,90,9", "--by", "color", "-o", "out.fgb", *ONE),
+    ("match", "x.tif", "--classes", "cl.geojson", "-o", "out.geojson", "--labels", "out.tif", *ONE),
+    ("extract", "x.tif", "--range", "0.4,1", "-o", "out.geojson", "--flatten", "40px", *ONE),
+    (
+        "extract",
+        "x.tif",
+        "--range",
+        "0,0.3",
+        "-o",
+        "out.gpkg",
+        "--thin-lines",
+        "--min-confidence",
+        "0.3",
+        *ONE,
+    ),
+    (
+        "extract",
+        "x.tif",
+        "--range",
+        "0.4,1",
+        "-o",
+        "out.geojson",
+        "--detail",
+        "4px",
+        "--progress",
+        "plain",
+        *ONE,
+    ),
+    ("extract", "x.tif", "--each", "--range", "0.4,1", "-o", "out.{stem}.gpkg", "--report", "out.csv", *ONE),
+    ("suggest", "x.tif", "--like", "40,40,20", "--json", *ONE),
+    ("suggest", "x.tif", "--classes", "2", *ONE),
+    ("map", "x.tif", "-o", "out.html", "--size", "64", *ONE),
     ("suggest", "x.tif", "-o", "out.png", *ONE),
     ("suggest", "x.tif", "--json", *ONE),
     ("classify", "x.tif", "-o", "out.tif", "--objects", "out.geojson", "--stretch", "dtype", *ONE),
@@ -89,6 +134,12 @@ SAME: tuple[Arguments, ...] = (
     ("suggest", "x.tif", "--json", *ONE),
     ("extract", "x.tif", "--percentile", "50,100", "-o", "o{n}.geojson", *ONE),
     ("extract", "x.tif", "--range", "0,0.2", "--range", "0.6,1", "-o", "o{n}.geojson", *ONE),
+    ("extract", "x.tif", "--range", "0.4,1", "--flatten", "40px", "-o", "o{n}.geojson", *ONE),
+    ("extract", "x.tif", "--range", "0,0.3", "--thin-lines", "--detail", "4px", "-o", "o{n}.geojson", *ONE),
+    ("extract", "x.tif", "--range", "0.4,1", "--min-confidence", "0.4", "-o", "o{n}.geojson", *ONE),
+    ("match", "x.tif", "--like", "40,40,20", "-o", "o{n}.geojson", *ONE),
+    ("match", "x.tif", "--like", "40,40,20", "--by", "texture", "--window", "16", "-o", "o{n}.geojson", *ONE),
+    ("match", "x.tif", "--classes", "cl.geojson", "-o", "o{n}.geojson", *ONE),
 )
 
 
@@ -109,7 +160,7 @@ def case(rng: Random) -> Case:
             tuple(word.replace("{n}", str(n)) for word in (*command, *skip, *tile))
             for n, tile in enumerate(tiles)
         )
-        return Case(files, commands, ("o0", "o1"), same=True)
+        return Case(files | _samples(command), commands, ("o0", "o1"), same=True)
     command = rng.choice(COMMANDS)
     if "y.tif" in command:
         files["y.tif"] = known["deflate.tif"]
@@ -117,4 +168,8 @@ def case(rng: Random) -> Case:
         files["r.geojson"] = seeds.vectors()["r.geojson"]
     if command[0] in STRETCHED and chosen(rng, 0.3):
         command = (*command, "--stretch", rng.choice(("dtype", "minmax", "none", "percentile:1,99", "0,100")))
-    return Case(files, (command,))
+    return Case(files | _samples(command), (command,))
+
+
+def _samples(command: Arguments) -> dict[str, bytes]:
+    return {"cl.geojson": seeds.vectors()["cl.geojson"]} if "cl.geojson" in command else {}

@@ -7,12 +7,15 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from click import Context, Option
 
 from tests.hostile import campaign
 from tests.hostile.case import Case
+from tests.hostile.command_lines import EXCLUDED, added_to
 from tests.hostile.judging import judge
 from tests.hostile.mutate import bytes_mutated, json_mutated, tag_bytes, tags_mutated, with_tag_bytes
 from tests.hostile.sandbox import Outcome, Sandbox
+from uavseg.cli import main
 
 CASE = Case({"x.tif": b"abc"}, (("info", "x.tif"),))
 
@@ -83,6 +86,16 @@ def test_what_hangs_or_eats_memory_is_stopped(sandbox: Sandbox, monkeypatch: pyt
     monkeypatch.setattr("tests.hostile.judging.MEMORY", 1 << 26)
     monkeypatch.setattr("tests.hostile.sandbox._command", lambda _: [b"a" * (1 << 28), time.sleep(60)])
     assert [found.kind for found in judge(CASE, sandbox.run(CASE))] == ["MEM"]
+
+
+@pytest.mark.parametrize("name", main.list_commands(Context(main)))
+def test_each_option_of_each_command_is_given_in_some_case(name: str) -> None:
+    command = main.get_command(Context(main), name)
+    assert command is not None
+    given = {words[0] for words in added_to(name)}
+    for option in command.params:
+        if isinstance(option, Option) and not EXCLUDED & set(option.opts):
+            assert given & set(option.opts), option.opts
 
 
 @pytest.mark.slow

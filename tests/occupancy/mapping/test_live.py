@@ -289,6 +289,8 @@ def test_an_invalid_scan_changes_nothing() -> None:
         grid.update(Scan(Pose(1, 1), np.zeros(3), np.ones(4), 5.0, 0.1))
     with pytest.raises(SceneError, match="finite x, y and heading"):
         grid.update(Scan(Pose(math.nan, 1), np.zeros(3), np.ones(3), 5.0, 0.1))
+    with pytest.raises(SceneError, match=r"a pose lies within 1e\+09 m of the origin, not at -1e\+100"):
+        grid.update(Scan(Pose(1, -1e100), np.zeros(3), np.ones(3), 5.0, 0.1))
     assert (grid.probabilities == 0.5).all()
 
 

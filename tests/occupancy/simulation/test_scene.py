@@ -86,6 +86,13 @@ def test_contains_is_what_shapely_says() -> None:
         ([[(0, 0), (1, math.nan), (2, 0)]], [], "polygon 1 has a corner that is not finite"),
         ([], [(0, 0, 1), (1, 1, -0.5)], "circle 2 has a radius of -0.5"),
         ([], [(0, 0, 0)], "circle 1 has a radius of 0"),
+        (
+            [[(0, 0), (1, 0), (0, -1e300)]],
+            [],
+            "polygon 1 lies within 1e\\+09 m of the origin, not at -1e\\+300",
+        ),
+        ([], [(2e9, 0, 1)], "circle 1 lies within 1e\\+09 m of the origin, not at 2e\\+09"),
+        ([], [(0, 0, 1e160)], "the radius of circle 1 is at most 1e\\+09 m, not 1e\\+160"),
         ([], [(0, math.inf, 1)], "circle 1 needs finite"),
     ],
 )

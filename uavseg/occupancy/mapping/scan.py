@@ -43,7 +43,7 @@ class Pose:
     Raises
     ------
     SceneError
-        If one of them is not finite.
+        If one of them is not finite, or the position is beyond 1e9 m.
 
     Examples
     --------
@@ -60,6 +60,7 @@ class Pose:
             raise SceneError(
                 f"a pose has finite x, y and heading, not {self.x}, {self.y}, {self.heading_rad}"
             )
+        check_place("a pose", self.x, self.y)
 
     @classmethod
     @checked
@@ -261,3 +262,10 @@ def check_distance(name: str, metres: float) -> None:
     check_positive(name, metres)
     if metres > MAX_METRES:
         raise SceneError(f"{name} is at most {MAX_METRES:g} m, not {metres:g}")
+
+
+def check_place(name: str, *coordinates: float) -> None:
+    """Raise SceneError unless coordinates are within 1e9 m of 0, so that products of them are finite."""
+    beyond = [metres for metres in coordinates if not abs(metres) <= MAX_METRES]
+    if beyond:
+        raise SceneError(f"{name} lies within {MAX_METRES:g} m of the origin, not at {beyond[0]:g}")

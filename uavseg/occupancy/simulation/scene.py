@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg._jit import kernel
 from uavseg.errors import SceneError
+from uavseg.occupancy.mapping.scan import check_distance, check_place
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ class Scene:
     ------
     SceneError
         If a polygon crosses itself, has no area or fewer than three corners, a radius is not positive, or
-        a number is not finite.
+        a number is not finite or beyond 1e9 m.
 
     Examples
     --------
@@ -98,6 +99,7 @@ def _checked_ring(corners: ArrayLike, number: int) -> Floats:
         raise SceneError(f"polygon {number} needs three or more corners [x, y], not an array of {ring.shape}")
     if not np.isfinite(ring).all():
         raise SceneError(f"polygon {number} has a corner that is not finite")
+    check_place(f"polygon {number}", *ring.ravel().tolist())
     shape = shapely.Polygon(ring)
     if not shape.is_valid:
         raise SceneError(
@@ -114,6 +116,8 @@ def _check_circle(circle: Sequence[float], number: int) -> None:
         raise SceneError(f"circle {number} needs finite x, y and radius, not {list(circle)}")
     if not circle[2] > 0:
         raise SceneError(f"circle {number} has a radius of {circle[2]:g}; expected more than 0")
+    check_place(f"circle {number}", *circle[:2])
+    check_distance(f"the radius of circle {number}", circle[2])
 
 
 @kernel("void(f8, f8, f8[:,::1], f8[:,::1], f8[:,::1], f8[::1])")
