@@ -26,6 +26,7 @@ KINDS = {  # share of the cases
     "ros_maps": 2,
     "missions": 2,
     "scenes": 1,
+    "equipment": 1,
     "bags": 1,
     "options": 4,
     "arguments": 4,

@@ -19,7 +19,7 @@ _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\u202a-\u202e\u20
 _RAW = re.compile(
     r"invalid literal for|could not convert string|'\w+' object |object is not |has no attribute|index out of range|"
     r"not supported between|codec can't|\[Errno|<class '|NoneType|\b0x[0-9a-f]{8}|unexpected keyword|"
-    r"broadcast|positional argument|takes \d+|unpack|dtype\(|np\.\w+\(|Traceback|UserWarning|cannot convert float|"
+    r"broadcast|positional argument|takes \d+ (?!%)|unpack|dtype\(|np\.\w+\(|Traceback|UserWarning|cannot convert float|"
     r"ufunc|must be real number|must be str|not subscriptable|"
     r"^uavseg: (error|warning): a library warns"
 )

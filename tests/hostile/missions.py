@@ -33,6 +33,10 @@ def case(rng: Random) -> Case:
     else:
         content = rng.choice((words_mutated, bytes_mutated))(content, rng)
     files = {name: content, raster: known[raster]}
+    if option == "--mission" and chosen(rng, 0.3):
+        return Case(
+            files, (("map", raster, option, name, "-o", "out.html", "--size", "64", "--threads", "1"),)
+        )
     return Case(files, (("preview", raster, option, name, "-o", "out.png", "--width", "300"),))
 
 
@@ -47,8 +51,14 @@ def _checked(known: dict[str, bytes], rng: Random) -> Case:
     else:
         content = rng.choice((words_mutated, bytes_mutated))(content, rng)
     asked = rng.choice(((), ("--autopilot", "px4"), ("--autopilot", "generic"), ("--json",)))
-    drawn = ("preview", name, "-o", "out.png", "--width", "300")
-    return Case({name: content}, (drawn if chosen(rng, 0.3) else ("check", name, *asked),))
+    command = rng.choice(
+        (
+            ("preview", name, "-o", "out.png", "--width", "300"),
+            ("upload", name, "--connect", "tcp:127.0.0.1:9", "--timeout", "1"),
+            *[("check", name, *asked)] * 4,
+        )
+    )
+    return Case({name: content}, (command,))
 
 
 def _kmz_mutated(content: bytes, rng: Random) -> bytes:

@@ -20,11 +20,19 @@ RASTER_COMMANDS = (
     ("preview", "x.tif", "-o", "out.png", "--width", "300"),
     ("classify", "x.tif", "-o", "out.tif", "--threads", "1"),
     ("extract", "x.tif", "--range", "0,1", "-o", "out.geojson", "--threads", "1"),
+    ("match", "x.tif", "--like", "4,4,3", "-o", "out.geojson", "--threads", "1"),
+    ("divide", "x.tif", "-o", "out.tif", "--threads", "1"),
+    ("map", "x.tif", "-o", "out.html", "--size", "64", "--threads", "1"),
+    ("serve", "x.tif", "--size", "64", "--threads", "1"),
+    ("plan", "r.geojson", "-o", "out.plan", "--altitude", "50", "--home", "auto", "--dem", "x.tif"),
 )
 SHAPE_COMMANDS = (
     ("plan", "r.geojson", "-o", "out.plan", "--altitude", "50", "--home", "auto"),
     ("preview", "x.tif", "--regions", "r.geojson", "-o", "out.png", "--width", "300"),
     ("match", "x.tif", "--like", "r.geojson", "-o", "out.geojson", "--threads", "1"),
+    ("match", "x.tif", "--classes", "r.geojson", "-o", "out.geojson", "--threads", "1"),
+    ("map", "x.tif", "--regions", "r.geojson", "-o", "out.html", "--size", "64", "--threads", "1"),
+    ("info", "r.geojson"),
 )
 
 
@@ -51,7 +59,8 @@ def case(rng: Random, address: str) -> Case:
         if kind == 2:
             text = WMS.format(name=name)
         content = text.encode() if chosen(rng, 0.8) else words_mutated(text.encode(), rng)
-        return Case({"x.tif": content}, (rng.choice(RASTER_COMMANDS),))
+        regions = {"r.geojson": seeds.vectors()["r.geojson"]}
+        return Case({"x.tif": content, **regions}, (rng.choice(RASTER_COMMANDS),))
     if kind == 3:
         described = seeds.ros_maps()["m.yaml"].replace(b"m.pgm", name.encode())
         return Case({"m.yaml": described}, (("classify", "m.yaml", "-o", "out.tif", "--threads", "1"),))

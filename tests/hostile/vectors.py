@@ -18,6 +18,11 @@ COMMANDS: tuple[Arguments, ...] = (
     ("preview", "x.tif", "--levels", "{r}", "-o", "out.png", "--width", "300"),
     ("info", "{r}"),
     ("info", "{r}", "--json"),
+    ("plan", "own.geojson", "-o", "out.plan", *FLIGHT, "--avoid", "{r}", "--avoid-margin", "3"),
+    ("check", "a.plan", "--avoid", "{r}"),
+    ("map", "x.tif", "--regions", "{r}", "-o", "out.html", "--size", "64", "--threads", "1"),
+    ("suggest", "x.tif", "--like", "{r}", "--json", "--threads", "1"),
+    ("match", "x.tif", "--like", "500048,4499952,20", "--unlike", "{r}", "-o", "out.fgb", "--threads", "1"),
     ("match", "x.tif", "--like", "{r}", "-o", "out.geojson", "--threads", "1"),
     ("match", "x.tif", "--classes", "{r}", "-o", "out.geojson", "--threads", "1"),
 )
@@ -53,7 +58,12 @@ def case(rng: Random) -> Case:
     if name.endswith(".geojson") and chosen(rng, 0.25):
         return Case({}, (STDIN,), stdin=files[name])
     command = tuple(word.replace("{r}", name) for word in rng.choice(COMMANDS))
-    return Case(files | {"x.tif": known["x.tif"]}, (command,))
+    others = {
+        "x.tif": known["x.tif"],
+        "own.geojson": known["r.geojson"],
+        "a.plan": seeds.missions()["a.plan"],
+    }
+    return Case(files | {word: others[word] for word in command if word in others}, (command,))
 
 
 def _classes(raster: bytes, rng: Random) -> Case:

@@ -16,6 +16,7 @@ from uavseg.errors import ParameterError
 NADIR_DEG = -90.0
 HIGHEST_PITCH_DEG = -30.0
 """The flattest gimbal pitch: beyond it the upper edge of most images comes near the horizon."""
+_GREATEST = 1e7  # of any size, so that no product of them overflows
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +38,7 @@ class Camera:
     Raises
     ------
     ParameterError
-        If a number is not positive, or pixels are not square within 10 %.
+        If a number is not positive or above 1e7, or pixels are not square within 10 %.
 
     Examples
     --------
@@ -54,11 +55,14 @@ class Camera:
 
     def __post_init__(self) -> None:
         sizes = (*self.sensor_mm, *self.image_px, self.focal_mm)
-        if not all(math.isfinite(size) and size > 0 for size in sizes):
-            raise ParameterError(f"the sizes of the camera {self.name} must be numbers above 0, not {sizes}")
-        if not (math.isfinite(self.min_interval_s) and self.min_interval_s >= 0):
+        if not all(0 < size <= _GREATEST for size in sizes):
             raise ParameterError(
-                f"the least interval of {self.name} is 0 or more seconds, not {self.min_interval_s}"
+                f"the sizes of the camera {self.name} must be numbers above 0, at most {_GREATEST:g}, not "
+                f"{', '.join(f'{float(min(size, 1e300)):g}' for size in sizes)}"
+            )
+        if not 0 <= self.min_interval_s <= _GREATEST:
+            raise ParameterError(
+                f"the least interval of {self.name} is 0 to {_GREATEST:g} s, not {self.min_interval_s:g}"
             )
         across, along = (mm / px for mm, px in zip(self.sensor_mm, self.image_px, strict=True))
         if not 0.9 < across / along < 1.1:

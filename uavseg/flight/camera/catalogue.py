@@ -3,25 +3,26 @@
 import csv
 import difflib
 import os
+from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Camera
-from uavseg.inputs import parse_json, read_bytes
-from uavseg.plain_text import cause_of
+from uavseg.json_object import number_in, read_object, word_in
 
 _KEYS = ("sensor_width_mm", "sensor_height_mm", "image_width_px", "image_height_px", "focal_mm")
-MAX_FILE_BYTES = 100_000
 
 
 @cache
 def cameras() -> tuple[Camera, ...]:
     """All cameras of the catalogue, sorted by name."""
     text = resources.files("uavseg.flight.camera").joinpath("cameras.csv").read_text(encoding="utf-8")
-    return tuple(_camera(row, row["name"]) for row in csv.DictReader(text.splitlines()))
+    rows = csv.DictReader(text.splitlines())
+    return tuple(
+        _camera({key: float(row[key]) for key in (*_KEYS, "min_interval_s")}, row["name"]) for row in rows
+    )
 
 
 def find_cameras(words: str) -> list[Camera]:
@@ -77,29 +78,21 @@ def read_camera(path: str | os.PathLike[str]) -> Camera:
     ParameterError
         If the file cannot be read, a key is missing or unknown, or a number is not one.
     """
-    try:
-        given = parse_json(read_bytes(path, ParameterError, MAX_FILE_BYTES).decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, ParameterError):
-            raise
-        raise ParameterError(f"{path} cannot be read as a camera in JSON ({cause_of(error)})") from error
-    if not isinstance(given, dict) or not set(_KEYS) <= set(given) <= {*_KEYS, "name", "min_interval_s"}:
-        raise ParameterError(
-            f"{path} is not a camera; expected a JSON object with {', '.join(_KEYS)} and, if they are known, "
-            "name and min_interval_s"
-        )
-    return _camera(given, str(given.get("name", Path(path).stem)))
+    expected = f"{', '.join(_KEYS)} and, if they are known, name and min_interval_s"
+    given = read_object(path, "camera", expected)
+    if not set(_KEYS) <= set(given) <= {*_KEYS, "name", "min_interval_s"}:
+        raise ParameterError(f"{path} is not a camera; expected a JSON object with {expected}")
+    numbers = {key: number_in(given, key, path, "camera") for key in given if key != "name"}
+    return _camera(numbers, word_in(given, "name", Path(path).stem, path, "camera"))
 
 
-def _camera(row: dict[str, Any], name: str) -> Camera:
-    try:
-        width, height, cols, rows, focal = (float(row[key]) for key in _KEYS)
-        interval = float(row.get("min_interval_s", 0))
-        return Camera(name, (width, height), (int(cols), int(rows)), focal, interval)
-    except (TypeError, ValueError, OverflowError) as error:
-        if isinstance(error, ParameterError):
-            raise
-        raise ParameterError(f"a size of the camera {name} is not a number: {error}") from error
+def _camera(numbers: Mapping[str, float], name: str) -> Camera:
+    width, height, cols, rows, focal = (numbers[key] for key in _KEYS)
+    for side in (cols, rows):
+        if not side.is_integer():
+            raise ParameterError(f"an image of the camera {name} has a whole number of pixels, not {side:g}")
+    interval_s = numbers.get("min_interval_s", 0.0)
+    return Camera(name, (width, height), (int(cols), int(rows)), focal, interval_s)
 
 
 def _plain(name: str) -> str:

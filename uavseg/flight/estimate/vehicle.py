@@ -18,14 +18,13 @@ import math
 import os
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
 
 from uavseg.errors import ParameterError
-from uavseg.inputs import parse_json, read_bytes
-from uavseg.plain_text import cause_of, shown
+from uavseg.json_object import number_in, read_object, word_in
+from uavseg.plain_text import shown
 
 TURNS = ("blend", "slow")
-MAX_FILE_BYTES = 100_000
+_GREATEST = 1e9  # of any number, so that no product of them overflows
 _MAY_BE_ZERO = frozenset(
     {
         "jerk_rise_s",
@@ -74,7 +73,7 @@ class Vehicle:
     Raises
     ------
     ParameterError
-        If a number is not positive, or power is given in part.
+        If a number is not positive or above 1e9, or power is given in part.
     """
 
     name: str
@@ -110,6 +109,10 @@ class Vehicle:
             if not (math.isfinite(value) and (value > 0 or (zero and value == 0))):
                 least = "0 or more" if zero else "above 0"
                 raise ParameterError(f"{key} of the vehicle {self.name} is {least}, not {value:g}")
+            if value > _GREATEST:
+                raise ParameterError(
+                    f"{key} of the vehicle {self.name} is at most {_GREATEST:g}, not {value:g}"
+                )
         given = [key for key in _POWER if getattr(self, key) is not None]
         if 0 < len(given) < len(_POWER):
             raise ParameterError(
@@ -182,34 +185,15 @@ def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> 
     ParameterError
         If the file cannot be read, a key is unknown, or a value is not what its key needs.
     """
-    try:
-        given = parse_json(read_bytes(path, ParameterError, MAX_FILE_BYTES).decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, ParameterError):
-            raise
-        raise ParameterError(f"{path} cannot be read as a vehicle in JSON ({cause_of(error)})") from error
     keys = {"name", "turns", *NUMBERS}
-    if not isinstance(given, dict) or not given:
-        raise ParameterError(f"{path} is not a vehicle; expected a JSON object with some of {_listed(keys)}")
+    given = read_object(path, "vehicle", f"some of {_listed(keys)}")
     if unknown := sorted(map(str, set(given) - keys)):
         raise ParameterError(f"{path} has {shown(unknown[0])}; a vehicle has only {_listed(keys)}")
     default = default_vehicle(autopilot)
-    values = {key: _number(path, key, given[key]) for key in NUMBERS if key in given}
-    name, turns = given.get("name", Path(path).stem), given.get("turns", default.turns)
-    if not isinstance(name, str) or not isinstance(turns, str):
-        raise ParameterError(
-            f"{path}: name and turns of a vehicle are words, not {shown(name)}, {shown(turns)}"
-        )
+    values = {key: number_in(given, key, path, "vehicle") for key in NUMBERS if key in given}
+    name = word_in(given, "name", Path(path).stem, path, "vehicle")
+    turns = word_in(given, "turns", default.turns, path, "vehicle")
     return replace(default, name=name, turns=turns, **values)
-
-
-def _number(path: str | os.PathLike[str], key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ParameterError(f"{path}: {key} of a vehicle is a number, not {shown(value)}")
-    try:
-        return float(value)
-    except OverflowError as error:
-        raise ParameterError(f"{path}: {key} of a vehicle is too large") from error
 
 
 def _listed(keys: set[str]) -> str:
