@@ -60,6 +60,18 @@ def test_of_a_library_the_first_sentence_of_the_first_cause_is_said() -> None:
     assert cause_of(caught.value) == "The block is 3.5 MB"
 
 
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        ("VSIFReadL(0x5603fea45790,6*4) @ 4211 failed in HFAEntry().", "the file ends too early"),
+        ("Read of 1637 bytes at 0:0000320b on 0x561681954490 failed.", "the file ends too early"),
+        ("opening 0x561681954490 failed", "opening ... failed"),
+    ],
+)
+def test_addresses_of_the_memory_are_not_said(message: str, said: str) -> None:
+    assert cause_of(ValueError(message)) == said
+
+
 def test_a_wrong_value_is_shown_whatever_it_is() -> None:
     class Silent:
         def __repr__(self) -> str:

@@ -88,6 +88,8 @@ _REPHRASED = (
     (r"^cannot convert float \w+ to integer", "expected a whole number, got one that is not finite"),
     (r"^Exceeds the limit \(\d+ digits\).*", "a number in it is too large"),
     (r"^(too many|not enough) values to unpack.*", "a list in it is of a wrong length"),
+    (r"^(VSIFReadL\(|Read of \d+ bytes).* failed.*", "the file ends too early"),
+    (r"\b0x[0-9a-fA-F]{6,}", "..."),
     (r".*do not form a closed linestring.*", "a ring is not closed: its last point is not its first"),
 )
 

@@ -21,6 +21,7 @@ from tests.hostile.sandbox import Outcome, Sandbox
 
 KINDS = {  # share of the cases
     "rasters": 6,
+    "formats": 2,
     "vectors": 5,
     "block_maps": 3,
     "ros_maps": 2,

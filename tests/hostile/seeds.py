@@ -20,7 +20,7 @@ UTM = {"crs": "EPSG:32633", "transform": Affine(1, 0, 500000, 0, -1, 4500000)}
 TILED = {"tiled": True, "blockxsize": 64, "blockysize": 64}
 
 
-def _once(draw: Callable[[], Files]) -> Callable[[], Files]:
+def once(draw: Callable[[], Files]) -> Callable[[], Files]:
     """Draw when first asked for; a process that was given the seeds draws none."""
 
     def drawn() -> Files:
@@ -35,7 +35,9 @@ def _once(draw: Callable[[], Files]) -> Callable[[], Files]:
 
 def everything() -> dict[str, Files]:
     """All seeds, for `use` in other processes."""
-    for draw in (rasters, vectors, block_map, missions, ros_maps, bags, kept_results):
+    from tests.hostile.format_seeds import formats
+
+    for draw in (rasters, formats, vectors, block_map, missions, ros_maps, bags, kept_results):
         draw()
     return _drawn
 
@@ -54,14 +56,14 @@ def image(rows: int, cols: int, seed: int = 0) -> NDArray[np.uint8]:
     return grey.astype(np.uint8)
 
 
-def _tif(folder: Path, name: str, values: NDArray[Any], **how: Any) -> None:
+def write_tif(folder: Path, name: str, values: NDArray[Any], **how: Any) -> None:
     bands = values if values.ndim == 3 else values[np.newaxis]
     how = {"driver": "GTiff", "height": bands.shape[1], "width": bands.shape[2], "count": len(bands)} | how
     with rasterio.open(folder / name, "w", dtype=bands.dtype.name, **how) as file:
         file.write(bands)
 
 
-@_once
+@once
 def rasters() -> Files:
     """Rasters by name: layouts, types and compressions that GDAL's drivers decode differently."""
     grey = image(128, 140)
@@ -69,9 +71,9 @@ def rasters() -> Files:
     colours = np.stack([grey, np.roll(grey, 9, 0), 255 - grey])
     with TemporaryDirectory() as made:
         folder = Path(made)
-        _tif(folder, "deflate.tif", grey, compress="deflate", nodata=0, **TILED, **UTM)
-        _tif(folder, "lzw.tif", grey.astype(np.uint16) * 257, compress="lzw", **UTM)
-        _tif(
+        write_tif(folder, "deflate.tif", grey, compress="deflate", nodata=0, **TILED, **UTM)
+        write_tif(folder, "lzw.tif", grey.astype(np.uint16) * 257, compress="lzw", **UTM)
+        write_tif(
             folder,
             "jpeg.tif",
             colours,
@@ -81,15 +83,21 @@ def rasters() -> Files:
             **TILED,
             **UTM,
         )
-        _tif(folder, "jpeg1.tif", grey, compress="jpeg", **TILED, **UTM)
-        _tif(folder, "lerc.tif", grey.astype(np.float32) / 255, compress="lerc", **UTM)
-        _tif(folder, "zstd.tif", (grey / 255.0), compress="zstd", predictor=3, nodata=np.nan, **TILED, **UTM)
-        _tif(folder, "int32.tif", grey.astype(np.int32) - 100, nodata=-100, blockysize=22, **UTM)
-        _tif(folder, "plain.tif", small)
-        _tif(folder, "degrees.tif", small, crs="EPSG:4326", transform=Affine(1e-4, 0, 15, 0, -1e-4, 40.6))
-        _tif(folder, "sparse.tif", np.zeros((200, 200), np.uint8), sparse_ok=True, nodata=0, **TILED, **UTM)
-        _tif(folder, "big.tif", small, bigtiff="YES", compress="packbits", **UTM)
-        _tif(
+        write_tif(folder, "jpeg1.tif", grey, compress="jpeg", **TILED, **UTM)
+        write_tif(folder, "lerc.tif", grey.astype(np.float32) / 255, compress="lerc", **UTM)
+        write_tif(
+            folder, "zstd.tif", (grey / 255.0), compress="zstd", predictor=3, nodata=np.nan, **TILED, **UTM
+        )
+        write_tif(folder, "int32.tif", grey.astype(np.int32) - 100, nodata=-100, blockysize=22, **UTM)
+        write_tif(folder, "plain.tif", small)
+        write_tif(
+            folder, "degrees.tif", small, crs="EPSG:4326", transform=Affine(1e-4, 0, 15, 0, -1e-4, 40.6)
+        )
+        write_tif(
+            folder, "sparse.tif", np.zeros((200, 200), np.uint8), sparse_ok=True, nodata=0, **TILED, **UTM
+        )
+        write_tif(folder, "big.tif", small, bigtiff="YES", compress="packbits", **UTM)
+        write_tif(
             folder,
             "alpha.tif",
             np.stack([*colours, grey // 2]),
@@ -99,11 +107,11 @@ def rasters() -> Files:
             **TILED,
             **UTM,
         )
-        _tif(folder, "bits.tif", (grey > 90).astype(np.uint8), nbits=1, compress="packbits", **UTM)
-        _tif(folder, "palette.tif", small % 4, photometric="palette", **UTM)
+        write_tif(folder, "bits.tif", (grey > 90).astype(np.uint8), nbits=1, compress="packbits", **UTM)
+        write_tif(folder, "palette.tif", small % 4, photometric="palette", **UTM)
         with rasterio.open(folder / "palette.tif", "r+") as file:
             file.write_colormap(1, {n: (60 * n, 255 - 60 * n, 10, 255) for n in range(4)})
-        _tif(folder, "points.tif", small, gcps=_control_points(), crs="EPSG:4326")
+        write_tif(folder, "points.tif", small, gcps=_control_points(), crs="EPSG:4326")
         with (
             rasterio.open(folder / "deflate.tif") as file,
             rasterio.open(folder / "overviews.tif", "w", **file.profile) as other,
@@ -111,8 +119,8 @@ def rasters() -> Files:
             other.write(file.read())
             other.build_overviews([2, 4])
             other.write_mask(np.where(file.read(1) > 9, 255, 0).astype(np.uint8))
-        _tif(folder, "picture.png", grey, driver="PNG")
-        _tif(folder, "picture.jpg", grey, driver="JPEG")
+        write_tif(folder, "picture.png", grey, driver="PNG")
+        write_tif(folder, "picture.jpg", grey, driver="JPEG")
         return {path.name: path.read_bytes() for path in sorted(folder.glob("*.*")) if path.suffix != ".xml"}
 
 
@@ -122,7 +130,7 @@ def _control_points() -> list[Any]:
     return [GroundControlPoint(r, c, 15 + c / 1e4, 40 - r / 1e4) for r, c in ((0, 0), (0, 60), (50, 0))]
 
 
-@_once
+@once
 def vectors() -> Files:
     """Files of regions in every format that is read, with those that belong to them; `x.tif` is their raster."""
     with TemporaryDirectory() as made:
@@ -167,7 +175,7 @@ _KML = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
-@_once
+@once
 def block_map() -> Files:
     """A block map `b.tif` and the raster that it was made from, `x.tif`."""
     with TemporaryDirectory() as made:
@@ -177,7 +185,7 @@ def block_map() -> Files:
         return {name: (folder / name).read_bytes() for name in ("b.tif", "x.tif")}
 
 
-@_once
+@once
 def missions() -> Files:
     """Missions, a path and states, over `x.tif` and the map `m.tif`."""
     with TemporaryDirectory() as made:
@@ -198,13 +206,15 @@ def missions() -> Files:
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
-@_once
+@once
 def ros_maps() -> Files:
     """ROS maps: `m.yaml` names one of three pictures."""
     grey = np.choose(image(40, 50) // 90, [np.uint8(0), np.uint8(205), np.uint8(254)])
     with TemporaryDirectory() as made:
         folder = Path(made)
-        _tif(folder, "m.png", np.stack([grey, np.where(grey == 205, 0, 255).astype(np.uint8)]), driver="PNG")
+        write_tif(
+            folder, "m.png", np.stack([grey, np.where(grey == 205, 0, 255).astype(np.uint8)]), driver="PNG"
+        )
         plain = " ".join(map(str, grey.ravel())).encode()
         return {
             "m.yaml": _YAML.encode(),
@@ -214,7 +224,7 @@ def ros_maps() -> Files:
         }
 
 
-@_once
+@once
 def bags() -> Files:
     """Recorded bags: `a.bag` of ROS 1, `a.db3` and `a.mcap` of ROS 2."""
     from tests.occupancy.bags.write_bags import Drive, write_ros1, write_ros2
@@ -249,7 +259,7 @@ SCENE = json.dumps(
 ).encode()
 
 
-@_once
+@once
 def kept_results() -> Files:
     """The folder `done` of results that `RESUMED` keeps."""
     with TemporaryDirectory() as made:

@@ -394,3 +394,46 @@ def test_of_many_bad_blocks_one_more_costs_one_opening(
     assert np.array_equal(valid, expected) and np.array_equal(values[valid], pixels[valid])
     assert [block.row // 64 for block in found] == bad
     assert len(closed) <= len(bad) + 64
+
+
+@pytest.mark.parametrize("side", [64, 192, 256])
+def test_a_damaged_tile_of_jpeg_2000_is_bad_and_not_zeros(tmp_path: Path, side: int) -> None:
+    """GDAL reads several tiles in threads of its own, which leave out errors, unless it is to use one."""
+    path, count = tmp_path / "a.jp2", 256
+    pixels = np.random.default_rng(0).integers(1, 255, (count, count), np.uint8)
+    how = {"driver": "JP2OpenJPEG", "width": count, "height": count, "count": 1, "dtype": "uint8"}
+    how |= {
+        "crs": "EPSG:32618",
+        "transform": Affine(1, 0, 4e5, 0, -1, 5e6),
+        "quality": 100,
+        "reversible": True,
+    }
+    with rasterio.open(path, "w", **how, blockxsize=64, blockysize=64) as file:
+        file.write(pixels, 1)
+    content = path.read_bytes()
+    tile_starts = [found.start() for found in re.finditer(re.escape(b"\xff\x90\0\x0a\0\x05"), content)]
+    [start] = tile_starts  # of the sixth tile: a marker, a length of 10 and its number
+    path.write_bytes(content[: start + 12] + b"\xff\x90" + content[start + 14 :])  # no data, another tile
+    values, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side)
+    expected = np.ones((count, count), bool)
+    expected[64:128, 64:128] = False
+    assert found == [BadBlock(str(path), 64, 64, 64, 64)] and np.array_equal(valid, expected)
+    assert np.array_equal(values[valid], pixels[valid])
+    with pytest.raises(RasterReadError, match="rows 64 to 128, columns 64 to 128"):
+        Dataset.open(path).read(Window(0, 0, count, count))
+
+
+@pytest.mark.parametrize("side", [64, 192, 1024])
+def test_a_text_grid_that_ends_early_is_read_up_to_there(tmp_path: Path, side: int) -> None:
+    """GDAL alone would look for the last row 2^100 times."""
+    rows, last = 300, 200
+    lines = [" ".join(str(row % 9 + col) for col in range(70)) for row in range(last)]
+    head = f"ncols 70\nnrows {rows}\nxllcorner 0\nyllcorner 0\ncellsize 1\n"
+    path = tmp_path / "a.asc"
+    path.write_text(head + "\n".join(lines) + "\n")
+    values, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side)
+    assert valid[:last].all() and not valid[last:].any()
+    assert np.array_equal(values[:last], np.add.outer(np.arange(last) % 9, np.arange(70)))
+    assert [(block.row, block.rows) for block in found] == [(row, 1) for row in range(last, rows)]
+    with pytest.raises(RasterReadError, match=f"rows {last} to {last + 1}"):
+        Dataset.open(path).read(Window(rows - 50, 0, 50, 70))

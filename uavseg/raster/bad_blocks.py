@@ -20,6 +20,7 @@ from uavseg.execution.executors import Item, Map, Progress, Result
 from uavseg.raster.bands import BandChoice, Valid, Values
 from uavseg.raster.opening import GDAL_ERRORS, OpenFiles, gdal_read_errors
 from uavseg.raster.raster_file import RasterFile
+from uavseg.raster.sequential_rows import is_sequential
 from uavseg.raster.tiling import Window, sample_positions
 
 Indices = NDArray[np.int64]
@@ -249,6 +250,9 @@ def _read_block_by_block(
                 pixels, known = file.read(handles, choice, part)
         except RasterReadError:
             failed.add((block.row, block.col))
+            if is_sequential(file.driver):
+                below = Window(block.row, 0, file.shape[0] - block.row, file.shape[1])
+                failed.update((later.row, later.col) for later in file.blocks_in(below))
         if (block.row, block.col) in failed:
             bad.append((BadBlock(file.path, block.row, block.col, block.rows, block.cols), here))
             continue

@@ -28,6 +28,7 @@ CACHE_BYTES = 32 << 20  # GDAL's cache of decoded blocks; its own default is a t
 GDAL_OPTIONS = {
     "GDAL_PNG_WHOLE_IMAGE_OPTIM": "NO",  # it reads missing parts of truncated files as 0
     "GDAL_VRT_ENABLE_PYTHON": "NO",  # code of files is not run
+    "GDAL_NUM_THREADS": "1",  # threads of the JPEG 2000 driver read damaged tiles as 0, without an error
 }
 OFFLINE_OPTIONS = {  # the second line of defence: what files name is checked before they are opened
     "GDAL_HTTP_PROXY": "none://offline",  # no such kind of proxy: every request fails before it is sent

@@ -22,6 +22,7 @@ from uavseg.raster.opening import (
     quiet_open,
     rasterio_window,
 )
+from uavseg.raster.sequential_rows import is_sequential, read_rows_before
 from uavseg.raster.tiff.deflate import check_deflate_blocks
 from uavseg.raster.tiff.jpeg import check_jpeg_blocks
 from uavseg.raster.tiff.sparse import SparseBlocks
@@ -137,6 +138,8 @@ class RasterFile:
             source = handles.open(self.path, self.located, self.driver, self.masks)
             options = {"window": rasterio_window(window), "out_shape": shape or (window.rows, window.cols)}
             try:
+                if is_sequential(self.driver):
+                    read_rows_before(source, window)
                 values, alpha = self._read_bands(source, choice, window, options)
                 mask = self._read_mask(source, choice, options)
             except GDAL_ERRORS:

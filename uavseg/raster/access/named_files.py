@@ -11,6 +11,7 @@ from pathlib import Path
 from uavseg.access import current_policy
 from uavseg.errors import AccessError, RasterError
 from uavseg.inputs import read_bytes, read_start, regular_file
+from uavseg.raster.access import geojp2, netcdf_header
 from uavseg.raster.access.drivers import drivers_of, names_no_file
 from uavseg.raster.access.vrt_sources import is_vrt, sources_of
 
@@ -115,6 +116,12 @@ class NamedFiles:
                 f"{subject} is HDF5, which may name other files unseen; convert it to "
                 'GeoTIFF (gdal_translate), or name its subdataset (NETCDF:"a.nc":band) if you trust it'
             )
+        if start.startswith(netcdf_header.SIGNATURES):
+            netcdf_header.check_netcdf_header(path)
+            return
+        if start.startswith(geojp2.SIGNATURE):
+            geojp2.check_geojp2(path)
+            return
         if path.suffix.lower() != ".xml" and start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"<", b"{", b"["):
             raise AccessError(f"{subject} holds a description in text, not an image")
         if path.suffix.lower() == ".xml":
