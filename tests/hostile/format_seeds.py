@@ -63,6 +63,13 @@ def formats() -> Files:
         (draw("vrt/a.tif", grey, compress="deflate", **UTM) / "x.vrt").write_text(MOSAIC)
         (root / "netcdf").mkdir()
         copy(root / "vrt" / "a.tif", root / "netcdf" / "x.nc", driver="netCDF")
+        folder = draw("grid_vrt/a.asc", grey[:, :60].astype(np.int32), driver="AAIGrid", **UTM)
+        (folder / "x.vrt").write_text(
+            MOSAIC.replace("a.tif", "a.asc").replace("70", "30").replace("140", "60")
+        )
+        (folder / "a.prj").unlink()
+        folder = draw("list/a.tif", grey, compress="deflate", **UTM)
+        (folder / "x.txt").write_text("# tiles\na.tif\n\n./a.tif\n")
         folder = draw("beside/x.tif", grey, compress="deflate", **UTM)
         options = {"TIFF_USE_OVR": True, "GDAL_TIFF_INTERNAL_MASK": False}
         with rasterio.Env(**options), rasterio.open(folder / "x.tif", "r+") as file:

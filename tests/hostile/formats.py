@@ -28,7 +28,7 @@ SAME: tuple[Arguments, ...] = (
     ("extract", "{x}", "--percentile", "50,100", "-o", "o{n}.geojson", *ONE),
 )
 UNSETTLED = {"hfa"}  # GDAL fills damaged blocks with what the memory held, see docs/security.md
-TEXTS = (".asc", ".bpw", ".gfw", ".hdr", ".jgw", ".pgw", ".prj", ".tfw", ".vrt", ".wld", ".xml")
+TEXTS = (".txt", ".asc", ".bpw", ".gfw", ".hdr", ".jgw", ".pgw", ".prj", ".tfw", ".vrt", ".wld", ".xml")
 
 
 def case(rng: Random) -> Case:
@@ -39,7 +39,11 @@ def case(rng: Random) -> Case:
     broken = rng.choice(list(files))
     is_text = broken.endswith(TEXTS) and chosen(rng, 0.7)
     files[broken] = (words_mutated if is_text else bytes_mutated)(files[broken], rng)
-    [x] = [name for name in files if name.count(".") == 1 and name.startswith("x.") and _is_raster(name)]
+    [x] = [
+        "@x.txt" if name == "x.txt" else name
+        for name in files
+        if name.count(".") == 1 and name.startswith("x.") and _is_raster(name)
+    ]
     if chosen(rng, 0.05) and len(files) > 1:
         del files[rng.choice([name for name in files if name != x])]
     if chosen(rng, 0.25) and folder not in UNSETTLED:
@@ -55,7 +59,7 @@ def case(rng: Random) -> Case:
 
 
 def _is_raster(name: str) -> bool:
-    return name.endswith((".asc", ".vrt")) or not name.endswith(TEXTS)
+    return name.endswith((".asc", ".txt", ".vrt")) or not name.endswith(TEXTS)
 
 
 def _named(line: Arguments, raster: str, number: int = 0) -> Arguments:

@@ -234,6 +234,7 @@ def bags() -> Files:
         return {
             "a.bag": write_ros1(folder / "a.bag", Drive(1, 3).everything(), "BZ2").read_bytes(),
             "a.db3": (write_ros2(folder / "db3", Drive(2, 3).everything()) / "db3.db3").read_bytes(),
+            "db3/metadata.yaml": (folder / "db3" / "metadata.yaml").read_bytes(),
             "a.mcap": (
                 write_ros2(folder / "mcap", Drive(2, 3).everything(), "MCAP") / "mcap.mcap"
             ).read_bytes(),

@@ -9,13 +9,16 @@ from rasterio.errors import RasterioIOError
 from rasterio.io import DatasetReader
 
 from uavseg.access import current_policy, is_address
-from uavseg.errors import AccessError
+from uavseg.errors import AccessError, RasterReadError
 from uavseg.inputs import regular_file
+from uavseg.plain_text import cause_of
 from uavseg.raster.access.drivers import as_file_name, drivers_of, names_no_file
 from uavseg.raster.access.limits import check_limits
 from uavseg.raster.access.named_files import NamedFiles, check_named_file
 from uavseg.raster.access.vrt_sources import sources_of
-from uavseg.raster.opening import gdal_env, quiet_open, unread_tags_are_errors
+from uavseg.raster.opening import GDAL_ERRORS, gdal_env, quiet_open, unread_tags_are_errors
+from uavseg.raster.sequential_rows import is_sequential, read_rows_before
+from uavseg.raster.tiling import Window
 
 _PAGE = re.compile(r"GTIFF_DIR:\d+:(.*)", re.IGNORECASE | re.DOTALL)
 _ARCHIVE = re.compile(r"/vsi(?!curl|s3|gs|az|adls|oss|swift|hdfs|webhdfs)", re.IGNORECASE)
@@ -49,6 +52,8 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
         for source_path in found.rasters if found else ():
             with open_by(source_path, drivers_of(source_path)) as source:
                 _check_opened(path, source_path, source)
+                if is_sequential(source.driver):  # of which GDAL would look for a later row for ever
+                    _check_rows(path, source_path, source)
         with open_by(path, drivers_of(path)) as source:
             _check_opened(path, path, source)
             yield source
@@ -90,6 +95,16 @@ def _check_unread_vrt(path: str) -> None:
             f"{path} lies in an archive, so what it names cannot be checked; unpack the archive"
         )
     current_policy().check_address(path, "of a file, which cannot be checked before it is read")
+
+
+def _check_rows(owner: str, path: str, source: DatasetReader) -> None:
+    """Check that each row of a text grid can be read, which a VRT names."""
+    try:
+        read_rows_before(source, Window(0, 0, *source.shape))
+    except GDAL_ERRORS as error:
+        raise RasterReadError(
+            f"{owner} names {path}, which cannot be read as a whole ({cause_of(error)}); repair it"
+        ) from error
 
 
 def _check_opened(owner: str, path: str, source: DatasetReader) -> None:
