@@ -10,8 +10,9 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.tiling import Window
 
 VRT = """<VRTDataset rasterXSize="20" rasterYSize="90"><GeoTransform>4e5, 1, 0, 5e6, 0, -1</GeoTransform>
-<VRTRasterBand dataType="Int32" band="1"><SimpleSource><SourceFilename relativeToVRT="1">a.asc</SourceFilename>
-<SourceBand>1</SourceBand></SimpleSource></VRTRasterBand></VRTDataset>"""
+<VRTRasterBand dataType="Int32" band="1"><SimpleSource>
+<SourceFilename relativeToVRT="1">a.asc</SourceFilename><SourceBand>1</SourceBand>
+</SimpleSource></VRTRasterBand></VRTDataset>"""
 
 
 @pytest.mark.parametrize("rows", [90, 70])
