@@ -53,6 +53,11 @@ SHAPE = (140, 170)
 Words = dict[str, Any]
 
 
+def some_fast(cases: list[Any]) -> list[Any]:
+    """Cases, two of three of which are not part of the fast suite."""
+    return [pytest.param(*case, marks=[pytest.mark.slow] if n % 3 else []) for n, case in enumerate(cases)]
+
+
 class Answer(NamedTuple):
     """What one face gives: the content of a file or the kind and text of an error, and warnings."""
 
@@ -372,9 +377,13 @@ MATCH: list[tuple[Any, Words]] = [
 
 @pytest.mark.parametrize(
     ("job", "source", "words"),
-    [("extract", *case) for case in EXTRACT]
-    + [("levels", *case) for case in LEVELS]
-    + [("match", *case) for case in MATCH],
+    some_fast(
+        [
+            *(("extract", *case) for case in EXTRACT),
+            *(("levels", *case) for case in LEVELS),
+            *(("match", *case) for case in MATCH),
+        ]
+    ),
 )
 def test_regions(job: str, source: Any, words: Words) -> None:
     rasters = source if isinstance(source, list) else [source]

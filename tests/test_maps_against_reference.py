@@ -157,7 +157,7 @@ def wrong_levels(
 
 @pytest.mark.parametrize(
     "first",
-    [first if first < 3 * CHUNK else pytest.param(first, marks=pytest.mark.slow) for first in CHUNKS],
+    [first if first < CHUNK else pytest.param(first, marks=pytest.mark.slow) for first in CHUNKS],
     ids=lambda first: f"maps {first} to {first + CHUNK - 1}",
 )
 def test_maps_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, first: int) -> None:
