@@ -208,6 +208,10 @@ class Dataset:
     def _parts(self) -> PartReader:
         return PartReader(self.choice, self._handles, self.skip_bad_tiles)
 
+    def without_formula(self) -> "Dataset":
+        """The same raster with the stored values of its bands, not what a formula makes of them."""
+        return replace(self, choice=replace(self.choice, formula=None))
+
     def fingerprint(self) -> tuple[object, ...]:
         """Content hash input: the files as they are now, and the options for reading them."""
         files = tuple(file.fingerprint() for file in self.mosaic.files)

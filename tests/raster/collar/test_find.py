@@ -70,6 +70,19 @@ def test_a_formula_has_the_collar_of_its_bands(
     assert (~picture & ~found).sum() <= 40  # the tips of acute corners
 
 
+@pytest.mark.parametrize("side", [250, 2000])
+def test_an_overview_of_a_formula_has_the_collar_of_its_bands(tmp_path: Path, side: int) -> None:
+    image = np.stack([texture(SHAPE, seed) for seed in range(2)])
+    path = write(tmp_path / "a.tif", framed(image, PICTURES["turned"], 0))
+    words = BandWords(expr="b1 / 2 + sqrt(b2)")
+    plain, formula = (
+        without_collar(DatasetOverview.of(Dataset.open(path, words=chosen), side), ALONE)
+        for chosen in (BandWords(), words)
+    )
+    assert formula.dtype == np.float32 and notes(formula) == notes(plain) != ""
+    assert np.array_equal(left_out(formula), left_out(plain)) and left_out(plain).any()
+
+
 @pytest.mark.parametrize("quality", [75, 90])
 @pytest.mark.parametrize("bands", [1, 3])
 @pytest.mark.parametrize("color", ["black", "white"])

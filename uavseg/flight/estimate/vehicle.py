@@ -24,7 +24,7 @@ from uavseg.json_object import number_in, read_object, word_in
 from uavseg.plain_text import shown
 
 TURNS = ("blend", "slow")
-_GREATEST = 1e9  # of any number, so that no product of them overflows
+_LEAST, _GREATEST = 1e-9, 1e9  # of any number but 0, so that no product or ratio of them overflows
 _MAY_BE_ZERO = frozenset(
     {
         "jerk_rise_s",
@@ -73,7 +73,7 @@ class Vehicle:
     Raises
     ------
     ParameterError
-        If a number is not positive or above 1e9, or power is given in part.
+        If a number is not positive or not 1e-9 to 1e9, or power is given in part.
     """
 
     name: str
@@ -109,9 +109,9 @@ class Vehicle:
             if not (math.isfinite(value) and (value > 0 or (zero and value == 0))):
                 least = "0 or more" if zero else "above 0"
                 raise ParameterError(f"{key} of the vehicle {self.name} is {least}, not {value:g}")
-            if value > _GREATEST:
+            if value > _GREATEST or 0 < value < _LEAST:
                 raise ParameterError(
-                    f"{key} of the vehicle {self.name} is at most {_GREATEST:g}, not {value:g}"
+                    f"{key} of the vehicle {self.name} is {_LEAST:g} to {_GREATEST:g}, not {value:g}"
                 )
         given = [key for key in _POWER if getattr(self, key) is not None]
         if 0 < len(given) < len(_POWER):

@@ -70,7 +70,7 @@ def without_collar(dataset: AnyDataset, tile_pass: TilePass) -> AnyDataset:
     tile_pass : TilePass
         Its executor is used; the result depends neither on it nor on its tiles.
     """
-    found = _find_collar(replace(dataset, choice=replace(dataset.choice, formula=None)), tile_pass)
+    found = _find_collar(dataset.without_formula(), tile_pass)
     return dataset if found is None else _masked(dataset, found)
 
 
