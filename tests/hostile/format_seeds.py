@@ -26,7 +26,7 @@ MOSAIC = """<VRTDataset rasterXSize="140" rasterYSize="128"><SRS>EPSG:32633</SRS
 
 @once
 def formats() -> Files:
-    """Content by `folder/name`; the raster of each folder is its file `x.*` that is no file beside another."""
+    """Content by `folder/name`; the raster of each folder is `x.*`, the others belong to it."""
     grey = image(128, 140)
     colours = np.stack([grey, np.roll(grey, 9, 0), 255 - grey])
     with TemporaryDirectory() as made:
