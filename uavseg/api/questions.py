@@ -162,18 +162,9 @@ def match(
         _check_alone(like, unlike, (window, similarity, intensity, by))
         words = os.fspath(classes), refine, drawing, holes, least, tuple(bands), as_length(detail)
         request = MatchClassesRequest(*words, min_confidence)
-    job = RegionJob(
-        ReadOptions(
-            band,
-            rgb,
-            nodata,
-            stretch,
-            skip_bad_tiles,
-            words=BandWords(index, expr, band_names),
-            collar=collar,
-        ),
-        partial(_matched, request),
-    )
+    named = BandWords(index, expr, band_names)
+    options = ReadOptions(band, rgb, nodata, stretch, skip_bad_tiles, words=named, collar=collar)
+    job = RegionJob(options, partial(_matched, request))
     with allowing(allow_path, allow_network):
         return regions_of(source, job, work(threads, tile, progress, resume))
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
+from uavseg.plain_text import shown
 
 NADIR_DEG = -90.0
 HIGHEST_PITCH_DEG = -30.0
@@ -58,11 +59,11 @@ class Camera:
         if not all(0 < size <= _GREATEST for size in sizes):
             raise ParameterError(
                 f"the sizes of the camera {self.name} must be numbers above 0, at most {_GREATEST:g}, not "
-                f"{', '.join(f'{float(min(size, 1e300)):g}' for size in sizes)}"
+                f"{', '.join(map(shown, sizes))}"
             )
         if not 0 <= self.min_interval_s <= _GREATEST:
             raise ParameterError(
-                f"the least interval of {self.name} is 0 to {_GREATEST:g} s, not {self.min_interval_s:g}"
+                f"the least interval of {self.name} is 0 to {_GREATEST:g} s, not {shown(self.min_interval_s)}"
             )
         across, along = (mm / px for mm, px in zip(self.sensor_mm, self.image_px, strict=True))
         if not 0.9 < across / along < 1.1:

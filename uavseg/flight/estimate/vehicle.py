@@ -73,7 +73,8 @@ class Vehicle:
     Raises
     ------
     ParameterError
-        If a number is not positive or not 1e-9 to 1e9, or power is given in part.
+        If a number is not positive (or 0 where that has a meaning), not 1e-9 to 1e9, or power is given in
+        part.
     """
 
     name: str
