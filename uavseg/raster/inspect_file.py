@@ -18,11 +18,11 @@ from uavseg.errors import RasterError, RasterReadError
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.drivers import as_file_name
 from uavseg.raster.access.open_checked import is_local, is_online, open_checked
-from uavseg.raster.access.tiff_directories import stores_mask
 from uavseg.raster.bands import BandLayout
 from uavseg.raster.geobox import check_transform
 from uavseg.raster.opening import GDAL_ERRORS, file_exists, has_place, mask_kind, open_error_text
 from uavseg.raster.raster_file import RasterFile
+from uavseg.raster.tiff.directories import mask_page
 from uavseg.raster.value_scale import BandScale
 
 Answer = TypeVar("Answer")
@@ -187,8 +187,8 @@ def _has_mask(path: str, source: DatasetReader) -> bool:
     if source.driver != "GTiff" or not is_local(path):
         return False
     if file_exists(f"{path}.msk"):
-        stores_mask(f"{path}.msk")
-    return stores_mask(path)
+        mask_page(f"{path}.msk")
+    return mask_page(path) is not None
 
 
 def _transform(path: str, source: DatasetReader) -> Affine | None:

@@ -25,6 +25,7 @@ from uavseg.raster.opening import (
 from uavseg.raster.sequential_rows import is_sequential, read_rows_before
 from uavseg.raster.tiff.deflate import check_deflate_blocks
 from uavseg.raster.tiff.jpeg import check_jpeg_blocks
+from uavseg.raster.tiff.mask import check_mask_blocks
 from uavseg.raster.tiff.sparse import SparseBlocks
 from uavseg.raster.tiling import Window
 from uavseg.raster.value_scale import BandScale
@@ -141,7 +142,7 @@ class RasterFile:
                 if is_sequential(self.driver):
                     read_rows_before(source, window)
                 values, alpha = self._read_bands(source, choice, window, options)
-                mask = self._read_mask(source, choice, options)
+                mask = self._read_mask(source, choice, window, options)
             except GDAL_ERRORS:
                 handles.close(self.path)  # a block that failed once is read as 0 the next time
                 raise
@@ -191,7 +192,7 @@ class RasterFile:
             if sparse is not None:
                 return sparse
             values: Values = source.read(list(bands), **options)
-            if self.driver == "GTiff" and options["out_shape"] == (window.rows, window.cols):
+            if self._is_checked(window, options):
                 check_deflate_blocks(self.path, source, bands, window, values)
                 check_jpeg_blocks(self.path, source, bands, window)
             return values
@@ -204,12 +205,20 @@ class RasterFile:
             return pixels[:-1], pixels[-1]
         return read(bands), read([alpha])[0]
 
-    def _read_mask(self, source: DatasetReader, choice: BandChoice, options: dict[str, Any]) -> Valid | None:
+    def _read_mask(
+        self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]
+    ) -> Valid | None:
         if not self.masks:
             return None
         bands = list(choice.bands[:1] if self.masks == "file" else choice.bands)
         mask: Valid = (source.read_masks(bands, **options) != 0).all(axis=0)
+        if self._is_checked(window, options):
+            check_mask_blocks(self.path, source, bands, window)
         return mask
+
+    def _is_checked(self, window: Window, options: dict[str, Any]) -> bool:
+        """Whether to look for damage that GDAL does not report: in TIFFs, where they are not downsampled."""
+        return self.driver == "GTiff" and options["out_shape"] == (window.rows, window.cols)
 
     def _brightness(
         self, values: Values, valid: Valid | None, choice: BandChoice

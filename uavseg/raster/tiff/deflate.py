@@ -18,26 +18,27 @@ from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import Values
-from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks
+from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks, file_of
 from uavseg.raster.tiling import Window
 
 _known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file
 
 
 def check_deflate_blocks(
-    path: str, source: DatasetReader, bands: Sequence[int], window: Window, values: Values
+    path: str, source: DatasetReader, bands: Sequence[int], window: Window, values: Values | None = None
 ) -> None:
     """Check the blocks of an open TIFF that intersect a window which was just read; each only once.
 
     Parameters
     ----------
     path : str
+        By which it was opened: that of the file, or one of its images (`GTIFF_DIR:2:a.tif`).
     source : DatasetReader
         Nothing is checked if it is compressed in another manner, lies in an archive or is remote.
     bands : sequence of int
     window : Window
-    values : (bands, rows, cols) array
-        What was read.
+    values : (bands, rows, cols) array, optional
+        What was read; without it blocks are read again.
 
     Raises
     ------
@@ -45,20 +46,21 @@ def check_deflate_blocks(
         If the stream of one of them does not end where the block ends.
     """
     if source not in _known:
-        _known[source] = DeflateBlocks(path, source) if _is_checked(path, source) else None
+        _known[source] = _deflate_blocks(path, source)
     blocks = _known[source]
     if blocks is not None:
         blocks.check(source, tuple(bands), window, values)
 
 
-def _is_checked(path: str, source: DatasetReader) -> bool:
-    return source.compression == Compression.deflate and Path(path).is_file()
+def _deflate_blocks(name: str, source: DatasetReader) -> "DeflateBlocks | None":
+    path = file_of(name) if source.compression == Compression.deflate else None
+    return None if path is None else DeflateBlocks(name, path, source)
 
 
 class DeflateBlocks:
     """The blocks of an open TIFF that is compressed by deflate."""
 
-    def __init__(self, path: str, source: DatasetReader) -> None:
+    def __init__(self, name: str, path: Path, source: DatasetReader) -> None:
         structure = source.tags(ns="IMAGE_STRUCTURE")
         self._path = path
         self._predictor = structure.get("PREDICTOR", "1")
@@ -68,9 +70,11 @@ class DeflateBlocks:
         self._is_tiled = self._shape[1] != source.width
         rows, cols = self._shape
         size = (1 if self._all_bands else source.count, -(-source.height // rows), -(-source.width // cols))
-        self._checked = checked_blocks(path, size)
+        self._checked = checked_blocks(name, path, size)
 
-    def check(self, source: DatasetReader, bands: tuple[int, ...], window: Window, values: Values) -> None:
+    def check(
+        self, source: DatasetReader, bands: tuple[int, ...], window: Window, values: Values | None
+    ) -> None:
         """As `check_deflate_blocks`."""
         rows, cols = self._shape
         i, j = window.row // rows, window.col // cols
@@ -80,7 +84,9 @@ class DeflateBlocks:
         for plane, row, col in (left + np.array([0, i, j])).tolist():
             block = Window(row * rows, col * cols, rows, cols).clipped(source.shape)
             every = tuple(source.indexes) if self._all_bands else (bands[plane],)
-            own = None if self._all_bands and bands != every else values[plane : plane + len(every)]
+            own = None if values is None else values[plane : plane + len(every)]
+            if self._all_bands and bands != every:
+                own = None  # without the other bands of the block
             if not self._is_right(source, every, (row, col), block, _part(own, window, block)):
                 raise RasterBlockError(f"the stream of the block at {row}, {col} goes on beyond its end")
             self._checked[planes[plane], row, col] = True

@@ -16,7 +16,7 @@ from rasterio.enums import Compression, PhotometricInterp
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
-from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks
+from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks, file_of
 from uavseg.raster.tiling import Window
 
 HEADER_BYTES = 4096  # in which the frame header usually lies
@@ -34,6 +34,7 @@ def check_jpeg_blocks(path: str, source: DatasetReader, bands: Sequence[int], wi
     Parameters
     ----------
     path : str
+        By which it was opened: that of the file, or one of its images (`GTIFF_DIR:2:a.tif`).
     source : DatasetReader
         Nothing is checked if it is compressed in another manner, lies in an archive or is remote, or if its
         chrominance lies in planes of its own, which may be smaller.
@@ -46,30 +47,32 @@ def check_jpeg_blocks(path: str, source: DatasetReader, bands: Sequence[int], wi
         If one of them holds an image that is smaller than the block, or lacks a table.
     """
     if source not in _known:
-        _known[source] = JpegBlocks(path, source) if _is_checked(path, source) else None
+        _known[source] = _jpeg_blocks(path, source)
     blocks = _known[source]
     if blocks is not None:
         blocks.check(source, bands, window)
 
 
-def _is_checked(path: str, source: DatasetReader) -> bool:
-    if source.compression != Compression.jpeg or source.driver != "GTiff" or not Path(path).is_file():
-        return False
+def _jpeg_blocks(name: str, source: DatasetReader) -> "JpegBlocks | None":
+    if source.compression != Compression.jpeg or source.driver != "GTiff":
+        return None
     planar = source.count > 1 and source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") != "PIXEL"
-    return not (planar and source.photometric == PhotometricInterp.ycbcr)
+    path = None if planar and source.photometric == PhotometricInterp.ycbcr else file_of(name)
+    return None if path is None else JpegBlocks(name, path, source)
 
 
 class JpegBlocks:
     """The blocks of an open TIFF that is compressed by JPEG."""
 
-    def __init__(self, path: str, source: DatasetReader) -> None:
+    def __init__(self, name: str, path: Path, source: DatasetReader) -> None:
         self._path = path
         self._all_bands = source.tags(ns="IMAGE_STRUCTURE").get("INTERLEAVE") == "PIXEL" and source.count > 1
         rows, cols = self._shape = source.block_shapes[0]
         planes = 1 if self._all_bands else source.count
         tables = source.get_tag_item("JPEGTABLES", "TIFF", bidx=1) or ""
         self._tables = _parse(bytes.fromhex(tables)).defined
-        self._checked = checked_blocks(path, (planes, -(-source.height // rows), -(-source.width // cols)))
+        size = planes, -(-source.height // rows), -(-source.width // cols)
+        self._checked = checked_blocks(name, path, size)
 
     def check(self, source: DatasetReader, bands: Sequence[int], window: Window) -> None:
         """As `check_jpeg_blocks`."""

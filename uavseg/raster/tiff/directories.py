@@ -68,8 +68,8 @@ class _Layout:
         file.seek(place)
 
 
-def stores_mask(path: str) -> bool:
-    """Whether a TIFF has a mask for its first image.
+def mask_page(path: str) -> int | None:
+    """The number of the image in a TIFF that is the mask of its first image, counted from 1; None without.
 
     Raises
     ------
@@ -94,10 +94,10 @@ def stores_mask(path: str) -> bool:
             "COMPRESS=DEFLATE"
         )
     size = [directories[0].get(tag) for tag in (_ROWS, _COLS)]
-    return any(
-        one.get(_KIND, 0) & (_MASK | _REDUCED) == _MASK and [one.get(_ROWS), one.get(_COLS)] == size
-        for one in directories[1:]
-    )
+    for number, one in enumerate(directories[1:], 2):
+        if one.get(_KIND, 0) & (_MASK | _REDUCED) == _MASK and [one.get(_ROWS), one.get(_COLS)] == size:
+            return number
+    return None
 
 
 def _directories(file: BinaryIO) -> list[dict[int, int]]:
