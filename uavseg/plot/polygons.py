@@ -20,6 +20,7 @@ from uavseg.regions.formats.read import read_regions, vector_errors
 from uavseg.regions.formats.vector_files import (
     check_attributes,
     check_feature_count,
+    check_geometries,
     check_vector,
     reading_vectors,
 )
@@ -153,7 +154,9 @@ def _table_of_file(name: str) -> PolygonTable:
         polygons = None if geometry is None else shapely.from_wkb(geometry)
     if polygons is None:
         raise RegionError(f"{name} is a table without geometry; give a file of polygons")
-    return PolygonTable(polygons, metadata["crs"], dict(zip(metadata["fields"], columns, strict=True)))
+    return PolygonTable(
+        _complete(polygons, name), metadata["crs"], dict(zip(metadata["fields"], columns, strict=True))
+    )
 
 
 def _table_of_parquet(name: str) -> PolygonTable:
@@ -168,7 +171,14 @@ def _table_of_parquet(name: str) -> PolygonTable:
         column = metadata["primary_column"]
         crs = metadata["columns"][column].get("crs", "OGC:CRS84")
         return PolygonTable(
-            shapely.from_wkb(table[column].to_numpy()),
+            _complete(shapely.from_wkb(table[column].to_numpy()), name),
             crs if isinstance(crs, str | None) else json.dumps(crs),
             {key: table[key].to_numpy() for key in _DRAWN_COLUMNS if key in table.column_names},
         )
+
+
+def _complete(polygons: PolygonArray, name: str) -> PolygonArray:
+    """The same, unless some could not be read; a file of no regions is drawn."""
+    if len(polygons):
+        check_geometries(polygons, name)
+    return polygons

@@ -5,7 +5,9 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import geopandas
 import pytest
+import shapely
 
 from uavseg.errors import RegionError
 from uavseg.plot.polygons import PolygonTable
@@ -59,3 +61,35 @@ def test_a_coordinate_that_is_no_number_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(RegionError):
         read_regions(path)
+
+
+@pytest.mark.parametrize("read", [read_regions, PolygonTable.of])
+@pytest.mark.parametrize(
+    "lost",
+    [
+        polygon([[15, 40], [15.1, "x"], [15.1, 40.1], [15, 40]]),
+        {"type": "Polygon", "coordinates": []},
+        {"type": "Polygon"},
+        None,
+    ],
+)
+def test_no_feature_is_left_out(tmp_path: Path, read: Any, lost: Any) -> None:
+    path = tmp_path / "a.geojson"
+    path.write_text(geojson(polygon(CLOSED), lost, polygon(CLOSED)))
+    with pytest.raises(RegionError, match=r"1 of 3 features .* feature 2\)|cannot be read"):
+        read(path)
+    path.write_text(geojson(polygon(CLOSED), polygon(CLOSED)))
+    read(path)
+
+
+@pytest.mark.parametrize("read", [read_regions, PolygonTable.of])
+@pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp", ".parquet"])
+@pytest.mark.parametrize("lost", [None, shapely.Polygon()])
+def test_nor_in_another_format(tmp_path: Path, read: Any, suffix: str, lost: Any) -> None:
+    places = [shapely.Polygon(CLOSED), lost]
+    frame = geopandas.GeoDataFrame({"id": [1, 2]}, geometry=places, crs="EPSG:4326")
+    path = tmp_path / f"a{suffix}"
+    options = {"SPATIAL_INDEX": "NO"} if suffix == ".fgb" else {}  # which needs all geometries
+    frame.to_parquet(path) if suffix == ".parquet" else frame.to_file(path, **options)
+    with pytest.raises(RegionError, match=r"1 of 2 features .* feature 2\)"):
+        read(path)

@@ -18,6 +18,7 @@ from uavseg.raster.geodesy.globe import parse_crs
 from uavseg.regions.formats import geojson, kml
 from uavseg.regions.formats.arrow_stream import GEOMETRY, RegionStream, batches
 from uavseg.regions.formats.check_written import is_complete
+from uavseg.regions.formats.gdal_state import gdal_options
 from uavseg.regions.formats.geojson import COLLECTION, GeoJsonForm
 from uavseg.regions.formats.metadata import metadata_items
 from uavseg.regions.formats.parquet import import_pyarrow
@@ -169,7 +170,11 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
     promote = has_multipolygons(regions.polygons)
     stream = RegionStream(regions, promote)
-    with changing_filters(), _gdal_date(_DATE), _raising(stream):  # one thread at a time
+    with (
+        changing_filters(),
+        gdal_options({"OGR_CURRENT_DATE": _DATE}),
+        _raising(stream),
+    ):  # one thread at a time
         warnings.simplefilter("ignore")
         try:
             pyogrio.raw.write_arrow(
@@ -198,19 +203,6 @@ def _raising(stream: RegionStream) -> Iterator[None]:
     finally:
         if stream.stopped:
             raise stream.stopped[0] from None
-
-
-@contextmanager
-def _gdal_date(date: str) -> Iterator[None]:
-    """Set the date that GDAL takes as the current one."""
-    import pyogrio
-
-    before = pyogrio.get_gdal_config_option("OGR_CURRENT_DATE")
-    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": date})
-    try:
-        yield
-    finally:
-        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": before})
 
 
 def _write_parquet(regions: Regions, path: Path) -> None:

@@ -21,6 +21,7 @@ from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.vector_files import (
     check_attributes,
     check_feature_count,
+    check_geometries,
     check_vector,
     reading_vectors,
 )
@@ -167,9 +168,7 @@ def _layers(source: Any, name: str, layer: str | None) -> Any:
 def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
     from pyproj.exceptions import ProjError
 
-    frame = frame[~(frame.geometry.isna() | frame.geometry.is_empty)]
-    if len(frame) == 0:
-        raise RegionError(f"{name} holds no regions")
+    check_geometries(np.asarray(frame.geometry, dtype=object), name)
     if frame.crs is None:
         raise RegionError(
             f"{name} has no coordinate system, so its position on Earth is unknown; give the file one "

@@ -13,10 +13,15 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
 from uavseg.access import current_policy
 from uavseg.errors import AccessError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
 from uavseg.plain_text import cause_of
+from uavseg.regions.formats.gdal_state import gdal_options
 
 _EXTENSIONS = {
     "GeoJSON": (".geojson", ".json", ".geojsonl", ".geojsons", ".ndjson", ".topojson"),
@@ -100,15 +105,8 @@ def vector_format(path: str | os.PathLike[str]) -> str | None:
 @contextmanager
 def reading_vectors() -> Iterator[None]:
     """GDAL without requests, and without code from databases, while vectors are read."""
-    import pyogrio
-
-    options = {} if current_policy().allow_network else dict(_OPTIONS)
-    before = {option: pyogrio.get_gdal_config_option(option) for option in options}
-    pyogrio.set_gdal_config_options(options)
-    try:
+    with gdal_options({} if current_policy().allow_network else _OPTIONS):
         yield
-    finally:
-        pyogrio.set_gdal_config_options(before)
 
 
 def check_feature_count(source: Any, name: str, layer: str | None = None) -> None:
@@ -125,6 +123,30 @@ def check_feature_count(source: Any, name: str, layer: str | None = None) -> Non
     features = int(pyogrio.read_info(source, layer=layer)["features"])
     if features > size:
         raise RegionError(f"{name} claims {features:,} features in {size:,} bytes; its header is damaged")
+
+
+def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
+    """Check that every feature has a geometry: GDAL leaves out those that it cannot read.
+
+    Parameters
+    ----------
+    geometries : ndarray of shapely geometries or None
+    name : str
+        For messages.
+
+    Raises
+    ------
+    RegionError
+        If a feature has none, or an empty one.
+    """
+    missing = np.flatnonzero(shapely.is_missing(geometries) | shapely.is_empty(geometries))
+    if len(missing) == len(geometries):
+        raise RegionError(f"{name} holds no regions")
+    if len(missing):
+        raise RegionError(
+            f"{name} has {len(missing):,} of {len(geometries):,} features without a geometry, or with one "
+            f"that cannot be read (the first is feature {missing[0] + 1}); delete or repair them"
+        )
 
 
 def check_attributes(source: Any, name: str, count: int) -> None:
