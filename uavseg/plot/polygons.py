@@ -15,12 +15,15 @@ from uavseg.plain_text import shown
 from uavseg.plot.frame import Frame
 from uavseg.raster.geodesy.globe import transform_between
 from uavseg.raster.opening import file_exists
+from uavseg.regions.formats.check_read import (
+    check_attributes,
+    check_count,
+    check_feature_count,
+    check_geometries,
+)
 from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.read import read_regions, vector_errors
 from uavseg.regions.formats.vector_files import (
-    check_attributes,
-    check_feature_count,
-    check_geometries,
     check_vector,
     reading_vectors,
 )
@@ -148,10 +151,12 @@ def _table_of_file(name: str) -> PolygonTable:
     if suffix in {".parquet", ".geoparquet"}:
         return _table_of_parquet(name)
     with vector_errors(name), reading_vectors():
-        check_feature_count(name, name)
+        features = check_feature_count(name, name)
         metadata, _, geometry, columns = read(name)
         check_attributes(name, name, len(columns))
         polygons = None if geometry is None else shapely.from_wkb(geometry)
+        if polygons is not None:
+            check_count(len(polygons), features, name)
     if polygons is None:
         raise RegionError(f"{name} is a table without geometry; give a file of polygons")
     return PolygonTable(

@@ -1,16 +1,20 @@
-"""Geometries that cannot be read are an error that says why, not a traceback and not a region less."""
+"""What cannot be read is an error that says why, not a traceback and not a region less."""
 
 import json
+import random
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import geopandas
+import numpy as np
 import pytest
 import shapely
 
 from uavseg.errors import RegionError
 from uavseg.plot.polygons import PolygonTable
+from uavseg.regions.formats import check_read
 from uavseg.regions.formats.read import read_regions
 
 OPEN = [[15.0, 40.6], [15.001, 40.6], [15.001, 40.601], [15.0, 40.601]]
@@ -93,3 +97,116 @@ def test_nor_in_another_format(tmp_path: Path, read: Any, suffix: str, lost: Any
     frame.to_parquet(path) if suffix == ".parquet" else frame.to_file(path, **options)
     with pytest.raises(RegionError, match=r"1 of 2 features .* feature 2\)"):
         read(path)
+
+
+FEATURE = {"type": "Feature", "properties": {"geometry": "a"}, "geometry": polygon(CLOSED)}
+ONE = json.dumps(FEATURE)
+COLLECTION = {"type": "FeatureCollection", "features": [FEATURE, FEATURE]}
+ESRI = {
+    "geometryType": "esriGeometryPolygon",
+    "spatialReference": {"wkid": 4326},
+    "fields": [{"name": "a", "type": "esriFieldTypeString"}],
+    "features": 2 * [{"attributes": {"a": "b"}, "geometry": {"rings": [CLOSED]}}],
+}
+
+
+def zeros_in_the_last_feature() -> str:
+    """The name of the first member is zeros up to what was the value of its geometry."""
+    text = json.dumps(COLLECTION)
+    first, end = text.rindex('type": "Feature"'), text.rindex('": {"type": "Polygon"')
+    return text[:first] + "\0" * (end - first) + text[end:]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "count"),
+    [
+        ("a.geojson", json.dumps(COLLECTION), 2),
+        ("a.geojson", "\ufeff" + json.dumps(COLLECTION), 2),
+        ("a.geojson", ONE, 1),
+        ("a.geojson", json.dumps(polygon(CLOSED)), 1),
+        ("a.geojson", json.dumps({**COLLECTION, "features": [FEATURE, None, 7]}), 1),
+        ("a.geojson", f"{ONE}\n{ONE}\n", 2),
+        ("a.geojsonl", f"{ONE}\r\n\n  \n{ONE}\n{json.dumps(polygon(CLOSED))}", 3),
+        ("a.geojsonl", json.dumps(COLLECTION), 2),
+        ("a.geojsons", 3 * f"\x1e{json.dumps(FEATURE, indent=1)}\n", 3),
+        ("a.json", json.dumps(ESRI), 2),
+        (
+            "a.geojson",
+            json.dumps({**COLLECTION, "features": [FEATURE, {**FEATURE, "type": "Featuse"}]}),
+            None,
+        ),
+        ("a.geojson", json.dumps({**COLLECTION, "features": [FEATURE, COLLECTION]}), None),
+        ("a.geojson", zeros_in_the_last_feature(), None),
+        ("a.geojsonl", f"{ONE}\n{ONE[:-3]}\n{ONE}\n", None),
+        ("a.geojsonl", f"{ONE}\n{ONE}\n{ONE[:40]}", None),
+        ("a.geojsonl", f"{ONE}\n{ONE}J{ONE}\n", None),
+        ("a.geojsons", f"\x1e{ONE}\n\x1e{ONE[:-3]}\n", None),
+        ("a.json", json.dumps({**ESRI, "features": [*ESRI["features"], {"geometrx": 1}]}), None),
+    ],
+)
+def test_all_features_of_a_json_text_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: str, count: int | None
+) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    readers = (read_regions, PolygonTable.of, lambda path: read_regions(path.read_bytes()))
+    for piece in (1 << 24, 7):  # bytes of the text that are looked at in one go
+        monkeypatch.setattr(check_read, "_PIECE", piece)
+        for read in readers:
+            if count is None:
+                with pytest.raises(RegionError, match=r"of which|without a geometry|null bytes|Extra"):
+                    read(path)
+            else:
+                assert len(read(path).polygons) == count
+
+
+def changes(content: bytes, seed: int, count: int) -> Iterator[bytes]:
+    """The content with a bit changed, with 64 bytes of 0, or cut."""
+    draw = random.Random(seed)
+    for n in range(count):
+        at = draw.randrange(len(content))
+        flipped = content[at] ^ 1 << draw.randrange(8)
+        if n % 4 == 3:
+            yield content[:at]
+        elif n % 4 == 2:
+            yield content[:at] + bytes(min(64, len(content) - at)) + content[at + 64 :]
+        else:
+            yield content[:at] + bytes([flipped]) + content[at + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "count"),
+    [
+        pair
+        for suffix in (".geojson", ".geojsonl", ".gpkg", ".fgb", ".shp", ".shx", ".dbf", ".parquet", ".kml")
+        for pair in ((suffix, 24), pytest.param(suffix, 600, marks=pytest.mark.thorough))
+    ],
+)
+def test_a_damaged_file_is_refused_or_none_of_its_regions_is_lost(
+    tmp_path: Path, suffix: str, count: int
+) -> None:
+    places = [shapely.box(x, 40, x + 0.0005, 40.0005) for x in np.linspace(15, 15.02, 20)]
+    names = [f"region {n}" for n in range(len(places))]
+    frame = geopandas.GeoDataFrame({"name": names}, geometry=places, crs="EPSG:4326")
+    part = tmp_path / f"a{suffix}"
+    path = part.with_suffix(".shp") if suffix in {".shx", ".dbf"} else part
+    if suffix == ".kml":
+        rings = [" ".join(f"{x},{y}" for x, y in place.exterior.coords) for place in places]
+        head, tail = KML.split("<Placemark>")
+        part.write_text("<Placemark>".join([head, *[tail.split("</Document>")[0].format(r) for r in rings]]))
+        part.write_text(part.read_text() + "</Document></kml>")
+    elif suffix == ".parquet":
+        frame.to_parquet(path)
+    else:
+        frame.to_file(path, **({"driver": "GeoJSONSeq"} if suffix == ".geojsonl" else {}))
+    whole = part.read_bytes()
+    read_regions(path)
+    for content in changes(whole, 7, count):
+        if suffix == ".geojsonl" and content in whole and whole[len(content) :][:1] in (b"\n", b"{"):
+            continue  # a shorter file that is whole
+        part.write_bytes(content)
+        for read in (read_regions, PolygonTable.of):
+            try:
+                assert len(read(path).polygons) >= len(places)  # one that crosses itself now is two
+            except RegionError as error:
+                assert "\n" not in str(error)

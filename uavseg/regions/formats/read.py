@@ -17,11 +17,14 @@ from uavseg.errors import RegionError, UavsegError
 from uavseg.plain_text import cause_of
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
 from uavseg.raster.opening import file_exists
-from uavseg.regions.formats.parquet import import_pyarrow
-from uavseg.regions.formats.vector_files import (
+from uavseg.regions.formats.check_read import (
     check_attributes,
+    check_count,
     check_feature_count,
     check_geometries,
+)
+from uavseg.regions.formats.parquet import import_pyarrow
+from uavseg.regions.formats.vector_files import (
     check_vector,
     reading_vectors,
 )
@@ -84,9 +87,9 @@ def regions_of_frame(frame: "GeoDataFrame") -> Regions:
 @np.errstate(all="ignore")  # coordinates that are not finite, or far too large, are refused below
 def _complete_frame(frame: "GeoDataFrame", name: str) -> Regions:
     frame = _to_wgs84(frame, name)
-    columns = {
-        str(column): np.asarray(frame[column]) for column in frame.columns if column != frame.geometry.name
-    }
+    with vector_errors(name):  # texts of a damaged file may not be UTF-8
+        fields = [field for field in frame.columns if field != frame.geometry.name]
+        columns = {str(field): np.asarray(frame[field]) for field in fields}
     geometries = _polygons(np.asarray(frame.geometry, dtype=object), name)
     return _complete(_restore_names(columns), geometries)
 
@@ -103,7 +106,7 @@ def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | 
             frame = geopandas.read_parquet(source)
         else:
             with reading_vectors():
-                frame = _layers(io.BytesIO(source) if isinstance(source, bytes) else source, name, layer)
+                frame = _layers(source, name, layer)
     if not isinstance(frame, geopandas.GeoDataFrame):
         raise RegionError(f"{name} holds no geometries; regions are polygons")
     return frame
@@ -140,15 +143,12 @@ def _cause(error: Exception) -> str:
     return "it is neither GeoJSON nor another format of polygons that GDAL knows" if unknown else cause
 
 
-def _layers(source: Any, name: str, layer: str | None) -> Any:
-    import geopandas
+def _layers(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> Any:
     import pandas
     import pyogrio
 
-    if isinstance(source, io.BytesIO):
-        check_feature_count(source, name)
-        source.seek(0)
-        return geopandas.read_file(source)
+    if isinstance(source, bytes):
+        return _layer(source, name)
     layers = [known for known in map(str, pyogrio.list_layers(source)[:, 0]) if known != "layer_styles"]
     if not layers:
         raise RegionError(f"{name} holds no layer of regions")
@@ -157,12 +157,19 @@ def _layers(source: Any, name: str, layer: str | None) -> Any:
     wanted = layers if layer is None else [layer]
     if len(wanted) > 1 and Path(source).suffix.lower() not in {".kml", ".kmz"}:
         raise RegionError(f"{name} has {len(layers)} layers; choose with --layer one of {', '.join(layers)}")
-    for one in wanted:
-        check_feature_count(source, name, one)
-    frames = [geopandas.read_file(source, layer=one) for one in wanted]
+    frames = [_layer(source, name, one) for one in wanted]
     check_attributes(source, name, max(len(frame.columns) for frame in frames) - 1)
     frames = [frame for frame in frames if len(frame)] or frames
     return frames[0] if len(frames) == 1 else pandas.concat(frames, ignore_index=True)
+
+
+def _layer(source: str | os.PathLike[str] | bytes, name: str, layer: str | None = None) -> Any:
+    import geopandas
+
+    features = check_feature_count(source, name, layer)
+    frame = geopandas.read_file(io.BytesIO(source) if isinstance(source, bytes) else source, layer=layer)
+    check_count(len(frame), features, name)
+    return frame
 
 
 def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":

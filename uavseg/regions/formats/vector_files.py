@@ -1,4 +1,4 @@
-"""Vector files that may be hostile: what they are, what they name, and how many features they can hold.
+"""Vector files that may be hostile: what they are, what they name, and the options of GDAL.
 
 GDAL recognises formats by content, and some formats (OGR VRT, descriptions of web services, pipelines of
 GDAL) name other files or addresses. So only the formats below are opened, a file with one of their extensions
@@ -12,10 +12,6 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-import shapely
-from numpy.typing import NDArray
 
 from uavseg.access import current_policy
 from uavseg.errors import AccessError, RegionError
@@ -107,70 +103,6 @@ def reading_vectors() -> Iterator[None]:
     """GDAL without requests, and without code from databases, while vectors are read."""
     with gdal_options({} if current_policy().allow_network else _OPTIONS):
         yield
-
-
-def check_feature_count(source: Any, name: str, layer: str | None = None) -> None:
-    """Check that a layer does not claim more features than its file has bytes.
-
-    Raises
-    ------
-    RegionError
-        If it does.
-    """
-    import pyogrio
-
-    size = Path(source).stat().st_size if isinstance(source, str | os.PathLike) else len(source.getvalue())
-    features = int(pyogrio.read_info(source, layer=layer)["features"])
-    if features > size:
-        raise RegionError(f"{name} claims {features:,} features in {size:,} bytes; its header is damaged")
-
-
-def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
-    """Check that every feature has a geometry: GDAL leaves out those that it cannot read.
-
-    Parameters
-    ----------
-    geometries : ndarray of shapely geometries or None
-    name : str
-        For messages.
-
-    Raises
-    ------
-    RegionError
-        If a feature has none, or an empty one.
-    """
-    missing = np.flatnonzero(shapely.is_missing(geometries) | shapely.is_empty(geometries))
-    if len(missing) == len(geometries):
-        raise RegionError(f"{name} holds no regions")
-    if len(missing):
-        raise RegionError(
-            f"{name} has {len(missing):,} of {len(geometries):,} features without a geometry, or with one "
-            f"that cannot be read (the first is feature {missing[0] + 1}); delete or repair them"
-        )
-
-
-def check_attributes(source: Any, name: str, count: int) -> None:
-    """Check that attributes of a Shapefile were read: GDAL leaves out a table that it cannot read.
-
-    Parameters
-    ----------
-    source : path or file
-    name : str
-        For messages.
-    count : int
-        How many attributes were read.
-
-    Raises
-    ------
-    RegionError
-        If it has none.
-    """
-    if count == 0 and isinstance(source, str | os.PathLike):
-        table = Path(source).with_suffix(".dbf")
-        if Path(source).suffix.lower() == ".shp" and os.path.lexists(table):
-            raise RegionError(
-                f"{name} cannot be read as regions: {table.name}, the table of its attributes, is damaged"
-            )
 
 
 def _kind(start: bytes) -> str | None:

@@ -1,0 +1,186 @@
+"""Whether all regions of a file were read: GDAL leaves out what it cannot read, mostly without an error.
+
+A region that is lost may be the one that a drone has to keep away from.
+"""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from uavseg.errors import RegionError
+from uavseg.inputs import MAX_TEXT, parse_json, read_bytes
+from uavseg.plain_text import cause_of
+
+_PIECE = 1 << 24  # bytes of a text that are looked at in one go
+_GEOMETRY = b'"geometry"'
+
+
+def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer: str | None = None) -> int:
+    """How many features a layer claims: no more than its file has bytes, and no fewer than its text has.
+
+    Parameters
+    ----------
+    source : path or bytes
+    name : str
+        For messages.
+    layer : str, optional
+        By default the first one.
+
+    Returns
+    -------
+    features : int
+        -1 if nobody knows without reading them.
+
+    Raises
+    ------
+    RegionError
+        If it claims more, or if it is JSON and holds some that GDAL does not count.
+    """
+    import pyogrio
+
+    size = len(source) if isinstance(source, bytes) else Path(source).stat().st_size
+    found = pyogrio.read_info(source, layer=layer)
+    features = int(found["features"])
+    if features > size:
+        raise RegionError(f"{name} claims {features:,} features in {size:,} bytes; its header is damaged")
+    if "JSON" in found["driver"]:
+        _check_json_count(source, name, found["driver"] == "GeoJSONSeq")
+    return features
+
+
+def check_count(count: int, features: int, name: str) -> None:
+    """Check that so many features were read as a layer claims, if it claims a number.
+
+    Raises
+    ------
+    RegionError
+        If not.
+    """
+    if features not in (-1, count):
+        raise RegionError(f"{name} claims {features:,} features, and {count:,} can be read; it is damaged")
+
+
+def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
+    """Check that every feature has a geometry.
+
+    Parameters
+    ----------
+    geometries : ndarray of shapely geometries or None
+    name : str
+        For messages.
+
+    Raises
+    ------
+    RegionError
+        If a feature has none, or an empty one.
+    """
+    missing = np.flatnonzero(shapely.is_missing(geometries) | shapely.is_empty(geometries))
+    if len(missing) == len(geometries):
+        raise RegionError(f"{name} holds no regions")
+    if len(missing):
+        raise RegionError(
+            f"{name} has {len(missing):,} of {len(geometries):,} features without a geometry, or with one "
+            f"that cannot be read (the first is feature {missing[0] + 1}); delete or repair them"
+        )
+
+
+def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: int) -> None:
+    """Check that attributes of a Shapefile were read.
+
+    Parameters
+    ----------
+    source : path or bytes
+    name : str
+        For messages.
+    count : int
+        How many attributes were read.
+
+    Raises
+    ------
+    RegionError
+        If it has none.
+    """
+    if count == 0 and not isinstance(source, bytes):
+        table = Path(source).with_suffix(".dbf")
+        if Path(source).suffix.lower() == ".shp" and os.path.lexists(table):
+            raise RegionError(
+                f"{name} cannot be read as regions: {table.name}, the table of its attributes, is damaged"
+            )
+
+
+def _check_json_count(source: str | os.PathLike[str] | bytes, name: str, is_sequence: bool) -> None:
+    """Check that GDAL counts all features of a text, in all layers.
+
+    The text is parsed only if not as many members are called geometry as features were counted.
+    """
+    import pyogrio
+
+    if any(b"\0" in piece for piece in _pieces(source)):  # GDAL goes on after it somewhere
+        raise RegionError(f"{name} cannot be read as regions: it has null bytes, which JSON has not")
+    layers = range(len(pyogrio.list_layers(source)))  # those of bytes have another name each time
+    counted = sum(int(pyogrio.read_info(source, layer=layer)["features"]) for layer in layers)
+    held = _count_records(source) if is_sequence else counted
+    if held <= counted and _count_geometry_members(source) != counted:
+        content = source if isinstance(source, bytes) else read_bytes(source, RegionError, MAX_TEXT)
+        texts = content.split(_separator(content)) if is_sequence else [content]
+        try:
+            held = sum(_features_of(parse_json(text.decode("utf-8-sig"))) for text in texts if text.strip())
+        except ValueError as error:
+            raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
+    if counted < held:
+        raise RegionError(f"{name} has {held:,} features, of which {counted:,} can be read; repair it")
+
+
+def _count_records(source: str | os.PathLike[str] | bytes) -> int:
+    """How many records a sequence of JSON texts has."""
+    count = 0
+    separator = b""
+    is_blank = True
+    for piece in _pieces(source):
+        separator = separator or _separator(piece)
+        for n, part in enumerate(piece.split(separator)):
+            is_blank |= n > 0
+            if is_blank and part.strip():
+                count += 1
+                is_blank = False
+    return count
+
+
+def _separator(start: bytes) -> bytes:
+    """What is between records: newlines, or record separators (RFC 8142)."""
+    return b"\x1e" if start.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"\x1e") else b"\n"
+
+
+def _count_geometry_members(source: str | os.PathLike[str] | bytes) -> int:
+    count, before = 0, b""
+    for piece in _pieces(source):
+        count += (before + piece).count(_GEOMETRY)
+        before = (before + piece)[1 - len(_GEOMETRY) :]
+    return count
+
+
+def _features_of(found: Any) -> int:
+    """Features of a GeoJSON, ESRI JSON or TopoJSON text; a geometry alone is one."""
+    if not isinstance(found, dict):
+        return 0
+    objects = found.get("objects")
+    if found.get("type") == "Topology" and isinstance(objects, dict):
+        parts = [one.get("geometries") for one in objects.values() if isinstance(one, dict)]
+        return sum(len(part) if isinstance(part, list) else 1 for part in parts)
+    features = found.get("features")
+    return sum(isinstance(one, dict) for one in features) if isinstance(features, list) else 1
+
+
+def _pieces(source: str | os.PathLike[str] | bytes) -> Iterator[bytes]:
+    """The content of a file in pieces; bytes are one."""
+    if isinstance(source, bytes):
+        yield source
+        return
+    with Path(source).open("rb") as file:
+        while piece := file.read(_PIECE):
+            yield piece
