@@ -22,6 +22,7 @@ from uavseg.flight.items import (
     MissionItem,
 )
 from uavseg.flight.mission import Mission
+from uavseg.plain_text import shown
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 Value = str | float | int | bool | None
@@ -166,6 +167,8 @@ def mission_of_features(features: Iterable[Feature], name: str) -> Mission:
         kinds.setdefault(feature.kind, []).append(feature)
     if len(kinds.get(HOME, [])) != 1 or not kinds.get(ITEM):
         raise MissionError("it holds no mission: it is not a file that uavseg wrote of one")
+    if unknown := sorted(kinds.keys() - {HOME, ITEM, FENCE, RALLY, FLIGHT, PHOTOS}):
+        raise MissionError(f"it holds a {shown(unknown[0])}, which no mission has")
     [home] = kinds[HOME]
     autopilot = str(home.values["autopilot"])
     if autopilot not in AUTOPILOTS:
