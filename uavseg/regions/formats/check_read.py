@@ -49,7 +49,7 @@ def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer
     if features > size:
         raise RegionError(f"{name} claims {features:,} features in {size:,} bytes; its header is damaged")
     if "JSON" in found["driver"]:
-        _check_json_count(source, name, found["driver"] == "GeoJSONSeq")
+        _check_json_count(source, name, features, found["driver"] == "GeoJSONSeq")
     return features
 
 
@@ -113,19 +113,23 @@ def check_attributes(source: str | os.PathLike[str] | bytes, name: str, count: i
             )
 
 
-def _check_json_count(source: str | os.PathLike[str] | bytes, name: str, is_sequence: bool) -> None:
-    """Check that GDAL counts all features of a text, in all layers.
+def _check_json_count(
+    source: str | os.PathLike[str] | bytes, name: str, features: int, is_sequence: bool
+) -> None:
+    """Check that GDAL counts all features of a text, of which it counts so many in one layer.
 
-    The text is parsed only if not as many members are called geometry as features were counted.
+    The text is parsed only if not as many members are called geometry.
     """
     import pyogrio
 
     if any(b"\0" in piece for piece in _pieces(source)):  # GDAL goes on after it somewhere
         raise RegionError(f"{name} cannot be read as regions: it has null bytes, which JSON has not")
+    held = _count_records(source) if is_sequence else features
+    if held == features == _count_geometry_members(source):
+        return
     layers = range(len(pyogrio.list_layers(source)))  # those of bytes have another name each time
     counted = sum(int(pyogrio.read_info(source, layer=layer)["features"]) for layer in layers)
-    held = _count_records(source) if is_sequence else counted
-    if held <= counted and _count_geometry_members(source) != counted:
+    if held <= counted:
         content = source if isinstance(source, bytes) else read_bytes(source, RegionError, MAX_TEXT)
         texts = content.split(_separator(content)) if is_sequence else [content]
         try:
