@@ -396,6 +396,29 @@ def test_of_many_bad_blocks_one_more_costs_one_opening(
     assert len(closed) <= len(bad) + 64
 
 
+@pytest.mark.parametrize("side", [64, 192, (64, 448)], ids=str)
+@pytest.mark.parametrize("compress", ["deflate", None])
+def test_of_a_file_that_is_cut_off_few_blocks_are_tried(
+    write_raster: Callable, monkeypatch: pytest.MonkeyPatch, side: Any, compress: str | None
+) -> None:
+    path = write_raster(PIXELS, **(TILED | {"compress": compress}))
+    with rasterio.open(path) as file:
+        places = {
+            (i, j): int(file.get_tag_item(f"BLOCK_OFFSET_{j}_{i}", "TIFF", bidx=1))
+            for i, j in np.ndindex(-(-ROWS // 64), -(-COLS // 64))
+        }
+    last = (2, 1)  # the first block that is not whole
+    path.write_bytes(path.read_bytes()[: places[last] + 100])
+    bad = [block for block in places if places[block] >= places[last]]
+    closed: list[str] = []
+    close = OpenFiles.close
+    monkeypatch.setattr(OpenFiles, "close", lambda self, name: (closed.append(name), close(self, name))[1])
+    values, valid, found = seen(Dataset.open(path, skip_bad_tiles=True), side)
+    assert np.array_equal(valid, without(bad)) and np.array_equal(values[valid], PIXELS[valid])
+    assert found == bad_blocks(path, bad)
+    assert len(closed) < len(bad)
+
+
 @pytest.mark.parametrize("side", [64, 192, 256])
 def test_a_damaged_tile_of_jpeg_2000_is_bad_and_not_zeros(tmp_path: Path, side: int) -> None:
     """GDAL reads several tiles in threads of its own, which leave out errors, unless it is to use one."""

@@ -184,8 +184,10 @@ def read_skipping_bad_blocks(
     failed = handles.failed_blocks(file.path, bands)
     if len(failed) >= _TRIED and not is_sampled:  # the window may well fail, which costs an opening
         return _read_block_by_block(file, handles, choice, window, shape)
-    if failed and any((block.row, block.col) in failed for block in file.blocks_in(window)):
-        return _read_block_by_block(file, handles, choice, window, shape)
+    if failed:
+        failed |= file.cut_off_blocks(handles, choice, window)
+        if any((block.row, block.col) in failed for block in file.blocks_in(window)):
+            return _read_block_by_block(file, handles, choice, window, shape)
     try:
         if is_sampled or file.fails_by_block:
             return *file.read(handles, choice, window, shape), []
@@ -240,6 +242,7 @@ def _read_block_by_block(
     values = np.zeros((choice.planes, *shape), choice.dtype)
     valid = np.zeros(shape, bool)
     bad, failed = [], handles.failed_blocks(file.path, tuple(choice.bands))
+    failed |= file.cut_off_blocks(handles, choice, window)
     for block in file.blocks_in(window):
         here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:

@@ -180,6 +180,27 @@ class RasterFile:
                 return False  # missing blocks have another value
             return SparseBlocks(source, self.path, choice.bands).is_empty(window)
 
+    def cut_off_blocks(self, handles: OpenFiles, choice: BandChoice, window: Window) -> set[tuple[int, int]]:
+        """First row and column of blocks in a window that begin beyond the end of a TIFF.
+
+        A download that was interrupted leaves such a file; a block of it need not be tried.
+        """
+        if self.driver != "GTiff":
+            return set()
+        with gdal_read_errors(self.path, window, self.online):
+            source = handles.open(self.path, self.located, self.driver, self.masks)
+            try:
+                size = Path(self.path).stat().st_size
+            except (OSError, ValueError):  # in an archive, or of a server
+                return set()
+            found = set()
+            for block in self.blocks_in(window):
+                name = f"BLOCK_OFFSET_{block.col // self.block[1]}_{block.row // self.block[0]}"
+                places = (source.get_tag_item(name, "TIFF", bidx=band) for band in choice.bands)
+                if any(place is not None and int(place) >= size for place in places):
+                    found.add((block.row, block.col))
+        return found
+
     def _read_bands(
         self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]
     ) -> tuple[Values, Values | None]:

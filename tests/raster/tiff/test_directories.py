@@ -95,6 +95,23 @@ def test_an_index_of_more_strips_than_there_are_is_refused(tmp_path: Path, how: 
     assert Dataset.open(path, rgb=(1, 2, 3)).geobox.shape == (29, 40)
 
 
+@pytest.mark.parametrize("how", [{"blockysize": 4}, {"tiled": True, "blockxsize": 16, "blockysize": 16}])
+@pytest.mark.parametrize("interleave", ["band", "pixel"])
+def test_an_index_of_fewer_blocks_than_there_are_is_refused(
+    tmp_path: Path, how: dict[str, int], interleave: str
+) -> None:
+    path = tmp_path / "a.tif"
+    size = {"driver": "GTiff", "width": 40, "height": 30, "count": 3, "dtype": "uint8"}
+    with rasterio.open(path, "w", **(size | PLACE | how), interleave=interleave, compress="deflate") as file:
+        file.write(np.full((3, 30, 40), 7, np.uint8))
+    set_tag(path, ROWS, 32)  # as many blocks
+    assert Dataset.open(path, rgb=(1, 2, 3)).geobox.shape == (32, 40)
+    set_tag(path, ROWS, 65535)
+    for skip in (False, True):
+        with pytest.raises(RasterReadError, match=r"its index has \d+ of the [\d,]+ blocks"):
+            Dataset.open(path, rgb=(1, 2, 3), skip_bad_tiles=skip)
+
+
 def test_lengths_of_blocks_without_their_places_are_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif")
     empty_tag(path, STRIP_OFFSETS)

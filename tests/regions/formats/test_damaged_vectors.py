@@ -15,7 +15,7 @@ import shapely
 from uavseg.errors import RegionError
 from uavseg.plot.polygons import PolygonTable
 from uavseg.regions.formats import check_read
-from uavseg.regions.formats.read import read_regions
+from uavseg.regions.formats.read import read_regions, regions_of_frame
 
 OPEN = [[15.0, 40.6], [15.001, 40.6], [15.001, 40.601], [15.0, 40.601]]
 CLOSED = [*OPEN, OPEN[0]]
@@ -108,6 +108,20 @@ ESRI = {
     "fields": [{"name": "a", "type": "esriFieldTypeString"}],
     "features": 2 * [{"attributes": {"a": "b"}, "geometry": {"rings": [CLOSED]}}],
 }
+
+
+def test_two_attributes_of_one_name_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.fgb"
+    frame = geopandas.GeoDataFrame(
+        {"lat": [40.0], "low": [0.5]}, geometry=[shapely.Polygon(CLOSED)], crs="EPSG:4326"
+    )
+    frame.to_file(path)
+    read_regions(path)
+    path.write_bytes(path.read_bytes().replace(b"low", b"lat"))
+    with pytest.raises(RegionError, match="two attributes of the same name"):
+        read_regions(path)
+    with pytest.raises(RegionError, match="the frame has two attributes of the same name"):
+        regions_of_frame(frame.rename(columns={"low": "lat"}))
 
 
 def zeros_in_the_last_feature() -> str:

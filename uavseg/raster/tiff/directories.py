@@ -2,9 +2,10 @@
 
 A first image whose blocks have no places is refused too: of the first block that it is asked for, GDAL reads
 the start of the file in its stead, and the others fail. So is one in strips whose index has more entries than
-it has strips: libtiff ends the process where it looks for one of the others. And so is a file in which an
-image is compressed as a fax is: libtiff reads damage there with a warning, and leaves in the pixels what the
-memory held before.
+it has strips: libtiff ends the process where it looks for one of the others. So is one whose index has fewer
+entries than it has blocks, because its size was damaged: GDAL takes the others for empty ones, or fails at
+each. And so is a file in which an image is compressed as a fax is: libtiff reads damage there with a warning,
+and leaves in the pixels what the memory held before.
 
 Format: https://www.awaresystems.be/imaging/tiff/faq.html, and BigTIFF. Each directory names the place of the
 next one, the last one 0.
@@ -21,8 +22,8 @@ from uavseg.plain_text import cause_of
 
 MAX_DIRECTORIES = 65536  # as in libtiff
 _KIND, _COLS, _ROWS, _COMPRESSION = 254, 256, 257, 259  # tags
-_SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS = 277, 278, 284, 322
-_NUMBERS = (_KIND, _COLS, _ROWS, _COMPRESSION, _SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS)
+_SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS, _TILE_ROWS = 277, 278, 284, 322, 323
+_NUMBERS = (_KIND, _COLS, _ROWS, _COMPRESSION, _SAMPLES, _STRIP_ROWS, _PLANAR, _TILE_COLS, _TILE_ROWS)
 _SEPARATE = 2  # bands one after the other
 _PLACES, _LENGTHS = (273, 324), (279, 325)  # tags of the places and lengths of blocks: strips, tiles
 _INDEX = (*_PLACES, *_LENGTHS)
@@ -138,18 +139,25 @@ def _directory(file: BinaryIO, layout: _Layout, is_first: bool) -> tuple[dict[in
     if is_first and any(counts[tag] for tag in _LENGTHS) and not any(counts[tag] for tag in _PLACES):
         # A sparse file may have neither.
         raise _IndexError("it has lengths of blocks, but not where they are")
-    if is_first and _TILE_COLS not in numbers and max(counts.values()) > _strips(numbers):
+    blocks = _count_blocks(numbers)
+    if is_first and _TILE_COLS not in numbers and max(counts.values()) > blocks:
         raise _IndexError("its index has more strips than its size makes")
+    for tags in (_PLACES, _LENGTHS):
+        if 0 < (known := max(counts[tag] for tag in tags)) < blocks:
+            raise _IndexError(f"its index has {known:,} of the {blocks:,} blocks that its size makes")
     if numbers.get(_KIND, 0) & _MASK:
         _check_index(file, layout, index)
     return numbers, following
 
 
-def _strips(numbers: dict[int, int]) -> int:
-    """How many strips an image has."""
-    rows = numbers.get(_ROWS, 0)
-    strip = min(numbers.get(_STRIP_ROWS, rows), rows)
+def _count_blocks(numbers: dict[int, int]) -> int:
+    """How many tiles or strips an image has."""
+    rows, cols = numbers.get(_ROWS, 0), numbers.get(_COLS, 0)
     planes = numbers.get(_SAMPLES, 1) if numbers.get(_PLANAR) == _SEPARATE else 1
+    if _TILE_COLS in numbers:
+        across = -(-cols // max(numbers[_TILE_COLS], 1))
+        return -(-rows // max(numbers.get(_TILE_ROWS, rows), 1)) * across * planes
+    strip = min(numbers.get(_STRIP_ROWS, rows), rows)
     return -(-rows // max(strip, 1)) * planes
 
 

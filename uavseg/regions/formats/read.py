@@ -87,8 +87,10 @@ def regions_of_frame(frame: "GeoDataFrame") -> Regions:
 @np.errstate(all="ignore")  # coordinates that are not finite, or far too large, are refused below
 def _complete_frame(frame: "GeoDataFrame", name: str) -> Regions:
     frame = _to_wgs84(frame, name)
+    fields = [field for field in frame.columns if field != frame.geometry.name]
+    if len({str(field) for field in fields}) < len(fields):
+        raise RegionError(f"{name} has two attributes of the same name; rename one of them")
     with vector_errors(name):  # texts of a damaged file may not be UTF-8
-        fields = [field for field in frame.columns if field != frame.geometry.name]
         columns = {str(field): np.asarray(frame[field]) for field in fields}
     geometries = _polygons(np.asarray(frame.geometry, dtype=object), name)
     return _complete(_restore_names(columns), geometries)
@@ -222,17 +224,13 @@ def _without_empty_parts(geometries: NDArray[np.object_]) -> NDArray[np.object_]
 def _repair(polygon: Any, what: str) -> Any:
     """A valid polygon for one that touches itself; one that crosses itself is refused."""
     valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
-    change = abs(_shoelace_area(polygon) - valid.area)
+    change = abs(shapely.area(shapely.get_parts(polygon)).sum() - valid.area)
     is_area = valid.geom_type in {"Polygon", "MultiPolygon"} and not valid.is_empty
     if not is_area or change > REPAIR_TOLERANCE * valid.area:
         raise RegionError(
             f"{what} is not a valid polygon ({shapely.is_valid_reason(polygon)}); repair it first"
         )
     return valid
-
-
-def _shoelace_area(polygon: Any) -> float:
-    return float(sum(part.area for part in shapely.get_parts(polygon)))
 
 
 def _restore_names(columns: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
