@@ -23,10 +23,7 @@ from uavseg.regions.formats.check_read import (
 )
 from uavseg.regions.formats.parquet import import_pyarrow
 from uavseg.regions.formats.read import read_regions, vector_errors
-from uavseg.regions.formats.vector_files import (
-    check_vector,
-    reading_vectors,
-)
+from uavseg.regions.formats.vector_files import check_vector, reading_vectors
 from uavseg.regions.table import Regions
 
 PolygonArray = NDArray[np.object_]

@@ -182,17 +182,17 @@ def read_skipping_bad_blocks(
         return np.zeros((choice.planes, *shape), choice.dtype), np.zeros(shape, bool), [whole]
     is_sampled = shape != (window.rows, window.cols)
     failed = handles.failed_blocks(file.path, bands)
-    if len(failed) >= _TRIED and not is_sampled:  # the window may well fail, which costs an opening
-        return _read_block_by_block(file, handles, choice, window, shape)
     if failed:
         failed |= file.cut_off_blocks(handles, choice, window)
-        if any((block.row, block.col) in failed for block in file.blocks_in(window)):
+        may_fail = len(failed) >= _TRIED and not is_sampled  # a failure costs an opening
+        if may_fail or any((block.row, block.col) in failed for block in file.blocks_in(window)):
             return _read_block_by_block(file, handles, choice, window, shape)
     try:
         if is_sampled or file.fails_by_block:
             return *file.read(handles, choice, window, shape), []
         return *_read_whole_blocks(file, handles, choice, window), []
     except RasterReadError:
+        failed |= file.cut_off_blocks(handles, choice, window)
         return _read_block_by_block(file, handles, choice, window, shape)
 
 
@@ -242,7 +242,6 @@ def _read_block_by_block(
     values = np.zeros((choice.planes, *shape), choice.dtype)
     valid = np.zeros(shape, bool)
     bad, failed = [], handles.failed_blocks(file.path, tuple(choice.bands))
-    failed |= file.cut_off_blocks(handles, choice, window)
     for block in file.blocks_in(window):
         here = _indices_within(rows, block.row, block.rows), _indices_within(cols, block.col, block.cols)
         if here[0].start == here[0].stop or here[1].start == here[1].stop:

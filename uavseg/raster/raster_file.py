@@ -24,6 +24,7 @@ from uavseg.raster.opening import (
 )
 from uavseg.raster.sequential_rows import is_sequential, read_rows_before
 from uavseg.raster.tiff.deflate import check_deflate_blocks
+from uavseg.raster.tiff.index import are_cut_off
 from uavseg.raster.tiff.jpeg import check_jpeg_blocks
 from uavseg.raster.tiff.mask import check_mask_blocks
 from uavseg.raster.tiff.sparse import SparseBlocks
@@ -181,25 +182,19 @@ class RasterFile:
             return SparseBlocks(source, self.path, choice.bands).is_empty(window)
 
     def cut_off_blocks(self, handles: OpenFiles, choice: BandChoice, window: Window) -> set[tuple[int, int]]:
-        """First row and column of blocks in a window that begin beyond the end of a TIFF.
+        """First row and column of the blocks in a window that begin beyond the end of the file.
 
-        A download that was interrupted leaves such a file; a block of it need not be tried.
+        They need not be tried. None where that is not known without trying.
         """
         if self.driver != "GTiff":
             return set()
         with gdal_read_errors(self.path, window, self.online):
             source = handles.open(self.path, self.located, self.driver, self.masks)
-            try:
-                size = Path(self.path).stat().st_size
-            except (OSError, ValueError):  # in an archive, or of a server
-                return set()
-            found = set()
-            for block in self.blocks_in(window):
-                name = f"BLOCK_OFFSET_{block.col // self.block[1]}_{block.row // self.block[0]}"
-                places = (source.get_tag_item(name, "TIFF", bidx=band) for band in choice.bands)
-                if any(place is not None and int(place) >= size for place in places):
-                    found.add((block.row, block.col))
-        return found
+            places = [(block.row, block.col) for block in self.blocks_in(window)]
+            rows, cols = self.block
+            numbers = [(row // rows, col // cols) for row, col in places]
+            cut_off = are_cut_off(self.path, source, choice.bands, numbers)
+            return {place for place, beyond in zip(places, cut_off, strict=True) if beyond}
 
     def _read_bands(
         self, source: DatasetReader, choice: BandChoice, window: Window, options: dict[str, Any]

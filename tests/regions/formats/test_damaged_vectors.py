@@ -174,6 +174,21 @@ def test_all_features_of_a_json_text_are_read(
                 assert len(read(path).polygons) == count
 
 
+@pytest.mark.parametrize("piece", [1 << 24, 7])
+def test_a_text_that_is_whole_is_not_parsed_a_second_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: int
+) -> None:
+    def parse(text: str) -> Any:
+        raise AssertionError("parsed")
+
+    monkeypatch.setattr(check_read, "_PIECE", piece)
+    monkeypatch.setattr(check_read, "parse_json", parse)
+    (tmp_path / "a.geojson").write_text(geojson(*3 * [polygon(CLOSED)]))
+    (tmp_path / "a.geojsonl").write_text(3 * (json.dumps({**FEATURE, "properties": {}}) + "\n"))
+    for name in ("a.geojson", "a.geojsonl"):
+        assert len(read_regions(tmp_path / name)) == 3
+
+
 def changes(content: bytes, seed: int, count: int) -> Iterator[bytes]:
     """The content with a bit changed, with 64 bytes of 0, or cut."""
     draw = random.Random(seed)

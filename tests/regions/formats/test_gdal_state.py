@@ -1,4 +1,4 @@
-"""In every thread messages of GDAL are seen by this package and by nobody else."""
+"""Messages of GDAL are heard in every thread, and none is printed."""
 
 import subprocess
 import sys

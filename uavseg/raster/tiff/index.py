@@ -1,4 +1,6 @@
-"""Index of a TIFF: which of its blocks are stored. GDAL tells that one block at a time, which takes too long.
+"""Index of a TIFF: which of its blocks are stored, and which lie beyond its end.
+
+GDAL tells that one block at a time, which takes too long for all of them.
 
 Format: https://www.awaresystems.be/imaging/tiff/tifftags.html, and BigTIFF. The index is two arrays, offsets
 and lengths of blocks; sparse files leave entries, or both arrays, empty.
@@ -6,6 +8,7 @@ and lengths of blocks; sparse files leave entries, or both arrays, empty.
 
 import math
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 from weakref import WeakKeyDictionary
@@ -34,6 +37,36 @@ def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
     if source not in _known:
         _known[source] = _find_stored(path, source)
     return _known[source]
+
+
+def are_cut_off(
+    path: str, source: DatasetReader, bands: Sequence[int], blocks: Sequence[tuple[int, int]]
+) -> list[bool]:
+    """Whether blocks of an open TIFF begin beyond its end: an interrupted download leaves such a file.
+
+    Parameters
+    ----------
+    path : str
+    source : DatasetReader
+    bands : sequence of int
+        Counted from 1; a block is cut off if it is in one of them.
+    blocks : sequence of (row, column)
+        In blocks.
+
+    Returns
+    -------
+    cut_off : list of bool
+        All false for a file in an archive or of a server.
+    """
+    try:
+        size = Path(path).stat().st_size
+    except (OSError, ValueError):
+        return [False] * len(blocks)
+    names = (f"BLOCK_OFFSET_{col}_{row}" for row, col in blocks)
+    return [
+        any(int(source.get_tag_item(name, "TIFF", bidx=band) or 0) >= size for band in bands)
+        for name in names
+    ]
 
 
 def _find_stored(path: str, source: DatasetReader) -> Stored | None:

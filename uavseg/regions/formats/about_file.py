@@ -9,9 +9,7 @@ from typing import Any
 from uavseg.errors import RegionError
 from uavseg.raster.opening import file_exists
 from uavseg.regions.formats import metadata
-from uavseg.regions.formats.check_read import (
-    check_feature_count,
-)
+from uavseg.regions.formats.check_read import check_feature_count
 from uavseg.regions.formats.read import KML_FIELDS, vector_errors
 from uavseg.regions.formats.style_files import STYLE_TABLE
 from uavseg.regions.formats.vector_files import (

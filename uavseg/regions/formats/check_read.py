@@ -34,7 +34,7 @@ def check_feature_count(source: str | os.PathLike[str] | bytes, name: str, layer
     Returns
     -------
     features : int
-        -1 if nobody knows without reading them.
+        -1 if that is not known before they are read.
 
     Raises
     ------

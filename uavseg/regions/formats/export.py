@@ -170,11 +170,8 @@ def _write_layer(regions: Regions, path: Path, driver: str, **options: str) -> N
 
     promote = has_multipolygons(regions.polygons)
     stream = RegionStream(regions, promote)
-    with (
-        changing_filters(),
-        gdal_options({"OGR_CURRENT_DATE": _DATE}),
-        _raising(stream),
-    ):  # one thread at a time
+    today = {"OGR_CURRENT_DATE": _DATE}
+    with changing_filters(), gdal_options(today), _raising(stream):  # one thread at a time
         warnings.simplefilter("ignore")
         try:
             pyogrio.raw.write_arrow(

@@ -24,10 +24,7 @@ from uavseg.regions.formats.check_read import (
     check_geometries,
 )
 from uavseg.regions.formats.parquet import import_pyarrow
-from uavseg.regions.formats.vector_files import (
-    check_vector,
-    reading_vectors,
-)
+from uavseg.regions.formats.vector_files import check_vector, reading_vectors
 from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
 from uavseg.warning_filters import changing_filters
 
@@ -86,6 +83,7 @@ def regions_of_frame(frame: "GeoDataFrame") -> Regions:
 
 @np.errstate(all="ignore")  # coordinates that are not finite, or far too large, are refused below
 def _complete_frame(frame: "GeoDataFrame", name: str) -> Regions:
+    check_geometries(np.asarray(frame.geometry, dtype=object), name)
     frame = _to_wgs84(frame, name)
     fields = [field for field in frame.columns if field != frame.geometry.name]
     if len({str(field) for field in fields}) < len(fields):
@@ -177,7 +175,6 @@ def _layer(source: str | os.PathLike[str] | bytes, name: str, layer: str | None 
 def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
     from pyproj.exceptions import ProjError
 
-    check_geometries(np.asarray(frame.geometry, dtype=object), name)
     if frame.crs is None:
         raise RegionError(
             f"{name} has no coordinate system, so its position on Earth is unknown; give the file one "
