@@ -1,6 +1,7 @@
 """Summary: statistics agree with numpy, and are marked where not every pixel was counted."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from uavseg.execution.executors import threads
+from uavseg.jobs.info import info, open_to_describe
 from uavseg.plot.summary_text import _EIGHTHS, summary_text, text_bar
 from uavseg.raster import summary
 from uavseg.raster.dataset import Dataset
@@ -138,7 +140,11 @@ def test_a_raster_without_valid_pixels_has_a_summary(tmp_path: Path) -> None:
     found = summarize(opened(tmp_path / "a.tif", np.zeros((20, 20), np.uint16), nodata=0))
     assert found.valid == 0 and found.nodata_share == 1
     assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["mean"] is None
-    assert "no valid pixel" in summary_text(found)
+    text = summary_text(found)
+    assert "there is no valid pixel\n" in text and "0.95-1.00" not in text
+    assert "no valid pixel among those looked at" in summary_text(replace(found, exact=False))
+    [raster] = found.paths
+    assert info(open_to_describe(raster), named=[raster]).command == ""
 
 
 def test_many_rasters_are_one_mosaic(tmp_path: Path) -> None:

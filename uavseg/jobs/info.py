@@ -57,5 +57,5 @@ def info(source: Pixels, work: Work = SERIAL, named: Sequence[str] = ()) -> Summ
     with work.reading_here(), phase("count"):
         found = summarize(source.dataset, source.stretch, work.map, work.progress, collar)
     names = named or [path for path in found.paths if file_exists(path) or is_address(path)]
-    line = extract_line(names, options, found.interval) if names else ""
+    line = extract_line(names, options, found.interval) if names and found.valid else ""
     return work.finished(replace(found, command=line))

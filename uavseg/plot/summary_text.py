@@ -26,7 +26,8 @@ def summary_text(summary: Summary) -> str:
     facts = [f"{name:<10} {text}" for name, text in rows if text]
     notes = [f"note       {warning}" for warning in summary.warnings]
     line = ["", f"try        {summary.command}"] if summary.command else []
-    return "\n".join([*facts, *notes, "", *_bars(summary), *line])
+    bars = ["", *_bars(summary)] if summary.valid else []
+    return "\n".join([*facts, *notes, *bars, *line])
 
 
 def text_bar(share: float, width: int = _WIDTH) -> str:
@@ -118,7 +119,7 @@ def _band_name(color: str, name: str) -> str:
 
 def _moments(summary: Summary) -> str:
     if summary.valid == 0:
-        return "there is no valid pixel"
+        return "there is no valid pixel" if summary.exact else "there is no valid pixel among those looked at"
     return f"mean {summary.mean:.3f}, standard deviation {summary.std:.3f}"
 
 
