@@ -72,7 +72,7 @@ class Summary:
         Whether `resolution` is in metres rather than in units of the map.
     warnings : tuple of str
     command : str
-        A command to try next: it extracts the rarer of dark and bright, see `interval`; "" if no pixel is valid.
+        A command to try next: it extracts the rarer of dark and bright, see `interval`; "" if none is valid.
     axis : ValueAxis or None
         How v maps to values in the units of the raster; None if bands or files have different scales.
     mean_beyond : float

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.flight.cover.cover_fields import fields
 from uavseg.flight.patterns.pattern_params import PerimeterParams
-from uavseg.flight.patterns.rings import _offset, long_legs, offset_rings
+from uavseg.flight.patterns.rings import _hausdorff, _offset, long_legs, offset_rings
 
 NOTCHED = [
     (28.47, 21.48),
@@ -61,6 +61,40 @@ def test_long_rings_keep_their_corners() -> None:
     kept = long_legs(ring, 10)
     assert legs(kept).min() >= 10 and len(kept) == 5
     assert np.array_equal(long_legs(ring, 3), ring)
+
+
+def plain_long_legs(ring: np.ndarray, min_leg: float) -> np.ndarray:
+    """Of the shortest leg, again and again, the end whose loss moves the ring less."""
+    corners = ring[:-1].tolist()
+    while len(corners) > 3:
+        lengths = legs(np.array([*corners, corners[0]]))
+        k = int(np.argmin(lengths))
+        if lengths[k] >= min_leg:
+            break
+        ends = (k, (k + 1) % len(corners))
+        moved = []
+        for end in ends:
+            line = shapely.LineString([corners[end - 1], corners[(end + 1) % len(corners)]])
+            moved.append(shapely.distance(line, shapely.Point(corners[end])))
+        corners.pop(ends[1] if moved[1] <= moved[0] else ends[0])
+    return np.array([*corners, corners[0]])
+
+
+@given(st.integers(3, 40), st.integers(0, 10**6), st.floats(0.5, 12))
+def test_long_legs_are_those_of_the_plain_version(count: int, seed: int, min_leg: float) -> None:
+    corners = np.random.default_rng(seed).integers(0, 20, (count, 2)).astype(float)  # many legs are equal
+    ring = np.concatenate([corners, corners[:1]])
+    assert np.array_equal(long_legs(ring, min_leg), plain_long_legs(ring, min_leg))
+
+
+@given(fields(), st.floats(2, 25))
+@settings(max_examples=30)
+def test_how_far_rings_are_apart_is_what_geos_measures(field: shapely.Polygon, min_leg: float) -> None:
+    exact = shapely.get_coordinates(field.exterior)
+    kept = long_legs(exact, min_leg)
+    found = max(_hausdorff(kept, exact), _hausdorff(exact, kept))
+    expected = shapely.hausdorff_distance(shapely.LineString(kept), field.exterior, densify=0.02)
+    assert found == pytest.approx(expected, rel=0.05, abs=1e-9)
 
 
 def test_holes_are_counted_or_flown() -> None:

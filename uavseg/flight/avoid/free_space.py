@@ -23,6 +23,7 @@ Ints = NDArray[np.int64]
 
 TOUCH_M = 1e-4
 """Legs may run along the edge of free space: that close to it, they are in it."""
+MAX_POINTS = 4000  # the ways between them take gigabytes beyond
 MAX_CORNERS = 1200  # a graph of their pairs takes seconds
 
 
@@ -77,8 +78,13 @@ class FreeSpace:
         Raises
         ------
         MissionError
-            If free space has too many corners.
+            If there are too many points, or free space has too many corners.
         """
+        if len(points) > MAX_POINTS:
+            raise MissionError(
+                f"ways between {len(points)} ends of lines would be compared, at most {MAX_POINTS} are; "
+                "choose fewer or simpler regions, or a larger spacing"
+            )
         free = self.is_free(points)
         direct = self._among(points, free)
         if np.isfinite(direct).all():
@@ -110,8 +116,8 @@ class FreeSpace:
         corners = corners[self.is_free(corners)]
         if len(corners) > MAX_CORNERS:
             raise MissionError(
-                f"the areas to fly around have {len(corners)} corners, more than {MAX_CORNERS}; "
-                "simplify them, or give a larger margin"
+                f"the areas to fly in or around have {len(corners)} corners, more than {MAX_CORNERS}; "
+                "simplify them (extract --detail or --simplify), or give a larger spacing or margin"
             )
         return corners
 

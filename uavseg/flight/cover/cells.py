@@ -51,7 +51,12 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
 
 def has_steps(polygon: Any, step_m: float, detail_m: float = 0.0) -> bool:
     """Whether `monotone_cells` cuts a polygon at steps of its outline."""
-    return len(_all_critical(polygon, step_m, detail_m)) > len(_all_critical(polygon, np.inf, detail_m))
+    return count_cuts(polygon, step_m, detail_m) > count_cuts(polygon, np.inf, detail_m)
+
+
+def count_cuts(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) -> int:
+    """At how many corners `monotone_cells` cuts a polygon."""
+    return len(_all_critical(polygon, step_m, detail_m))
 
 
 def merge_flat_cells(cells: list[Any], least_m: float) -> list[Any]:

@@ -16,6 +16,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from shapely.ops import substring
 
+from uavseg.errors import MissionError
+from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.cover.axis import Branch, medial_axis
 from uavseg.flight.cover.grid import grid_lines
 from uavseg.flight.cover.lines import join_cells, path_length, shortest_legs, to_and_fro
@@ -101,7 +103,8 @@ def corridor(
     ParameterError
         If the spacing is not a positive number.
     MissionError
-        If there would be more lines than a mission holds, or there is no way between them.
+        If there would be more lines than a mission holds, there is no way between them, or the region has
+        too many corners.
 
     Examples
     --------
@@ -111,6 +114,14 @@ def corridor(
     1410.0
     """
     simple, space = flight_space(region, spacing_m, 0.0, obstacles)
+    if shapely.get_num_coordinates(simple) > MANY_CORNERS:
+        raise MissionError(
+            f"the middle of a region is looked for that has more than {MANY_CORNERS} corners at a spacing of "
+            f"{spacing_m:g} m; give a larger spacing, simplify it (extract --detail or --simplify), or fly a "
+            "survey"
+        )
+    if shapely.get_num_coordinates(region) > MANY_CORNERS:
+        region = simple
     ends = (reach_m, least_m)
     body = shapely.simplify(shapely.buffer(simple, GROWN * spacing_m), spacing_m / 40)
     lines = [

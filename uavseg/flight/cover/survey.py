@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.flight.avoid.free_space import FreeSpace
-from uavseg.flight.cover.cells import has_steps, merge_flat_cells, monotone_cells
+from uavseg.flight.cover.cells import count_cuts, has_steps, merge_flat_cells, monotone_cells
 from uavseg.flight.cover.grid import grid_lines
 from uavseg.flight.cover.lines import Lines, fly_lines, path_length
 from uavseg.flight.cover.space import flight_space
@@ -36,6 +36,7 @@ TRIED_AZIMUTHS = 6  # those that need the fewest lines are divided into cells
 COMPACT = (
     0.8  # share of the convex hull: what fills more, and is one cell of a grid, is not divided otherwise
 )
+MAX_CUTS = 400  # into cells
 FLOWN = 3  # the best of those are planned to the end
 
 
@@ -206,11 +207,15 @@ def _grid(region: Any, angle_deg: float, params: CoverParams, space: FreeSpace) 
 
 
 def _cells(region: Any, angle_deg: float, params: CoverParams) -> list[Lines]:
-    """The lines of one azimuth, in cells of their own height; cut at steps of the outline or not."""
+    """The lines of one azimuth, in cells of their own height; cut at steps of the outline or not.
+
+    None where there would be too many cells.
+    """
     turn, spacing, least = axes(angle_deg), params.spacing_m, LEAST_HEIGHT * params.spacing_m
     turned = _turned(region, turn)
     steps = [math.inf, STEP * spacing] if has_steps(turned, STEP * spacing, least / 2) else [math.inf]
-    divisions = [monotone_cells(turned, step, least / 2) for step in steps]
+    few = [step for step in steps if count_cuts(turned, step, least / 2) <= MAX_CUTS]
+    divisions = [monotone_cells(turned, step, least / 2) for step in few]
     laid = [
         [
             strip_lines(cell, spacing, params.reach_m, params.least_m)

@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
+from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
 from uavseg.flight.cover.strips import LEAST_LINE_M
 from uavseg.flight.cover.survey import CoverParams, Survey
@@ -157,7 +158,7 @@ def _places(parts: Sequence[RegionPart]) -> list[str]:
 def _grown(parts: Sequence[RegionPart], margin_m: float) -> list[Any]:
     if margin_m < LEAST_MARGIN_M:
         return [part.polygon for part in parts]
-    return [shapely.buffer(part.polygon, margin_m) for part in parts]
+    return [shapely.buffer(enclosing(part.polygon, max(margin_m / 8, 1)), margin_m) for part in parts]
 
 
 def _line_ends(params: PlanParams) -> tuple[float, float]:
@@ -223,7 +224,11 @@ def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: Plan
     assert params.spacing_m is not None
     if params.angle_deg is not None or params.how != SurveyParams():
         return []
-    bent = [k for k, region in enumerate(regions) if is_long_and_thin(region, params.spacing_m)]
+    bent = [
+        k
+        for k, region in enumerate(regions)
+        if shapely.get_num_coordinates(region) <= MANY_CORNERS and is_long_and_thin(region, params.spacing_m)
+    ]
     before = after = 0.0
     for k in bent:
         other = corridor(regions[k], params.spacing_m, *_line_ends(params))

@@ -1,5 +1,7 @@
 """Rings at a distance from an outline, without legs that are too short to fly."""
 
+import heapq
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.patterns.pattern_params import LEAST_MARGIN_M, PerimeterParams
 from uavseg.flight.patterns.perimeter import simplified_ring
 
@@ -51,9 +54,12 @@ def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_l
     min_leg_m : float
         Corners are left out until no leg is shorter.
     """
+    if abs(params.offset_m) >= LEAST_MARGIN_M and shapely.get_num_coordinates(region) > MANY_CORNERS:
+        tolerance_m /= 2  # once before, once after
+        region = _simplified(region, tolerance_m)
     parts = [part for part in shapely.get_parts(_offset(region, params.offset_m)) if part.area > 0]
     outer = [part.exterior for part in parts]
-    holes = [hole for part in parts for hole in part.interiors if _is_offset(hole, region, params.offset_m)]
+    holes = _offset_holes(parts, region, params.offset_m)
     flown = [*outer, *holes] if params.holes == "fly" else outer
     rings, moved, short = [], 0.0, False
     for ring in flown:
@@ -61,9 +67,7 @@ def offset_rings(region: Any, params: PerimeterParams, tolerance_m: float, min_l
         simple = simplified_ring(exact, tolerance_m)
         kept = long_legs(simple, min_leg_m)
         if len(kept) < len(simple):
-            moved = max(
-                moved, float(shapely.hausdorff_distance(shapely.LineString(kept), ring, densify=0.02))
-            )
+            moved = max(moved, _hausdorff(kept, exact), _hausdorff(exact, kept))
         short |= bool(_legs(kept).min() < min_leg_m)
         rings.append(kept)
     return OffsetRings(tuple(rings), 0 if params.holes == "fly" else len(holes), moved, short)
@@ -79,16 +83,28 @@ def long_legs(ring: Floats, min_leg_m: float) -> Floats:
     >>> long_legs(np.array([[0, 0], [9, 0], [9, 1], [9, 9], [0, 0.0]]), 2).tolist()
     [[0.0, 0.0], [9.0, 0.0], [9.0, 9.0], [0.0, 0.0]]
     """
-    corners = ring[:-1]
-    while len(corners) > LEAST_CORNERS:
-        legs = _legs(corners[[*range(len(corners)), 0]])
-        shortest = int(np.argmin(legs))
-        if legs[shortest] >= min_leg_m:
-            break
-        ends = (shortest, (shortest + 1) % len(corners))
-        moved = [_height(corners[k - 1], corners[k], corners[(k + 1) % len(corners)]) for k in ends]
-        corners = np.delete(corners, ends[int(moved[1] <= moved[0])], axis=0)
-    return corners[[*range(len(corners)), 0]]
+    corners, count = ring[:-1], len(ring) - 1
+    after = np.roll(np.arange(count), -1).tolist()
+    before = np.roll(np.arange(count), 1).tolist()
+    legs = _legs(ring).tolist()  # of each corner to the next one
+    shortest = [(length, k) for k, length in enumerate(legs) if length < min_leg_m]
+    heapq.heapify(shortest)
+    left = np.ones(count, bool)
+    while shortest and count > LEAST_CORNERS:
+        length, k = heapq.heappop(shortest)
+        if not left[k] or length != legs[k]:
+            continue  # it is another leg by now
+        ends = (k, after[k])
+        moved = [_height(corners[before[end]], corners[end], corners[after[end]]) for end in ends]
+        out = ends[int(moved[1] <= moved[0])]
+        left[out], count = False, count - 1
+        after[before[out]], before[after[out]] = after[out], before[out]
+        k = before[out]
+        legs[k] = float(_legs(corners[[k, after[k]]])[0])
+        if legs[k] < min_leg_m:
+            heapq.heappush(shortest, (legs[k], k))
+    kept = corners[left]
+    return kept[[*range(len(kept)), 0]]
 
 
 def _offset(region: Any, offset_m: float) -> Any:
@@ -99,16 +115,50 @@ def _offset(region: Any, offset_m: float) -> Any:
     return shapely.buffer(region, offset_m, quad_segs=max(int(np.ceil(np.pi / 4 / half_turn)), 2))
 
 
-def _is_offset(ring: Any, region: Any, offset_m: float) -> bool:
-    """Whether a ring has a corner at the offset: GEOS leaves tiny holes in the middle of some buffers."""
-    corners = shapely.points(shapely.get_coordinates(ring))
-    from_offset = np.abs(shapely.distance(region.boundary, corners) - abs(offset_m))
-    return abs(offset_m) < LEAST_MARGIN_M or bool(from_offset.min() <= 2 * ARC_SAGITTA_M)
+def _simplified(region: Any, tolerance_m: float) -> Any:
+    """A region of which each ring has few corners, as `simplified_ring` leaves them."""
+    rings = [
+        simplified_ring(shapely.get_coordinates(ring), tolerance_m) for ring in shapely.get_rings(region)
+    ]
+    outer, *holes = [ring if len(ring) > LEAST_CORNERS else None for ring in rings]
+    if outer is None:
+        return region
+    simple = shapely.Polygon(outer, [hole for hole in holes if hole is not None])
+    return shapely.make_valid(simple, method="structure", keep_collapsed=False)
+
+
+def _offset_holes(parts: Sequence[Any], region: Any, offset_m: float) -> list[Any]:
+    """The holes of an offset, but for tiny ones that GEOS leaves in the middle of some buffers.
+
+    They have no corner at the offset.
+    """
+    holes = [hole for part in parts for hole in part.interiors]
+    if abs(offset_m) < LEAST_MARGIN_M or not holes:
+        return holes
+    outline = region.boundary
+    shapely.prepare(outline)
+    is_offset = []
+    for hole in holes:
+        corners = shapely.points(shapely.get_coordinates(hole))
+        near = shapely.dwithin(outline, corners, abs(offset_m) + 2 * ARC_SAGITTA_M)
+        nearer = shapely.dwithin(outline, corners, max(abs(offset_m) - 2 * ARC_SAGITTA_M, 0))
+        is_offset.append(bool((near & ~nearer).any()))
+    return [hole for hole, kept in zip(holes, is_offset, strict=True) if kept]
 
 
 def _legs(ring: Floats) -> Floats:
     lengths: Floats = np.hypot(*np.diff(ring, axis=0).T)
     return lengths
+
+
+def _hausdorff(ring: Floats, other: Floats) -> float:
+    """How far points along a ring lie from another one at most."""
+    steps = max(min(50, 100_000 // len(ring)), 2)  # of each edge
+    share = np.arange(steps)[:, None, None] / steps
+    dense = ((1 - share) * ring[:-1] + share * ring[1:]).reshape(-1, 2)
+    edges = shapely.STRtree(shapely.linestrings(np.stack([other[:-1], other[1:]], axis=1)))
+    _, distance = edges.query_nearest(shapely.points(dense), return_distance=True, all_matches=False)
+    return float(distance.max())
 
 
 def _height(before: Floats, corner: Floats, after: Floats) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 
 from uavseg.errors import MissionError
+from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
 from uavseg.flight.plane import plane_around
 from uavseg.flight.safety.keep_out import KeepOut
 
@@ -57,7 +58,10 @@ def home_outside(
     plane = plane_around(bounds, points[0][0])
     regions = shapely.make_valid(plane.project_polygons(polygons))
     keep_out = KeepOut(list(plane.project_polygons(zones)), avoid_margin_m)
-    grown = shapely.buffer(shapely.union_all([*regions, keep_out.grown]), CLEARANCE_M, quad_segs=4)
+    area = shapely.union_all([*regions, keep_out.grown])
+    if shapely.get_num_coordinates(area) > MANY_CORNERS:
+        area = enclosing(_without_holes(area), CLEARANCE_M / 10)
+    grown = shapely.buffer(area, CLEARANCE_M, quad_segs=4)
     outlines = shapely.get_exterior_ring(shapely.get_parts(_without_holes(grown)))
     places = shapely.get_coordinates(shapely.segmentize(outlines, STEP_M))
     middle = np.mean(np.column_stack(plane.xy_from_lonlat(*np.array(points).T)), axis=0)

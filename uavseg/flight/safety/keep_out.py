@@ -12,12 +12,15 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.errors import MissionError
+from uavseg.flight.avoid.enclosing import enclosing
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.track import Track
 
 Floats = NDArray[np.float64]
 
-LEAST_TOLERANCE_M = 0.5
+LEAST_TOLERANCE_M, MOST_TOLERANCE_M = 0.5, 100.0
+LEAST_REACH_M = 2.0  # of outlines around zones of many corners
+MOST_OUTLINED = 10_000  # corners of such outlines
 LEAST_FENCE_MARGIN_M = 4.0  # below it, the fence is drawn at the edge of zones
 FENCE_TOLERANCES = (
     1 / 2,
@@ -54,7 +57,14 @@ class KeepOut:
 
     @cached_property
     def _whole(self) -> Any:
-        return shapely.union_all(shapely.make_valid(np.array(self.zones, object)))
+        """The zones; of those with many corners an outline around them."""
+        zones = shapely.union_all(shapely.make_valid(np.array(self.zones, object)))
+        reach_m = max(self.margin_m / 8, LEAST_REACH_M)
+        around = enclosing(zones, reach_m)
+        while shapely.get_num_coordinates(around) > MOST_OUTLINED and reach_m < MOST_TOLERANCE_M:
+            reach_m *= 2
+            around = enclosing(zones, reach_m)
+        return around
 
     @cached_property
     def grown(self) -> Any:
@@ -64,8 +74,9 @@ class KeepOut:
         tolerance_m = max(self.margin_m / 8, LEAST_TOLERANCE_M)
         held = _held(self._whole, self.margin_m)
         grown = _grown(self._whole, held, self.margin_m, tolerance_m)
-        while shapely.get_num_coordinates(grown) > MOST_CORNERS and tolerance_m < 100:
-            grown = _smoothed(self._whole, held, self.margin_m, tolerance_m)
+        while shapely.get_num_coordinates(grown) > MOST_CORNERS and tolerance_m < MOST_TOLERANCE_M:
+            zones = enclosing(self._whole, tolerance_m)
+            grown = _smoothed(zones, held, self.margin_m, tolerance_m)
             tolerance_m *= 2
         shapely.prepare(grown)
         return grown
