@@ -483,6 +483,9 @@ def test_wrong_usage_is_reported_with_exit_code_2(arguments: str) -> None:
     assert result.exit_code == 2 and "Usage: " in result.stderr and files() == {"tile.tif"}
 
 
+OUT_OF_MEMORY = "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less\n"
+
+
 def raises(error: BaseException) -> Callable[..., Any]:
     def fail(*_: Any, **__: Any) -> None:
         raise error
@@ -494,11 +497,8 @@ def raises(error: BaseException) -> Callable[..., Any]:
     ("error", "code", "said"),
     [
         (KeyboardInterrupt(), 130, "uavseg: interrupted; nothing was written\n"),
-        (
-            MemoryError(),
-            1,
-            "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less\n",
-        ),
+        (MemoryError(), 1, OUT_OF_MEMORY),
+        (shapely.errors.GEOSException("std::bad_alloc"), 1, OUT_OF_MEMORY),
     ],
 )
 def test_what_ends_the_work_leaves_nothing(
@@ -531,6 +531,7 @@ def program(*arguments: object, **how: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, **how)
 
 
+@pytest.mark.slow
 def test_the_program_writes_regions() -> None:
     done = program("extract", "tile.tif", *RANGE)
     assert (done.returncode, done.stdout) == (0, "")

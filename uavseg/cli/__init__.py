@@ -7,7 +7,7 @@ import importlib
 import os
 import sys
 import traceback
-from typing import Any
+from typing import Any, NoReturn
 
 import click
 
@@ -97,15 +97,22 @@ class _Group(click.Group):
                 click.echo(f"uavseg: error: {_import_error(error)}", err=True)
                 ctx.exit(1)
             except MemoryError:
-                click.echo(
-                    "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less",
-                    err=True,
-                )
-                ctx.exit(1)
+                _report_out_of_memory(ctx)
             except KeyboardInterrupt as error:
                 traceback.clear_frames(error.__traceback__)  # so that work that waits in a pool is dropped
                 say(last_line(error, written))
                 ctx.exit(exit_code(error))
+            except Exception as error:
+                if "bad_alloc" not in str(error):  # as GEOS reports it
+                    raise
+                _report_out_of_memory(ctx)
+
+
+def _report_out_of_memory(ctx: click.Context) -> NoReturn:
+    click.echo(
+        "uavseg: error: out of memory; smaller tiles (--tile 1024) or fewer --threads need less", err=True
+    )
+    ctx.exit(1)
 
 
 def _clean(error: click.UsageError) -> click.UsageError:
