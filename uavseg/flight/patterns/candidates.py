@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
+from uavseg.flight.cover.space import COARSE
 from uavseg.flight.cover.strips import LEAST_LINE_M
 from uavseg.flight.cover.survey import CoverParams, Survey
 from uavseg.flight.cover.survey import surveys as cover_region
@@ -112,7 +113,7 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     tracks = [
         [_lines_track(list(way.lines), list(way.outer), way.legs, params) for way in ways] for ways in found
     ]
-    notes = photo_notes(params)
+    notes = [*_outline_notes(regions, params.spacing_m), *photo_notes(params)]
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
     notes += _corridor_note(regions, [ways[0] for ways in found], params)
@@ -125,7 +126,8 @@ def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     regions = _grown(parts, params.how.margin_m)
     found = [corridor(region, params.spacing_m, *_line_ends(params)) for region in regions]
     tracks = [[_lines_track(one.lines, one.lines, one.legs, params)] for one in found]
-    return Candidates(tracks, _places(parts), photo_notes(params))
+    notes = [*_outline_notes(regions, params.spacing_m), *photo_notes(params)]
+    return Candidates(tracks, _places(parts), notes)
 
 
 def orbits(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
@@ -217,6 +219,18 @@ def _ring_notes(found: Sequence[OffsetRings], min_leg_m: float) -> list[str]:
     if short:
         notes.append(f"{short} of {len(found)} regions are too small for legs of {min_leg_m:g} m (--min-leg)")
     return notes
+
+
+def _outline_notes(regions: Sequence[Any], spacing_m: float) -> list[str]:
+    """A note where `flight_space` takes outlines of fewer corners."""
+    many = int((shapely.get_num_coordinates(regions) > MANY_CORNERS).sum())
+    if not many:
+        return []
+    return [
+        f"{many} of {len(regions)} regions have outlines of more than {MANY_CORNERS} corners: they are grown "
+        f"and simplified by up to {COARSE * spacing_m:.3g} m, and holes of less than {spacing_m**2:.3g} m2 "
+        "are flown over"
+    ]
 
 
 def _corridor_note(regions: Sequence[Any], flown: Sequence[Survey], params: PlanParams) -> list[str]:
