@@ -23,7 +23,7 @@ Ints = NDArray[np.int64]
 
 TOUCH_M = 1e-4
 """Legs may run along the edge of free space: that close to it, they are in it."""
-MAX_POINTS = 4000  # the ways between them take gigabytes beyond
+MAX_POINTS = 8001  # both ends of as many regions as are ordered, and home; the ways take gigabytes beyond
 MAX_CORNERS = 1200  # a graph of their pairs takes seconds
 
 
