@@ -136,11 +136,13 @@ def vectors() -> Files:
     with TemporaryDirectory() as made:
         folder = Path(made)
         (folder / "x.tif").write_bytes(rasters()["deflate.tif"])
-        for suffix in ("geojson", "gpkg", "fgb", "parquet", "shp", "kml"):
-            _uavseg(folder, "extract", "x.tif", "--range", "0.5,1", "-o", f"r.{suffix}", "--min-area", "40px")
-        _uavseg(folder, "levels", "x.tif", "--width", "0.3", "-o", "lv.geojson", "--min-area", "80px")
-        classes = ("--class", "dark=0,0.4", "--class", "bright=0.4,1")
-        _uavseg(folder, "extract", "x.tif", *classes, "-o", "cl.geojson", "--min-area", "80px")
+        commands = [
+            f"extract x.tif --range 0.5,1 -o r.{suffix} --min-area 40px"
+            for suffix in ("geojson", "gpkg", "fgb", "parquet", "shp", "kml")
+        ]
+        commands.append("levels x.tif --width 0.3 -o lv.geojson --min-area 80px")
+        commands.append("extract x.tif --class dark=0,0.4 --class bright=0.4,1 -o cl.geojson --min-area 80px")
+        _uavseg(folder, *commands)
         ring = "15.0000 40.6000,15.0003 40.6000,15.0003 40.6003,15.0000 40.6003,15.0000 40.6000"
         (folder / "r.csv").write_text(f'id,WKT\n1,"POLYGON (({ring}))"\n2,"POLYGON (({ring}))"\n')
         (folder / "hand.geojson").write_text(json.dumps(_hand_made()))
@@ -181,7 +183,7 @@ def block_map() -> Files:
     with TemporaryDirectory() as made:
         folder = Path(made)
         (folder / "x.tif").write_bytes(rasters()["deflate.tif"])
-        _uavseg(folder, "divide", "x.tif", "-o", "b.tif")
+        _uavseg(folder, "divide x.tif -o b.tif")
         return {name: (folder / name).read_bytes() for name in ("b.tif", "x.tif")}
 
 
@@ -193,16 +195,16 @@ def missions() -> Files:
         (folder / "x.tif").write_bytes(rasters()["deflate.tif"])
         (folder / "r.geojson").write_bytes(vectors()["r.geojson"])
         (folder / "s.json").write_bytes(SCENE)
-        _uavseg(folder, "simulate", "s.json", "-o", "m.tif")
-        _uavseg(folder, "classify", "m.tif", "-o", "st.tif")
-        for suffix in ("plan", "waypoints"):
-            _uavseg(folder, "plan", "r.geojson", "-o", f"a.{suffix}", "--altitude", "50", "--home", "auto")
-        lines = ("--altitude", "50", "--home", "auto", "--spacing", "12")
-        for suffix in ("kml", "geojson", "kmz", "csv"):
-            _uavseg(folder, "plan", "r.geojson", "-o", f"a.{suffix}", *lines)
-        _uavseg(folder, "plan", "r.geojson", "-o", "e.plan", *lines, "--editable")
-        place = ("--start", "500005,4499920", "--goal", "500030,4499930")
-        _uavseg(folder, "path", "x.tif", "--range", "0,0.9", *place, "-o", "p.geojson")
+        plan, lines = "plan r.geojson --altitude 50 --home auto", "--spacing 12"
+        _uavseg(
+            folder,
+            "simulate s.json -o m.tif",
+            "classify m.tif -o st.tif",
+            *(f"{plan} -o a.{suffix}" for suffix in ("plan", "waypoints")),
+            *(f"{plan} -o a.{suffix} {lines}" for suffix in ("kml", "geojson", "kmz", "csv")),
+            f"{plan} -o e.plan {lines} --editable",
+            "path x.tif --range 0,0.9 --start 500005,4499920 --goal 500030,4499930 -o p.geojson",
+        )
         return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 
 
@@ -266,7 +268,7 @@ def kept_results() -> Files:
     with TemporaryDirectory() as made:
         folder = Path(made)
         (folder / "x.tif").write_bytes(rasters()["deflate.tif"])
-        _uavseg(folder, *RESUMED[:-4], *RESUMED[-2:])
+        _uavseg(folder, " ".join((*RESUMED[:-4], *RESUMED[-2:])))
         files = [path for path in sorted(folder.rglob("done/**/*")) if path.is_file()]
         return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
@@ -274,16 +276,20 @@ def kept_results() -> Files:
 RESUMED = ("extract", "x.tif", "--range", "0.4,1", "-o", "out.geojson", "--threads", "1", "--resume", "done")
 
 
-def _uavseg(folder: Path, *arguments: str) -> None:
-    """Run a command; in a process of its own, so that this one starts no threads, which do not survive a fork."""
-    command = [
-        sys.executable,
-        "-m",
-        "uavseg",
-        *arguments,
-        *(["--threads", "1"] if arguments[0] in _TILED else []),
+def _uavseg(folder: Path, *commands: str) -> None:
+    """Run commands; in a process of their own, so that this one starts no threads, which do not survive a fork."""
+    lines = [
+        [*words, *(["--threads", "1"] if words[0] in _TILED else [])] for words in map(str.split, commands)
     ]
-    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    subprocess.run(
+        [sys.executable, "-c", _RUN, json.dumps(lines)], cwd=folder, check=True, capture_output=True
+    )
 
 
+_RUN = """
+import json, sys
+from uavseg.cli import main
+for line in json.loads(sys.argv[1]):
+    main(line, standalone_mode=False)
+"""
 _TILED = ("extract", "levels", "divide", "classify", "path")
