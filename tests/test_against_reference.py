@@ -30,15 +30,19 @@ from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import measure_block_map_for
 from uavseg.segmentation.source import GreySource
 
-CHUNK = 20
+CHUNK = 10
 RASTERS = range(0, 240, CHUNK)
 FILES = range(1000, 1040, 10)
 RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
 
 
-def some_fast(chunks: range) -> list[Any]:
-    """The chunks, those after the first marked slow."""
-    return [first if k < 1 else pytest.param(first, marks=pytest.mark.slow) for k, first in enumerate(chunks)]
+def some_fast(chunks: range, thorough: float = float("inf")) -> list[Any]:
+    """The chunks, those after the first marked slow, and thorough from some on."""
+    slow = [
+        pytest.param(first, marks=pytest.mark.slow if first < thorough else pytest.mark.thorough)
+        for first in chunks[1:]
+    ]
+    return [chunks[0], *slow]
 
 
 class Case(NamedTuple):
@@ -100,7 +104,7 @@ def describe(seed: int, case: Case, side: int) -> str:
 
 
 @pytest.mark.parametrize(
-    "first", some_fast(RASTERS), ids=lambda first: f"seeds {first} to {first + CHUNK - 1}"
+    "first", some_fast(RASTERS, thorough=120), ids=lambda first: f"seeds {first} to {first + CHUNK - 1}"
 )
 def test_labels_are_those_of_the_reference(reference: ModuleType, first: int) -> None:
     different = []
@@ -164,6 +168,7 @@ def test_regions_of_a_file_are_those_of_the_reference(
     assert not different
 
 
+@pytest.mark.slow
 def test_the_rasters_are_of_every_kind(reference: ModuleType) -> None:
     seeds = range(RASTERS.stop)
     rasters = [reference.random_raster(seed) for seed in seeds]

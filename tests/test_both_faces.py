@@ -53,9 +53,9 @@ SHAPE = (140, 170)
 Words = dict[str, Any]
 
 
-def some_fast(cases: list[Any]) -> list[Any]:
-    """Cases, two of three of which are not part of the fast suite."""
-    return [pytest.param(*case, marks=[pytest.mark.slow] if n % 3 else []) for n, case in enumerate(cases)]
+def some_fast(cases: list[Any], step: int = 3) -> list[Any]:
+    """Cases, one of `step` of which is part of the fast suite."""
+    return [pytest.param(*case, marks=[pytest.mark.slow] if n % step else []) for n, case in enumerate(cases)]
 
 
 class Answer(NamedTuple):
@@ -382,7 +382,8 @@ MATCH: list[tuple[Any, Words]] = [
             *(("extract", *case) for case in EXTRACT),
             *(("levels", *case) for case in LEVELS),
             *(("match", *case) for case in MATCH),
-        ]
+        ],
+        step=6,
     ),
 )
 def test_regions(job: str, source: Any, words: Words) -> None:
@@ -395,27 +396,33 @@ def test_regions(job: str, source: Any, words: Words) -> None:
 
 @pytest.mark.parametrize(
     ("job", "sources", "words"),
-    [
-        ("extract", "lot", {"range": (0.55, 1)}),
-        ("extract", "lot", {"range": (0.9999, 1), "report": "out/report.csv", "threads": 2}),
-        ("extract", "lot/*.tif", {"range": (0.3, 0.7), "labels": "out/{stem}.tif", "tile": 64}),
-        (
-            "extract",
-            ["tile.tif", "missing.tif", "cut.tif", "deep.tif"],
-            {"range": (0.3, 0.7), "min_area": "9px"},
-        ),
-        ("extract", ["blocks.tif", "lost.tif", "ros.yaml"], {"range": (0.4, 1), "report": "out/report.csv"}),
-        ("levels", "@list.txt", {"width": 0.3, "threads": 1, "min_area": 60.0, "small": "drop"}),
-        ("levels", "lot", {"width": 0.3, "band": 2, "overwrite": True}),
-        ("match", ["tile.tif", "west.tif"], {"like": DISC, "similarity": 0.5}),
-        ("extract", "empty", {"range": (0.55, 1)}),
-        ("extract", "none*.tif", {"range": (0.55, 1)}),
-        ("extract", "@none.txt", {"range": (0.55, 1)}),
-        ("extract", "lot", {"range": (1, 0)}),
-        ("extract", "lot", {"range": (0, 1), "threads": 0}),
-        ("extract", "lot", {"range": (0, 1), "report": "out/report.txt"}),
-        ("extract", ["tile.tif", "lot/tile.tif"], {"range": (0, 1)}),
-    ],
+    some_fast(
+        [
+            ("extract", "lot", {"range": (0.55, 1)}),
+            ("extract", "lot", {"range": (0.9999, 1), "report": "out/report.csv", "threads": 2}),
+            ("extract", "lot/*.tif", {"range": (0.3, 0.7), "labels": "out/{stem}.tif", "tile": 64}),
+            (
+                "extract",
+                ["tile.tif", "missing.tif", "cut.tif", "deep.tif"],
+                {"range": (0.3, 0.7), "min_area": "9px"},
+            ),
+            (
+                "extract",
+                ["blocks.tif", "lost.tif", "ros.yaml"],
+                {"range": (0.4, 1), "report": "out/report.csv"},
+            ),
+            ("levels", "@list.txt", {"width": 0.3, "threads": 1, "min_area": 60.0, "small": "drop"}),
+            ("levels", "lot", {"width": 0.3, "band": 2, "overwrite": True}),
+            ("match", ["tile.tif", "west.tif"], {"like": DISC, "similarity": 0.5}),
+            ("extract", "empty", {"range": (0.55, 1)}),
+            ("extract", "none*.tif", {"range": (0.55, 1)}),
+            ("extract", "@none.txt", {"range": (0.55, 1)}),
+            ("extract", "lot", {"range": (1, 0)}),
+            ("extract", "lot", {"range": (0, 1), "threads": 0}),
+            ("extract", "lot", {"range": (0, 1), "report": "out/report.txt"}),
+            ("extract", ["tile.tif", "lot/tile.tif"], {"range": (0, 1)}),
+        ]
+    ),
 )
 def test_each_of_many(job: str, sources: Any, words: Words) -> None:
     for name in ("lot", "empty", "out"):
@@ -520,26 +527,28 @@ def test_pictures_of_missions(missions: list[str], words: Words) -> None:
 
 @pytest.mark.parametrize(
     ("source", "words"),
-    [
-        ("tile.tif", {}),
-        ("tile.tif", {"classes": 3}),
-        ("tile.tif", {"classes": 2, "method": "paper", "threshold": 1.4, "tile": 64}),
-        ("tile.tif", {"stretch": "minmax", "nodata": 9, "intensity_step": 0.1, "threads": 2}),
-        ("deep.tif", {"classes": 8}),
-        (["west.tif", "east.tif"], {"classes": 4}),
-        ("blocks.tif", {"classes": 3}),
-        ("blocks.tif", {"stretch": "none"}),
-        ("lost.tif", {}),
-        ("black.tif", {}),
-        ("cut.tif", {"skip_bad_tiles": True}),
-        ("tile.tif", {"classes": 12}),
-        ("missing.tif", {}),
-        ("ros.yaml", {}),
-        ("bands.tif", {"classes": 3, "index": "ndvi"}),
-        ("bands.tif", {"classes": 3}),
-        ("tile.tif", {"classes": 2, "flatten": "40px", "tile": 64}),
-        ("tile.tif", {"flatten": "9px"}),
-    ],
+    some_fast(
+        [
+            ("tile.tif", {}),
+            ("tile.tif", {"classes": 3}),
+            ("tile.tif", {"classes": 2, "method": "paper", "threshold": 1.4, "tile": 64}),
+            ("tile.tif", {"stretch": "minmax", "nodata": 9, "intensity_step": 0.1, "threads": 2}),
+            ("deep.tif", {"classes": 8}),
+            (["west.tif", "east.tif"], {"classes": 4}),
+            ("blocks.tif", {"classes": 3}),
+            ("blocks.tif", {"stretch": "none"}),
+            ("lost.tif", {}),
+            ("black.tif", {}),
+            ("cut.tif", {"skip_bad_tiles": True}),
+            ("tile.tif", {"classes": 12}),
+            ("missing.tif", {}),
+            ("ros.yaml", {}),
+            ("bands.tif", {"classes": 3, "index": "ndvi"}),
+            ("bands.tif", {"classes": 3}),
+            ("tile.tif", {"classes": 2, "flatten": "40px", "tile": 64}),
+            ("tile.tif", {"flatten": "9px"}),
+        ]
+    ),
 )
 def test_suggestions(source: Any, words: Words) -> None:
     rasters = source if isinstance(source, list) else [source]
@@ -586,26 +595,28 @@ def test_ranges_of_samples(source: Any, words: Words) -> None:
 
 @pytest.mark.parametrize(
     ("source", "words"),
-    [
-        ("tile.tif", {}),
-        ("tile.tif", {"stretch": "percentile:5,90", "tile": 64}),
-        ("tile.tif", {"stretch": "minmax", "threads": 2}),
-        ("deep.tif", {}),
-        ("deep.tif", {"stretch": "0,60000"}),
-        (["west.tif", "east.tif"], {}),
-        (["west.tif", "two.tif"], {}),
-        ("black.tif", {"stretch": "minmax"}),
-        ("cut.tif", {"skip_bad_tiles": True}),
-        ("cut.tif", {}),
-        ("blocks.tif", {}),
-        ("ros.yaml", {}),
-        ("tile.tif", {"stretch": "narrow"}),
-        ("missing.tif", {}),
-        ("bands.tif", {"index": "ndvi"}),
-        ("bands.tif", {"expr": "nir / b1", "band_names": "b=1"}),
-        ("bands.tif", {"band": "nir"}),
-        ("bands.tif", {}),
-    ],
+    some_fast(
+        [
+            ("tile.tif", {}),
+            ("tile.tif", {"stretch": "percentile:5,90", "tile": 64}),
+            ("tile.tif", {"stretch": "minmax", "threads": 2}),
+            ("deep.tif", {}),
+            ("deep.tif", {"stretch": "0,60000"}),
+            (["west.tif", "east.tif"], {}),
+            (["west.tif", "two.tif"], {}),
+            ("black.tif", {"stretch": "minmax"}),
+            ("cut.tif", {"skip_bad_tiles": True}),
+            ("cut.tif", {}),
+            ("blocks.tif", {}),
+            ("ros.yaml", {}),
+            ("tile.tif", {"stretch": "narrow"}),
+            ("missing.tif", {}),
+            ("bands.tif", {"index": "ndvi"}),
+            ("bands.tif", {"expr": "nir / b1", "band_names": "b=1"}),
+            ("bands.tif", {"band": "nir"}),
+            ("bands.tif", {}),
+        ]
+    ),
 )
 def test_block_maps(source: Any, words: Words) -> None:
     rasters = source if isinstance(source, list) else [source]
@@ -714,78 +725,84 @@ def test_paths(source: str, words: Words) -> None:
 FLIGHT: Words = {"altitude": 60, "home": "auto"}
 
 
+PLANNED: list[tuple[str, Words]] = [
+    ("regions.geojson", FLIGHT),
+    ("regions.gpkg", FLIGHT | {"pattern": "perimeter", "tolerance": 2.0}),
+    ("regions.geojson", FLIGHT | {"spacing": 15}),
+    ("regions.gpkg", FLIGHT | {"pattern": "survey", "spacing": 15, "angle": 30.5, "speed": 8.0}),
+    ("regions.geojson", FLIGHT | {"home": (45.151, -76.271)}),
+    ("regions.geojson", FLIGHT | {"home": (45.151, -76.271, 120.5), "autopilot": "px4"}),
+    ("regions.geojson", FLIGHT | {"ids": [2, 1]}),
+    ("regions.geojson", FLIGHT | {"largest": 1, "where": "mean > 0.5 and area_m2 > 100"}),
+    ("two.gpkg", FLIGHT | {"layer": "b"}),
+    ("two.gpkg", FLIGHT),
+    ("regions.geojson", FLIGHT | {"ids": [99]}),
+    ("regions.geojson", FLIGHT | {"where": "brightness > 1"}),
+    ("regions.geojson", FLIGHT | {"home": (10.0, 10.0)}),
+    ("regions.geojson", FLIGHT | {"altitude": 0}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "visit"}),
+    ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk"}),
+    ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "overlap": (80.0, 60.0), "gimbal_pitch": -80.0}),
+    ("regions.geojson", {"camera": "mavic 3 enterprise", "gsd": 1.5, "home": "auto", "speed": 12.0}),
+    ("regions.geojson", FLIGHT | {"camera": "phantom"}),
+    ("regions.geojson", FLIGHT | {"vehicle": "weak.json"}),
+    ("regions.geojson", FLIGHT | {"vehicle": "missing.json"}),
+    (
+        "regions.geojson",
+        FLIGHT | {"camera": "phantom 4 rtk", "trigger": "hover", "overlap": (30.0, 9.0)},
+    ),
+    ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk", "trigger": "interval", "turnaround": 20.0}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "crosshatch": True}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "corridor", "margin": 5.0}),
+    ("regions.geojson", FLIGHT | {"pattern": "perimeter", "offset": 4.0, "min_leg": 8.0, "holes": "fly"}),
+    ("regions.geojson", FLIGHT | {"pattern": "orbit", "margin": 10.0, "camera": "phantom 4 rtk"}),
+    ("regions.geojson", FLIGHT | {"pattern": "visit", "hold": 5.0}),
+    ("regions.geojson", FLIGHT | {"pattern": "visit", "margin": 5.0}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "trigger": "hover"}),
+    ("regions.geojson", {"home": "auto"}),
+    ("regions.geojson", FLIGHT | {"dem": "ground.tif", "spacing": 15}),
+    ("regions.geojson", FLIGHT | {"dem": "ground.tif", "terrain": "relative", "terrain_tolerance": 1.5}),
+    ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain": "frame", "climb": 1.0, "descent": 0.5}),
+    ("regions.gpkg", FLIGHT | {"terrain": "frame"}),
+    ("regions.gpkg", FLIGHT | {"terrain": "absolute"}),
+    ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain_tolerance": 99.0}),
+    ("regions.gpkg", FLIGHT | {"dem": "missing.tif"}),
+    ("regions.gpkg", FLIGHT | {"dem": "tile.tif"}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": "zone.geojson", "avoid_margin": 4.0}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": (0.0, 0.2), "raster": "tile.tif"}),
+    ("regions.geojson", FLIGHT | {"raster": "tile.tif"}),
+    ("regions.geojson", FLIGHT | {"raster": "tile.tif", "allow_edge": True}),
+    ("regions.geojson", FLIGHT | {"raster": "blocks.tif", "largest": 2}),
+    ("regions.geojson", FLIGHT | {"avoid": (0.0, 0.2)}),
+    ("regions.geojson", FLIGHT | {"avoid": (0.0, 0.001), "raster": "tile.tif"}),
+    ("regions.geojson", FLIGHT | {"avoid": "missing.geojson"}),
+    ("regions.geojson", FLIGHT | {"avoid_margin": -1.0}),
+    ("regions.geojson", FLIGHT | {"endurance": 99.0, "reserve": 10.0}),
+    ("regions.geojson", FLIGHT | {"endurance": 1.0}),
+    ("regions.geojson", FLIGHT | {"max_items": 5}),
+    ("regions.geojson", FLIGHT | {"fence": "none"}),
+    ("regions.geojson", FLIGHT | {"fence": 20.0}),
+    ("regions.geojson", FLIGHT | {"rally": [(45.1447, -76.2697, 30.0)]}),
+    ("regions.geojson", FLIGHT | {"rally": [(45.3, -76.2715, 30.0)]}),
+    ("regions.geojson", FLIGHT | {"max_distance": 5.0}),
+    ("regions.geojson", FLIGHT | {"max_distance": 5000.0}),
+    ("regions.geojson", FLIGHT | {"altitude": 150, "max_altitude": 160.0}),
+    ("regions.geojson", FLIGHT | {"altitude": 150}),
+    ("regions.geojson", FLIGHT | {"altitude": 12, "max_altitude": 12.0, "autopilot": "px4"}),
+    ("missing.geojson", FLIGHT),
+    ("tile.tif", FLIGHT),
+]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("source", "words"),
+    ("source", "words", "suffix"),
     [
-        ("regions.geojson", FLIGHT),
-        ("regions.gpkg", FLIGHT | {"pattern": "perimeter", "tolerance": 2.0}),
-        ("regions.geojson", FLIGHT | {"spacing": 15}),
-        ("regions.gpkg", FLIGHT | {"pattern": "survey", "spacing": 15, "angle": 30.5, "speed": 8.0}),
-        ("regions.geojson", FLIGHT | {"home": (45.151, -76.271)}),
-        ("regions.geojson", FLIGHT | {"home": (45.151, -76.271, 120.5), "autopilot": "px4"}),
-        ("regions.geojson", FLIGHT | {"ids": [2, 1]}),
-        ("regions.geojson", FLIGHT | {"largest": 1, "where": "mean > 0.5 and area_m2 > 100"}),
-        ("two.gpkg", FLIGHT | {"layer": "b"}),
-        ("two.gpkg", FLIGHT),
-        ("regions.geojson", FLIGHT | {"ids": [99]}),
-        ("regions.geojson", FLIGHT | {"where": "brightness > 1"}),
-        ("regions.geojson", FLIGHT | {"home": (10.0, 10.0)}),
-        ("regions.geojson", FLIGHT | {"altitude": 0}),
-        ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "visit"}),
-        ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk"}),
-        ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "overlap": (80.0, 60.0), "gimbal_pitch": -80.0}),
-        ("regions.geojson", {"camera": "mavic 3 enterprise", "gsd": 1.5, "home": "auto", "speed": 12.0}),
-        ("regions.geojson", FLIGHT | {"camera": "phantom"}),
-        ("regions.geojson", FLIGHT | {"vehicle": "weak.json"}),
-        ("regions.geojson", FLIGHT | {"vehicle": "missing.json"}),
-        (
-            "regions.geojson",
-            FLIGHT | {"camera": "phantom 4 rtk", "trigger": "hover", "overlap": (30.0, 9.0)},
-        ),
-        ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk", "trigger": "interval", "turnaround": 20.0}),
-        ("regions.geojson", FLIGHT | {"spacing": 15, "crosshatch": True}),
-        ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "corridor", "margin": 5.0}),
-        ("regions.geojson", FLIGHT | {"pattern": "perimeter", "offset": 4.0, "min_leg": 8.0, "holes": "fly"}),
-        ("regions.geojson", FLIGHT | {"pattern": "orbit", "margin": 10.0, "camera": "phantom 4 rtk"}),
-        ("regions.geojson", FLIGHT | {"pattern": "visit", "hold": 5.0}),
-        ("regions.geojson", FLIGHT | {"pattern": "visit", "margin": 5.0}),
-        ("regions.geojson", FLIGHT | {"spacing": 15, "trigger": "hover"}),
-        ("regions.geojson", {"home": "auto"}),
-        ("regions.geojson", FLIGHT | {"dem": "ground.tif", "spacing": 15}),
-        ("regions.geojson", FLIGHT | {"dem": "ground.tif", "terrain": "relative", "terrain_tolerance": 1.5}),
-        ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain": "frame", "climb": 1.0, "descent": 0.5}),
-        ("regions.gpkg", FLIGHT | {"terrain": "frame"}),
-        ("regions.gpkg", FLIGHT | {"terrain": "absolute"}),
-        ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain_tolerance": 99.0}),
-        ("regions.gpkg", FLIGHT | {"dem": "missing.tif"}),
-        ("regions.gpkg", FLIGHT | {"dem": "tile.tif"}),
-        ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": "zone.geojson", "avoid_margin": 4.0}),
-        ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": (0.0, 0.2), "raster": "tile.tif"}),
-        ("regions.geojson", FLIGHT | {"raster": "tile.tif"}),
-        ("regions.geojson", FLIGHT | {"raster": "tile.tif", "allow_edge": True}),
-        ("regions.geojson", FLIGHT | {"raster": "blocks.tif", "largest": 2}),
-        ("regions.geojson", FLIGHT | {"avoid": (0.0, 0.2)}),
-        ("regions.geojson", FLIGHT | {"avoid": (0.0, 0.001), "raster": "tile.tif"}),
-        ("regions.geojson", FLIGHT | {"avoid": "missing.geojson"}),
-        ("regions.geojson", FLIGHT | {"avoid_margin": -1.0}),
-        ("regions.geojson", FLIGHT | {"endurance": 99.0, "reserve": 10.0}),
-        ("regions.geojson", FLIGHT | {"endurance": 1.0}),
-        ("regions.geojson", FLIGHT | {"max_items": 5}),
-        ("regions.geojson", FLIGHT | {"fence": "none"}),
-        ("regions.geojson", FLIGHT | {"fence": 20.0}),
-        ("regions.geojson", FLIGHT | {"rally": [(45.1447, -76.2697, 30.0)]}),
-        ("regions.geojson", FLIGHT | {"rally": [(45.3, -76.2715, 30.0)]}),
-        ("regions.geojson", FLIGHT | {"max_distance": 5.0}),
-        ("regions.geojson", FLIGHT | {"max_distance": 5000.0}),
-        ("regions.geojson", FLIGHT | {"altitude": 150, "max_altitude": 160.0}),
-        ("regions.geojson", FLIGHT | {"altitude": 150}),
-        ("regions.geojson", FLIGHT | {"altitude": 12, "max_altitude": 12.0, "autopilot": "px4"}),
-        ("missing.geojson", FLIGHT),
-        ("tile.tif", FLIGHT),
+        pytest.param(source, words, suffix, marks=pytest.mark.thorough if n % 5 and suffix != ".plan" else [])
+        for n, (source, words) in enumerate(PLANNED)
+        for suffix in (".plan", ".waypoints")
     ],
 )
-@pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
 def test_missions(source: str, words: Words, suffix: str) -> None:
     output = f"out{suffix}"
     expected = on_the_command_line("plan", [source, *options(words), "-o", output], output)
@@ -801,14 +818,19 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".plan", ".kmz"])
 @pytest.mark.parametrize(
-    "words",
+    ("words", "suffix"),
     [
-        {"max_items": 12},
-        {"endurance": 6.0, "camera": "phantom 4 rtk", "autopilot": "px4"},
-        {"max_items": 10, "dem": "ground.tif", "raster": "tile.tif"},
-        {"max_items": 14, "avoid": "zone.geojson", "rally": [(45.1447, -76.2697, 30.0)]},
+        pytest.param(words, suffix, marks=pytest.mark.thorough if (n + k) % 2 else [])
+        for n, words in enumerate(
+            [
+                {"max_items": 12},
+                {"endurance": 6.0, "camera": "phantom 4 rtk", "autopilot": "px4"},
+                {"max_items": 10, "dem": "ground.tif", "raster": "tile.tif"},
+                {"max_items": 14, "avoid": "zone.geojson", "rally": [(45.1447, -76.2697, 30.0)]},
+            ]
+        )
+        for k, suffix in enumerate([".plan", ".kmz"])
     ],
 )
 def test_several_flights(words: Words, suffix: str) -> None:

@@ -78,7 +78,13 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", list(main.list_commands(None)))  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.thorough if n % 3 else [])
+        for n, name in enumerate(main.list_commands(None))  # type: ignore[arg-type]
+    ],
+)
 def test_any_command_can_create_frames(name: str, file: Path) -> None:
     program(RUN, f"command({name!r}, '--help')", USE_WRITERS, "assert loaded() == []", USE_FRAMES, path=file)
 

@@ -33,7 +33,10 @@ MAPS = 220
 CHUNK = 20
 CHUNKS = range(0, MAPS, CHUNK)
 RUNNERS: list[tuple[int, Map]] = [(64, serial), (128, threads(2))]
-REAL = ["depot", "tb3_sandbox", "turtlebot3_map", "willow-full"]
+REAL = [
+    *("tb3_sandbox", "turtlebot3_map"),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in ("depot", "willow-full")),
+]
 
 
 def random_map(seed: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
@@ -157,7 +160,13 @@ def wrong_levels(
 
 @pytest.mark.parametrize(
     "first",
-    [first if first < CHUNK else pytest.param(first, marks=pytest.mark.slow) for first in CHUNKS],
+    [
+        CHUNKS[0],
+        *(
+            pytest.param(first, marks=pytest.mark.slow if first < MAPS / 2 else pytest.mark.thorough)
+            for first in CHUNKS[1:]
+        ),
+    ],
     ids=lambda first: f"maps {first} to {first + CHUNK - 1}",
 )
 def test_maps_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, first: int) -> None:

@@ -191,9 +191,13 @@ def test_every_raster_has_an_expected_result(shared_data: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "setting", ["default", *(pytest.param(name, marks=pytest.mark.slow) for name in ("scan", "paper"))]
+    ("name", "setting"),
+    [  # of the other settings, each is checked on a third of the rasters
+        pytest.param(name, setting, marks=pytest.mark.thorough if k and (n + k) % 3 else [])
+        for n, name in enumerate(CASES)
+        for k, setting in enumerate(SETTINGS)
+    ],
 )
-@pytest.mark.parametrize("name", CASES)
 def test_a_raster_gives_a_correct_result_or_a_one_line_error(
     shared_data: Path,
     reference: ModuleType,

@@ -75,6 +75,7 @@ def test_each_kind_of_fault_is_a_finding(
     assert sorted({found.kind for found in judge(case, sandbox.run(case))}) == sorted(kinds)
 
 
+@pytest.mark.slow
 def test_what_hangs_or_eats_memory_is_stopped(sandbox: Sandbox, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tests.hostile.sandbox.PATIENCE_S", 0.5)
     monkeypatch.setattr("tests.hostile.judging.PATIENCE_S", 0.5)
@@ -113,6 +114,7 @@ def test_mutators_change_and_never_fail() -> None:
     assert bytes_mutated(content, Random(0)) != content
 
 
+@pytest.mark.slow
 def test_the_bytes_of_a_tag_are_replaced() -> None:
     from tests.hostile import seeds
     from tests.hostile.block_maps import METADATA, description, with_description
@@ -122,7 +124,7 @@ def test_the_bytes_of_a_tag_are_replaced() -> None:
     assert description(with_description(block_map, '{"rows": "<&\\""}')) == '{"rows": "<&\\""}'
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_short_campaign_finds_nothing() -> None:
     count, found = campaign.run(120, seed=7)
     assert count.total() == 120

@@ -80,6 +80,7 @@ def test_every_kernel_is_shipped_as_it_is_now(level: str) -> None:
     assert all(shipped._intact(shipped.FOLDER / level / name) for name in names)
 
 
+@pytest.mark.slow
 @here
 def test_no_kernel_is_compiled_and_neither_numba_nor_llvmlite_is_loaded(tmp_path: Path) -> None:
     program = (
@@ -127,6 +128,7 @@ def test_all_ways_give_the_same_results(
         assert found == expected
 
 
+@pytest.mark.slow
 @here
 def test_a_kernel_that_was_changed_is_compiled(
     cache: Path, compiled: list[str], module_of: Load, libraries: Path
@@ -175,6 +177,7 @@ def test_a_damaged_library_is_not_loaded(
     assert not twice_module.twice.is_shipped and compiled == ["twice"]
 
 
+@pytest.mark.slow
 @here
 def test_a_processor_gets_the_best_level_whose_features_it_has(
     libraries: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, twice_module: ModuleType
@@ -203,12 +206,15 @@ def test_a_processor_gets_the_best_level_whose_features_it_has(
 @here
 def test_libraries_need_nothing_but_functions_of_the_c_library() -> None:
     known = {"exp", "log", "erf", "sqrt", "floor", "ceil", "memset", "memcpy", "memmove", "kernel"}
-    for path in shipped.FOLDER.rglob("*.so"):
-        listed = subprocess.run(
-            ["nm", "-D", "--with-symbol-versions", path], capture_output=True, text=True, check=True
-        )
-        symbols = {line.split()[-1] for line in listed.stdout.splitlines()}
-        assert "kernel" in symbols and symbols <= known, path.name  # without versions: with any glibc
+    paths = sorted(shipped.FOLDER.rglob("*.so"))
+    listed = subprocess.run(
+        ["nm", "-D", "--with-symbol-versions", *paths], capture_output=True, text=True, check=True
+    )
+    tables = dict(part.split(":\n", 1) for part in listed.stdout.strip("\n").split("\n\n"))
+    assert sorted(map(Path, tables)) == paths
+    for path, table in tables.items():
+        symbols = {line.split()[-1] for line in table.splitlines()}
+        assert "kernel" in symbols and symbols <= known, path  # without versions: with any glibc
 
 
 @here

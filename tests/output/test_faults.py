@@ -40,9 +40,18 @@ COMMANDS = {
 }
 
 
-def thorough(*words: object) -> Any:
-    """A case of the thorough suite."""
-    return pytest.param(*words, marks=pytest.mark.thorough)
+def cases(*words: tuple[Any, ...], checked: set[tuple[str, bool]]) -> list[Any]:
+    """Words that begin with a name of a command, without older outputs and over some; others are thorough."""
+    return [
+        pytest.param(
+            *one,
+            older,
+            id="-".join(("there" if older else "absent", *map(str, one))),
+            marks=[] if (one[0], older) in checked else pytest.mark.thorough,
+        )
+        for one in words
+        for older in (False, True)
+    ]
 
 
 OTHERS = {  # the same outputs with other content
@@ -88,12 +97,6 @@ def command(name: str) -> list[str]:
     return [*COMMANDS[name].split(), "-q", "--overwrite"]
 
 
-@pytest.fixture(scope="module", params=["absent", "there"])
-def older(request: pytest.FixtureRequest) -> bool:
-    """Whether outputs with other content are there, with files that do not fit the new ones."""
-    return bool(request.param == "there")
-
-
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a raster, a map and regions."""
@@ -120,7 +123,10 @@ def work() -> Iterator[Path]:
 
 
 def runs(name: str, fault: str, inputs: Path, work: Path, older: bool, numbers: Any = None) -> Runs:
-    """Run a command with a fault at each call, or with each of some numbers."""
+    """Run a command with a fault at each call, or with each of some numbers.
+
+    `older` says whether outputs with other content are there, with files that do not fit the new ones.
+    """
     source = work / "source"
     source.mkdir()
     for file in inputs.iterdir():
@@ -185,10 +191,10 @@ def assert_changes(runs: Runs) -> None:
 
 @pytest.mark.parametrize(
     ("name", "older"),
-    [
-        *(("shp", True), ("shp", False), ("vrt", True)),
-        *(thorough(name, True) for name in ("gpkg", "labels", "objects", "ros")),
-    ],
+    cases(
+        *((name,) for name in ("shp", "vrt", "gpkg", "labels", "objects", "ros")),
+        checked={("shp", False), ("vrt", True)},
+    ),
 )
 def test_a_run_that_is_killed_at_any_call(name: str, inputs: Path, work: Path, older: bool) -> None:
     found = runs(name, "SIGKILL", inputs, work, older)
@@ -200,7 +206,13 @@ def test_a_run_that_is_killed_at_any_call(name: str, inputs: Path, work: Path, o
     assert found.seen[-1].code == 0 and found.seen[-1].found == found.after
 
 
-@pytest.mark.parametrize("name", ["shp", "simulate", *map(thorough, ("vrt", "objects", "plan"))])
+@pytest.mark.parametrize(
+    ("name", "older"),
+    cases(
+        *((name,) for name in ("shp", "simulate", "vrt", "objects", "plan")),
+        checked={("shp", True), ("simulate", False)},
+    ),
+)
 def test_an_error_at_any_call_leaves_everything_as_it_was(
     name: str, inputs: Path, work: Path, older: bool
 ) -> None:
@@ -215,12 +227,13 @@ def test_an_error_at_any_call_leaves_everything_as_it_was(
 
 
 @pytest.mark.parametrize(
-    ("name", "fault", "code", "word"),
-    [
+    ("name", "fault", "code", "word", "older"),
+    cases(
         ("shp", "SIGTERM", 143, "terminated"),
         ("vrt", "SIGINT", 130, "interrupted"),
         ("plan", "SIGINT", 130, "interrupted"),
-    ],
+        checked={("shp", False), ("vrt", True), ("plan", True)},
+    ),
 )
 def test_a_signal_at_any_call_leaves_all_or_nothing_and_tells_which(
     name: str, fault: str, code: int, word: str, inputs: Path, work: Path, older: bool
@@ -237,7 +250,8 @@ def test_a_signal_at_any_call_leaves_all_or_nothing_and_tells_which(
 
 
 @pytest.mark.parametrize(
-    "name", [name if name in ("shp", "vrt", "ros") else thorough(name) for name in COMMANDS]
+    ("name", "older"),
+    cases(*((name,) for name in COMMANDS), checked={("shp", True), ("vrt", False), ("ros", True)}),
 )
 def test_a_disk_that_is_full_after_any_size_leaves_everything_as_it_was(
     name: str, inputs: Path, work: Path, older: bool

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(sys.executable).with_name("uavseg")
 QGIS = shutil.which("qgis_process.bin") or shutil.which(
     "qgis_process"
 )  # Debian's script adds what QGIS refuses
@@ -54,10 +55,17 @@ class Headless:
         )
 
     def typed(self, *words: object, code: int = 0) -> str:
-        """What the command line prints on stdout, run as a user would."""
-        done = subprocess.run(
-            [self.program, *map(str, words)], capture_output=True, text=True, timeout=300, check=False
-        )
+        """What the command line prints on stdout; in this process, where it is of the same package."""
+        line = list(map(str, words))
+        if self.program == HERE:
+            from click.testing import CliRunner  # QGIS's own Python, where `inside` runs, has neither
+
+            from uavseg.cli import main
+
+            result = CliRunner().invoke(main, line)
+            assert result.exit_code == code, result.output
+            return result.stdout
+        done = subprocess.run([self.program, *line], capture_output=True, text=True, timeout=300, check=False)
         assert done.returncode == code, done.stderr
         return done.stdout
 
@@ -88,7 +96,7 @@ def qgis(tmp_path_factory: pytest.TempPathFactory) -> Headless:
         if os.environ.get("UAVSEG_REQUIRE_QGIS"):
             pytest.fail("UAVSEG_REQUIRE_QGIS is set, and there is no qgis_process on the PATH")
         pytest.skip("there is no qgis_process on the PATH")
-    program = Path(os.environ.get("UAVSEG_PROGRAM") or Path(sys.executable).with_name("uavseg"))
+    program = Path(os.environ.get("UAVSEG_PROGRAM") or HERE)
     headless = Headless(_environment(tmp_path_factory.mktemp("qgis"), program), program)
     enabled = headless.call("plugins", "enable", "qgis_uavseg")
     assert enabled.returncode == 0, enabled.stderr

@@ -233,7 +233,14 @@ def regions(qgis: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["plan", "waypoints", "kml", "geojson"])
+@pytest.mark.parametrize(
+    "suffix",
+    [
+        "plan",
+        "waypoints",
+        *(pytest.param(suffix, marks=pytest.mark.thorough) for suffix in ("kml", "geojson")),
+    ],
+)
 def test_a_mission_is_that_of_the_command_line(suffix: str, qgis: Any, regions: Path, tmp_path: Path) -> None:
     ours, theirs = tmp_path / "qgis", tmp_path / "typed"
     ours.mkdir()

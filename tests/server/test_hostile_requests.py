@@ -124,7 +124,10 @@ def answer_to(content: bytes, port: int) -> bytes:
     return received
 
 
-@pytest.mark.parametrize("count", [500, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "count",
+    [200, pytest.param(2000, marks=pytest.mark.slow), pytest.param(10_000, marks=pytest.mark.thorough)],
+)
 def test_hostile_requests_leave_it_answering(count: int, server: MapServer) -> None:
     draw = random.Random(count)
     token = server.url.split("/")[3]
