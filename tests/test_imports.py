@@ -359,6 +359,7 @@ def test_help_of_a_command_brings_in_nothing_heavy_but_numpy() -> None:
     assert not loaded_by(program) & HEAVY - {"numpy"}  # which comes with the hook that tells of compiling
 
 
+@pytest.mark.slow
 def test_planning_over_a_file_of_regions_loads_no_tracer(tmp_path: Path) -> None:
     square = {
         "type": "Polygon",

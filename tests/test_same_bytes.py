@@ -171,6 +171,7 @@ def test_a_block_map_gives_the_same_bytes_as_its_raster(fresh: Iterator[Path]) -
 # Storage and mosaics
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(seed=st.integers(0, 10**6), kind=st.sampled_from(["uint8", "uint16", "float32"]), data=st.data())
 def test_a_mosaic_in_any_order_equals_the_whole_raster(
@@ -215,8 +216,10 @@ def test_consistent_overlaps_do_not_change_the_result(fresh: Iterator[Path]) -> 
     "stored",
     [
         {"tiled": True, "blockxsize": 64, "blockysize": 16},
-        {"compress": "deflate", "predictor": 2},
-        {"interleave": "pixel", "BIGTIFF": "YES"},
+        *(
+            pytest.param(stored, marks=pytest.mark.slow)
+            for stored in [{"compress": "deflate", "predictor": 2}, {"interleave": "pixel", "BIGTIFF": "YES"}]
+        ),
     ],
     ids=str,
 )

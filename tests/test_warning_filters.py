@@ -48,12 +48,12 @@ def test_warnings_are_recorded_and_filters_put_back() -> None:
     assert nothing == []
 
 
-JOBS: list[tuple[Any, dict[str, Any]]] = [
+JOBS: list[Any] = [
     (uavseg.extract, {"range": (0.5, 1), "min_area": 9.0}),
     (uavseg.extract, {"classes": {"dark": (0, 0.5), "bright": (0.5, 1)}}),
     (uavseg.levels, {"width": 0.3}),
     (uavseg.match, {"like": (4e5 + 128, 5e6 - 128, 90), "window": 16}),
-    (uavseg.match, {"like": (4e5 + 128, 5e6 - 128, 40), "by": "color"}),
+    pytest.param(uavseg.match, {"like": (4e5 + 128, 5e6 - 128, 40), "by": "color"}, marks=pytest.mark.slow),
 ]
 
 

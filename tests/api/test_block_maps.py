@@ -30,6 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*coordinates are local")
 def test_a_block_map_is_answered_as_its_raster() -> None:
     for one, other in (("blocks.tif", "tile.tif"), (Path("blocks.tif"), "tile.tif")):

@@ -107,6 +107,7 @@ def test_what_cannot_be_is_refused(tmp_path: Path) -> None:
     assert uavseg.path(tmp_path / "percent.tif", RANGE, **ENDS, stretch="0,100").cells > 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["depot.yaml", "tb3_sandbox.yaml"])
 def test_on_real_maps_no_way_enters_a_cell_out_of_the_range(name: str, shared_data: Path) -> None:
     opened = open_probability_map(shared_data / "maps" / name)

@@ -27,6 +27,7 @@ def test_scenes_are_reproducible_and_samples_lie_in_their_class(family: str) -> 
         assert (one.truth[inside] == wanted).all()
 
 
+@pytest.mark.slow
 def test_texture_separates_what_grey_cannot() -> None:
     one = scene("rows in sand", 5)
     assert overlap(by_match()(one), one.truth) > 0.9 > 0.65 > overlap(by_best_range(one), one.truth)

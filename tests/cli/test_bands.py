@@ -104,6 +104,7 @@ def test_suggested_commands_keep_the_index_and_the_names() -> None:
         assert "--index ndvi" in one["command"] and "--band-names red,green,blue,nir" in one["command"]
 
 
+@pytest.mark.slow
 def test_a_block_map_remembers_its_formula_and_is_refined_with_it() -> None:
     assert run("divide", "plain.tif", "--expr", "(b4 - b1) / (b4 + b1)", "-o", "blocks.tif").exit_code == 0
     assert read_block_map("blocks.tif").origin.words.expr == "(b4 - b1) / (b4 + b1)"
@@ -114,6 +115,7 @@ def test_a_block_map_remembers_its_formula_and_is_refined_with_it() -> None:
     assert regions("other.tif").geometry.equals(regions("named.tif", "--band", "4").geometry)
 
 
+@pytest.mark.slow
 def test_regions_say_of_which_formula_and_bands_they_are() -> None:
     words = ["--expr", "(nir - b1) / (nir + b1)", "--band-names", "nir=4"]
     for line in (

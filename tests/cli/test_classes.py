@@ -116,6 +116,7 @@ def test_python_and_the_command_give_the_same() -> None:
     assert_geodataframe_equal(uavseg.levels("a.tif", breaks="otsu:3"), geopandas.read_parquet("b.parquet"))
 
 
+@pytest.mark.slow
 def test_tiles_threads_block_maps_checkpoints_and_each_give_the_same_bytes() -> None:
     done("extract", "a.tif", *THREE, "-o", "a.fgb")
     wanted = Path("a.fgb").read_bytes()

@@ -50,6 +50,7 @@ def completed(environment: dict[str, str], *words: str) -> list[str]:
     return [word for word in offered if word]
 
 
+@pytest.mark.slow
 def test_commands_options_and_choices_are_completed(environment: dict[str, str]) -> None:
     assert completed(environment, "ext") == ["extract"]
     assert completed(environment, "build") == ["build-map"]

@@ -112,7 +112,17 @@ def test_it_loads_back_with_its_origin(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [(), ("--refine", "smooth"), ("--method", "paper"), ("--threshold", 1.6, "--intensity-step", 0.1)],
+    [
+        (),
+        *(
+            pytest.param(options, marks=pytest.mark.slow)
+            for options in [
+                ("--refine", "smooth"),
+                ("--method", "paper"),
+                ("--threshold", 1.6, "--intensity-step", 0.1),
+            ]
+        ),
+    ],
     ids=str,
 )
 def test_a_block_map_answers_as_its_raster_does(options: tuple[object, ...]) -> None:
@@ -120,6 +130,7 @@ def test_a_block_map_answers_as_its_raster_does(options: tuple[object, ...]) -> 
     same(regions("blocks.tif", *options), regions("tile.tif", *options))
 
 
+@pytest.mark.slow
 def test_a_block_map_of_a_mosaic_with_chosen_bands(folder: Path) -> None:
     image = np.stack([scene() // 2, scene()])
     write(folder / "west.tif", image[:, :, :100], nodata=0)

@@ -53,10 +53,14 @@ def outputs() -> list[str]:
 @pytest.mark.parametrize(
     ("words", "suffix"),
     [
-        (("extract", "--range", "0.5,1"), "gpkg"),
+        pytest.param(("extract", "--range", "0.5,1"), "gpkg", marks=pytest.mark.slow),
         (("extract", "--range", "0.5,1", "--min-area", "50px", "--smooth-outline", "0.5"), "geojson"),
-        (("levels", "--width", "0.3"), "parquet"),
-        (("match", "--like", "400096,4999904,70", "--similarity", "0.2", "--intensity", "inf"), "fgb"),
+        pytest.param(("levels", "--width", "0.3"), "parquet", marks=pytest.mark.slow),
+        pytest.param(
+            ("match", "--like", "400096,4999904,70", "--similarity", "0.2", "--intensity", "inf"),
+            "fgb",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_one_command_gives_the_bytes_of_many(words: tuple[str, ...], suffix: str) -> None:
@@ -78,6 +82,7 @@ def test_one_command_gives_the_bytes_of_many(words: tuple[str, ...], suffix: str
             assert Path("out", f"{stem}.tif").read_bytes() == Path("alone.tif").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_folder_without_each_is_a_mosaic() -> None:
     whole = run("extract", "tiles", "--range", "0.5,1", "-o", "-").stdout
     names = [f"tiles/{number}.tif" for number in range(4)]

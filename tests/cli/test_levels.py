@@ -86,7 +86,9 @@ def test_the_default_name_and_stdout() -> None:
     assert done(QUARRY, "--width", 0.5, "-q", "-o", "-").stdout_bytes == written
 
 
-@pytest.mark.parametrize("width", [0.1, 0.15, 0.002])
+@pytest.mark.parametrize(
+    "width", [0.1, *(pytest.param(width, marks=pytest.mark.slow) for width in (0.15, 0.002))]
+)
 def test_tiles_and_threads_change_no_byte(width: float) -> None:
     write("a.tif", scene(2, (330, 270)))
     how = ("--width", width, "-o", "a.gpkg", "--labels", "l.tif", "-q", "--overwrite")
@@ -154,6 +156,7 @@ def test_small_segments_become_part_of_their_neighbours() -> None:
     assert geopandas.read_file("b.fgb")["pixels"].sum() < segments["pixels"].sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("small", ["merge", "drop"])
 def test_merged_and_smooth_segments_are_the_same_bytes_for_all_tiles(small: str) -> None:
     write("a.tif", scene(8, (330, 270)))

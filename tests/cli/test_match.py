@@ -82,6 +82,7 @@ def test_regions_labels_and_what_is_reported() -> None:
     assert f"{len(regions)} -> a.gpkg" in told and "is like it" in told and "pixels, v 0.5" in told
 
 
+@pytest.mark.slow
 def test_the_default_name_and_stdout() -> None:
     assert done(write(), "--like", LIKE, "-q").stderr == ""
     written = Path("a.match.geojson").read_bytes()
@@ -91,11 +92,16 @@ def test_the_default_name_and_stdout() -> None:
 @pytest.mark.parametrize(
     ("name", "crs"),
     [
-        ("s.gpkg", "EPSG:32618"),
-        ("s.fgb", "EPSG:3857"),
         ("s.geojson", "EPSG:4326"),
-        ("old.geojson", "EPSG:32619"),  # with a crs member
-        ("s.shp", "EPSG:4326"),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [
+                ("s.gpkg", "EPSG:32618"),
+                ("s.fgb", "EPSG:3857"),
+                ("old.geojson", "EPSG:32619"),  # with a crs member
+                ("s.shp", "EPSG:4326"),
+            ]
+        ),
     ],
 )
 def test_a_sample_may_be_in_any_coordinate_system(name: str, crs: str) -> None:
@@ -114,6 +120,7 @@ def test_a_sample_may_be_in_any_coordinate_system(name: str, crs: str) -> None:
     assert by_file.geometry[0].intersection(by_disc.geometry[0]).area > 0.97 * by_disc.geometry[0].area
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine", ["pixel", "none"])
 def test_tiles_and_threads_change_no_byte(refine: str) -> None:
     write()
@@ -126,6 +133,7 @@ def test_tiles_and_threads_change_no_byte(refine: str) -> None:
         assert contents() == wanted
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_where_it_stopped() -> None:
     how = (write(), "--like", LIKE, "-o", "a.fgb", "--tile", 64, "--resume", "kept")
     done(*how)
@@ -135,6 +143,7 @@ def test_a_run_goes_on_where_it_stopped() -> None:
     assert Path("a.fgb").read_bytes() == wanted
 
 
+@pytest.mark.slow
 def test_pieces_are_the_whole() -> None:
     write("whole.tif")
     image = fields()

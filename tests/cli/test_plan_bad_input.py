@@ -80,7 +80,11 @@ SURVEY = ["r.geojson", *FLIGHT, "--spacing", "20"]
         (["r.geojson", *FLIGHT, "--ids", "9"], "no region 9; there are 1, 2"),
         (["r.geojson", *FLIGHT, "--where", "id > 9"], "none of the 2 regions is selected"),
         (["bow.geojson", *FLIGHT], "not a valid polygon"),
-        (["r.geojson", *FLIGHT, "--spacing", "0.06", "--crosshatch"], r"2\d,\d+ waypoints; at most 20,000"),
+        pytest.param(
+            ["r.geojson", *FLIGHT, "--spacing", "0.06", "--crosshatch"],
+            r"2\d,\d+ waypoints; at most 20,000",
+            marks=pytest.mark.slow,
+        ),
         (["r.geojson", *FLIGHT, "--spacing", "0.001"], "149932 lines, .* wider spacing"),
         ([*SURVEY, "--endurance", "3"], r"more than 5\.\d min, .* a flight has 2\.4 min"),
         ([*SURVEY, "--dem", "holes.tif"], "with a hole there"),

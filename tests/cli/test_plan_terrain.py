@@ -51,7 +51,7 @@ def run(folder: Path, *options: object, base: Any = BASE, output: str = "fly.pla
         (("--terrain", "relative", "--altitude", 110), FRAME_RELATIVE),
     ],
 )
-@pytest.mark.parametrize("suffix", ["plan", "waypoints"])
+@pytest.mark.parametrize("suffix", ["plan", pytest.param("waypoints", marks=pytest.mark.slow)])
 def test_the_file_holds_heights_above_the_ground(
     folder: Path, options: tuple[object, ...], frame: int, suffix: str
 ) -> None:
@@ -101,6 +101,7 @@ def test_triggers_are_those_without_a_model(folder: Path) -> None:
     assert triggers("--dem", folder / "hills.tif") == triggers() != []
 
 
+@pytest.mark.slow
 def test_a_smaller_tolerance_adds_points(folder: Path) -> None:
     counts = []
     for tolerance in (1, 20):
@@ -110,6 +111,7 @@ def test_a_smaller_tolerance_adds_points(folder: Path) -> None:
     assert counts[0] > counts[1] + 20
 
 
+@pytest.mark.slow
 def test_a_mission_that_is_divided_is_above_the_ground_in_each_flight(folder: Path) -> None:
     done = run(folder, "--spacing", 25, "--dem", folder / "hills.tif", "--max-items", 90)
     assert done.exception is None, done.output

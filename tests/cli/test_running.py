@@ -49,6 +49,7 @@ def test_a_bar_fits_a_terminal(pixels: int, share: float) -> None:
     assert len(line) < 100 and re.match(r"\[#*\.*\]", line)
 
 
+@pytest.mark.slow
 def test_labels_may_be_tiles_under_a_vrt(tmp_path: Path) -> None:
     grid = {"crs": "EPSG:32618", "transform": Affine(2, 0, 4e5, 0, -2, 5e6)}
     image = np.full((2100, 2200), 20, np.uint8)

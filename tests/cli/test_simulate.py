@@ -84,6 +84,7 @@ def test_the_same_seed_writes_the_same_bytes() -> None:
     assert a == b != c
 
 
+@pytest.mark.slow
 def test_another_process_writes_the_same_bytes(folder: Path) -> None:
     done("circles", "-o", "here.tif", "--png", "here.png", "-q")
     words = ["simulate", "circles", "-o", "there.tif", "--png", "there.png", "-q"]

@@ -92,6 +92,7 @@ def test_programs_read_json() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_the_picture_is_the_same_for_any_tiles_and_threads() -> None:
     name = write("a.tif", fields(3, (330, 270)))
     told = done("suggest", name, "-o", "one.png", "--tile", 64, "--threads", 1)
@@ -101,6 +102,7 @@ def test_the_picture_is_the_same_for_any_tiles_and_threads() -> None:
     assert Path("one.png").read_bytes() == Path("two.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_block_map_answers_without_its_raster() -> None:
     wanted = facts(write("a.tif", fields(4)))
     done("divide", "a.tif", "-o", "blocks.tif", "-q")
@@ -120,6 +122,7 @@ def test_a_block_map_answers_without_its_raster() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_many_rasters_are_one_mosaic() -> None:
     image = fields(5)
     wanted = facts(write("a.tif", image))
@@ -214,6 +217,7 @@ def two_kinds(name: str) -> str:
 LIKE = ("--like", "400080,4999840,40")
 
 
+@pytest.mark.slow
 def test_a_sample_is_answered_with_lines_that_find_its_kind() -> None:
     name = two_kinds("a b.tif")
     lines = done("suggest", name, *LIKE).stdout.splitlines()

@@ -54,6 +54,7 @@ def test_a_mission_goes_to_the_vehicle_and_comes_back(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_verbose_says_how_long_the_parts_of_a_transfer_took(tmp_path: Path) -> None:
     plan, back = tmp_path / "fly.plan", tmp_path / "back.plan"
     files.write_mission(fenced(survey()), plan)
@@ -71,6 +72,7 @@ def test_verbose_says_how_long_the_parts_of_a_transfer_took(tmp_path: Path) -> N
     assert silent == ""
 
 
+@pytest.mark.slow
 def test_a_waypoints_file_without_the_fence_says_so(tmp_path: Path) -> None:
     vehicle = ArduPilot()
     with udp_vehicle(vehicle) as address:
@@ -141,6 +143,7 @@ def test_a_failed_download_leaves_no_file(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_warnings_are_printed_and_quiet_hides_them(tmp_path: Path) -> None:
     plan = tmp_path / "fly.plan"
     high = [replace(item, altitude_m=150.0) if item.has_position else item for item in survey().items]

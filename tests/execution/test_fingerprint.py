@@ -54,6 +54,7 @@ def test_values_that_differ_in_anything_have_different_hashes() -> None:
     assert fingerprint(1, 2) != fingerprint(1) and fingerprint("a", "b") != fingerprint("ab")
 
 
+@pytest.mark.slow
 @given(st.lists(st.one_of(st.integers(), st.floats(allow_nan=False), st.text(), st.none()), max_size=4))
 def test_equal_values_have_equal_hashes(values: list[Any]) -> None:
     assert fingerprint(values) == fingerprint(list(values))

@@ -49,12 +49,21 @@ def test_the_clock_goes_on() -> None:
         (("suggest", QUARRY, "--threads", "1"), ("1 threads", "blocks of 64", "phase count of regions")),
         (("divide", QUARRY, "-o", "blocks.tif"), ("phase division", "9 x 10 blocks")),
         (("info", QUARRY), ("phase count",)),
-        (
+        pytest.param(
             (*PLAN, "-o", "b.plan"),
             ("1 of 4 regions, 0 keep-out zones", "perimeter from 49.459", "phase route"),
+            marks=pytest.mark.slow,
         ),
-        (("check", "a.plan"), ("phase reading", "checked for ardupilot, 0 keep-out", "phase paper check")),
-        (("preview", "a.plan"), ("missions: 1, with no ground", "phase profiles", "phase picture")),
+        pytest.param(
+            ("check", "a.plan"),
+            ("phase reading", "checked for ardupilot, 0 keep-out", "phase paper check"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            ("preview", "a.plan"),
+            ("missions: 1, with no ground", "phase profiles", "phase picture"),
+            marks=pytest.mark.slow,
+        ),
         (("preview", QUARRY), ("phase layers", "phase picture", "band 1, dtype -> 0..255")),
         (("simulate", "lens", "--poses", "2", "-o", "m.tif"), ("2 poses of 151 beams", "phase scans")),
         (

@@ -21,6 +21,7 @@ def pool() -> Iterator[ProcessPoolExecutor]:
         yield pool
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not CASES, reason="the folder of known cases, ../shared/hostile, does not exist")
 def test_what_proj_says_of_a_reference_system_is_not_printed(tmp_path: Path) -> None:
     [raster] = FOLDER.glob("tif-RAWFD2-*/x.tif")  # in a process of its own: PROJ is told when it is loaded

@@ -24,6 +24,7 @@ def allocating(n):
 """
 
 
+@pytest.mark.slow
 def test_a_kernel_that_allocates_gets_no_object_file(cache: Path, notes: list[str], module_of: Load) -> None:
     assert module_of(ALLOCATING.replace("zeros", "ones")).allocating(3) == 3
     assert len(notes) == 1

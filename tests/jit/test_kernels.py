@@ -57,6 +57,7 @@ def answer(module: ModuleType) -> Any:
     return module.doubled(np.arange(4), np.ones((2, 3), np.int64), 3.6, False)
 
 
+@pytest.mark.slow
 def test_a_kernel_is_compiled_in_one_process_and_loaded_without_numba_in_the_next(tmp_path: Path) -> None:
     (tmp_path / "kernels.py").write_text(DOUBLED)
     root = Path(uavseg.__file__).resolve().parents[1]

@@ -55,6 +55,7 @@ def random_map(seed: int) -> NDArray[np.float32]:
     return values
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     st.integers(0, 10**6),

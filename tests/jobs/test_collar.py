@@ -68,6 +68,7 @@ def test_a_collar_is_kept_if_the_user_says_so(path: str) -> None:
     assert not found.warnings
 
 
+@pytest.mark.slow
 def test_all_jobs_leave_it_out(path: str, tagged: str) -> None:
     def answers(source: str) -> list[tuple[object, tuple[str, ...]]]:
         opened = [open_source(source) for _ in range(5)]

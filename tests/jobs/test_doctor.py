@@ -65,6 +65,7 @@ def test_the_report_has_no_folder_of_the_user(monkeypatch: pytest.MonkeyPatch, t
     assert "UAVSEG_CACHE, UAVSEG_JIT=objects" in text
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_and_what_is_in_the_cache_is_counted(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -259,6 +259,7 @@ def test_what_was_in_a_filled_hole_is_measured_anew(reference: ModuleType, opene
     assert_measured(found, grey, everywhere)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.integers(0, 10**6), st.integers(0, 300), st.integers(0, 100), st.sampled_from([SCAN, SMOOTH]))
 def test_cleaned_regions_are_measured_over_their_valid_pixels(
@@ -309,6 +310,7 @@ def test_square_metres_want_a_crs(opened: Opened) -> None:
 # A block map
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(
     st.integers(0, 10**6),

@@ -134,6 +134,7 @@ def test_what_is_found_goes_to_the_pixel() -> None:
     assert by_pixel > by_cell > 0.7
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(
     seed=st.integers(0, 10**6),
@@ -160,6 +161,7 @@ def test_tiles_and_threads_change_nothing(
             np.testing.assert_array_equal(parts.found.regions.columns[name], column)
 
 
+@pytest.mark.slow
 def test_what_workers_get_and_give_may_be_sent() -> None:
     """As a scheduler does: each function, item and result goes through pickle."""
 
@@ -258,6 +260,7 @@ def test_holes_are_filled_and_small_regions_dropped() -> None:
     assert filled.found.regions.columns["holes"].sum() < open_.found.regions.columns["holes"].sum()
 
 
+@pytest.mark.slow
 def test_a_clearing_is_not_like_the_forest_around_it(shared_data: Path) -> None:
     raster = Dataset.open(shared_data / "imagery" / "naip_forest_gap_1m.tif")
     x, y = raster.geobox.xy_from_pixel(230, 100)

@@ -69,6 +69,7 @@ def test_of_what_has_the_color_texture_decides(tmp_path: Path, wanted: str, othe
     assert max(overlap(painted(color), truth), overlap(painted(alone), truth)) < 0.7
 
 
+@pytest.mark.slow
 def test_where_color_says_little_it_is_texture_alone(tmp_path: Path) -> None:
     planes, _ = quarters("rows", "meadow", 0)
     source = open_raster(str(write(tmp_path / "a.tif", planes)))
@@ -77,6 +78,7 @@ def test_where_color_says_little_it_is_texture_alone(tmp_path: Path) -> None:
     assert same(made, alone)
 
 
+@pytest.mark.slow
 def test_where_texture_parts_nothing_it_is_color_alone(tmp_path: Path) -> None:
     planes, truth = quarters("sand", "sand", 0.2)
     source = open_raster(str(write(tmp_path / "a.tif", planes)))
@@ -93,6 +95,7 @@ def test_words_of_texture_compare_texture(tmp_path: Path) -> None:
     assert made.compared == "texture" and made.texture is not None and made.texture.window == 24
 
 
+@pytest.mark.slow
 def test_a_sample_too_small_for_texture_is_compared_by_color_and_a_warning_says_so(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", quarters("rows", "meadow", 0)[0])
     with pytest.warns(UserWarning, match="too small to tell by its texture"):
@@ -100,7 +103,9 @@ def test_a_sample_too_small_for_texture_is_compared_by_color_and_a_warning_says_
     assert regions.attrs["uavseg"]["by"] == "color"
 
 
-@pytest.mark.parametrize(("radius", "compared"), [(16, "texture"), (24, "texture")])
+@pytest.mark.parametrize(
+    ("radius", "compared"), [(16, "texture"), pytest.param(24, "texture", marks=pytest.mark.slow)]
+)
 def test_a_radius_of_16_pixels_is_enough_where_texture_is_clear(
     tmp_path: Path, radius: float, compared: str
 ) -> None:

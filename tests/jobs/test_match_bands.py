@@ -75,6 +75,7 @@ def test_regions_end_at_cells_where_nothing_is_refined(picture: Path) -> None:
     assert overlap(found(picture, replace(COLORS, refine="none")), truth()) > 0.7
 
 
+@pytest.mark.slow
 def test_tiles_and_threads_change_nothing(picture: Path) -> None:
     known = found(picture, COLORS)
     assert len(known.found.regions) == 2

@@ -64,7 +64,7 @@ def overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
     return float((one & other).sum() / (one | other).sum())
 
 
-@pytest.mark.parametrize("refine", ["pixel", "none"])
+@pytest.mark.parametrize("refine", ["pixel", pytest.param("none", marks=pytest.mark.slow)])
 def test_one_small_disc_finds_all_of_its_kind(tile: Path, refine: str) -> None:
     made = match(open_raster(str(tile)), MatchRequest(DISC, by="color", refine=refine))
     assert overlap(painted(made), truth() == 1) > (0.97 if refine == "pixel" else 0.8)
@@ -72,6 +72,7 @@ def test_one_small_disc_finds_all_of_its_kind(tile: Path, refine: str) -> None:
     assert made.warnings == ()
 
 
+@pytest.mark.slow
 def test_a_sample_of_which_a_tenth_is_another_kind_finds_it_too(tile: Path) -> None:
     edge = Disc(1089, 940, 9)  # across the edge of a roof
     row, col = np.indices(SHAPE)
@@ -80,6 +81,7 @@ def test_a_sample_of_which_a_tenth_is_another_kind_finds_it_too(tile: Path) -> N
     assert overlap(painted(match(open_raster(str(tile)), MatchRequest(edge, by="color"))), truth() == 1) > 0.9
 
 
+@pytest.mark.slow
 def test_a_kind_that_is_half_of_the_raster_is_found(tile: Path) -> None:
     made = match(open_raster(str(tile)), MatchRequest(Disc(1020, 980, 10), by="color"))
     assert (truth() == 0).mean() > 0.5
@@ -97,6 +99,7 @@ def test_a_kind_that_is_rare_is_found(tmp_path: Path) -> None:
     assert overlap(painted(made), rare) > 0.8
 
 
+@pytest.mark.slow
 def test_tiles_and_threads_change_nothing(tile: Path) -> None:
     source = open_raster(str(tile))
     whole = match(source, MatchRequest(DISC, by="color"))
@@ -106,6 +109,7 @@ def test_tiles_and_threads_change_nothing(tile: Path) -> None:
         np.testing.assert_array_equal(column, other.found.regions.columns[name])
 
 
+@pytest.mark.slow
 def test_turned_by_a_quarter_it_is_the_same_but_at_edges(tmp_path: Path, tile: Path) -> None:
     turned = write(tmp_path / "turned.tif", np.ascontiguousarray(np.rot90(picture(), 2, (1, 2))))
     back = Disc(2000 + SHAPE[1] - DISC.x, 2000 - SHAPE[0] - DISC.y, DISC.radius)
@@ -126,6 +130,7 @@ def test_attributes_are_of_the_intensity_and_the_similarity_of_the_colors(tile: 
     assert ((columns["similarity"] > 0.5) & (columns["similarity"] <= 1)).all()
 
 
+@pytest.mark.slow
 def test_nodata_is_in_no_region(tmp_path: Path) -> None:
     planes = picture().astype(np.float32)
     planes[:, 50:70, 40:60] = np.nan
@@ -136,6 +141,7 @@ def test_nodata_is_in_no_region(tmp_path: Path) -> None:
     assert overlap(painted(made), (truth() == 1) & ~np.isnan(planes[0])) > 0.95
 
 
+@pytest.mark.slow
 def test_five_bands_are_compared_together(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     more = rng.normal(90, 12, (2, *SHAPE)) + 30 * (truth() == 1)
@@ -161,6 +167,7 @@ def test_where_color_says_little_a_warning_says_so(tmp_path: Path) -> None:
         uavseg.match(path, (1070, 940, 8), by="color")
 
 
+@pytest.mark.slow
 def test_where_no_region_is_sure_enough_it_says_so(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (3, *SHAPE)).astype(np.uint8)
     request = MatchRequest(DISC, by="color", min_confidence=1)
@@ -174,7 +181,16 @@ def test_a_sample_of_few_pixels_is_refused(tile: Path) -> None:
         match(open_raster(str(tile)), MatchRequest(Disc(1070, 940, 3), by="color"))
 
 
-@pytest.mark.parametrize(("name", "least"), [("pond0", 0.8), ("pond2", 0.7), ("pond3", 0.7), ("cloud", 0.5)])
+@pytest.mark.parametrize(
+    ("name", "least"),
+    [
+        ("pond0", 0.8),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [("pond2", 0.7), ("pond3", 0.7), ("cloud", 0.5)]
+        ),
+    ],
+)
 def test_real_pictures(shared_data: Path, name: str, least: float) -> None:
     """Melt ponds and a cloud by one disc of a radius of 8 pixels at the most inner pixel of the truth."""
     folder = shared_data / "labelled"

@@ -52,13 +52,14 @@ def found(tile: Path, file: Path, refine: str = "pixel", work: Work = SERIAL) ->
     return match_classes(open_raster(str(tile)), MatchClassesRequest(str(file), refine), work)
 
 
-@pytest.mark.parametrize("crs", ["EPSG:32618", "EPSG:4326"])
+@pytest.mark.parametrize("crs", ["EPSG:32618", pytest.param("EPSG:4326", marks=pytest.mark.slow)])
 def test_every_pixel_gets_its_class(tile: Path, tmp_path: Path, crs: str) -> None:
     made = found(tile, samples(tmp_path / "s.gpkg", *NAMES, crs=crs))
     assert (painted(made) == truth() + 1).mean() > 0.98
     assert made.warnings == ()
 
 
+@pytest.mark.slow
 def test_what_is_like_no_sample_is_left_out(tile: Path, tmp_path: Path) -> None:
     made = painted(found(tile, samples(tmp_path / "s.gpkg", "roof", "water")))
     assert (made[truth() == 0] == 0).mean() > 0.95
@@ -82,12 +83,14 @@ def test_tiles_and_threads_change_nothing(tile: Path, tmp_path: Path, refine: st
         assert repr(column.tolist()) == repr(other.regions.columns[name].tolist())
 
 
+@pytest.mark.slow
 def test_regions_do_not_overlap_and_share_borders(tile: Path, tmp_path: Path) -> None:
     regions = uavseg.match(tile, classes=samples(tmp_path / "s.gpkg", *NAMES))
     assert set(regions["class"]) == set(NAMES)
     assert regions.geometry.area.sum() == pytest.approx(shapely.union_all(regions.geometry).area)
 
 
+@pytest.mark.slow
 def test_the_command_says_how_many_regions_each_class_has(tile: Path, tmp_path: Path) -> None:
     file, target = samples(tmp_path / "s.gpkg", *NAMES), tmp_path / "out.gpkg"
     ran = CliRunner().invoke(main, ["match", str(tile), "--classes", str(file), "-o", str(target)])
@@ -95,6 +98,7 @@ def test_the_command_says_how_many_regions_each_class_has(tile: Path, tmp_path: 
     assert set(geopandas.read_file(target, layer="regions")["class"]) == set(NAMES)
 
 
+@pytest.mark.slow
 def test_the_confidence_is_of_the_likeness_of_each_region_to_its_class(tile: Path, tmp_path: Path) -> None:
     """Sums over pixels, and over the edges of regions, beside those of a plain loop."""
     source = open_raster(str(tile))
@@ -120,6 +124,7 @@ def test_the_confidence_is_of_the_likeness_of_each_region_to_its_class(tile: Pat
         assert outlined.sums.steps[region - 1].tolist() == [steps.sum(), len(steps)]
 
 
+@pytest.mark.slow
 def test_regions_of_a_class_are_sure_and_specks_are_not(tile: Path, tmp_path: Path) -> None:
     file = samples(tmp_path / "s.gpkg", *NAMES)
     regions = uavseg.match(tile, classes=file)
@@ -131,6 +136,7 @@ def test_regions_of_a_class_are_sure_and_specks_are_not(tile: Path, tmp_path: Pa
         uavseg.match(tile, classes=file, min_confidence=0.5, refine="none")
 
 
+@pytest.mark.slow
 def test_filled_holes_leave_the_confidence_known(tile: Path, tmp_path: Path) -> None:
     regions = uavseg.match(tile, classes=samples(tmp_path / "s.gpkg", *NAMES), fill_holes="40px")
     assert regions["confidence"].between(0, 1).all()
@@ -159,6 +165,7 @@ def test_files_that_are_no_samples_of_classes_are_refused(tile: Path, tmp_path: 
             found(tile, tmp_path / f"{name}.gpkg")
 
 
+@pytest.mark.slow
 def test_classes_are_numbers_or_text(tile: Path, tmp_path: Path) -> None:
     frame = geopandas.read_file(samples(tmp_path / "s.gpkg", *NAMES))
     frame.assign(**{"class": [1, 1, 2, 3, 3]}).to_file(tmp_path / "numbers.gpkg")
@@ -166,6 +173,7 @@ def test_classes_are_numbers_or_text(tile: Path, tmp_path: Path) -> None:
     assert set(regions["class"]) == {"1", "2", "3"}
 
 
+@pytest.mark.slow
 def test_a_class_that_color_does_not_part_is_reported(tmp_path: Path) -> None:
     planes = np.rint(KINDS[0][:, None, None] + np.random.default_rng(0).normal(0, 12, (3, *SHAPE)))
     tile = write(tmp_path / "even.tif", planes.astype(np.uint8))

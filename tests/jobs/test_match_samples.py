@@ -31,6 +31,7 @@ def found(tile: Path, *like: Disc, unlike: tuple[Disc, ...] = (), work: Work = S
     return match(open_raster(str(tile)), MatchRequest(like, unlike=unlike), work)
 
 
+@pytest.mark.slow
 def test_samples_of_two_kinds_find_both(tile: Path) -> None:
     made = found(tile, ROOF, WATER)
     assert overlap(painted(made), truth() != 0) > 0.9 and made.compared == "color"
@@ -43,12 +44,14 @@ def test_what_is_unlike_is_left_out(tile: Path) -> None:
     assert made.color.own > 0.8 > 0.2 > made.color.unlike
 
 
+@pytest.mark.slow
 def test_like_and_unlike_part_the_raster(tile: Path) -> None:
     """What is like these and not those, and the reverse: together all, but for noise at borders."""
     one, other = found(tile, ROOF, unlike=(MEADOW, WATER)), found(tile, MEADOW, WATER, unlike=(ROOF,))
     assert (painted(one) ^ painted(other)).mean() > 0.98
 
 
+@pytest.mark.slow
 def test_kinds_that_differ_little_are_parted_by_a_sample_of_each(tmp_path: Path) -> None:
     """Two thirds of the raster are like the sample but for a shade; a sample of these tells them apart."""
     rng = np.random.default_rng(2)
@@ -59,11 +62,13 @@ def test_kinds_that_differ_little_are_parted_by_a_sample_of_each(tmp_path: Path)
     assert overlap(painted(made), left) > 0.9
 
 
+@pytest.mark.slow
 def test_the_order_of_samples_changes_nothing(tile: Path) -> None:
     one, other = found(tile, ROOF, WATER, unlike=(MEADOW,)), found(tile, WATER, ROOF, unlike=(MEADOW,))
     assert (painted(one) == painted(other)).mean() > 0.9999  # sums are rounded in another order
 
 
+@pytest.mark.slow
 def test_tiles_and_threads_change_nothing(tile: Path) -> None:
     one = found(tile, ROOF, WATER, unlike=(MEADOW,))
     other = found(tile, ROOF, WATER, unlike=(MEADOW,), work=Work(64, threads(2)))
@@ -79,6 +84,7 @@ def test_samples_that_overlap_are_refused(tile: Path) -> None:
     assert found(tile, ROOF, unlike=(touching,)) is not None
 
 
+@pytest.mark.slow
 def test_samples_of_one_kind_for_and_against_are_reported(tile: Path) -> None:
     made = found(tile, MEADOW, unlike=(Disc(1020, 880, 8),))
     assert any("hardly parts the samples" in warning for warning in made.warnings)
@@ -98,6 +104,7 @@ def test_what_is_no_sample_is_refused(tile: Path, wrong: object) -> None:
         uavseg.match(tile, wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_one_in_a_list_is_one(tile: Path) -> None:
     one, other = uavseg.match(tile, (1070, 940, 8)), uavseg.match(tile, [(1070, 940, 8)])
     assert one.equals(other)

@@ -62,6 +62,7 @@ def test_it_lies_in_the_field_that_is_undecided(tile: Path) -> None:
     assert inside[:, 1].min() >= 88 and inside[:, 1].max() < 176
 
 
+@pytest.mark.slow
 def test_the_line_that_it_proposes_decides(tile: Path) -> None:
     proposed = found(tile).next_sample
     assert proposed is not None
@@ -70,6 +71,7 @@ def test_the_line_that_it_proposes_decides(tile: Path) -> None:
     assert overlap(painted(both), left < 176) > 0.95 and overlap(painted(alone), left < 88) > 0.9
 
 
+@pytest.mark.slow
 def test_where_all_is_decided_nothing_is_proposed(tmp_path: Path) -> None:
     made = found(write(tmp_path / "tile.tif", picture()), DISC)
     assert made.next_sample is None and made.advice is None
@@ -82,6 +84,7 @@ def test_texture_proposes_nothing(tile: Path, words: dict[str, object]) -> None:
     assert "next_sample" not in frame.attrs["uavseg"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine", ["pixel", "none"])
 def test_tiles_and_threads_change_nothing(tile: Path, refine: str) -> None:
     request = MatchRequest(LEFT, by="color", refine=refine)
@@ -121,10 +124,15 @@ def test_it_lies_on_valid_pixels_and_outside_of_all_samples(
     ("transform", "epsg"),
     [
         (Affine(0.000005, 0, 12, 0, -0.000005, 48), 4326),
-        (Affine(0.02, 0, 5e5, 0, -0.02, 5e6), 32633),
-        (Affine(0.3, 0.2, 5e5, 0.2, -0.3, 5e6), 32633),
-        (Affine(30, 0, 5e5, 0, -20, 5e6), 32633),
-        (Affine(1, 0, 0, 0, -1, 200), None),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in [
+                (Affine(0.02, 0, 5e5, 0, -0.02, 5e6), 32633),
+                (Affine(0.3, 0.2, 5e5, 0.2, -0.3, 5e6), 32633),
+                (Affine(30, 0, 5e5, 0, -20, 5e6), 32633),
+                (Affine(1, 0, 0, 0, -1, 200), None),
+            ]
+        ),
     ],
 )
 def test_on_any_map_it_is_as_large_as_the_sample(tmp_path: Path, transform: Affine, epsg: int | None) -> None:
@@ -151,6 +159,7 @@ def test_an_array_has_its_own_coordinates() -> None:
     assert 88 + radius <= x <= 176 - radius and radius <= y <= SHAPE[0] - radius
 
 
+@pytest.mark.slow
 def test_typing_the_proposed_line_works(tile: Path, tmp_path: Path) -> None:
     line = [
         "match",
@@ -177,6 +186,7 @@ def test_typing_the_proposed_line_works(tile: Path, tmp_path: Path) -> None:
         assert f"lies at {said[1]}, {said[2]}:" not in again.stderr
 
 
+@pytest.mark.slow
 def test_python_and_the_command_say_the_same(tile: Path, tmp_path: Path) -> None:
     target = tmp_path / "found.geojson"
     line = ["match", str(tile), "--like", "1044,900,10", "--by", "color", "-o", str(target)]

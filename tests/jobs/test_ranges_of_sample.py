@@ -91,6 +91,7 @@ def test_a_ratio_is_the_answer_under_uneven_light(tmp_path: Path) -> None:
     assert all(one.agreement < ranges[0].agreement - 0.1 for one in bands)
 
 
+@pytest.mark.slow
 def test_a_sum_is_as_good_where_bands_differ_by_a_step(tmp_path: Path) -> None:
     common = patches(3, 40, 160)
     planes = [common + np.where(kind(), 40, 0), common + 10, common + np.where(kind(), 10, 45)]
@@ -108,6 +109,7 @@ def test_the_best_comes_first_and_each_kind_of_feature_once(tmp_path: Path) -> N
     assert all(0 <= one.agreement <= 1 and 0 <= one.share <= 1 for one in ranges)
 
 
+@pytest.mark.slow
 def test_tiles_and_threads_change_nothing(tmp_path: Path) -> None:
     planes = noisy([patches(k, 60, 190) + 25 * kind() for k in range(3)]).astype(np.uint16) * 211
     path = write(tmp_path / "a.tif", planes)
@@ -124,6 +126,7 @@ def test_what_is_unlike_is_left_out(tmp_path: Path) -> None:
     assert overlap(path, best, kind()) > 0.95
 
 
+@pytest.mark.slow
 def test_a_raster_of_many_bands_needs_no_choice(tmp_path: Path) -> None:
     planes = noisy([patches(k, 60, 190) for k in range(7)])
     planes[5] = noisy([np.where(kind(), 40, 120)])[0]
@@ -143,6 +146,7 @@ def test_too_many_bands_are_refused(tmp_path: Path) -> None:
         suggested(path, bands=(1, 18))
 
 
+@pytest.mark.slow
 def test_the_words_keep_what_was_chosen(tmp_path: Path) -> None:
     planes = noisy([np.where(kind(), 60, 120), patches(1, 90, 110), np.where(kind(), 140, 90)])
     path = write(tmp_path / "a.tif", planes)
@@ -164,6 +168,7 @@ def test_scales_are_those_of_values(tmp_path: Path) -> None:
     assert overlap(path, best, kind()) > 0.97
 
 
+@pytest.mark.slow
 def test_what_color_does_not_part_is_said(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", noisy([np.full(SHAPE, 120.0)] * 3, 10))
     found = suggested(path)
@@ -195,6 +200,7 @@ def test_a_palette_is_its_luminance(tmp_path: Path) -> None:
     assert fits and best.words == {} and best.values[1] is None and best.value_low is not None
 
 
+@pytest.mark.slow
 def test_a_sample_may_be_an_array_of_three_numbers(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", noisy([np.where(kind(), 150, 90)]))
     place = (INSIDE.x, INSIDE.y, INSIDE.radius)

@@ -57,7 +57,13 @@ def extracted(blocks: Path, **words: object) -> int:
     return len(uavseg.extract(blocks, (0.5, 1), tile=64, threads=1, **words))
 
 
-@pytest.mark.parametrize("place", [(300, 300), (447, 499), (100, 20), (0, 499)])
+@pytest.mark.parametrize(
+    "place",
+    [
+        (300, 300),
+        *(pytest.param(place, marks=pytest.mark.slow) for place in [(447, 499), (100, 20), (0, 499)]),
+    ],
+)
 def test_a_pixel_changed_where_nothing_is_in_range_is_found(place: tuple[int, int], blocks: Path) -> None:
     assert extracted(blocks) == 1
     image = scene()

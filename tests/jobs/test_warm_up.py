@@ -44,6 +44,7 @@ def test_no_process_is_an_error() -> None:
         uavseg.warm_up(processes=-2)
 
 
+@pytest.mark.slow
 def test_a_cache_that_cannot_be_kept_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def doubled(value):  # type: ignore[no-untyped-def]
         return 2 * value

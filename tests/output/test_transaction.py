@@ -175,6 +175,7 @@ def race(target: Path, overwrite: bool) -> list[tuple[int, str]]:
     return [(one.returncode, text) for one, text in zip(started, said, strict=True)]
 
 
+@pytest.mark.slow
 def test_of_three_runs_that_write_the_same_one_wins_and_two_report_it(tmp_path: Path) -> None:
     ended = race(tmp_path / "a.gpkg", overwrite=False)
     assert sorted(code for code, _ in ended) == [0, 1, 1]

@@ -19,7 +19,7 @@ def has(picture: np.ndarray, color: tuple[float, ...]) -> bool:
     return bool((np.abs(picture[..., :3] - color).max(axis=-1) < 0.02).sum() > 500)
 
 
-@pytest.mark.parametrize("with_raster", [True, False])
+@pytest.mark.parametrize("with_raster", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_ranges_are_in_their_colours_over_grey(tmp_path: Path, with_raster: bool) -> None:
     found, dataset = found_in(halves())
     path = draw_suggestions(found, tmp_path / "look.png", dataset if with_raster else None)
@@ -34,6 +34,7 @@ def test_ranges_are_in_their_colours_over_grey(tmp_path: Path, with_raster: bool
     assert again.read_bytes() == path.read_bytes()
 
 
+@pytest.mark.slow
 def test_one_class_and_flat_rasters_are_drawn_too(tmp_path: Path) -> None:
     for k, shape in enumerate([(70, 70), (1, 3000), (2000, 9)]):
         found, dataset = found_in(np.full(shape, 0.3, np.float32))
@@ -51,6 +52,7 @@ def test_a_picture_is_a_png_and_replaces_nothing(tmp_path: Path) -> None:
     assert draw_suggestions(found, tmp_path / "look.png", overwrite=True).stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_scale_beyond_floats_has_no_axis_of_values(tmp_path: Path) -> None:
     """A damaged block map may say anything of its scale."""
     found, _ = found_in(halves())

@@ -363,7 +363,7 @@ def test_a_file_of_many_blocks_none_of_which_can_be_read_is_left_out_as_a_whole(
     assert not valid.any() and found == [BadBlock(str(path), 0, 0, 280, 260)]
 
 
-@pytest.mark.parametrize("tried", [0, 7, 63])
+@pytest.mark.parametrize("tried", [7, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 63))])
 def test_where_one_of_many_blocks_can_be_read_each_is_tried(
     tmp_path: Path, write_raster: Callable, tried: int
 ) -> None:
@@ -375,7 +375,11 @@ def test_where_one_of_many_blocks_can_be_read_each_is_tried(
     assert valid.sum() == 256 and len(found) == 18 * 17 - 1
 
 
-@pytest.mark.parametrize("side", [64, 192, (64, 448)], ids=str)
+@pytest.mark.parametrize(
+    "side",
+    [64, *(pytest.param(side, marks=pytest.mark.slow) for side in (192, (64, 448)))],
+    ids=str,
+)
 def test_of_many_bad_blocks_one_more_costs_one_opening(
     tmp_path: Path, write_raster: Callable, monkeypatch: pytest.MonkeyPatch, side: Any
 ) -> None:

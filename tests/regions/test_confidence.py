@@ -177,6 +177,7 @@ def test_where_none_is_sure_enough_a_warning_says_so(noisy):
     assert len(found) == 0
 
 
+@pytest.mark.slow
 def test_matches_have_a_confidence(noisy):
     found = uavseg.match(noisy, like=(70, 70, 20), by="color", stretch="none")
     assert found["confidence"].iloc[0] > 0.8

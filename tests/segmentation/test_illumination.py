@@ -91,6 +91,7 @@ def test_it_is_what_least_squares_give(seed: int, width: tuple[int, int], rows: 
     assert abs(found - plain(dataset.values, dataset.valid, width)).max() <= 2  # roundings of nodes
 
 
+@pytest.mark.slow
 @given(SEEDS, st.integers(33, 300), st.integers(33, 300), WIDTHS, st.sampled_from([64, 128, (64, 192)]))
 def test_tiles_and_threads_change_no_grey(
     seed: int, rows: int, cols: int, width: tuple[int, int], side: int | tuple[int, int]
@@ -150,6 +151,7 @@ def test_nodata_does_not_darken_what_is_near(seed: int, width: tuple[int, int]) 
     assert (flattened(source_of(InMemory(image, valid)), width)[valid] == 90 * 257).all()
 
 
+@pytest.mark.slow
 @given(SEEDS, WIDTHS)
 def test_taken_away_twice_little_changes(seed: int, width: tuple[int, int]) -> None:
     rng = np.random.default_rng(seed)

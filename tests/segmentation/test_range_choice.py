@@ -84,6 +84,7 @@ def test_a_negative_and_a_turned_picture_have_the_same_ranges(seed: int) -> None
     assert (1 - other.high, 1 - other.low) == pytest.approx((first.low, first.high), abs=0.012)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.integers(0, 2**31), st.sampled_from([None, 2, 3, 6]), st.sampled_from([0, 2, 9]), st.booleans())
 def test_what_a_choice_is(seed: int, n_classes: int | None, scale: float, refined: bool) -> None:

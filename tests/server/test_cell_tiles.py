@@ -130,6 +130,7 @@ def test_tiles_that_cannot_be_are_404(path: str, server: MapServer) -> None:
     assert fetch(server.url + path)[0] == 404
 
 
+@pytest.mark.slow
 def test_a_small_raster_is_in_the_page() -> None:
     with warnings.catch_warnings(action="ignore"):
         server = uavseg.serve(SAMPLES / "quarry.tif", size=100)

@@ -65,6 +65,7 @@ def test_exact_regions_are_those_of_extract(server: MapServer, tmp_path: Path) -
     assert len(report["answer"]["regions"]["features"]) > 1
 
 
+@pytest.mark.slow
 def test_regions_like_a_sample_are_those_of_match(server: MapServer, tmp_path: Path) -> None:
     regions = uavseg.extract(SAMPLE, (0.55, 1), min_area=1000)
     center = regions.geometry.iloc[1].representative_point()
@@ -81,7 +82,7 @@ def test_regions_like_a_sample_are_those_of_match(server: MapServer, tmp_path: P
     assert saved(server, report, "regions.gpkg") == expected.read_bytes()
 
 
-@pytest.mark.parametrize("home", ["auto", [49.4586, -122.8276]])
+@pytest.mark.parametrize("home", [pytest.param("auto", marks=pytest.mark.slow), [49.4586, -122.8276]])
 def test_missions_are_those_of_plan(home: Any, server: MapServer, tmp_path: Path) -> None:
     regions = run_job(server.url, "extract", {"low": 0.55, "high": 1, "min_area": 200})
     question = {"job": regions["job"], "ids": [1, 3], "home": home, "altitude": 70, "pattern": "survey"}
@@ -216,6 +217,7 @@ def test_a_port_in_use_is_refused(server: MapServer) -> None:
         uavseg.serve(SAMPLE, size=100, port=port)
 
 
+@pytest.mark.slow
 def test_results_are_deleted_at_the_end() -> None:
     with warnings.catch_warnings(action="ignore"):
         server = uavseg.serve(SAMPLE, size=100)

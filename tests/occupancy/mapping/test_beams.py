@@ -162,6 +162,7 @@ def assert_bounds(window: Window, touched: set[tuple[int, int]]) -> None:
     assert (window.rows, window.cols) == (max(rows) - min(rows) + 1, max(cols) - min(cols) + 1)
 
 
+@pytest.mark.slow
 @given(scans())
 @settings(max_examples=60)
 def test_merging_is_adding_log_odds_beam_by_beam(scan: Scan) -> None:

@@ -66,6 +66,7 @@ def check(mask: np.ndarray, start: Cell, goal: Cell) -> tuple[float, float] | No
     return path.cost, path_length(corners)
 
 
+@pytest.mark.slow
 @given(MASKS, st.data())
 @settings(max_examples=200)
 def test_any_small_map(mask: np.ndarray, data: st.DataObject) -> None:

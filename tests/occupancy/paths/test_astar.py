@@ -212,6 +212,7 @@ def test_words_of_the_bitmap_leave_no_seam(width: int) -> None:
         agreed(mask, (0, 0), (mask.shape[0] - 1, mask.shape[1] - 1))
 
 
+@pytest.mark.slow
 def test_pools_grow_and_change_nothing() -> None:
     rng = np.random.default_rng(9)
     mask = rng.random((150, 150)) < 0.9
@@ -251,7 +252,13 @@ def test_no_path_is_an_error_in_one_line() -> None:
         shortest_path(picture(".#."), (0, 0), (0, 2))
 
 
-@pytest.mark.parametrize("name", ["willow-full.pgm", "turtlebot3_map.pgm", "depot.pgm"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "turtlebot3_map.pgm",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("willow-full.pgm", "depot.pgm")),
+    ],
+)
 def test_real_maps(name: str, shared_data: Path) -> None:
     from skimage.io import imread
 

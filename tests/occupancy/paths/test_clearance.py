@@ -42,7 +42,7 @@ def test_cells_may_be_longer_than_wide(mask: np.ndarray, width: float, height: f
     assert clearance(mask, width, height) == pytest.approx(plain(mask, width, height), rel=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 5))])
 def test_scipy_agrees_on_large_maps(seed: int) -> None:
     """On a grid twice as fine: centres of cells are odd, impassable cells are drawn with their edges."""
     mask = np.random.default_rng(seed).random((150, 211)) < 0.999 - 0.05 * seed

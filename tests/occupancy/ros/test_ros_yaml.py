@@ -86,6 +86,7 @@ def test_a_table_is_monotone_and_negate_mirrors_it(
         assert (dark, bright) == (100, 0)
 
 
+@pytest.mark.slow
 @given(
     st.floats(1e-3, 10),
     st.lists(st.floats(-1e6, 1e6), min_size=3, max_size=3),

@@ -118,6 +118,7 @@ def test_the_licence_is_in_the_page() -> None:
     assert "Redistributions in binary form must reproduce" in render_page("t", {}).decode()
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_bytes_from_both_faces(tmp_path: Path) -> None:
     regions, mission = tmp_path / "r.gpkg", tmp_path / "m.plan"
     run = CliRunner()

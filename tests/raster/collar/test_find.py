@@ -36,8 +36,8 @@ def notes(dataset: Dataset) -> str:
     return " ".join(dataset.warnings)
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-@pytest.mark.parametrize("bands", [1, 3, 4])
+@pytest.mark.parametrize("dtype", [np.uint8, pytest.param(np.uint16, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("bands", [1, pytest.param(3, marks=pytest.mark.slow), 4])
 @pytest.mark.parametrize("color", ["black", "white"])
 @pytest.mark.parametrize("shape", list(PICTURES))
 def test_a_sharp_collar_is_left_out_to_the_pixel(
@@ -83,7 +83,7 @@ def test_an_overview_of_a_formula_has_the_collar_of_its_bands(tmp_path: Path, si
     assert np.array_equal(left_out(formula), left_out(plain)) and left_out(plain).any()
 
 
-@pytest.mark.parametrize("quality", [75, 90])
+@pytest.mark.parametrize("quality", [75, pytest.param(90, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("bands", [1, 3])
 @pytest.mark.parametrize("color", ["black", "white"])
 @pytest.mark.parametrize("shape", list(PICTURES))
@@ -124,7 +124,9 @@ def test_a_sharp_edge_of_nodata_stays_as_it_is(tmp_path: Path) -> None:
     assert cleaned(path).collar is None and not cleaned(path).warnings
 
 
-@pytest.mark.parametrize("side", [(64, 64), (128, 192), (512, 64)])
+@pytest.mark.parametrize(
+    "side", [(64, 64), *(pytest.param(side, marks=pytest.mark.slow) for side in [(128, 192), (512, 64)])]
+)
 @pytest.mark.parametrize("jpeg", [False, True])
 def test_tiles_and_threads_change_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, side: tuple[int, int], jpeg: bool
@@ -184,7 +186,7 @@ def test_a_drawn_shore_along_the_edge_is_kept(tmp_path: Path, value: int, seed: 
 
 @pytest.mark.parametrize("share", [5, 20, 50])
 @pytest.mark.parametrize("bright", [False, True])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_clipped_ground_is_kept(tmp_path: Path, share: int, bright: bool, seed: int) -> None:
     image = texture(SHAPE, seed).astype(float)
     from_corner = np.hypot(*np.mgrid[: SHAPE[0], : SHAPE[1]])

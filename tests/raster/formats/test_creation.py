@@ -42,6 +42,7 @@ def bytes_of(path):
     return path.read_bytes()[2:4]  # 42, and 43 for a BigTIFF, in little endian
 
 
+@pytest.mark.slow
 @given(allowed(floats=False), st.sampled_from(["uint8", "uint32"]), st.integers(0, 9))
 def test_labels_are_the_same_whatever_is_chosen(tmp_path_factory, words, dtype, seed):
     path = tmp_path_factory.mktemp("labels") / "a.tif"

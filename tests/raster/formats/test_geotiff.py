@@ -30,6 +30,7 @@ def cut(image, side):
     return ((window, image[window.slices]) for window in tiles(image.shape, side))
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     st.tuples(st.integers(1, 700), st.integers(1, 400)),

@@ -59,6 +59,7 @@ def test_percentiles_are_those_of_numpy(write_raster, pixels, eighths):
     assert stretch.high == float(np.percentile(numbers, percent, method="inverted_cdf"))
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(rasters(), st.integers(0, 2**32))
 def test_tiles_and_workers_change_nothing(write_raster, pixels, seed):

@@ -91,7 +91,7 @@ def test_a_truncated_index_is_an_error_and_not_taken_for_a_sparse_file(tmp_path:
         dataset.read(Window(0, 0, 800, 800))
 
 
-@pytest.mark.parametrize("stored", [False, True])
+@pytest.mark.parametrize("stored", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_huge_sparse_raster_is_seen_from_afar(tmp_path: Path, stored: bool) -> None:
     side, block = 1_000_000, 16384
     how = {"driver": "GTiff", "width": side, "height": side, "count": 1, "dtype": "uint8", "tiled": True}

@@ -187,6 +187,7 @@ def eliminated_by_force(labels: Image, kinds: Image, grey: Image, limit: float) 
         labels[np.isin(labels, alike)] = min(alike)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(1, 30))
 @settings(max_examples=60)
 def test_merged_segments_are_those_of_brute_force(seed: int, limit: int) -> None:

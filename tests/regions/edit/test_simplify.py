@@ -42,6 +42,7 @@ def made(labels, place="utm"):
     return make_regions(rings, Sums(counts, counts, counts, FIRSTS), box, (0, 1), ""), box
 
 
+@pytest.mark.slow
 @given(pictures(), st.sampled_from(sorted(PLACES)), st.sampled_from([0.3, 1, 3, 10, 1e4]))
 @settings(max_examples=100)
 def test_no_region_vanishes_overlaps_or_becomes_invalid(labels, place, metres):

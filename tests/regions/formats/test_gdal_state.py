@@ -48,7 +48,9 @@ def in_a_thread(folder: Path, *lines: str) -> tuple[str, str]:
     return done.stdout, done.stderr
 
 
-@pytest.mark.parametrize("suffix", [".gpkg", ".shp", ".fgb"])
+@pytest.mark.parametrize(
+    "suffix", [".gpkg", *(pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".shp", ".fgb"))]
+)
 def test_writing_says_nothing(tmp_path: Path, suffix: str) -> None:
     assert in_a_thread(tmp_path, f"write_regions(regions, 'out{suffix}')", "print('written')") == (
         "written\n",
@@ -56,6 +58,7 @@ def test_writing_says_nothing(tmp_path: Path, suffix: str) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_ring_that_is_not_closed_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.kml").write_text(LOST_RING)
     lines = ("try:", "    read_regions('a.kml')", "except RegionError as error:", "    print(error)")

@@ -91,6 +91,7 @@ def test_a_linked_crs_is_not_fetched(tmp_path: Path, requests: Any, reader: Any,
     assert asked == []
 
 
+@pytest.mark.slow
 def test_a_linked_crs_is_fetched_where_that_is_allowed(tmp_path: Path, requests: Any) -> None:
     address, asked = requests
     (tmp_path / "a.geojson").write_text(

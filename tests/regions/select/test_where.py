@@ -237,6 +237,7 @@ ROWS = [
 ]
 
 
+@pytest.mark.slow
 @given(conditions())
 @settings(max_examples=300)
 def test_rows_are_chosen_where_the_condition_is_true_and_not_where_it_is_unknown(part: Part) -> None:

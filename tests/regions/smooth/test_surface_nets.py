@@ -38,6 +38,7 @@ def test_a_straight_arc_stays(length: int) -> None:
     assert relaxed(base) == pytest.approx(base, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(steps)
 def test_a_mirrored_arc_relaxes_to_the_mirror_image(directions: list[tuple[int, int]]) -> None:
     base = arc(directions)

@@ -38,6 +38,7 @@ def test_the_number_is_that_of_extracting(seed: int, how: tuple[str, str]) -> No
         assert one.exact and one.regions == len(regions) and one.regions_text == f"{len(regions):,}"
 
 
+@pytest.mark.slow
 def test_the_number_in_a_large_raster_is_estimated(monkeypatch: pytest.MonkeyPatch) -> None:
     source = raster(7, (1400, 1300), 40)
     exact = suggest(source, SuggestRequest(3)).ranges

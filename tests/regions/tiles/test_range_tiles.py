@@ -213,6 +213,7 @@ def test_labels_and_sums_are_those_of_the_reference(
     check_against_reference(reference, sourced, scene(seed, shape), random_cells(seed, shape), refine)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     st.integers(0, 10**6),

@@ -96,6 +96,7 @@ def test_a_ring_around_an_island_keeps_its_ground(place):
     assert len(check(regions_of(RING, transform, crs))) == 2
 
 
+@pytest.mark.slow
 @given(st.sampled_from(sorted(PLACES)), pictures)
 @settings(max_examples=40)
 def test_any_picture_keeps_its_ground(place, picture):

@@ -67,6 +67,7 @@ def assert_same(first: SavedBlocks, second: SavedBlocks) -> None:
     assert repr(first.origin) == repr(second.origin)
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.integers(0, 999), st.tuples(st.integers(1, 300), st.integers(1, 300)))
 def test_written_and_read_is_the_same(

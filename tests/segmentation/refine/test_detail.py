@@ -50,6 +50,7 @@ def test_levels_stay_a_partition_of_what_is_valid(seed: int, detail: Detail) -> 
     assert set(np.unique(found)) <= set(np.unique(image))
 
 
+@pytest.mark.slow
 @given(SEEDS, DETAILS, st.integers(0, 60), st.integers(0, 70))
 def test_the_result_at_a_pixel_depends_on_no_pixel_beyond_the_halo(
     seed: int, detail: Detail, row: int, col: int

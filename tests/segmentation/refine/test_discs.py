@@ -26,6 +26,7 @@ def opened(mask: NDArray[np.bool_], disc: PixelDisc) -> NDArray[np.bool_]:
     return found
 
 
+@pytest.mark.slow
 @given(DISCS)
 def test_a_disc_is_as_wide_as_its_sides_and_symmetric(disc: PixelDisc) -> None:
     pixels = disc.pixels
@@ -50,6 +51,7 @@ def test_maxima_over_discs_are_those_of_scipy(image: tuple[int, int, int], disc:
     assert np.array_equal(found, expected[row : row + found.shape[0], col : col + found.shape[1]])
 
 
+@pytest.mark.slow
 @given(IMAGES, DISCS, st.sampled_from([0.7, 0.9, 0.97]))
 def test_the_opening_of_each_kind_is_that_of_morphology(
     image: tuple[int, int, int], disc: PixelDisc, share: float

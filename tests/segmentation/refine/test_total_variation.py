@@ -3,6 +3,7 @@
 from types import ModuleType
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +14,7 @@ seeds = st.integers(0, 100_000)
 MIDDLE = IntensityRange(0.35, 0.65)
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(seeds)
 def test_sweeps_end_at_the_minimum_of_total_variation(plain_variation: ModuleType, seed: int) -> None:

@@ -82,6 +82,7 @@ def plain_scores(symbols: Image, model: Counter[int], side: int, leave_one_out: 
     return found
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(
     seed=st.integers(0, 10**6),

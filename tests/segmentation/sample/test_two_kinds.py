@@ -29,6 +29,7 @@ def test_two_distant_kinds_are(seed: int, far: float, count: int) -> None:
     assert are_two_kinds(rng.permutation(more), LIMIT), "neither order nor cells without a score count"
 
 
+@pytest.mark.slow
 @given(st.integers(0, 99), st.floats(0, 2), st.floats(0.01, 1))
 def test_one_kind_is_not(seed: int, mean: float, deviation: float) -> None:
     assert not are_two_kinds(scores((mean, deviation, 1000), seed=seed), LIMIT)

@@ -63,6 +63,7 @@ def grey_of(dataset: InMemory) -> NDArray[np.uint16]:
     return np.where(dataset.valid, dataset.values.astype(np.uint16) * 257, 0).astype(np.uint16)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.integers(0, 10**6), st.booleans(), st.sampled_from([64, 128]))
 def test_thin_obstacles_are_those_of_the_plain_version(seed: int, trinary: bool, tile: int) -> None:
