@@ -14,7 +14,7 @@ from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.cover.corridor import corridor
 from uavseg.flight.cover.survey import CoverParams, surveys
-from uavseg.flight.patterns.pattern_params import PerimeterParams
+from uavseg.flight.patterns.pattern_params import PerimeterParams, SurveyParams
 from uavseg.flight.patterns.rings import offset_rings
 from uavseg.flight.plane import Plane
 from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
@@ -88,6 +88,7 @@ def test_what_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None
         {"pattern": "orbit"},
         {"pattern": "perimeter"},
         {"pattern": "survey", "spacing_m": 30.0},
+        {"pattern": "survey", "spacing_m": 30.0, "how": SurveyParams(margin_m=20.0)},
         {"pattern": "corridor", "spacing_m": 100.0},
     ],
 )

@@ -113,7 +113,7 @@ def surveys(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     tracks = [
         [_lines_track(list(way.lines), list(way.outer), way.legs, params) for way in ways] for ways in found
     ]
-    notes = [*_outline_notes(regions, params.spacing_m), *photo_notes(params)]
+    notes = [*_outline_notes(parts, params), *photo_notes(params)]
     if how.turnaround_m:
         notes.append(f"each line has {how.turnaround_m:g} m of straight flight outside before and after it")
     notes += _corridor_note(regions, [ways[0] for ways in found], params)
@@ -126,7 +126,7 @@ def corridors(parts: Sequence[RegionPart], params: PlanParams) -> Candidates:
     regions = _grown(parts, params.how.margin_m)
     found = [corridor(region, params.spacing_m, *_line_ends(params)) for region in regions]
     tracks = [[_lines_track(one.lines, one.lines, one.legs, params)] for one in found]
-    notes = [*_outline_notes(regions, params.spacing_m), *photo_notes(params)]
+    notes = [*_outline_notes(parts, params), *photo_notes(params)]
     return Candidates(tracks, _places(parts), notes)
 
 
@@ -160,7 +160,13 @@ def _places(parts: Sequence[RegionPart]) -> list[str]:
 def _grown(parts: Sequence[RegionPart], margin_m: float) -> list[Any]:
     if margin_m < LEAST_MARGIN_M:
         return [part.polygon for part in parts]
-    return [shapely.buffer(enclosing(part.polygon, max(margin_m / 8, 1)), margin_m) for part in parts]
+    reach_m = _outline_reach_m(margin_m)
+    return [shapely.buffer(enclosing(part.polygon, reach_m), margin_m) for part in parts]
+
+
+def _outline_reach_m(margin_m: float) -> float:
+    """How far outlines of fewer corners reach beyond regions that are grown by a margin."""
+    return max(margin_m / 8, 1.0)
 
 
 def _line_ends(params: PlanParams) -> tuple[float, float]:
@@ -221,15 +227,18 @@ def _ring_notes(found: Sequence[OffsetRings], min_leg_m: float) -> list[str]:
     return notes
 
 
-def _outline_notes(regions: Sequence[Any], spacing_m: float) -> list[str]:
-    """A note where `flight_space` takes outlines of fewer corners."""
-    many = int((shapely.get_num_coordinates(regions) > MANY_CORNERS).sum())
+def _outline_notes(parts: Sequence[RegionPart], params: PlanParams) -> list[str]:
+    """A note where `_grown` and `flight_space` take outlines of fewer corners."""
+    assert params.spacing_m is not None and isinstance(params.how, SurveyParams | CorridorParams)
+    many = sum(shapely.get_num_coordinates(part.polygon) > MANY_CORNERS for part in parts)
     if not many:
         return []
+    margin_m = params.how.margin_m
+    reach_m = COARSE * params.spacing_m + (_outline_reach_m(margin_m) if margin_m >= LEAST_MARGIN_M else 0)
     return [
-        f"{many} of {len(regions)} regions have outlines of more than {MANY_CORNERS} corners: they are grown "
-        f"and simplified by up to {COARSE * spacing_m:.3g} m, and holes of less than {spacing_m**2:.3g} m2 "
-        "are flown over"
+        f"{many} of {len(parts)} regions have outlines of more than {MANY_CORNERS} corners: they are "
+        f"simplified and reach up to {reach_m:.3g} m farther, and holes of less than "
+        f"{params.spacing_m**2:.3g} m2 are flown over"
     ]
 
 
