@@ -29,6 +29,7 @@ def largest(side: int, seed: int) -> Any:
     return region
 
 
+@pytest.mark.slow
 def test_a_survey_covers_the_region_up_to_small_parts() -> None:
     region = largest(320, 3)
     flown = surveys(region, CoverParams(10.0))[0]

@@ -140,6 +140,7 @@ def test_the_map_shows_every_kind(mission: Mission) -> None:
         assert f'"kind": "{kind}"' in text
 
 
+@pytest.mark.slow
 def test_lines_of_the_map_are_not_filled_areas(mission: Mission) -> None:
     folium = pytest.importorskip("folium")
     pytest.importorskip("mapclassify")

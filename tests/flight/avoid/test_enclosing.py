@@ -13,7 +13,7 @@ from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small
 
 
 @given(st.integers(0, 10**6), st.sampled_from([1.0, 3.0, 12.0, 60.0]))
-@settings(max_examples=25)
+@settings(max_examples=10)
 def test_an_outline_holds_the_area_within_the_reach(seed: int, reach: float) -> None:
     area = shapely.union_all(pixel_region(160, seed))
     around = enclosing(area, reach)

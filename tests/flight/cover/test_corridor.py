@@ -46,6 +46,7 @@ def test_rivers(region: shapely.Polygon, spacing: float) -> None:
     check(region, corridor(region, spacing), spacing)
 
 
+@pytest.mark.slow
 @given(fields(), st.floats(8, 40))
 @settings(max_examples=20)
 def test_other_regions_are_covered_too(region: shapely.Polygon, spacing: float) -> None:
@@ -57,6 +58,7 @@ def test_shapes(name: str) -> None:
     check(SHAPES[name], corridor(SHAPES[name], 12), 12)
 
 
+@pytest.mark.slow
 def test_long_bent_regions_are_flown_in_less_way_and_turns_than_by_a_survey() -> None:
     river = shapely.LineString([(0, 0), (300, 80), (420, 380), (800, 420), (900, 60)]).buffer(14)
     for region, spacing in ((SHAPES["spiral"], 10), (river, 15), (fork(), 12)):

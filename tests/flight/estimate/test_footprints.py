@@ -61,6 +61,7 @@ def in_metres(lonlat: np.ndarray) -> np.ndarray:
     return np.stack(there.transform(lonlat[..., 0], lonlat[..., 1]), axis=-1)
 
 
+@pytest.mark.slow
 @given(st.floats(0, 360), st.floats(20, 120))
 def test_each_shows_a_rectangle_along_the_flight(azimuth_deg: float, height_m: float) -> None:
     mission = Mission(HOME, line(azimuth_deg=azimuth_deg, height_m=height_m))

@@ -16,6 +16,7 @@ from uavseg.flight.safety.limits import LimitParams, SafetyParams
 PLANE = Plane(*HOME[:2])
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(-200, 200), st.floats(-200, 200)), min_size=1, max_size=5))
 @settings(max_examples=50)
 def test_a_way_through_a_zone_is_noted_where_points_along_the_flight_say_so(

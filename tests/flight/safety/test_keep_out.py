@@ -129,6 +129,7 @@ def test_what_zones_make_impossible_is_refused(zone: Any, words: str) -> None:
         planned([box(110, 10, 40, 60)], zones=[zone], safety=SafetyParams(5))
 
 
+@pytest.mark.slow
 def test_each_of_several_flights_keeps_away() -> None:
     regions = [box(300 * k, 200 + 90 * (k % 2), 200, 150) for k in range(1, 5)]
     zones = [box(300 * k - 60, 150, 40, 300) for k in range(1, 5)]
@@ -142,6 +143,7 @@ def test_each_of_several_flights_keeps_away() -> None:
     assert all((mission.home.lat, mission.home.lon) == HOME[:2] for mission in flown)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(0, 40))
 @settings(max_examples=60)
 def test_grown_zones_hold_their_margin_and_few_corners(seed: int, margin: int) -> None:

@@ -32,6 +32,7 @@ def mission(path: Any, frame: int, heights: Any, takeoff_m: float = 60.0) -> Mis
     return Mission(home, items_along(track(lon, lat), home, PlanParams(60), flight))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 99), st.floats(10, 100), st.floats(-8, 8))
 @settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_planned_flight_passes_and_a_lowered_or_raised_one_does_not(
