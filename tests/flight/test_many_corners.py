@@ -18,6 +18,7 @@ from uavseg.flight.patterns.pattern_params import PerimeterParams, SurveyParams
 from uavseg.flight.patterns.rings import offset_rings
 from uavseg.flight.plane import Plane
 from uavseg.flight.safety.home_place import CLEARANCE_M, home_outside
+from uavseg.flight.safety.keep_out import KeepOut
 from uavseg.flight.safety.limits import SafetyParams
 
 PLANE = Plane(47.0, 8.0)
@@ -71,6 +72,14 @@ def test_no_leg_comes_nearer_to_a_zone_than_the_margin(margin: float) -> None:
     assert nearest >= margin - 0.01 and nearest > 0
     straight = 2 * 410
     assert legs.length < 2 * straight  # around the zones, not far away from them
+
+
+@pytest.mark.parametrize("margin", [0.0, 10.0])
+def test_grown_zones_hold_the_zones_with_their_margin(margin: float) -> None:
+    zones = pixel_region(320, 6)
+    grown, whole = KeepOut(zones, margin).grown, shapely.union_all(zones)
+    assert shapely.covers(grown, whole)
+    assert shapely.distance(grown.boundary, whole) >= margin
 
 
 def test_what_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
