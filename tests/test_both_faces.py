@@ -223,6 +223,7 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("tile.tif", {"range": (0.2, 0.6), "refine": "scan", "min_area": "64px", "tile": 64, "threads": 2}),
     ("tile.tif", {"range": (0.2, 0.6), "refine": "none", "fill_holes": 900.0, "method": "paper"}),
     ("tile.tif", {"range": (0.5, 1), "smooth_outline": 1.0, "simplify": 3.0, "refine": "smooth"}),
+    ("tile.tif", {"range": (0.5, 1), "refine": "pixels", "min_area": "20px"}),
     ("tile.tif", {"range": (0.5, 1), "stretch": "percentile:5,95", "nodata": 5, "threshold": 1.5}),
     ("tile.tif", {"range": (0.2, 0.6), "detail": "7px", "tile": 64}),
     ("tile.tif", {"range": (0.2, 0.6), "detail": 900.0}),

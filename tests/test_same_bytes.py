@@ -103,7 +103,7 @@ def outputs(raster: Path, folder: Path, *options: object) -> dict[str, bytes]:
     seed=st.integers(0, 10**6),
     shape=st.tuples(st.integers(1, 300), st.integers(1, 300)),
     kind=st.sampled_from(["uint8", "uint16", "float32"]),
-    refine=st.sampled_from(["none", "scan", "smooth", "tv"]),
+    refine=st.sampled_from(["none", "scan", "smooth", "tv", "pixels"]),
     method=st.sampled_from(["paper", "adaptive"]),
 )
 def test_tiles_and_threads_do_not_change_the_output(

@@ -76,8 +76,9 @@ class ExtractRegions(RegionAlgorithm):
                     "REFINE",
                     "Refinement",
                     "--refine",
-                    "How boundaries are found to the pixel. Empty: by total variation; none for classes.",
-                    ("tv", "scan", "none", "smooth"),
+                    "How boundaries are found to the pixel; pixels: every pixel by its own value. Empty: by total "
+                    "variation.",
+                    ("tv", "scan", "none", "smooth", "pixels"),
                 ),
                 FILL_HOLES,
                 DETAIL,

@@ -47,8 +47,8 @@ class SegmentByLevels(RegionAlgorithm):
                     "REFINE",
                     "Refinement",
                     "--refine",
-                    "By total variation to the pixel (tv), or none.",
-                    ("tv", "none"),
+                    "By total variation to the pixel (tv), every pixel by its own value (pixels), or none.",
+                    ("tv", "none", "pixels"),
                 ),
                 choice(
                     "SMALL",

@@ -225,7 +225,7 @@ def test_what_is_not_said_of_refinement_follows_the_method(method: str, refine: 
 
 
 @pytest.mark.parametrize("method", ["paper", "adaptive"])
-@pytest.mark.parametrize("refine", ["none", "scan", "smooth", "tv"])
+@pytest.mark.parametrize("refine", ["none", "scan", "smooth", "tv", "pixels"])
 def test_every_way_to_segment_gives_its_regions(method: str, refine: str) -> None:
     result = extracted("tile.tif", *RANGE, "--method", method, "--refine", refine, "-o", "-", "--tile", 64)
     for feature in json.loads(result.stdout)["features"]:

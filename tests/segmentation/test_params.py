@@ -18,7 +18,7 @@ def test_the_method_of_the_paper_scans_and_the_adaptive_one_denoises() -> None:
     "bad, message",
     [
         ({"method": "fast"}, "paper or adaptive, not 'fast'"),
-        ({"refine": "yes"}, "none, scan, smooth or tv, not 'yes'"),
+        ({"refine": "yes"}, "none, pixels, scan, smooth or tv, not 'yes'"),
         ({"threshold": -0.1}, "at least 0, not -0.1"),
         ({"threshold": np.nan}, "at least 0, not nan"),
         ({"intensity_step": 1.5}, r"lies in 0\.\.1, not 1.5"),

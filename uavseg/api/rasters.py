@@ -216,9 +216,9 @@ def levels(
     breaks : sequence of float or str, optional
         In place of a width: the values of v between levels, or "otsu" (levels with the smallest variance
         within, as `suggest` has them), "otsu:K", "quantile" (as many pixels in each of 5) or "quantile:K".
-    refine : {"tv", "none"}, optional
+    refine : {"tv", "none", "pixels"}, optional
         By total variation to the pixel, or left at the edges of blocks, which is the default with
-        ``method="paper"`` and for more than 127 levels.
+        ``method="paper"`` and for more than 127 levels; or every pixel by its own value.
     detail : float or str, optional
         Metres, or pixels as "8px": what is narrower becomes part of the levels near it.
     small : {"merge", "drop"}

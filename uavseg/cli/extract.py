@@ -79,10 +79,10 @@ if TYPE_CHECKING:
 @segmenting_options
 @click.option(
     "--refine",
-    type=click.Choice(["tv", "scan", "none", "smooth"]),
+    type=click.Choice(["tv", "scan", "none", "smooth", "pixels"]),
     show_default="tv; with --method paper scan, and none for classes",
     help="How boundaries are found to the pixel: by total variation, four scans or a local mean; those of "
-    "classes by tv or none.",
+    "classes by tv or none. Or pixels: every pixel by its own value, as a threshold and a polygonizer do.",
 )
 @click.option(
     "--detail",

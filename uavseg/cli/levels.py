@@ -66,9 +66,10 @@ _LISTED = 8  # levels in the table at the end
 @segmenting_options
 @click.option(
     "--refine",
-    type=click.Choice(["tv", "none"]),
+    type=click.Choice(["tv", "none", "pixels"]),
     show_default="tv; none with --method paper",
-    help="How boundaries are found to the pixel: by total variation, or left at the edges of blocks.",
+    help="How boundaries are found to the pixel: by total variation, or left at the edges of blocks. Or "
+    "pixels: every pixel by its own value.",
 )
 @click.option(
     "--detail",

@@ -73,7 +73,7 @@ class ClassifyRequest:
     def refine(self) -> StateRefinement:
         """How states are refined."""
         refine = self.segment.refine
-        if refine == "smooth" or refine == "tv":
+        if refine == "smooth" or refine == "tv" or refine == "pixels":
             raise ParameterError(
                 f"states are refined by scans or not at all: refine is scan or none, not {refine}"
             )

@@ -115,14 +115,19 @@ def detail_of(length: Length | None, geobox: GeoBox, refine: str, cover: bool = 
     return Detail(rows, cols, cover)
 
 
-def refuse_without_pixels(length: Length | None) -> None:
-    """Refuse a detail where a block map is all there is.
+def refuse_without_pixels(length: Length | None, refine: str) -> None:
+    """Refuse what is decided to the pixel where a block map is all there is.
 
     Raises
     ------
     ParameterError
-        If there is a detail.
+        If there is a detail, or every pixel is to be taken by its own value.
     """
+    if refine == "pixels":
+        raise ParameterError(
+            "--refine pixels takes every pixel by its own value, and the raster of this block map is not "
+            "where it was; put it there, or leave --refine out"
+        )
     if length is not None:
         raise ParameterError(
             "a detail is decided to the pixel, and regions from this block map end at block edges; leave "

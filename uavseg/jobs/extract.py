@@ -29,6 +29,7 @@ from uavseg.segmentation.pipeline import (
     IN_RANGE,
     MIXED,
     cells_to_refine,
+    every_cell,
     measure_block_map_for,
 )
 from uavseg.segmentation.refine.thin_lines import ThinLines
@@ -146,12 +147,15 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
     stretching, dividing, outlining = work.over(source).stages(3)
     grey, wanted = grey_for(source, request.interval, stretching)  # intensity -> v
     # texture, division of blocks
-    with phase("division"):
-        blocks = measure_block_map_for(grey, wanted.interval, request.segment, dividing)
-        cells = cells_to_refine(blocks, wanted.interval, request.segment)  # segments of leaves in range
-    del blocks
-    trim_heap()
-    _log_cells(grey, cells)
+    if request.segment.refine == "pixels":
+        cells = every_cell(grey.shape)
+    else:
+        with phase("division"):
+            blocks = measure_block_map_for(grey, wanted.interval, request.segment, dividing)
+            cells = cells_to_refine(blocks, wanted.interval, request.segment)  # segments of leaves in range
+        del blocks
+        trim_heap()
+        _log_cells(grey, cells)
     with phase("refinement and outlines"):  # to the pixel; small holes
         outlined = _outlined(grey, cells, wanted, request, outlining)
     with phase("attributes and drawing"):  # small regions too
@@ -188,7 +192,7 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     """Regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
     from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
 
-    refuse_without_pixels(request.detail)
+    refuse_without_pixels(request.detail, request.segment.refine)
     if request.thin_lines:
         raise ParameterError(
             "thin lines are decided to the pixel, and regions from this block map end at block edges; leave "

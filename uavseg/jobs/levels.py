@@ -33,7 +33,7 @@ class LevelsRequest:
     levels : Levels, Breaks or BreakChoice
         Of v, after the stretch.
     segment : SegmentParams
-        Its `refine` is "tv" or "none"; see `segment_kinds.joint_params`.
+        Its `refine` is "tv", "pixels" or "none"; see `segment_kinds.joint_params`.
     drawing : Drawing
         How outlines are drawn.
     min_area : Area, optional

@@ -40,7 +40,7 @@ class KindsRequest:
     partition : Partition or callable
         Or what chooses it from the whole block map.
     segment : SegmentParams
-        Its `refine` is "tv" or "none".
+        Its `refine` is "tv", "pixels" or "none".
     fill_holes : Area, optional
     detail : Length, optional
         Structures that are narrower become part of what is near.
@@ -67,7 +67,7 @@ class Segmented:
     info : SourceInfo
     partition : Partition
     refine : str
-        How they were refined: "tv", or "none" for those at block edges.
+        How they were refined: "tv", "pixels", or "none" for those at block edges.
     notes : tuple of str
     """
 
@@ -80,7 +80,7 @@ class Segmented:
 
 
 def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
-    """How segments of several intervals are found: refined together by total variation, or not at all.
+    """How segments of several intervals are found: refined together, by tv or pixels, or not at all.
 
     Parameters
     ----------
@@ -95,8 +95,10 @@ def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
     """
     if refine is None:
         refine = "none" if segment.method == "paper" else "tv"
-    if refine not in ("tv", "none"):
-        raise ParameterError(f"intervals of v are refined together by tv, or none; {refine} is for one range")
+    if refine not in ("tv", "pixels", "none"):
+        raise ParameterError(
+            f"intervals of v are refined together by tv, pixels or none; {refine} is for one range"
+        )
     return SegmentParams.from_words(segment.method, segment.threshold, segment.intensity_step, refine)
 
 
@@ -122,12 +124,14 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
         stretching, dividing, outlining = work.over(source).stages(3)
         grey = source.grey(stretching)
         with phase("division"):
-            if isinstance(request.partition, Partition):
-                partition = request.partition
-                blocks = measure_block_map_for(grey, partition, request.segment, dividing)
-            else:
+            if not isinstance(request.partition, Partition):
                 blocks = measure_block_map(grey, dividing)
                 partition = request.partition(blocks)
+            elif request.segment.refine == "pixels":
+                blocks, partition = BlockMap.empty(grey.shape), request.partition  # no leaf decides
+            else:
+                partition = request.partition
+                blocks = measure_block_map_for(grey, partition, request.segment, dividing)
             _check_count(partition, request.segment)
             cells = kinds_to_refine(blocks, partition, request.segment)
         decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
@@ -148,7 +152,7 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
 
 
 def _check_count(partition: Partition, segment: SegmentParams) -> None:
-    if segment.refine == "tv" and partition.count > MAX_KINDS:
+    if segment.refine != "none" and partition.count > MAX_KINDS:
         raise ParameterError(
             f"there are {partition.count} intervals, and up to {MAX_KINDS} are refined to the pixel; give "
             "fewer, or --refine none, with which they end at block edges"
@@ -184,7 +188,9 @@ def _outlined(
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
     else:
         detail = detail_of(request.detail, grey.dataset.geobox, request.segment.refine, request.cover)
-        outlined, kinds = outline_refined_kinds(grey, cells, partition, tile_pass, expected, detail)
+        outlined, kinds = outline_refined_kinds(
+            grey, cells, partition, request.segment.refine, tile_pass, expected, detail
+        )
         kinds_at = kinds.at
     trim_heap()
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
@@ -198,7 +204,7 @@ def _at_block_edges(
     from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
     from uavseg.segmentation.blocks.leaves import cell_kinds
 
-    refuse_without_pixels(request.detail)
+    refuse_without_pixels(request.detail, request.segment.refine)
     blocks = source.saved.blocks
     kinds = cell_kinds(blocks, partition, request.segment.division)
     outlined = outline_block_map(blocks, kinds)

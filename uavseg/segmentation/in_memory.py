@@ -78,6 +78,8 @@ def label_regions(
         refine_by_scans(inside, mask, in_range)
     elif params.refine == "smooth":
         inside = refine_by_local_mean(inside, mask, image, interval.low, interval.high)
+    elif params.refine == "pixels":
+        inside = in_range
     labels, count = label_components(inside)
     order = np.argsort(-component_sums(labels, count, image).counts, kind="stable")
     number = np.zeros(count + 1, np.uint32)

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from uavseg.raster.tiling import Window
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cell_kinds, cells_to_pixels, mixed_cells_of_kinds
-from uavseg.segmentation.params import SegmentParams
+from uavseg.segmentation.params import Refinement, SegmentParams
 from uavseg.segmentation.partition import Partition
+from uavseg.segmentation.pipeline import every_cell
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.refine.tv import refine_kinds_by_tv
 from uavseg.segmentation.source import GreySource, GreyTile
@@ -34,6 +35,8 @@ def kinds_to_refine(blocks: BlockMap, partition: Partition, params: SegmentParam
     cells : (8 B, 8 C) uint8 or uint32 array
         For `refine_kinds_of_tile`, or kinds alone if cells are not refined.
     """
+    if params.refine == "pixels":
+        return every_cell(blocks.shape)
     kinds = cell_kinds(blocks, partition, params.division)
     if params.refine == "tv":
         kinds |= _MIXED * mixed_cells_of_kinds(blocks, kinds, partition)
@@ -41,7 +44,7 @@ def kinds_to_refine(blocks: BlockMap, partition: Partition, params: SegmentParam
 
 
 def refine_kinds_of_tile(
-    source: GreySource, cells: NDArray[np.uint8], table: NDArray[np.uint8], window: Window
+    source: GreySource, cells: NDArray[np.uint8], table: NDArray[np.uint8], refine: Refinement, window: Window
 ) -> tuple[NDArray[np.uint8], GreyTile] | None:
     """Refine the segments of a tile to the pixel; see `pipeline.refine_tile`.
 
@@ -52,6 +55,7 @@ def refine_kinds_of_tile(
         Cells of the window with a halo of REFINE_HALO, from `kinds_to_refine`; 0 outside the raster.
     table : (65536,) uint8 array
         The kind of each grey.
+    refine : {"tv", "pixels"}
     window : Window
 
     Returns
@@ -64,6 +68,8 @@ def refine_kinds_of_tile(
     if not cells.any():
         return None
     tile = source.read(window, REFINE_HALO, beyond=True)
+    if refine == "pixels":
+        return table[tile.grey] * tile.valid, tile
     kinds = cells_to_pixels(cells & _KIND, tile.valid)
     refine_kinds_by_tv(kinds, cells & _MIXED, tile.valid, tile.grey, table)
     return kinds, tile

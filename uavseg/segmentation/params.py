@@ -13,7 +13,7 @@ from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.units import FREE, GREY_LEVELS, GREY_MAX
 
 Method = Literal["paper", "adaptive"]
-Refinement = Literal["none", "scan", "smooth", "tv"]
+Refinement = Literal["none", "pixels", "scan", "smooth", "tv"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +46,9 @@ class SegmentParams:
         X, at least 0: a block is divided where R = G_max / G_min is larger.
     intensity_step : float
         Tau, 0 to 1: the adaptive method also divides where the means of the children differ by more.
-    refine : {"tv", "scan", "none", "smooth"}
+    refine : {"tv", "scan", "none", "smooth", "pixels"}
         Refinement of boundaries to the pixel. The default is total variation, and scans with the paper's
-        method.
+        method; "pixels" is a threshold: each valid pixel by its own value, whatever the leaves are.
 
     Raises
     ------
@@ -66,8 +66,8 @@ class SegmentParams:
             object.__setattr__(self, "refine", "scan" if self.method == "paper" else "tv")  # type: ignore[unreachable]
         if self.method not in ("paper", "adaptive"):
             raise ParameterError(f"a method is paper or adaptive, not {self.method!r}")
-        if self.refine not in ("none", "scan", "smooth", "tv"):
-            raise ParameterError(f"a refinement is none, scan, smooth or tv, not {self.refine!r}")
+        if self.refine not in ("none", "pixels", "scan", "smooth", "tv"):
+            raise ParameterError(f"a refinement is none, pixels, scan, smooth or tv, not {self.refine!r}")
         if not self.threshold >= 0:
             raise ParameterError(f"the threshold X of the division is at least 0, not {self.threshold:g}")
         if not 0 <= self.intensity_step <= 1:

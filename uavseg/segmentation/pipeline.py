@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.raster.tiling import TilePass, Window, window_blocks, window_cells
+from uavseg.raster.tiling import TilePass, Window, whole_blocks, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
@@ -22,7 +22,7 @@ from uavseg.segmentation.params import DivisionParams, IntensityRange, Intervals
 from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.segmentation.source import CACHED_SIDE, CAPACITY, BlockCache, GreySource, GreyTile
-from uavseg.units import BLOCK, CELLS, GREY_LEVELS
+from uavseg.units import BLOCK, CELL, CELLS, GREY_LEVELS
 
 IN_RANGE, MIXED = np.uint8(1), np.uint8(2)  # bits of `cells_to_refine`
 
@@ -195,10 +195,29 @@ def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentP
     -------
     cells : (8 B, 8 C) uint8 array
     """
+    if params.refine == "pixels":
+        return every_cell(blocks.shape)
     cells = cells_in_range(blocks, interval, params.division)
     if params.refine == "tv":
         cells |= MIXED * mixed_cells(blocks, cells, interval.low, interval.high)
     return cells
+
+
+def every_cell(shape: tuple[int, int]) -> NDArray[np.uint8]:
+    """All cells of a raster as IN_RANGE, for a refinement that decides each pixel by its own value.
+
+    Parameters
+    ----------
+    shape : (int, int)
+        Rows and columns of the raster.
+
+    Returns
+    -------
+    cells : (8 B, 8 C) uint8 array
+        Read-only, and without memory of its own.
+    """
+    rows, cols = (whole_blocks(length) // CELL for length in shape)
+    return np.broadcast_to(IN_RANGE, (rows, cols))
 
 
 def refine_tile(
@@ -216,7 +235,7 @@ def refine_tile(
     cells : (m, n) uint8 array
         Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster.
     interval : IntensityRange
-    refine : {"tv", "scan", "none", "smooth"}
+    refine : {"tv", "scan", "none", "smooth", "pixels"}
     window : Window
 
     Returns
@@ -229,6 +248,8 @@ def refine_tile(
     if not cells.any():
         return None
     tile = source.read(window, REFINE_HALO, beyond=True)
+    if refine == "pixels":
+        return pixels_in_range(tile.grey, tile.valid, *interval.greys), tile
     pixels = cells_to_pixels(cells & IN_RANGE, tile.valid)
     if refine == "scan" and not cells.all():
         refine_by_scans(pixels, tile.valid, pixels_in_range(tile.grey, tile.valid, *interval.greys))

@@ -218,7 +218,7 @@ def test_labels_and_sums_are_those_of_the_reference(
 @given(
     st.integers(0, 10**6),
     st.tuples(st.integers(1, 280), st.integers(1, 280)),
-    st.sampled_from(["none", "scan", "smooth", "tv"]),
+    st.sampled_from(["none", "scan", "smooth", "tv", "pixels"]),
     st.sampled_from(SIDES),
 )
 @example(7, (128, 128), "smooth", 64)

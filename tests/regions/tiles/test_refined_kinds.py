@@ -44,7 +44,9 @@ def outlined(
 ) -> tuple[RegionOutlines, np.ndarray]:
     whole = TilePass([Window(0, 0, *source.shape)])
     cells = kinds_to_refine(measure_block_map_for(source, partition, PARAMS, whole), partition, PARAMS)
-    found, kinds = outline_refined_kinds(source, cells, partition, TilePass(tiles(source.shape, side), run))
+    found, kinds = outline_refined_kinds(
+        source, cells, partition, "tv", TilePass(tiles(source.shape, side), run)
+    )
     return found, kinds.at(found.sums.firsts)
 
 

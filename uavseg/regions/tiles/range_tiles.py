@@ -43,7 +43,7 @@ def outline_regions(
     cells : (m, n) uint8 array
         Bit flags of cells, from `pipeline.cells_to_refine`.
     interval : IntensityRange
-    refine : {"none", "scan", "smooth", "tv"}
+    refine : {"none", "scan", "smooth", "tv", "pixels"}
         With "none", leaves that share an edge are one region also where invalid pixels separate their pixels.
     tile_pass : TilePass
     expected : BlockMap, optional

@@ -15,6 +15,7 @@ from uavseg.regions.tiles.range_tiles import TileJob, check_sums, tile_jobs
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import label_equal_values
 from uavseg.segmentation.kinds import refine_kinds_of_tile
+from uavseg.segmentation.params import Refinement
 from uavseg.segmentation.partition import Partition
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
@@ -59,6 +60,7 @@ def outline_refined_kinds(
     source: GreySource,
     cells: NDArray[np.uint8],
     partition: Partition,
+    refine: Refinement,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
     detail: Detail | None = None,
@@ -71,6 +73,7 @@ def outline_refined_kinds(
     cells : (m, n) uint8 array
         From `kinds.kinds_to_refine`.
     partition : Partition
+    refine : {"tv", "pixels"}
     tile_pass : TilePass
     expected : BlockMap, optional
         The sums and counts that cells must have, if the block map was made earlier.
@@ -83,7 +86,7 @@ def outline_refined_kinds(
         If a cell has other sums or counts than expected.
     """
     jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
-    tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, detail), jobs)
+    tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, refine, detail), jobs)
     return stitch_kinds(source.shape, tile_pass.windows, tiles)
 
 
@@ -161,9 +164,9 @@ def _outlines(
 
 
 def _outline_tile(
-    source: GreySource, table: NDArray[np.uint8], detail: Detail | None, job: TileJob
+    source: GreySource, table: NDArray[np.uint8], refine: Refinement, detail: Detail | None, job: TileJob
 ) -> KindOutlines | None:
-    refined = refine_kinds_of_tile(source, job.cells, table, job.refined)
+    refined = refine_kinds_of_tile(source, job.cells, table, refine, job.refined)
     if refined is None:
         return None
     pixels, tile = refined if detail is None else with_detail(*refined, detail)
