@@ -1,7 +1,7 @@
 """Extraction of the regions of a raster whose mean intensity lies in a range: the main job."""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,16 @@ from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
 from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
 from uavseg.jobs.fill_holes import filled
 from uavseg.jobs.metadata import doubt_facts, drawing_facts, range_facts, segment_facts, with_metadata
-from uavseg.jobs.ranges import AnyRange, FoundRange, grey_for, range_of_blocks, range_text, where_to_look
+from uavseg.jobs.ranges import (
+    EACH_PIXEL,
+    AnyRange,
+    FoundRange,
+    grey_for,
+    missed_text,
+    range_of_blocks,
+    range_text,
+    where_to_look,
+)
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, Pixels, Raster, Source
 from uavseg.jobs.unchanged import check_unchanged
@@ -21,10 +30,12 @@ from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
+from uavseg.regions.tiles.count_regions import count_pixels, has_thin_lines
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams
+from uavseg.segmentation.partition import Partition
 from uavseg.segmentation.pipeline import (
     IN_RANGE,
     MIXED,
@@ -110,7 +121,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     """
     work = work.begun()
     detail_of(request.detail, source.geobox, request.segment.refine)  # refused before any work
-    hints = []
+    hints: list[str] = []
     if not isinstance(source, Blocks):
         found = regions_of_pixels(source, request, work)
     elif request.segment.refine == "none":
@@ -120,14 +131,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
     else:
         hints.append(f"{source.saved.origin.rasters[0]} is not where it was, so regions end at block edges")
         found = _at_block_edges(source, request)
-    if len(found.regions) == 0 and found.unsure:
-        hints.append(nothing_sure(found.unsure, request.min_confidence))
-    elif len(found.regions) == 0:
-        sought = range_text(request.interval, found.axis)
-        wide = "" if request.detail is None else f" and is {request.detail} wide"
-        by_v = isinstance(request.interval, IntensityRange)
-        look = where_to_look(source) if by_v else "uavseg info shows which values there are"
-        hints.append(f"no region has a mean {sought}{wide}; {look}")
+    hints += [found.nothing] if found.nothing else []
     how = range_facts(found.wanted, found.axis) | segment_facts(request.segment)
     how |= drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     how |= {"thin_lines": True} if request.thin_lines else {}
@@ -159,7 +163,7 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
     with phase("refinement and outlines"):  # to the pixel; small holes
         outlined = _outlined(grey, cells, wanted, request, outlining)
     with phase("attributes and drawing"):  # small regions too
-        return _measured(outlined, SourceInfo.of(grey), wanted, request)
+        return _measured(outlined, grey, wanted, request, outlining)
 
 
 def _log_cells(grey: GreySource, cells: NDArray[np.uint8]) -> None:
@@ -185,7 +189,7 @@ def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work
     cells = cells_to_refine(source.saved.blocks, wanted.interval, request.segment)
     with phase("refinement and outlines"):
         outlined = _outlined(grey, cells, wanted, request, outlining, source.saved.blocks)
-    return _measured(outlined, SourceInfo.of(grey), wanted, request)
+    return _measured(outlined, grey, wanted, request, outlining)
 
 
 def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
@@ -203,7 +207,7 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     outlined = outline_block_map(blocks, cells_in_range(blocks, wanted.interval, segment.division))
     if request.fill_holes is not None:
         outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
-    return _measured(outlined, SourceInfo.of(source), wanted, request)
+    return _measured(outlined, source, wanted, request)
 
 
 def _outlined(
@@ -223,12 +227,60 @@ def _outlined(
 
 
 def _measured(
-    outlined: RegionOutlines, info: SourceInfo, wanted: FoundRange, request: ExtractRequest
+    outlined: RegionOutlines,
+    source: GreySource | Blocks,
+    wanted: FoundRange,
+    request: ExtractRequest,
+    tile_pass: TilePass | None = None,
 ) -> Extraction:
-    """Regions with their attributes, the small ones dropped."""
+    """Regions with their attributes, the small ones dropped; where there are none, why."""
+    info, whole = SourceInfo.of(source), len(outlined.sums.counts)
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     interval = wanted.interval
     ends = interval.low, interval.high
     doubt = Doubt.of(outlined, ends, request.segment.refine, request.min_confidence)
-    return measured(outlined, info, ends, request.drawing, wanted=wanted, doubt=doubt)
+    found = measured(outlined, info, ends, request.drawing, wanted=wanted, doubt=doubt)
+    if len(found.regions):
+        return found
+    return replace(found, nothing=_why_none(found, whole, source, wanted, request, tile_pass))
+
+
+def _why_none(
+    found: Extraction,
+    dropped: int,
+    source: GreySource | Blocks,
+    wanted: FoundRange,
+    request: ExtractRequest,
+    tile_pass: TilePass | None,
+) -> str:
+    """Why there is no region, for messages: pixels in range are counted where there is a pass to do so."""
+    sought = f"a mean {range_text(request.interval, found.axis)}"
+    if found.unsure:
+        return nothing_sure(found.unsure, request.min_confidence)
+    if dropped:
+        regions = f"the only region with {sought} is"
+        regions = regions if dropped == 1 else f"all {dropped:,} regions with {sought} are"
+        return f"{regions} smaller than --min-area; a smaller one keeps more"
+    none = f"no region has {sought}" + ("" if request.detail is None else f" and is {request.detail} wide")
+    if tile_pass is not None and isinstance(source, GreySource):
+        kinds = Partition(wanted.interval.edges, (0, 1, 0), ()).grey_table
+        outside, inside, *_ = count_pixels(source, kinds, tile_pass.silent).tolist()
+        if inside:
+            ways = _ways(source, wanted.interval, request, tile_pass.silent)
+            return f"{none}, {missed_text(inside, outside + inside, ways)}"
+    by_v = isinstance(request.interval, IntensityRange)
+    return f"{none}; {where_to_look(source) if by_v else 'uavseg info shows which values there are'}"
+
+
+def _ways(
+    source: GreySource, interval: IntensityRange, request: ExtractRequest, tile_pass: TilePass
+) -> list[str]:
+    """Options that find the pixels in range of which no region was found."""
+    if request.detail is not None:
+        ways = ["a smaller --detail keeps more"]
+    elif not request.thin_lines and has_thin_lines(source, interval, tile_pass):
+        ways = ["--thin-lines finds lines of 1 to 3 pixels"]
+    else:
+        ways = []
+    return ways if request.segment.refine == "pixels" else [*ways, EACH_PIXEL]

@@ -1,5 +1,6 @@
 """Extraction of several classes at once: regions of several ranges of v that do not overlap."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,14 +9,14 @@ from uavseg.errors import ParameterError
 from uavseg.jobs.detail import Length
 from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
 from uavseg.jobs.metadata import doubt_facts, drawing_facts, segment_facts, with_metadata
-from uavseg.jobs.ranges import where_to_look
+from uavseg.jobs.ranges import EACH_PIXEL, missed_text, where_to_look
 from uavseg.jobs.result import Drawing, Extraction, measured
-from uavseg.jobs.segment_kinds import KindsRequest, segment_kinds
+from uavseg.jobs.segment_kinds import KindsRequest, Segmented, segment_kinds
 from uavseg.jobs.source import Source
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.segmentation.params import SegmentParams
-from uavseg.segmentation.partition import ValueClasses
+from uavseg.segmentation.partition import ValueClass, ValueClasses
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     kinds = KindsRequest(request.classes.partition, request.segment, request.fill_holes, request.detail)
     found = segment_kinds(source, kinds, work)
     outlined, hints = found.outlined, list(found.notes)
+    present = set(found.kinds_at(outlined.sums.firsts).tolist())
     if request.min_area is not None:
         outlined = drop_small_regions(outlined, found.info.geobox, request.min_area)
     kind = found.kinds_at(outlined.sums.firsts) - 1
@@ -105,12 +107,11 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     columns = {"class": np.array([one.name for one in classes], object)[kind]}
     if any(one.color for one in classes):
         columns["color"] = np.array([one.color or "" for one in classes], object)[kind]
-    empty = [str(one) for n, one in enumerate(classes) if not (kind == n).any()]
-    if empty:
-        edited = request.fill_holes is not None or request.min_area is not None
-        left = "is left once holes are filled and small regions dropped" if edited else "is there"
-        left += "" if request.detail is None else f" and is {request.detail} wide"
-        hints.append(f"no region of {', '.join(empty)} {left}; {where_to_look(source)}")
+    empty = set(range(1, len(classes) + 1)) - set((kind + 1).tolist())
+    if small := sorted(empty & present):
+        hints.append(f"all regions of {_named(classes, small)} are smaller than --min-area")
+    if missing := sorted(empty - present):
+        hints.append(_why_none(missing, found, request, source))
     ends = low[kind], high[kind]
     doubt = Doubt.of(outlined, ends, found.refine, request.min_confidence)
     result = measured(outlined, found.info, ends, request.drawing, columns, doubt=doubt)
@@ -122,3 +123,21 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
         hints.append(nothing_sure(result.unsure, request.min_confidence))
     facts |= doubt_facts(request.min_confidence)
     return work.finished(with_metadata(result, source, "extract", how | facts), *hints)
+
+
+def _named(classes: Sequence[ValueClass], kinds: Sequence[int]) -> str:
+    return ", ".join(str(classes[kind - 1]) for kind in kinds)
+
+
+def _why_none(kinds: list[int], found: Segmented, request: ClassesRequest, source: Source) -> str:
+    """Why there is no region of some classes, for messages."""
+    left = "is there" if request.fill_holes is None else "is left once holes are filled"
+    left += "" if request.detail is None else f" and is {request.detail} wide"
+    none = f"no region of {_named(request.classes.classes, kinds)} {left}"
+    counts = np.zeros(256, np.int64) if found.count is None else found.count()
+    inside, valid = int(counts[kinds].sum()), int(counts.sum())
+    ways = [] if request.detail is None else ["a smaller --detail keeps more"]
+    ways += [] if request.segment.refine == "pixels" else [EACH_PIXEL]
+    if not inside or not ways:
+        return f"{none}; {where_to_look(source)}"
+    return f"{none}, {missed_text(inside, valid, ways, 'it' if len(kinds) == 1 else 'them')}"

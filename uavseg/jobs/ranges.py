@@ -1,5 +1,6 @@
 """Ranges as requests hold them, of v or of values, and as the phases take them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from uavseg.errors import ParameterError
@@ -35,17 +36,20 @@ _FLAT = (
     "without slow light v no longer stands for values of the raster, so values and percentiles of it do not "
     "fit; give a range of v (uavseg suggest with the same --flatten proposes some), or leave --flatten out"
 )
+EACH_PIXEL = "--refine pixels takes every pixel by its own value"
 UNKNOWN_ENDS = (float("nan"), float("nan"))
 
 
-def is_flat(source: Pixels | Blocks) -> bool:
+def is_flat(source: Pixels | Blocks | GreySource) -> bool:
     """Whether slow light is taken away from v, or was when a block map was made."""
+    if isinstance(source, GreySource):
+        return source.is_flat
     if isinstance(source, Blocks):
         return source.saved.illumination is not None
     return isinstance(source, Raster) and source.options.flat_field is not None
 
 
-def where_to_look(source: Pixels | Blocks) -> str:
+def where_to_look(source: Pixels | Blocks | GreySource) -> str:
     """What shows which v there are, for messages."""
     if is_flat(source):
         return "uavseg suggest with the same --flatten shows which v there are"
@@ -113,6 +117,12 @@ def range_text(asked: AnyRange, axis: ValueAxis | None) -> str:
     if asked.by_rank:
         return f"value in the percentiles {asked}"
     return f"value in {values_text(asked.ends, '' if axis is None else axis.unit)}"
+
+
+def missed_text(pixels: int, valid: int, ways: Sequence[str], them: str = "it") -> str:
+    """How many pixels lie in ranges of which no region was found, and what finds them, for messages."""
+    number = f"{pixels:,} of {valid:,} pixels ({100 * pixels / valid:.3g} %) lie in {them}"
+    return f"although {number}; {', and '.join(ways)}"
 
 
 def _found(fitted: FittedRange) -> FoundRange:

@@ -45,6 +45,8 @@ class Extraction:
         The range that was asked for, if it is one.
     unsure : int or None
         Regions that were left out because of their confidence, if a least one was asked for.
+    nothing : str
+        Why no region of the range was found, for messages; empty where some were.
     """
 
     regions: Regions
@@ -57,6 +59,7 @@ class Extraction:
     axis: ValueAxis | None = None
     wanted: FoundRange | None = None
     unsure: int | None = None
+    nothing: str = ""
 
     @property
     def area_unit(self) -> str:

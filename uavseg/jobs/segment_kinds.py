@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,9 @@ class Segmented:
     refine : str
         How they were refined: "tv", "pixels", or "none" for those at block edges.
     notes : tuple of str
+    count : callable, optional
+        How many valid pixels are of each kind by their own value, see `count_pixels`; None where only a block
+        map is at hand.
     """
 
     outlined: RegionOutlines
@@ -77,6 +81,7 @@ class Segmented:
     partition: Partition
     refine: str
     notes: tuple[str, ...] = ()
+    count: Callable[[], NDArray[np.int64]] | None = None
 
 
 def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
@@ -180,6 +185,7 @@ def _outlined(
     expected: BlockMap | None = None,
 ) -> Segmented:
     """Outlines of segments, with small holes filled."""
+    from uavseg.regions.tiles.count_regions import count_pixels
     from uavseg.regions.tiles.kind_tiles import outline_segments
     from uavseg.regions.tiles.refined_kinds import outline_refined_kinds
 
@@ -194,7 +200,9 @@ def _outlined(
         kinds_at = kinds.at
     trim_heap()
     outlined = filled(grey, outlined, request.fill_holes, tile_pass)
-    return Segmented(outlined, kinds_at, SourceInfo.of(grey), partition, request.segment.refine)
+    count = partial(count_pixels, grey, partition.grey_table, tile_pass.silent)
+    how = request.segment.refine
+    return Segmented(outlined, kinds_at, SourceInfo.of(grey), partition, how, count=count)
 
 
 def _at_block_edges(

@@ -1,4 +1,4 @@
-"""Number of regions of an intensity range after refinement: counted, or estimated from parts of a raster."""
+"""Number of regions of an intensity range after refinement, counted or estimated; and of pixels."""
 
 from functools import partial
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg.raster.tiling import TilePass, Window, cells_around, sample_positions, window_cells
 from uavseg.regions.tiles.range_tiles import outline_regions
+from uavseg.regions.tiles.thin_tiles import with_thin_lines
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import label_components, label_equal_values
 from uavseg.segmentation.params import IntensityRange, Refinement
@@ -57,12 +58,50 @@ def estimate_regions(
     return whole if not of_cells else max(round(whole * refined / of_cells), 1)
 
 
+def count_pixels(source: GreySource, table: NDArray[np.uint8], tile_pass: TilePass) -> NDArray[np.int64]:
+    """How many valid pixels are of each kind by their own value.
+
+    Parameters
+    ----------
+    source : GreySource
+    table : (65536,) uint8 array
+        The kind of each grey, see `Partition.grey_table`.
+    tile_pass : TilePass
+
+    Returns
+    -------
+    counts : (256,) int64 array
+    """
+    counts = np.zeros(256, np.int64)
+    for part in tile_pass.run(partial(_count_pixels, source, table)):
+        counts += part
+    return counts
+
+
+def has_thin_lines(source: GreySource, interval: IntensityRange, tile_pass: TilePass) -> bool:
+    """Whether `with_thin_lines` finds any in the parts that `estimate_regions` looks at."""
+    found = tile_pass.run(partial(_has_lines, source, interval), sample_parts(source.shape))
+    return any(list(found))
+
+
 def sample_parts(shape: tuple[int, int]) -> list[Window]:
     """Evenly spaced parts of a raster, none beside another where it is large enough."""
     blocks = [-(-length // PART_SIDE) for length in shape]
     rows, cols = (sample_positions(0, count, min(count, _PARTS)).tolist() for count in blocks)
     corners = [(row * PART_SIDE, col * PART_SIDE) for row in rows for col in cols]
     return [Window(row, col, PART_SIDE, PART_SIDE).clipped(shape) for row, col in corners]
+
+
+def _count_pixels(source: GreySource, table: NDArray[np.uint8], window: Window) -> NDArray[np.int64]:
+    if source.dataset.is_empty(window):
+        return np.zeros(256, np.int64)
+    tile = source.read(window, 0)
+    return np.bincount(table[tile.grey[tile.valid > 0]], minlength=256).astype(np.int64)
+
+
+def _has_lines(source: GreySource, interval: IntensityRange, window: Window) -> bool:
+    found = with_thin_lines(source, None, interval, window)
+    return found is not None and bool(found[0][REFINE_HALO:-REFINE_HALO, REFINE_HALO:-REFINE_HALO].any())
 
 
 def _count_part(
