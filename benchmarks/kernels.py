@@ -104,13 +104,12 @@ def _cases() -> Iterator[_Case]:
         (inside, valid_pixels, in_range),
         (inside,),
     )
-    all_cells = np.ones_like(bright, dtype=np.uint8)
     greys = IntensityRange(LOW, 1).greys
     yield _Case(
-        "`tv.refine_by_tv`, all cells",
-        lambda mask: refine_by_tv(mask, all_cells, valid_pixels, inner, in_range, greys),
-        (inside, valid_pixels, inner, in_range),
-        (inside,),
+        "`tv.refine_by_tv`",
+        lambda mask: refine_by_tv(mask, valid_pixels, inner, greys),
+        (in_range, valid_pixels, inner),
+        (in_range,),
     )
 
     refined = refine_by_scans(inside.copy(), valid_pixels, in_range)

@@ -1,6 +1,6 @@
 """Reference implementation of refinement by total variation: slow, on whole planes, from its description.
 
-Masks have one element per pixel; cells have one per 8 x 8 pixels.
+Masks have one element per pixel.
 """
 
 import math
@@ -15,60 +15,37 @@ Image = NDArray[np.uint8]
 Grey = NDArray[np.uint16]
 Ints = NDArray[np.int64]
 SQUARE = np.ones((3, 3), bool)
-SWEEPS, WEIGHT_PER_NOISE, MAX_WEIGHT, MIN_PIECE = 5, 0.34, 16000, 12
+SWEEPS, WEIGHT_PER_NOISE, MAX_WEIGHT, MIN_PIECE, SEPARATION = 5, 0.34, 16000, 12, 4.0
 
 
-def refine(cells: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
-    """Pixels in [lo, hi]; `cells`, of whole blocks of 64, are 1 where the leaf of a cell is in range."""
+def refine(valid: Image, grey: Grey, lo: float, hi: float) -> Image:
+    """Pixels in [lo, hi] by denoised grey; the image may have any shape."""
     shape = grey.shape
-    pads = [(0, 8 * n - length) for n, length in zip(cells.shape, shape, strict=True)]
-    valid, grey = np.pad(valid, pads), np.pad(grey, pads)
-    inside = per_pixel(cells) & valid
-    found = denoise(inside, mixed_cells(cells, valid, grey, lo, hi), valid, grey, lo, hi)
-    return found[: shape[0], : shape[1]]
+    pads = [(0, -length % 16) for length in shape]
+    return denoise(np.pad(valid, pads), np.pad(grey, pads), lo, hi)[: shape[0], : shape[1]]
 
 
-def mixed_cells(cells: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
-    """Cells whose nine means, extended on both sides by twice their range, contain a bound, or that are on
-    another side than their leaf or a neighbour.
-    """
-    counts = per_square(valid.astype(np.int64), 8)
-    means = per_square(grey.astype(np.int64) * valid, 8) / (65535.0 * np.maximum(counts, 1))
-    minimum = ndimage.minimum_filter(np.where(counts > 0, means, np.inf), 3, mode="constant", cval=np.inf)
-    maximum = ndimage.maximum_filter(np.where(counts > 0, means, -np.inf), 3, mode="constant", cval=-np.inf)
-    outside = ndimage.maximum_filter((cells == 0) & (counts > 0), 3, mode="constant")
-    within = ndimage.maximum_filter((cells == 1) & (counts > 0), 3, mode="constant")
-    found = (((lo <= means) & (means <= hi)) != (cells > 0)) | (outside & within)
-    with np.errstate(invalid="ignore"):
-        for end in (lo, hi):
-            if 0 < end < 1:
-                found |= (minimum - 2 * (maximum - minimum) <= end) & (
-                    end <= maximum + 2 * (maximum - minimum)
-                )
-    return (found & (counts > 0)).astype(np.uint8)
-
-
-def denoise(inside: Image, mixed: Image, valid: Image, grey: Grey, lo: float, hi: float) -> Image:
-    """Reclassify the pixels of mixed cells and their neighbours, where both sides are near."""
-    near = ndimage.maximum_filter(mixed, 3, mode="constant")
-    in_range = ((lo <= grey / 65535) & (grey / 65535 <= hi)).astype(np.uint8) & valid
-    mask = np.where(per_pixel(near), in_range, inside)
-    two_sided = per_square(in_range, 8) * per_square(valid & (1 - in_range), 8) * near > 0
-    weights = weights_of(near & ndimage.maximum_filter(two_sided, 3, mode="constant"), valid, grey)
-    u, _ = minimise_tv(grey, weights)
+def denoise(valid: Image, grey: Grey, lo: float, hi: float) -> Image:
+    """Reclassify the pixels of cells with both sides, and of their neighbours."""
     v = np.arange(65536) / 65535
     greys = np.flatnonzero((lo <= v) & (v <= hi))  # in the range
+    mask = ((greys[0] <= grey) & (grey <= greys[-1])).astype(np.uint8) & valid
+    two_sided = (per_square(mask, 8) * per_square(valid & (1 - mask), 8) > 0).astype(np.uint8)
+    near = ndimage.maximum_filter(two_sided, 3, mode="constant")
+    weights = weights_of(near, valid, grey, [int(greys[0]), int(greys[-1]) + 1])
+    u, _ = minimise_tv(grey, weights)
     within = (greys[0] <= 2 * u) & (2 * u <= greys[-1])
     mask = np.where(u != grey // 2, within, mask).astype(np.uint8) & valid
     noisy = per_pixel(per_square(weights, 8) > 0)
     return np.where(noisy & specks(mask, valid), 1 - mask, mask).astype(np.uint8)
 
 
-def weights_of(active: Image, valid: Image, grey: Grey) -> Ints:
+def weights_of(active: Image, valid: Image, grey: Grey, bounds: list[int]) -> Ints:
     """0.34 times the larger noise of pixels and of means of 4 x 4, median of 3 x 3 squares, in half grey."""
-    fours = per_square(grey.astype(np.int64), 4)
+    level = without_steps(valid, grey.astype(np.int64), bounds)
+    fours = per_square(level, 4)
     whole = (per_square(valid.astype(np.int64), 4) == 16).astype(np.uint8)
-    noise = noise_of(16, [2, 6, 10, 14], valid, grey.astype(np.int64))
+    noise = noise_of(16, [2, 6, 10, 14], valid, level)
     noise = np.fmax(noise, 4 * noise_of(4, [1, 2], whole, (fours + 8) // 16))
     padded = np.pad(noise, 1, constant_values=np.nan)
     around = np.sort(sliding_window_view(padded, (3, 3)).reshape(*noise.shape, 9), axis=-1)
@@ -77,6 +54,32 @@ def weights_of(active: Image, valid: Image, grey: Grey) -> Ints:
     noise = np.where(known > 0, median, 0.0) * (math.sqrt(math.pi / 2) / 6)
     weights = np.minimum(np.rint(WEIGHT_PER_NOISE / 2 * noise), MAX_WEIGHT).astype(np.int64)
     return per_pixel(weights.repeat(2, 0).repeat(2, 1) * active) * valid
+
+
+def without_steps(valid: Image, grey: Ints, bounds: list[int]) -> Ints:
+    """Grey without the step between two groups, where a bound parts a square of 16 into separate ones.
+
+    Groups are separate where their means differ by more than 4 standard deviations within them; the bound
+    with the most such deviations counts.
+    """
+    level = grey.copy()
+    for row in range(0, grey.shape[0], 16):
+        for col in range(0, grey.shape[1], 16):
+            square = np.s_[row : row + 16, col : col + 16]
+            known = grey[square][valid[square] > 0]
+            most, shift, least = SEPARATION**2, 0, 0
+            for bound in bounds:
+                below, above = known[known < bound], known[known >= bound]
+                if len(below) == 0 or len(above) == 0:
+                    continue
+                sums = int(below.sum()), int(above.sum())
+                gap = sums[1] / len(above) - sums[0] / len(below)
+                spread = float((known**2).sum()) - sums[0] ** 2 / len(below) - sums[1] ** 2 / len(above)
+                if gap * gap > most * max(spread / len(known), 0.0):
+                    most = gap * gap / max(spread / len(known), 1e-9)
+                    shift, least = int(gap + 0.5), bound
+            level[square] -= shift * (grey[square] >= least)
+    return level
 
 
 def noise_of(side: int, rows: list[int], valid: Image, grey: Ints) -> NDArray[np.float64]:

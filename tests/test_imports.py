@@ -194,7 +194,6 @@ ON_RASTERS = {  # these may import raster, and all phases
     "states.thin_structures",
     "range_candidates",
     "range_choice",
-    "typical_noise",
     "measure_illumination",
 }
 

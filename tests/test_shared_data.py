@@ -167,16 +167,15 @@ def grey(path: Path, case: Case) -> tuple[NDArray[np.uint16], NDArray[np.bool_]]
 def labels_of_reference(
     reference: ModuleType, plain: ModuleType, g: NDArray[np.uint16], valid: NDArray[np.bool_], setting: str
 ) -> NDArray[np.uint32]:
+    if setting == "default":
+        return np.asarray(reference.components(plain.refine(valid.astype(np.uint8), g, *RANGE) > 0))
     leaves = reference.divide(g, valid, 1.2, None if setting == "paper" else 0.05)
     cells = reference.classify_cells(leaves, g.shape, lambda op: int(RANGE[0] <= op <= RANGE[1]))
     if setting == "paper":
         labels = reference.by_size(reference.pixels(reference.connected(cells), valid))
-    elif setting == "scan":
+    else:
         mask = reference.in_range(leaves, g.shape, valid, *RANGE)
         labels = reference.components(reference.refine_scan_by_lines(mask, g, valid, *RANGE))
-    else:
-        mask = plain.refine(cells.astype(np.uint8), valid.astype(np.uint8), g, *RANGE)
-        labels = reference.components(mask > 0)
     return np.asarray(labels)
 
 

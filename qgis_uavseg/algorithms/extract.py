@@ -76,8 +76,8 @@ class ExtractRegions(RegionAlgorithm):
                     "REFINE",
                     "Refinement",
                     "--refine",
-                    "How boundaries are found to the pixel; pixels: every pixel by its own value. Empty: by total "
-                    "variation.",
+                    "How boundaries are found to the pixel; pixels: every pixel by its own value. Empty: by "
+                    "total variation.",
                     ("tv", "scan", "none", "smooth", "pixels"),
                 ),
                 FILL_HOLES,

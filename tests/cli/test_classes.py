@@ -195,7 +195,10 @@ def test_breaks_by_a_rule(breaks: str, count: int) -> None:
         ([], "Missing option '--range'"),
         (["--class", "a=0,1", "--values", "3,4"], "--values and --class do not go together"),
         (["--range", "0,0.5", "--range", "0.5,1", "--values", "3,4"], "do not go together"),
-        (["--class", "a=0,1", "--refine", "scan"], "refined together by tv, pixels or none; scan is for one range"),
+        (
+            ["--class", "a=0,1", "--refine", "scan"],
+            "refined together by tv, pixels or none; scan is for one range",
+        ),
         (["--classes", "none.csv"], "there is no file none.csv"),
         (["--classes", "bad.csv"], "'colors' is not known; expected columns name and range"),
         (["--classes", "split.csv"], "has 3 fields and the header 2; a range with a comma stands in quotes"),

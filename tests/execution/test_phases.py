@@ -43,7 +43,7 @@ def test_the_clock_goes_on() -> None:
     [
         (
             ("extract", QUARRY, "--range", "0.511,1"),
-            ("stretch dtype -> 0..255", "noise", "are mixed", "tiles of"),
+            ("stretch dtype -> 0..255", "phase refinement and outlines", "tiles of"),
         ),
         (("levels", QUARRY, "--width", "0.2"), ("stretch dtype -> 0..255", "phase refinement and outlines")),
         (("suggest", QUARRY, "--threads", "1"), ("1 threads", "blocks of 64", "phase count of regions")),

@@ -25,8 +25,8 @@ def told(source: Any, *given: Any, **how: Any) -> str:
 
 
 def specks(shape: tuple[int, int] = (200, 300)) -> NDArray[np.uint8]:
-    """Single bright pixels, far apart, in one dark value; 0 in the first 10 rows."""
-    image = np.full(shape, 60, np.uint8)
+    """Single bright pixels, far apart, on dark noise; 0 in the first 10 rows."""
+    image = np.random.default_rng(0).integers(50, 70, shape, np.uint8)
     image[5::50, 5::50] = 200
     image[:10] = 0
     return image

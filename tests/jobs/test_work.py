@@ -14,7 +14,7 @@ from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.open_source import open_raster
 from uavseg.jobs.work import SERIAL, Work
 from uavseg.raster.bad_blocks import BadBlock, record_bad_block
-from uavseg.segmentation.params import IntensityRange
+from uavseg.segmentation.params import IntensityRange, SegmentParams
 
 FIRST, SECOND = BadBlock("a.tif", 0, 0, 64, 64), BadBlock("a.tif", 128, 0, 64, 64)
 SCENE = np.kron(np.arange(16).reshape(4, 4) * 16, np.ones((40, 40))).astype(np.uint8)
@@ -67,7 +67,7 @@ def test_tiles_that_are_found_in_a_checkpoint_are_reported(tmp_path: Path) -> No
         file.write(SCENE, 1)
     resumed: list[tuple[str, int, int]] = []
     work = Work(64, checkpoint=tmp_path / "kept", resumed=lambda *stage: resumed.append(stage))
-    request = ExtractRequest(IntensityRange(0.5, 1))
+    request = ExtractRequest(IntensityRange(0.5, 1), SegmentParams(refine="scan"))
     first = extract(open_raster(path), request, work)
     assert not resumed
     again = extract(open_raster(path), request, work)

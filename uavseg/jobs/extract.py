@@ -1,6 +1,5 @@
 """Extraction of the regions of a raster whose mean intensity lies in a range: the main job."""
 
-import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,7 +7,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import trim_heap
-from uavseg.execution.phases import decided, logger, phase
+from uavseg.execution.phases import decided, phase
 from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
 from uavseg.jobs.doubt import Doubt, check_least, nothing_sure
 from uavseg.jobs.fill_holes import filled
@@ -37,16 +36,12 @@ from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.partition import Partition
 from uavseg.segmentation.pipeline import (
-    IN_RANGE,
-    MIXED,
     cells_to_refine,
     every_cell,
     measure_block_map_for,
 )
 from uavseg.segmentation.refine.thin_lines import ThinLines
 from uavseg.segmentation.source import GreySource
-from uavseg.segmentation.typical_noise import typical_noise
-from uavseg.units import CELLS
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,35 +143,21 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
     request : ExtractRequest
     work : Work
     """
-    stretching, dividing, outlining = work.over(source).stages(3)
+    stretching, *dividing, outlining = work.over(source).stages(2 + (not request.segment.decides_pixels))
     grey, wanted = grey_for(source, request.interval, stretching)  # intensity -> v
-    # texture, division of blocks
-    if request.segment.refine == "pixels":
-        cells = every_cell(grey.shape)
-    else:
+    cells = every_cell(grey.shape)
+    for stage in dividing:  # texture, division of blocks, segments of leaves in range
         with phase("division"):
-            blocks = measure_block_map_for(grey, wanted.interval, request.segment, dividing)
-            cells = cells_to_refine(blocks, wanted.interval, request.segment)  # segments of leaves in range
+            blocks = measure_block_map_for(grey, wanted.interval, request.segment, stage)
+            cells = cells_to_refine(blocks, wanted.interval, request.segment)
+        decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
+        decided("of %d cells of 8 x 8 pixels %d are in range", cells.size, np.count_nonzero(cells))
         del blocks
         trim_heap()
-        _log_cells(grey, cells)
     with phase("refinement and outlines"):  # to the pixel; small holes
         outlined = _outlined(grey, cells, wanted, request, outlining)
     with phase("attributes and drawing"):  # small regions too
         return _measured(outlined, grey, wanted, request, outlining)
-
-
-def _log_cells(grey: GreySource, cells: NDArray[np.uint8]) -> None:
-    """Log how many cells are in range and mixed, and the noise that the refinement allows for."""
-    if not logger.isEnabledFor(logging.INFO):
-        return
-    in_range, mixed = (int(np.count_nonzero(cells & bit)) for bit in (IN_RANGE, MIXED))
-    blocks = cells.shape[0] // CELLS, cells.shape[1] // CELLS
-    decided("%d x %d blocks of 64 x 64 pixels", *blocks)
-    decided("of %d cells of 8 x 8 pixels %d are in range and %d are mixed", cells.size, in_range, mixed)
-    if mixed:
-        noise = typical_noise(grey, cells & MIXED > 0)
-        decided("noise has a standard deviation of %.4f in v (median where most cells are mixed)", noise)
 
 
 def _refined(source: Blocks, raster: Raster, request: ExtractRequest, work: Work) -> Extraction:

@@ -21,7 +21,7 @@ from uavseg.raster.tiling import TilePass
 from uavseg.regions.edit.small import Area, fill_small_holes
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.kinds import kinds_to_refine
+from uavseg.segmentation.blocks.leaves import cell_kinds
 from uavseg.segmentation.params import SegmentParams
 from uavseg.segmentation.partition import Partition
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
@@ -126,23 +126,13 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
     """
     detail_of(request.detail, source.geobox, request.segment.refine)  # refused before any work
     if not isinstance(source, Blocks):
-        stretching, dividing, outlining = work.over(source).stages(3)
+        divides = not (isinstance(request.partition, Partition) and request.segment.decides_pixels)
+        stretching, *dividing, outlining = work.over(source).stages(2 + divides)
         grey = source.grey(stretching)
-        with phase("division"):
-            if not isinstance(request.partition, Partition):
-                blocks = measure_block_map(grey, dividing)
-                partition = request.partition(blocks)
-            elif request.segment.refine == "pixels":
-                blocks, partition = BlockMap.empty(grey.shape), request.partition  # no leaf decides
-            else:
-                partition = request.partition
-                blocks = measure_block_map_for(grey, partition, request.segment, dividing)
-            _check_count(partition, request.segment)
-            cells = kinds_to_refine(blocks, partition, request.segment)
-        decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
-        decided("intervals of v end at %s", ", ".join(f"{bound:.7g}" for bound in partition.bounds))
-        del blocks
+        partition, cells = _divided(grey, request, *dividing)
         trim_heap()
+        _check_count(partition, request.segment)
+        decided("intervals of v end at %s", ", ".join(f"{bound:.7g}" for bound in partition.bounds))
         with phase("refinement and outlines"):
             return _outlined(grey, cells, partition, request, outlining)
     blocks = source.saved.blocks
@@ -154,6 +144,24 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
         note = f"{source.saved.origin.rasters[0]} is not where it was, so segments end at block edges"
         return _at_block_edges(source, partition, request, (note,))
     return _refined(source, source.raster, partition, request, work)
+
+
+def _divided(
+    grey: GreySource, request: KindsRequest, tile_pass: TilePass | None = None
+) -> tuple[Partition, NDArray[Any] | None]:
+    """The intervals, and the kind of each cell where leaves decide; no pass where nothing needs leaves."""
+    partition, segment = request.partition, request.segment
+    if tile_pass is None:
+        assert isinstance(partition, Partition)
+        return partition, None
+    with phase("division"):
+        if isinstance(partition, Partition):
+            blocks = measure_block_map_for(grey, partition, segment, tile_pass)
+        else:
+            blocks = measure_block_map(grey, tile_pass)
+            partition = partition(blocks)
+        decided("%d x %d blocks of 64 x 64 pixels", *blocks.blocks)
+        return partition, None if segment.decides_pixels else cell_kinds(blocks, partition, segment.division)
 
 
 def _check_count(partition: Partition, segment: SegmentParams) -> None:
@@ -172,30 +180,29 @@ def _refined(
     grey = source.grey(raster, outlining)
     with work.reading_here():
         check_unchanged(grey, source)
-    cells = kinds_to_refine(source.saved.blocks, partition, request.segment)
-    return _outlined(grey, cells, partition, request, outlining, source.saved.blocks)
+    return _outlined(grey, None, partition, request, outlining, source.saved.blocks)
 
 
 def _outlined(
     grey: GreySource,
-    cells: NDArray[Any],
+    cells: NDArray[Any] | None,
     partition: Partition,
     request: KindsRequest,
     tile_pass: TilePass,
     expected: BlockMap | None = None,
 ) -> Segmented:
-    """Outlines of segments, with small holes filled."""
+    """Outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
     from uavseg.regions.tiles.count_regions import count_pixels
     from uavseg.regions.tiles.kind_tiles import outline_segments
     from uavseg.regions.tiles.refined_kinds import outline_refined_kinds
 
     kinds_at: Callable[[Firsts], NDArray[np.int64]]
-    if request.segment.refine == "none":
+    if cells is not None:
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
     else:
         detail = detail_of(request.detail, grey.dataset.geobox, request.segment.refine, request.cover)
         outlined, kinds = outline_refined_kinds(
-            grey, cells, partition, request.segment.refine, tile_pass, expected, detail
+            grey, partition, request.segment.refine, tile_pass, expected, detail
         )
         kinds_at = kinds.at
     trim_heap()
@@ -210,7 +217,6 @@ def _at_block_edges(
 ) -> Segmented:
     """Segments of whole cells with valid pixels, from the block map alone; their `std` is not known."""
     from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclosed_cells
-    from uavseg.segmentation.blocks.leaves import cell_kinds
 
     refuse_without_pixels(request.detail, request.segment.refine)
     blocks = source.saved.blocks

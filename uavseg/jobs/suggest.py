@@ -28,7 +28,6 @@ from uavseg.segmentation.blocks.leaves import (
     means_among,
 )
 from uavseg.segmentation.params import IntensityRange, SegmentParams
-from uavseg.segmentation.pipeline import cells_to_refine
 from uavseg.segmentation.range_candidates import MAX_CLASSES, edge_beside_means
 from uavseg.segmentation.range_choice import LEAST_CONTRAST, ChosenRange, RangeChoice, choose_ranges
 from uavseg.segmentation.source import GreySource
@@ -169,7 +168,7 @@ def _refined(
     found = []
     for one, counting in zip(ranges, tile_pass.stages(len(ranges)), strict=True):
         interval = IntensityRange(one.low, one.high)
-        cells = cells_to_refine(blocks, interval, segment)
+        cells = cells_in_range(blocks, interval, segment.division)
         if exact:
             number = count_regions(grey, cells, interval, segment.refine, counting, blocks)
         else:

@@ -7,7 +7,7 @@ from uavseg.arguments import checked
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, mixed_cells, pixels_in_range
+from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
 from uavseg.segmentation.components import component_sums, label_components
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.refine.range_scans import refine_by_local_mean, refine_by_scans
@@ -66,20 +66,19 @@ def label_regions(
         1..n, most pixels first; 0 outside all regions.
     """
     params = params or SegmentParams()
-    blocks = block_map_of_array(grey, valid)
     image, mask = pad_to_blocks(grey, valid, 0)
-    cells = cells_in_range(blocks, interval, params.division)
-    inside = cells_to_pixels(cells, mask)
     in_range = pixels_in_range(image, mask, *interval.greys)
-    if params.refine == "tv":
-        mixed = mixed_cells(blocks, cells, interval.low, interval.high)
-        refine_by_tv(inside, mixed, mask, image, in_range, interval.greys)
-    elif params.refine == "scan":
-        refine_by_scans(inside, mask, in_range)
-    elif params.refine == "smooth":
-        inside = refine_by_local_mean(inside, mask, image, interval.low, interval.high)
-    elif params.refine == "pixels":
+    if params.decides_pixels:
         inside = in_range
+        if params.refine == "tv":
+            refine_by_tv(inside, mask, image, interval.greys)
+    else:
+        cells = cells_in_range(block_map_of_array(grey, valid), interval, params.division)
+        inside = cells_to_pixels(cells, mask)
+        if params.refine == "scan":
+            refine_by_scans(inside, mask, in_range)
+        elif params.refine == "smooth":
+            inside = refine_by_local_mean(inside, mask, image, interval.low, interval.high)
     labels, count = label_components(inside)
     order = np.argsort(-component_sums(labels, count, image).counts, kind="stable")
     number = np.zeros(count + 1, np.uint32)

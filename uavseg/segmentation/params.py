@@ -14,6 +14,7 @@ from uavseg.units import FREE, GREY_LEVELS, GREY_MAX
 
 Method = Literal["paper", "adaptive"]
 Refinement = Literal["none", "pixels", "scan", "smooth", "tv"]
+PIXELWISE = ("pixels", "tv")  # refinements that decide each pixel, whatever the leaves are
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,8 +48,9 @@ class SegmentParams:
     intensity_step : float
         Tau, 0 to 1: the adaptive method also divides where the means of the children differ by more.
     refine : {"tv", "scan", "none", "smooth", "pixels"}
-        Refinement of boundaries to the pixel. The default is total variation, and scans with the paper's
-        method; "pixels" is a threshold: each valid pixel by its own value, whatever the leaves are.
+        Refinement to the pixel. The default is total variation, which decides each pixel by its denoised
+        value, and scans with the paper's method; "pixels" is a threshold: each pixel by its own value. With
+        the others leaves decide, and scans and local means move their boundaries.
 
     Raises
     ------
@@ -85,6 +87,11 @@ class SegmentParams:
             If a parameter is out of bounds.
         """
         return cls(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
+
+    @property
+    def decides_pixels(self) -> bool:
+        """Whether each pixel is decided by grey, denoised or its own, and no leaf is."""
+        return self.refine in PIXELWISE
 
     @property
     def division(self) -> DivisionParams:

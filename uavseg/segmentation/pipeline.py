@@ -2,8 +2,10 @@
 
 measure_cells     cell sums and the histogram of contrast   (one pass over all tiles)
 fill_ratios       R where it is required                    (the tiles with such blocks)
-cells_to_refine   leaves in range, mixed cells              (on the block map alone)
+cells_to_refine   leaves in range                           (on the block map alone)
 refine_tile       pixels of a tile in regions               (one pass over all tiles)
+
+Where each pixel is decided, by total variation or by its own value, the last step is the only one.
 """
 
 from collections.abc import Sequence
@@ -17,14 +19,21 @@ from uavseg.raster.tiling import TilePass, Window, whole_blocks, window_blocks, 
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
 from uavseg.segmentation.blocks.division import ALL_RATIOS, block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
-from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, mixed_cells, pixels_in_range
-from uavseg.segmentation.params import DivisionParams, IntensityRange, Intervals, Refinement, SegmentParams
+from uavseg.segmentation.blocks.leaves import cells_in_range, cells_to_pixels, pixels_in_range
+from uavseg.segmentation.params import (
+    PIXELWISE,
+    DivisionParams,
+    IntensityRange,
+    Intervals,
+    Refinement,
+    SegmentParams,
+)
 from uavseg.segmentation.refine.range_scans import REFINE_HALO, refine_by_local_mean, refine_by_scans
 from uavseg.segmentation.refine.tv import refine_by_tv
 from uavseg.segmentation.source import CACHED_SIDE, CAPACITY, BlockCache, GreySource, GreyTile
 from uavseg.units import BLOCK, CELL, CELLS, GREY_LEVELS
 
-IN_RANGE, MIXED = np.uint8(1), np.uint8(2)  # bits of `cells_to_refine`
+IN_RANGE = np.uint8(1)
 
 
 @dataclass(frozen=True)
@@ -183,7 +192,7 @@ def fill_ratios(
 
 
 def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:
-    """Bit flags of cells: IN_RANGE by the mean of the leaf, MIXED where each pixel is classified.
+    """Cells that are IN_RANGE by the mean of their leaf; all where no leaf decides.
 
     Parameters
     ----------
@@ -195,16 +204,13 @@ def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentP
     -------
     cells : (8 B, 8 C) uint8 array
     """
-    if params.refine == "pixels":
+    if params.decides_pixels:
         return every_cell(blocks.shape)
-    cells = cells_in_range(blocks, interval, params.division)
-    if params.refine == "tv":
-        cells |= MIXED * mixed_cells(blocks, cells, interval.low, interval.high)
-    return cells
+    return cells_in_range(blocks, interval, params.division)
 
 
 def every_cell(shape: tuple[int, int]) -> NDArray[np.uint8]:
-    """All cells of a raster as IN_RANGE, for a refinement that decides each pixel by its own value.
+    """All cells of a raster as IN_RANGE, for refinements that decide each pixel.
 
     Parameters
     ----------
@@ -233,7 +239,8 @@ def refine_tile(
     ----------
     source : GreySource
     cells : (m, n) uint8 array
-        Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster.
+        Cells of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster. Not
+        looked at by refinements that decide each pixel.
     interval : IntensityRange
     refine : {"tv", "scan", "none", "smooth", "pixels"}
     window : Window
@@ -243,21 +250,24 @@ def refine_tile(
     pixels : (M + 2 REFINE_HALO, N + 2 REFINE_HALO) uint8 array
         1 in regions; exact on the window and a border of one pixel.
     tile : GreyTile
-        Grey of the same pixels; None in place of both where no cell is in range.
+        Grey of the same pixels; None in place of both where no cell is in range, or no pixel is valid.
     """
+    if refine in PIXELWISE:
+        if source.dataset.is_empty(window.grown(REFINE_HALO).clipped(source.shape)):
+            return None
+        tile = source.read(window, REFINE_HALO, beyond=True)
+        pixels = pixels_in_range(tile.grey, tile.valid, *interval.greys)
+        if refine == "tv":
+            refine_by_tv(pixels, tile.valid, tile.grey, interval.greys, source.is_intensity)
+        return pixels, tile
     if not cells.any():
         return None
     tile = source.read(window, REFINE_HALO, beyond=True)
-    if refine == "pixels":
-        return pixels_in_range(tile.grey, tile.valid, *interval.greys), tile
-    pixels = cells_to_pixels(cells & IN_RANGE, tile.valid)
+    pixels = cells_to_pixels(cells, tile.valid)
     if refine == "scan" and not cells.all():
         refine_by_scans(pixels, tile.valid, pixels_in_range(tile.grey, tile.valid, *interval.greys))
     elif refine == "smooth" and not cells.all():
         pixels = refine_by_local_mean(pixels, tile.valid, tile.grey, interval.low, interval.high)
-    elif refine == "tv":
-        in_range = pixels_in_range(tile.grey, tile.valid, *interval.greys)
-        refine_by_tv(pixels, cells & MIXED, tile.valid, tile.grey, in_range, interval.greys)
     return pixels, tile
 
 

@@ -64,6 +64,11 @@ class GreySource:
         return self.dataset.geobox.shape
 
     @property
+    def is_intensity(self) -> bool:
+        """Whether grey is intensity, and not a likelihood."""
+        return True
+
+    @property
     def is_flat(self) -> bool:
         """Whether slow light is taken away, so that v no longer stands for values of the dataset."""
         return self.illumination is not None

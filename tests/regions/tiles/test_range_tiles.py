@@ -26,7 +26,7 @@ from uavseg.regions.tiles.block_map_regions import outline_block_map, sum_enclos
 from uavseg.regions.tiles.kind_tiles import outline_segments
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params import IntensityRange
-from uavseg.segmentation.pipeline import MIXED, measure_cells
+from uavseg.segmentation.pipeline import measure_cells
 from uavseg.segmentation.source import GreySource
 
 Image = NDArray[np.uint8]
@@ -227,8 +227,6 @@ def test_tiles_workers_and_their_order_change_nothing(
     sourced: Sourced, seed: int, shape: tuple[int, int], refine: Any, side: Any
 ) -> None:
     image, inside = scene(seed, shape), random_cells(seed, shape)
-    if refine == "tv":
-        inside |= MIXED * random_cells(seed + 1, shape)
     source = sourced(image)
     wanted = outline_regions(source, inside, BRIGHT, refine, TilePass(one_tile(image)))
     for run in (serial, threads(2), shuffled(seed)):

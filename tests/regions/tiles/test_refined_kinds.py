@@ -16,7 +16,6 @@ from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.regions.tiles.refined_kinds import KindsByPixel, outline_refined_kinds
-from uavseg.segmentation.kinds import kinds_to_refine
 from uavseg.segmentation.params import IntensityRange, SegmentParams
 from uavseg.segmentation.partition import (
     Breaks,
@@ -25,7 +24,7 @@ from uavseg.segmentation.partition import (
     ValueClasses,
     partition_of_levels,
 )
-from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
+from uavseg.segmentation.pipeline import every_cell
 from uavseg.segmentation.source import GreySource
 
 PARAMS = SegmentParams()
@@ -42,11 +41,7 @@ def classes_of(*ranges: tuple[float, float]) -> ValueClasses:
 def outlined(
     source: GreySource, partition: Partition, side: Any = 256, run: Any = serial
 ) -> tuple[RegionOutlines, np.ndarray]:
-    whole = TilePass([Window(0, 0, *source.shape)])
-    cells = kinds_to_refine(measure_block_map_for(source, partition, PARAMS, whole), partition, PARAMS)
-    found, kinds = outline_refined_kinds(
-        source, cells, partition, "tv", TilePass(tiles(source.shape, side), run)
-    )
+    found, kinds = outline_refined_kinds(source, partition, "tv", TilePass(tiles(source.shape, side), run))
     return found, kinds.at(found.sums.firsts)
 
 
@@ -60,8 +55,7 @@ def assert_same(first: RegionOutlines, second: RegionOutlines) -> None:
 @given(seeds, ends)
 def test_one_class_gives_the_regions_of_its_range(seed: int, some: list[float]) -> None:
     source, interval = source_of(field_of(seed, (150, 190))), IntensityRange(some[0], some[1])
-    whole = TilePass([Window(0, 0, *source.shape)])
-    cells = cells_to_refine(measure_block_map_for(source, interval, PARAMS, whole), interval, PARAMS)
+    cells = every_cell(source.shape)
     expected = outline_regions(source, cells, interval, "tv", TilePass(tiles(source.shape, 64)))
     found, kinds = outlined(source, classes_of((some[0], some[1])).partition, 64)
     assert_same(found, expected)

@@ -33,6 +33,11 @@ class LikenessSource(GreySource):
     bands: "BlurredBands"
     table: LikenessTable
 
+    @property
+    def is_intensity(self) -> bool:
+        """False: likeness falls into two groups wherever colors overlap, and what is small there is noise."""
+        return False
+
     def read(self, window: Window, margin: int, beyond: bool = False) -> GreyTile:
         """As of `GreySource`; nothing lies beyond the ends."""
         planes, valid = self.bands.read(window, margin)

@@ -1,5 +1,6 @@
 """Number of regions of an intensity range after refinement, counted or estimated; and of pixels."""
 
+import math
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,7 @@ from uavseg.regions.tiles.thin_tiles import with_thin_lines
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.components import label_components, label_equal_values
 from uavseg.segmentation.params import IntensityRange, Refinement
-from uavseg.segmentation.pipeline import IN_RANGE, refine_tile
+from uavseg.segmentation.pipeline import refine_tile
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource
 from uavseg.units import BLOCK
@@ -41,21 +42,28 @@ def estimate_regions(
 ) -> int:
     """About how many regions `outline_regions` would find.
 
-    A ratio estimate: regions of cells are counted over the whole raster, and multiplied by what refinement
-    makes of their number in 5 x 5 evenly spaced parts of 1024 x 1024 pixels.
+    A ratio estimate: regions of leaves are counted over the whole raster, and multiplied by what refinement
+    makes of their number in 5 x 5 evenly spaced parts of 1024 x 1024 pixels. Where no leaf of these parts is
+    in range, their number for each pixel counts.
 
     Parameters
     ----------
-    source, cells, interval, refine
-        As of `outline_regions`.
+    source : GreySource
+    cells : (m, n) uint8 array
+        1 where the leaf of a cell is in range, from `leaves.cells_in_range`.
+    interval : IntensityRange
+    refine : {"none", "scan", "smooth", "tv", "pixels"}
     tile_pass : TilePass
         Its executor and its progress are used.
     """
-    whole = label_equal_values(np.ascontiguousarray(cells & IN_RANGE))[1] if cells.any() else 0
+    whole = int(label_equal_values(cells)[1]) if cells.any() else 0
     count_part = partial(_count_part, source, cells, interval, refine)
     found = list(tile_pass.run(count_part, sample_parts(source.shape)))
     of_cells, refined = (sum(counts) for counts in zip(*found, strict=True))
-    return whole if not of_cells else max(round(whole * refined / of_cells), 1)
+    if of_cells:
+        return max(int(round(whole * refined / of_cells)), 1)
+    seen = sum(part.rows * part.cols for part in sample_parts(source.shape))
+    return int(round(refined * math.prod(source.shape) / seen))
 
 
 def count_pixels(source: GreySource, table: NDArray[np.uint8], tile_pass: TilePass) -> NDArray[np.int64]:
@@ -112,7 +120,7 @@ def _count_part(
     window: Window,
 ) -> tuple[int, int]:
     """Regions of cells in a part of the raster, and regions after refinement."""
-    here = np.ascontiguousarray(cells[window_cells(window)] & IN_RANGE)
+    here = np.ascontiguousarray(cells[window_cells(window)])
     found = refine_tile(source, cells_around(cells, window, REFINE_HALO), interval, refine, window)
     if found is None:
         return 0, 0

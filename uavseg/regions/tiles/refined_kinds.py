@@ -17,6 +17,7 @@ from uavseg.segmentation.components import label_equal_values
 from uavseg.segmentation.kinds import refine_kinds_of_tile
 from uavseg.segmentation.params import Refinement
 from uavseg.segmentation.partition import Partition
+from uavseg.segmentation.pipeline import every_cell
 from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.refine.range_scans import REFINE_HALO
 from uavseg.segmentation.source import GreySource, GreyTile
@@ -58,7 +59,6 @@ class KindsByPixel:
 
 def outline_refined_kinds(
     source: GreySource,
-    cells: NDArray[np.uint8],
     partition: Partition,
     refine: Refinement,
     tile_pass: TilePass,
@@ -70,8 +70,6 @@ def outline_refined_kinds(
     Parameters
     ----------
     source : GreySource
-    cells : (m, n) uint8 array
-        From `kinds.kinds_to_refine`.
     partition : Partition
     refine : {"tv", "pixels"}
     tile_pass : TilePass
@@ -85,7 +83,7 @@ def outline_refined_kinds(
     RasterError
         If a cell has other sums or counts than expected.
     """
-    jobs = tile_jobs(cells, tile_pass.windows, expected, detail)
+    jobs = tile_jobs(every_cell(source.shape), tile_pass.windows, expected, detail)
     tiles = tile_pass.run(partial(_outline_tile, source, partition.grey_table, refine, detail), jobs)
     return stitch_kinds(source.shape, tile_pass.windows, tiles)
 
@@ -166,7 +164,7 @@ def _outlines(
 def _outline_tile(
     source: GreySource, table: NDArray[np.uint8], refine: Refinement, detail: Detail | None, job: TileJob
 ) -> KindOutlines | None:
-    refined = refine_kinds_of_tile(source, job.cells, table, refine, job.refined)
+    refined = refine_kinds_of_tile(source, table, refine, job.refined)
     if refined is None:
         return None
     pixels, tile = refined if detail is None else with_detail(*refined, detail)

@@ -1,6 +1,5 @@
-"""Leaves by interval: cells in a range, state or level; mixed cells; leaf means."""
+"""Leaves by interval: cells in a range, state or level; leaf means."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip, mean_v
+from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
 from uavseg.segmentation.params import DivisionParams, IntensityRange, Levels, StateLimits
 from uavseg.segmentation.partition import Breaks, Partition, partition_of_levels
 from uavseg.units import GREY_LEVELS, GREY_MAX
@@ -177,82 +176,6 @@ def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyp
     maximum = np.uint16(max(high, 0))
     for i in range(grey.size):
         in_range[i] = np.uint8(grey[i] >= minimum) & np.uint8(grey[i] <= maximum) & valid[i]
-
-
-_MARGIN = 2.0  # part of a cell may lie this many times farther from the mean than the cells around it
-
-
-def mixed_cells(blocks: BlockMap, inside: NDArray[np.uint8], low: float, high: float) -> NDArray[np.uint8]:
-    """Cells whose pixels may lie on both sides of a bound of the range; see `mixed_cells_of_kinds`.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-    inside : (8 B, 8 C) uint8 array
-        1 where a cell's leaf is in range.
-    low, high : float
-        The range of v.
-
-    Returns
-    -------
-    mixed : (8 B, 8 C) uint8 array
-    """
-    range_edges = (math.nextafter(low, -1.0), high)
-    return mixed_cells_of_kinds(blocks, inside, Partition(range_edges, (0, 1, 0), (low, high)))
-
-
-def mixed_cells_of_kinds(
-    blocks: BlockMap, kinds: NDArray[np.uint8], partition: Partition
-) -> NDArray[np.uint8]:
-    """Cells whose pixels may lie on both sides of a bound of the intervals.
-
-    A cell is not mixed where its leaf and the leaves of its eight neighbours are of one kind, and the means
-    of these nine cells are of that kind too, farther from each bound than `_MARGIN` times their range: a road
-    of 3 pixels shifts the mean of a cell by a third of the road's contrast.
-
-    Parameters
-    ----------
-    blocks : BlockMap
-    kinds : (8 B, 8 C) uint8 array
-        The kind of each cell's leaf.
-    partition : Partition
-
-    Returns
-    -------
-    mixed : (8 B, 8 C) uint8 array
-    """
-    mixed = np.zeros_like(kinds)
-    edges, of_interval = np.array(partition.edges, np.float64), np.array(partition.kinds, np.uint8)
-    bounds = np.array([bound for bound in partition.bounds if 0 < bound < 1])  # nothing is beyond 0 and 1
-    _mixed_cells(blocks.sums, blocks.counts, kinds, edges, of_interval, bounds, _MARGIN, mixed)
-    return mixed
-
-
-@kernel("void(u4[:,::1], u1[:,::1], u1[:,::1], f8[::1], u1[::1], f8[::1], f8, u1[:,::1])")
-def _mixed_cells(sums, counts, kinds, edges, of_interval, bounds, margin, mixed):  # type: ignore[no-untyped-def]
-    rows, cols = counts.shape
-    for row in range(rows):
-        for col in range(cols):
-            own = mean_v(sums, counts, row, col, 1)
-            if own < 0.0:
-                continue
-            interval = 0
-            while interval < edges.shape[0] and edges[interval] < own:
-                interval += 1
-            differs = of_interval[interval] != kinds[row, col]
-            minimum = own
-            maximum = own
-            for r in range(max(row - 1, 0), min(row + 2, rows)):
-                for c in range(max(col - 1, 0), min(col + 2, cols)):
-                    mean = mean_v(sums, counts, r, c, 1)
-                    if mean >= 0.0:
-                        minimum = min(minimum, mean)
-                        maximum = max(maximum, mean)
-                        differs |= kinds[r, c] != kinds[row, col]
-            distance = margin * (maximum - minimum)
-            for k in range(bounds.shape[0]):
-                differs |= minimum - distance <= bounds[k] and bounds[k] <= maximum + distance
-            mixed[row, col] = differs
 
 
 def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np.int64]:

@@ -15,10 +15,14 @@ from uavseg.segmentation.dilation import dilate
 
 NOISE_SIDE = 16  # pixels: side of a square
 _COARSE = 4  # side of a mean in pixels, and of a square in means
+_SEPARATION = 4.0
 
 
 def estimate_noise(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], active: NDArray[np.uint8]
+    grey: NDArray[np.uint16],
+    valid: NDArray[np.uint8],
+    active: NDArray[np.uint8],
+    intervals: NDArray[np.uint8],
 ) -> NDArray[np.float64]:
     """Standard deviation of the noise around each square with active cells, in grey; 0 elsewhere.
 
@@ -26,12 +30,19 @@ def estimate_noise(
     pixels. Only the second detects grain and crowns of trees. The median over 3 x 3 squares makes it robust
     against edges.
 
+    Structure is not noise: where the pixels below and above an edge between intervals form two separate
+    groups, the estimates are those of the residuals from the means of the groups. Two groups are separate
+    where the difference of their means is more than `_SEPARATION` times the standard deviation within them.
+    Halves of one normal distribution are 2.7 apart, those of a uniform one 3.5.
+
     Parameters
     ----------
     grey : (M, N) uint16 array
         M and N are multiples of 16.
     valid : (M, N) uint8 array
     active : (M / 8, N / 8) uint8 array, 0 or 1
+    intervals : (65536,) uint8 array
+        The interval of each grey, counted from 0: steps of 0 or 1.
 
     Returns
     -------
@@ -42,7 +53,20 @@ def estimate_noise(
     estimates = np.full((2, rows, cols), -1.0)
     lines, means = np.empty((3, grey.shape[1]), np.int32), np.empty((_COARSE, _COARSE * cols), np.int32)
     flags = np.empty(grey.shape[1], np.uint8), np.empty(means.shape, np.uint8)
-    _measure_squares(grey, valid, dilate(squares), lines, flags[0], means, flags[1], *estimates)
+    residuals, groups = np.empty((NOISE_SIDE, grey.shape[1]), np.int32), np.empty((int(intervals[-1]) + 1, 3))
+    _measure_squares(
+        grey,
+        valid,
+        dilate(squares),
+        intervals,
+        residuals,
+        groups,
+        lines,
+        flags[0],
+        means,
+        flags[1],
+        *estimates,
+    )
     return math.sqrt(math.pi / 2) / 6 * medians_around(estimates.max(axis=0), squares)
 
 
@@ -125,10 +149,77 @@ def extent_of_nonzero(needed):  # type: ignore[no-untyped-def]
     return first, last
 
 
+@inlined
+def sum_groups(grey, valid, intervals, row, col, groups):  # type: ignore[no-untyped-def]
+    """Sum up the pixels of a square by interval; return the first interval that occurs, and the last."""
+    groups[:] = 0.0
+    first, last = np.int64(groups.shape[0]), np.int64(-1)
+    for r in range(row, row + NOISE_SIDE):
+        for c in range(col, col + NOISE_SIDE):
+            if valid[r, c]:
+                k = np.int64(intervals[grey[r, c]])
+                value = np.float64(grey[r, c])
+                groups[k, 0] += 1.0
+                groups[k, 1] += value
+                groups[k, 2] += value * value
+                first = min(first, k)
+                last = max(last, k)
+    return first, last
+
+
+@inlined
+def separate_groups(groups, first, last):  # type: ignore[no-untyped-def]
+    """Find two separate groups: the first interval of the upper, and the difference of the means; or 0.
+
+    All sums are integers below 2 ** 53, so that their order does not matter.
+    """
+    count = 0.0
+    total = 0.0
+    squares = 0.0
+    for k in range(first, last + 1):
+        count += groups[k, 0]
+        total += groups[k, 1]
+        squares += groups[k, 2]
+    best = _SEPARATION * _SEPARATION
+    begin = 0
+    difference = 0.0
+    number = 0.0
+    below = 0.0
+    for k in range(first, last):
+        number += groups[k, 0]
+        below += groups[k, 1]
+        gap = (total - below) / (count - number) - below / number
+        within = (
+            squares - below * below / number - (total - below) * (total - below) / (count - number)
+        ) / count
+        if gap * gap > best * max(within, 0.0):
+            best = gap * gap / max(within, 1e-9)
+            begin, difference = k + 1, gap
+    return begin, difference
+
+
+@inlined
+def store_residuals(grey, valid, intervals, row, col, groups, residuals):  # type: ignore[no-untyped-def]
+    """Store the greys of a square, those of the upper of two groups less the difference of the means."""
+    first, last = sum_groups(grey, valid, intervals, row, col, groups)
+    begin = 0
+    difference = 0.0
+    if first < last:
+        begin, difference = separate_groups(groups, first, last)
+    shift = np.int32(difference + 0.5)
+    for r in range(NOISE_SIDE):
+        for c in range(col, col + NOISE_SIDE):
+            own = grey[row + r, c]
+            residuals[r, c] = np.int32(own) - (shift if intervals[own] >= begin else np.int32(0))
+
+
 @kernel(
-    "void(u2[:,::1], u1[:,::1], u1[:,::1], i4[:,::1], u1[::1], i4[:,::1], u1[:,::1], f8[:,::1], f8[:,::1])"
+    "void(u2[:,::1], u1[:,::1], u1[:,::1], u1[::1], i4[:,::1], f8[:,::1], i4[:,::1], u1[::1], i4[:,::1],"
+    " u1[:,::1], f8[:,::1], f8[:,::1])"
 )
-def _measure_squares(grey, valid, needed, lines, line, means, all_valid, fine, coarse):  # type: ignore[no-untyped-def]
+def _measure_squares(  # type: ignore[no-untyped-def]
+    grey, valid, needed, intervals, residuals, groups, lines, line, means, all_valid, fine, coarse
+):
     sums, total, number = lines[0], lines[1], lines[2]
     side = np.uintp(NOISE_SIDE)
     four = np.uintp(_COARSE)
@@ -139,11 +230,16 @@ def _measure_squares(grey, valid, needed, lines, line, means, all_valid, fine, c
         if last == 0:
             continue
         begin, end = np.uintp(first * NOISE_SIDE), np.uintp(last * NOISE_SIDE)
+        inner = valid[row * side : (row + np.uintp(1)) * side]
+        for col in range(first, last):
+            store_residuals(
+                grey, valid, intervals, np.int64(row) * NOISE_SIDE, col * NOISE_SIDE, groups, residuals
+            )
         for r in range(np.uintp(2), side, four):
-            add_responses(grey, valid, row * side + r, begin, end, sums, line, total, number)
+            add_responses(residuals, inner, r, begin, end, sums, line, total, number)
         store_mean_responses(total, number, side, 1, needed[row], fine[row])
         for k in range(four):
-            mean_of_4x4(grey, valid, row * side + four * k, begin, end, sums, line, means[k], all_valid[k])
+            mean_of_4x4(residuals, inner, four * k, begin, end, sums, line, means[k], all_valid[k])
         for r in range(np.uintp(1), four - np.uintp(1)):
             add_responses(means, all_valid, r, begin // four, end // four, sums, line, total, number)
         store_mean_responses(total, number, four, _COARSE, needed[row], coarse[row])

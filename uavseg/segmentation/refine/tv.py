@@ -1,4 +1,4 @@
-"""Boundary refinement by total-variation denoising of the pixels of mixed cells.
+"""Classification of the pixels around a bound of intensity by total-variation denoising.
 
 The weights follow the local noise; see `total_variation`, `noise` and `specks`.
 """
@@ -11,46 +11,48 @@ from uavseg.segmentation.dilation import dilate
 from uavseg.segmentation.refine.noise import NOISE_SIDE, estimate_noise
 from uavseg.segmentation.refine.specks import drop_specks
 from uavseg.segmentation.refine.total_variation import MAX_WEIGHT, classify_tv, threshold_tv
+from uavseg.units import CELL, GREY_LEVELS
 
 _WEIGHT_PER_NOISE = 0.34  # weight of a pair of neighbours / standard deviation of the noise
 
 
 def refine_by_tv(
     inside: NDArray[np.uint8],
-    mixed: NDArray[np.uint8],
     valid: NDArray[np.uint8],
     grey: NDArray[np.uint16],
-    in_range: NDArray[np.uint8],
     greys: tuple[int, int],
+    separate: bool = True,
 ) -> NDArray[np.uint8]:
-    """Classify the pixels of mixed cells and their neighbours by denoised v.
+    """Classify the pixels around a bound of a range by denoised v.
 
-    The pixels of a cell stay on their side where they and all pixels of the cells around are on one side.
-    Then, where there is noise, thin pieces and holes of fewer than `specks.MIN_PIECE` pixels change side.
+    Cells with pixels on both sides and the cells around them are denoised; all other pixels are decided by
+    their own value, as `inside` has them. Then, where there is noise, thin pieces and holes of fewer than
+    `specks.MIN_PIECE` pixels change side.
 
     Parameters
     ----------
     inside : (M, N) uint8 array
-        1 where a pixel belongs to a region; refined in place. M and N are multiples of 16.
-    mixed : (M / 8, N / 8) uint8 array
-        Not 0 where the pixels of a cell are classified one by one, from `mixed_cells`.
+        1 where a valid pixel's own grey lies in the range; refined in place. M and N are multiples of 16.
     valid : (M, N) uint8 array
     grey : (M, N) uint16 array, 0 where not valid
-    in_range : (M, N) uint8 array
-        1 where a valid pixel's own grey lies in the range.
     greys : (int, int)
         The range of grey.
+    separate : bool
+        Whether a step between two separate groups of greys is structure, and not noise; see `noise`.
 
     Returns
     -------
     inside : (M, N) uint8 array, the same array
     """
-    active = dilate((mixed > 0).view(np.uint8))
-    two_sided = np.empty_like(active)
-    _apply_own_values(in_range, valid, active, np.empty((3, inside.shape[1]), np.uint8), inside, two_sided)
-    active &= dilate(two_sided)
-    if active.any():
-        weights = _weights(estimate_noise(grey, valid, active), active)
+    two_sided = np.empty((inside.shape[0] // CELL, inside.shape[1] // CELL), np.uint8)
+    _two_sided_cells(inside, valid, np.empty((2, inside.shape[1]), np.uint8), two_sided)
+    if two_sided.any():
+        active = dilate(two_sided)
+        intervals = np.zeros(GREY_LEVELS, np.uint8)
+        if separate:
+            intervals[max(greys[0], 0) :] = greys[0] > 0
+            intervals[greys[1] + 1 :] += 1
+        weights = _weights(estimate_noise(grey, valid, active, intervals), active)
         threshold_tv(grey, valid, weights, greys, inside)
         drop_specks(inside, valid, (weights > 0).view(np.uint8))
     return inside
@@ -58,12 +60,11 @@ def refine_by_tv(
 
 def refine_kinds_by_tv(
     kinds: NDArray[np.uint8],
-    mixed: NDArray[np.uint8],
     valid: NDArray[np.uint8],
     grey: NDArray[np.uint16],
     table: NDArray[np.uint8],
 ) -> NDArray[np.uint8]:
-    """Classify the pixels of mixed cells and their neighbours among several kinds by denoised v.
+    """Classify the pixels around the bounds of several kinds by denoised v.
 
     Each pixel gets the kind of its denoised grey, so kinds share their borders. With one kind the result is
     that of `refine_by_tv`. A small thin piece gets the kind of most pixels around it.
@@ -71,9 +72,7 @@ def refine_kinds_by_tv(
     Parameters
     ----------
     kinds : (M, N) uint8 array
-        The kind of each pixel's leaf, 0 for nothing; refined in place. M and N are multiples of 16.
-    mixed : (M / 8, N / 8) uint8 array
-        Not 0 where the pixels of a cell are classified one by one, from `mixed_cells_of_kinds`.
+        The kind of each pixel's own grey, 0 where not valid; refined in place. M and N are multiples of 16.
     valid : (M, N) uint8 array
     grey : (M, N) uint16 array, 0 where not valid
     table : (65536,) uint8 array
@@ -83,12 +82,13 @@ def refine_kinds_by_tv(
     -------
     kinds : (M, N) uint8 array, the same array
     """
-    active = dilate((mixed > 0).view(np.uint8))
-    two_sided = np.empty_like(active)
-    _apply_own_kinds(grey, table, valid, active, kinds, two_sided)
-    active &= dilate(two_sided)
-    if active.any():
-        weights = _weights(estimate_noise(grey, valid, active), active)
+    two_sided = np.empty((kinds.shape[0] // CELL, kinds.shape[1] // CELL), np.uint8)
+    _cells_of_two_kinds(kinds, valid, two_sided)
+    if two_sided.any():
+        active = dilate(two_sided)
+        intervals = np.zeros(GREY_LEVELS, np.uint8)
+        np.cumsum(table[1:] != table[:-1], out=intervals[1:])
+        weights = _weights(estimate_noise(grey, valid, active, intervals), active)
         classify_tv(grey, valid, weights, table, kinds)
         drop_specks(kinds, valid, (weights > 0).view(np.uint8))
     return kinds
@@ -101,50 +101,38 @@ def _weights(noise: NDArray[np.float64], active: NDArray[np.uint8]) -> NDArray[n
 
 
 @inlined
-def add_row(in_range, valid, chosen, inside, any_in, any_out):  # type: ignore[no-untyped-def]
-    """Where chosen, classify pixels by their own v; accumulate which sides occur in each column."""
-    for c in range(np.uintp(chosen.shape[0])):
-        inside[c] ^= (inside[c] ^ in_range[c]) & chosen[c]
-    for c in range(np.uintp(chosen.shape[0])):
-        any_in[c] |= in_range[c]
-    for c in range(np.uintp(chosen.shape[0])):
-        any_out[c] |= valid[c] ^ in_range[c]  # a pixel in range is valid
+def add_row(inside, valid, any_in, any_out):  # type: ignore[no-untyped-def]
+    """Accumulate which sides occur in each column."""
+    for c in range(np.uintp(inside.shape[0])):
+        any_in[c] |= inside[c]
+    for c in range(np.uintp(inside.shape[0])):
+        any_out[c] |= valid[c] ^ inside[c]  # a pixel inside is valid
 
 
-@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
-def _apply_own_values(in_range, valid, active, lines, inside, two_sided):  # type: ignore[no-untyped-def]
-    # Classify the pixels of active cells by their own v, and find the cells with pixels on both sides.
-    chosen, any_in, any_out = lines[0], lines[1], lines[2]
-    for row in range(active.shape[0]):
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
+def _two_sided_cells(inside, valid, lines, two_sided):  # type: ignore[no-untyped-def]
+    any_in, any_out = lines[0], lines[1]
+    for row in range(two_sided.shape[0]):
         any_in[:] = 0
         any_out[:] = 0
-        for cell in range(np.uintp(active.shape[1])):
-            for c in range(np.uintp(8) * cell, np.uintp(8) * cell + np.uintp(8)):
-                chosen[c] = active[row, cell]
         for r in range(8 * row, 8 * row + 8):
-            add_row(in_range[r], valid[r], chosen, inside[r], any_in, any_out)
-        for cell in range(active.shape[1]):
+            add_row(inside[r], valid[r], any_in, any_out)
+        for cell in range(two_sided.shape[1]):
             found = np.uint8(0)
             for c in range(8 * cell, 8 * cell + 8):
                 found |= any_in[c] | (any_out[c] << np.uint8(1))
-            two_sided[row, cell] = np.uint8(found == 3) & active[row, cell]
+            two_sided[row, cell] = np.uint8(found == 3)
 
 
-@kernel("void(u2[:,::1], u1[::1], u1[:,::1], u1[:,::1], u1[:,::1], u1[:,::1])")
-def _apply_own_kinds(grey, table, valid, active, kinds, two_sided):  # type: ignore[no-untyped-def]
-    # As _apply_own_values, with the kind of each grey in place of a range.
-    for row in range(active.shape[0]):
-        for cell in range(np.uintp(active.shape[1])):
-            two_sided[row, cell] = 0
-            if not active[row, cell]:
-                continue
+@kernel("void(u1[:,::1], u1[:,::1], u1[:,::1])")
+def _cells_of_two_kinds(kinds, valid, two_sided):  # type: ignore[no-untyped-def]
+    for row in range(two_sided.shape[0]):
+        for cell in range(np.uintp(two_sided.shape[1])):
             minimum = np.uint8(255)
             maximum = np.uint8(0)
             for r in range(8 * row, 8 * row + 8):
                 for c in range(np.uintp(8) * cell, np.uintp(8) * cell + np.uintp(8)):
-                    own = table[grey[r, c]]
-                    kinds[r, c] = own * valid[r, c]
                     if valid[r, c]:
-                        minimum = min(minimum, own)
-                        maximum = max(maximum, own)
+                        minimum = min(minimum, kinds[r, c])
+                        maximum = max(maximum, kinds[r, c])
             two_sided[row, cell] = np.uint8(minimum < maximum)
