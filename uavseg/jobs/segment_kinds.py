@@ -12,6 +12,7 @@ from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
 from uavseg.jobs.fill_holes import filled
+from uavseg.jobs.ranges import decided_grey
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Raster, Source
 from uavseg.jobs.unchanged import check_unchanged
@@ -124,6 +125,7 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
         with phase("division"):
             if isinstance(request.partition, Partition):
                 partition = request.partition
+                grey = decided_grey(grey, partition.edges, partition.bounds)
                 blocks = measure_block_map_for(grey, partition, request.segment, dividing)
             else:
                 blocks = measure_block_map(grey, dividing)
