@@ -58,8 +58,11 @@ BAND_CHOICE = (
     BAND_NAMES,
 )
 
-NODATA = number(
-    "NODATA", "Nodata value", "--nodata", "This value counts for nothing, beside what the file says."
+NODATA = text(
+    "NODATA",
+    "Nodata value",
+    "--nodata",
+    "This value (nan too) is nodata, beside the file's own; only:V: it alone; none: no value is.",
 )
 STRETCH = text(
     "STRETCH",

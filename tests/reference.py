@@ -5,7 +5,7 @@ ambiguous, a comment that starts with "Reading:" gives the interpretation.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, pairwise
 from typing import NamedTuple
 
@@ -56,14 +56,42 @@ def intensity(values: ArrayLike) -> Floats:
     return np.asarray(0.2126 * red + 0.7152 * green + 0.0722 * blue)
 
 
-def grey(values: ArrayLike, valid: Bool, low: float, high: float) -> Grey:
-    """Grey levels 0..65535 of values stretched from low..high; 0 where invalid."""
+def grey(
+    values: ArrayLike,
+    valid: Bool,
+    low: float,
+    high: float,
+    lows: Sequence[float] = (),
+    edges: Sequence[float] = (),
+) -> Grey:
+    """Grey levels 0..65535 of values stretched from low..high; 0 where invalid.
+
+    `lows` are low ends of ranges, `edges` those whose own value belongs to what is below them.
+    """
     # Reading: the description gives no v for low = high (a constant raster), so that is not supported.
     assert low < high
-    v = (np.where(valid, intensity(values), low) - low) / (high - low)
+    x = np.where(valid, intensity(values), low)
+    v = (x - low) / (high - low)
     v = np.minimum(np.maximum(v, 0.0), 1.0)
-    g = np.floor(65535 * v + 0.5).astype(np.uint16)
-    return np.where(valid, g, 0).astype(np.uint16)
+    g = np.floor(65535 * v + 0.5).astype(np.int64)
+    # Reading: ends are closed for values. A pixel whose grey was rounded to the other side of an end than its
+    # value gets the next grey, on the right side.
+    decided = g.copy()
+    of_greys = np.arange(65536) / 65535
+    ends = [(end, True) for end in lows] + [(end, False) for end in edges]
+    for end, is_low in ends:
+        if not 0 < end < 1:
+            continue
+        first = int(np.searchsorted(of_greys, end, "left" if is_low else "right"))  # above the end
+        bound = low + end * (high - low)
+        if np.asarray(values).dtype.kind in "iu":
+            bound = round(bound, 6)
+        elif np.asarray(values).dtype == np.float32:
+            bound = float(np.float32(bound))
+        is_above = x >= bound if is_low else x > bound
+        decided[(g == first) & ~is_above] = first - 1
+        decided[(g == first - 1) & is_above] = first
+    return np.where(valid, decided, 0).astype(np.uint16)
 
 
 # 1. Texture
@@ -287,7 +315,7 @@ def extract(
     pixels never split a leaf; only refined regions are components of pixels. `connect="pixels"` is the other
     interpretation: components of pixels in both cases. They differ only where pixels are invalid.
     """
-    g = grey(values, valid, low, high)
+    g = grey(values, valid, low, high, [lo], [hi])
     leaves = divide(g, valid, X, tau)
     if refine == "none" and connect == "leaves":
         cells = classify_cells(leaves, g.shape, lambda op: int(lo <= op <= hi))
@@ -422,7 +450,7 @@ def states(
     refine: bool = True,
 ) -> tuple[Ints, Labels]:
     """State of every pixel (0 where invalid), and labels: all free, all unknown, each occupied segment."""
-    g = grey(values, valid, low, high)
+    g = grey(values, valid, low, high, edges=(FREE_TO, UNKNOWN_TO))
     state, occupied = states_of_leaves(divide(g, valid, X, tau), g, valid, refine)
     segments = np.where(state == OCCUPIED, occupied + 2, state)  # 1 free, 2 unknown, 3... occupied
     return state, by_size(segments)
@@ -461,7 +489,7 @@ def levels(
     tau: float | None = None,
 ) -> tuple[Ints, Labels]:
     """Level of every pixel (-1 where invalid), and labels of segments: adjacent leaves of one level."""
-    g = grey(values, valid, low, high)
+    g = grey(values, valid, low, high, edges=level_edges(P))
     return levels_of_leaves(divide(g, valid, X, tau), valid, P)
 
 

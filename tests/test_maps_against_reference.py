@@ -102,9 +102,17 @@ class Case(NamedTuple):
 
 
 def case_of(
-    reference: ModuleType, dataset: Dataset, values: Any, valid: Any, X: float, tau: float | None
+    reference: ModuleType,
+    dataset: Dataset,
+    values: Any,
+    valid: Any,
+    X: float,
+    tau: float | None,
+    width: float | None = None,
 ) -> Case:
-    grey = reference.grey(values, valid, 0, 255.0 if values.dtype == np.uint8 else 1.0)
+    """A case of states, or of levels of a width."""
+    edges = (0.498, 0.502) if width is None else reference.level_edges(width)
+    grey = reference.grey(values, valid, 0, 255.0 if values.dtype == np.uint8 else 1.0, edges=edges)
     source = ProbabilityMap(dataset, stretch_of(dataset))
     return Case(source, grey, valid, X, tau, reference.divide(grey, valid, X, tau))
 
@@ -174,8 +182,10 @@ def test_maps_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, 
     for seed in range(first, first + CHUNK):
         values, valid = random_map(seed)
         X, tau, width = choices(seed)
-        case = case_of(reference, dataset_of(tmp_path, seed, values, valid), values, valid, X, tau)
+        dataset = dataset_of(tmp_path, seed, values, valid)
+        case = case_of(reference, dataset, values, valid, X, tau)
         wrong = wrong_states(reference, case, RUNNERS[seed % 2])
+        case = case_of(reference, dataset, values, valid, X, tau, width)
         wrong += wrong_levels(reference, case, width, RUNNERS[seed // 2 % 2])
         different += [(seed, *case) for case in wrong]
     assert not different
@@ -219,7 +229,7 @@ def test_real_maps_are_those_of_the_reference(
     everywhere = np.ones(dataset.geobox.shape, bool)
     case = case_of(reference, dataset, values[0], everywhere, 1.2, None)
     assert not wrong_states(reference, case, (192, serial))
-    adaptive = case_of(reference, dataset, values[0], everywhere, 1.2, 0.05)
+    adaptive = case_of(reference, dataset, values[0], everywhere, 1.2, 0.05, 0.1)
     assert not wrong_levels(reference, adaptive, 0.1, (192, serial))
 
 

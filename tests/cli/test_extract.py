@@ -473,7 +473,7 @@ def test_there_is_no_mission_over_no_region() -> None:
         "tile.tif --range 0.5,1 --refine twice",
         "tile.tif --range 0.5,1 --rgb 1,2",
         "tile.tif --range 0.5,1 --band 0",
-        "tile.tif --range 0.5,1 --nodata none",
+        "tile.tif --range 0.5,1 --nodata nothing",
         "tile.tif --range 0.5,1 --progress loud",
         "tile.tif --range 0.5,1 --pattern zigzag",
     ],

@@ -27,7 +27,7 @@ readings = st.builds(
     ReadOptions,
     band=st.none() | st.integers(1, 20) | st.sampled_from(["nir", "Band 8 - NIR"]),
     rgb=st.none() | st.tuples(*[st.integers(1, 9) | st.sampled_from(["red", "B8A"])] * 3),
-    nodata=st.none() | numbers,
+    nodata=st.none() | numbers | numbers.map("only:{!r}".format) | st.just("none"),
     stretch=stretches,
     skip_bad_tiles=st.booleans(),
     words=st.builds(

@@ -26,7 +26,7 @@ def divide(
     index: str | None = None,
     expr: str | None = None,
     band_names: str | None = None,
-    nodata: float | None = None,
+    nodata: float | str | None = None,
     stretch: str = "auto",
     flatten: float | str | None = None,
     tile: int | None = None,

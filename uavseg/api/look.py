@@ -26,7 +26,7 @@ def info(
     index: str | None = None,
     expr: str | None = None,
     band_names: str | None = None,
-    nodata: float | None = None,
+    nodata: float | str | None = None,
     stretch: str = "auto",
     threads: int | None = None,
     skip_bad_tiles: bool = False,

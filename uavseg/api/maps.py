@@ -37,7 +37,7 @@ def classify(
     index: str | None = None,
     expr: str | None = None,
     band_names: str | None = None,
-    nodata: float | None = None,
+    nodata: float | str | None = None,
     stretch: str | None = None,
     free_is_white: bool | None = None,
     method: str = "adaptive",
@@ -137,7 +137,7 @@ def path(
     index: str | None = None,
     expr: str | None = None,
     band_names: str | None = None,
-    nodata: float | None = None,
+    nodata: float | str | None = None,
     stretch: str | None = None,
     free_is_white: bool | None = None,
     method: str = "adaptive",
@@ -172,7 +172,8 @@ def path(
         Whether the path is pulled tight, at any angle.
     band, index, expr, band_names
         As of `extract`.
-    nodata : float, optional
+    nodata : float or str, optional
+        As of `extract`.
     stretch : str, optional
         For a map that holds no probabilities. Integers are divided by the largest of their type, floats are
         taken as they are, if left out. A ROS map is never stretched.

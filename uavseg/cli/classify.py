@@ -19,7 +19,7 @@ from uavseg.cli._write import (
     write_region_output,
 )
 from uavseg.cli.options.access import access_options
-from uavseg.cli.options.bands import band_option, formula_options
+from uavseg.cli.options.bands import band_option, formula_options, nodata_option
 from uavseg.cli.options.creation import creation_of, creation_option
 from uavseg.cli.options.raster import (
     area,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 @click.argument("path", metavar="MAP")
 @band_option
 @formula_options
-@click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
+@nodata_option
 @map_stretch_option
 @polarity_option
 @click.option(

@@ -10,7 +10,7 @@ import click
 from uavseg.cli._say import show
 from uavseg.cli._write import keep_inputs, shown, write_mission_output
 from uavseg.cli.options.access import access_options
-from uavseg.cli.options.bands import band_option, formula_options
+from uavseg.cli.options.bands import band_option, formula_options, nodata_option
 from uavseg.cli.options.home_words import HomeCommand
 from uavseg.cli.options.mission import parse_home
 from uavseg.cli.options.ranges import asked_range, range_options
@@ -59,7 +59,7 @@ _LINES = (".geojson", ".json")
 @segmenting_options
 @band_option
 @formula_options
-@click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing.")
+@nodata_option
 @map_stretch_option
 @polarity_option
 @click.option("--altitude", type=float, metavar="M", help="For a mission: metres above home.")

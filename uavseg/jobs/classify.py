@@ -10,6 +10,7 @@ from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.metadata import drawing_facts, segment_facts, with_metadata
+from uavseg.jobs.ranges import decided_grey
 from uavseg.jobs.result import Drawing, Extraction, SourceInfo, measured
 from uavseg.jobs.source import Blocks, ProbabilityMap
 from uavseg.jobs.work import SERIAL, Work
@@ -176,7 +177,7 @@ def classify(
             f"{source.path} is a block map; states are refined with the map, so give the map itself"
         )
     tile_pass = work.over(source)
-    grey = source.grey(tile_pass.silent)
+    grey = decided_grey(source.grey(tile_pass.silent), request.limits.edges, request.limits.edges)
     strips = state_strips(grey.shape, grey.dataset.file_block, work.tile)
     tile_pass = replace(tile_pass, windows=[tile for strip in strips for tile in strip])
     dividing, deciding, *outlining = tile_pass.stages(2 + request.objects)

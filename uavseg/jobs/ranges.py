@@ -1,13 +1,13 @@
 """Ranges as requests hold them, of v or of values, and as the phases take them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.source import Blocks, Pixels, Raster
 from uavseg.raster.intensity.value_range import FittedRange, ValueRange, axis_of, range_on_axis
-from uavseg.raster.intensity.values import fit_values
+from uavseg.raster.intensity.values import decided_at, fit_values
 from uavseg.raster.tiling import TilePass
 from uavseg.raster.value_scale import ValueAxis, values_text
 from uavseg.segmentation.params import IntensityRange
@@ -63,7 +63,7 @@ def grey_for(source: Pixels, asked: AnyRange, tile_pass: TilePass) -> tuple[Grey
     ----------
     source : Pixels
     asked : IntensityRange or ValueRange
-        A range of v leaves the stretch as it is.
+        A range of v leaves the ends of the stretch as they are.
     tile_pass : TilePass
 
     Raises
@@ -81,9 +81,16 @@ def grey_for(source: Pixels, asked: AnyRange, tile_pass: TilePass) -> tuple[Grey
         decided("%s, stretch %s", dataset.band_names, stretch.name)
         decided("the range %s is v in %.7g..%.7g", asked, found.low, found.high)
         return GreySource(dataset, stretch), _found(found)
-    grey = source.grey(tile_pass)
+    grey = decided_grey(source.grey(tile_pass), asked.edges, (asked.low, asked.high))
     axis = None if grey.is_flat else axis_of(source.dataset, grey.stretch)
     return grey, FoundRange(asked, ends_of(axis, asked))
+
+
+def decided_grey(grey: GreySource, edges: Sequence[float], bounds: Sequence[float]) -> GreySource:
+    """The same pixels, on that side of edges of v on which their intensities lie; see `decided_at`."""
+    if grey.is_flat:
+        return grey
+    return replace(grey, stretch=decided_at(grey.dataset, grey.stretch, edges, bounds))
 
 
 def range_of_blocks(source: Blocks, asked: AnyRange) -> FoundRange:

@@ -13,6 +13,7 @@ from uavseg.execution.executors import trim_heap
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.detail import Length, detail_of, refuse_without_pixels
 from uavseg.jobs.fill_holes import filled
+from uavseg.jobs.ranges import decided_grey
 from uavseg.jobs.result import SourceInfo
 from uavseg.jobs.source import Blocks, Raster, Source
 from uavseg.jobs.unchanged import check_unchanged
@@ -129,6 +130,8 @@ def segment_kinds(source: Source, request: KindsRequest, work: Work) -> Segmente
         divides = not (isinstance(request.partition, Partition) and request.segment.decides_pixels)
         stretching, *dividing, outlining = work.over(source).stages(2 + divides)
         grey = source.grey(stretching)
+        if isinstance(request.partition, Partition):
+            grey = decided_grey(grey, request.partition.edges, request.partition.bounds)
         partition, cells = _divided(grey, request, *dividing)
         trim_heap()
         _check_count(partition, request.segment)

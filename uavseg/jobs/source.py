@@ -9,6 +9,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.phases import decided, phase
 from uavseg.jobs.detail import Length, as_length
 from uavseg.jobs.flatten import flatten_width, flattened
+from uavseg.raster.bands import as_nodata
 from uavseg.raster.collar.find import check_collar, without_collar
 from uavseg.raster.dataset import Dataset
 from uavseg.raster.geobox import GeoBox
@@ -31,8 +32,9 @@ class ReadOptions:
         The band to use, counted from 1 or by its name.
     rgb : three ints or texts, optional
         The bands of red, green and blue, to use their luminance.
-    nodata : float, optional
-        Takes the place of the nodata value in the files; NaN is allowed.
+    nodata : float or str, optional
+        A value that counts for nothing beside the nodata value of the files, NaN too; "only:V" takes its
+        place, "none" leaves it out.
     stretch : Stretch, StretchSpec or str, optional
         How intensity becomes v: "auto", "dtype", "minmax", "percentile:P,Q", "none" or "LOW,HIGH". By default
         "auto" for rasters, and for maps of probabilities what follows from their type.
@@ -56,7 +58,7 @@ class ReadOptions:
 
     band: int | str | None = None
     rgb: tuple[int | str, int | str, int | str] | None = None
-    nodata: float | None = None
+    nodata: float | str | None = None
     stretch: Stretch | StretchSpec | str | None = None
     skip_bad_tiles: bool = False
     free_is_white: bool | None = None
@@ -66,6 +68,7 @@ class ReadOptions:
 
     def __post_init__(self) -> None:
         check_collar(self.collar)
+        object.__setattr__(self, "nodata", as_nodata(self.nodata))
         if not isinstance(self.flatten, Length):
             object.__setattr__(self, "flatten", as_length(self.flatten))
         if isinstance(self.stretch, str):

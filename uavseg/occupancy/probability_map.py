@@ -46,7 +46,7 @@ class ProbabilityStretch(Stretch):
 
 
 def open_map(
-    path: str | os.PathLike[str], band: int | None = None, nodata: float | None = None
+    path: str | os.PathLike[str], band: int | None = None, nodata: float | str | None = None
 ) -> tuple[Dataset, Stretch]:
     """A map of probabilities: a raster, or the YAML file of a ROS map.
 
@@ -58,8 +58,8 @@ def open_map(
     path : path
     band : int, optional
         Of a raster: the band to use, counted from 1.
-    nodata : float, optional
-        Of a raster: takes the place of its nodata value.
+    nodata : float or str, optional
+        Of a raster: a value that counts for nothing, beside its own nodata value; "only:V" takes its place.
 
     Returns
     -------

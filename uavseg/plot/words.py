@@ -32,7 +32,7 @@ def preview(
     dem: Any = None,
     band: int | None = None,
     rgb: tuple[int, int, int] | None = None,
-    nodata: float | None = None,
+    nodata: float | str | None = None,
     stretch: str = "auto",
     width: int = 1400,
     overwrite: bool = False,

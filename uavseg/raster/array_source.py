@@ -32,6 +32,7 @@ class ArraySource:
     driver: str = "DataArray"
     overviews: tuple[int, ...] = ()
     scale: BandScale = AS_STORED
+    added_nodata: float | None = None
 
     @property
     def name(self) -> str:
@@ -64,7 +65,8 @@ class ArraySource:
         planes = [self._read_plane(band, rows, cols) for band in choice.bands]
         values = np.stack(planes).astype(choice.dtype, copy=False)
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
-        return values, valid_pixels(values, nodatas, None, None, choice.formula is not None)
+        by_band = choice.formula is not None
+        return values, valid_pixels(values, nodatas, None, None, by_band, self.added_nodata)
 
     def is_empty(self, _handles: object, _choice: BandChoice, _window: Window) -> bool:
         """False: it is not known without reading."""

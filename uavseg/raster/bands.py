@@ -176,12 +176,49 @@ def usable_nodata(nodata: float | None, dtype: np.dtype[np.generic]) -> tuple[fl
     return None, f"nodata {nodata:g} does not fit {dtype} pixels, so no pixel can have it: it is ignored"
 
 
+def as_nodata(value: float | str | None) -> float | str | None:
+    """Check which nodata a user names: V beside that of the files, "only:V" in its place, "none" for none.
+
+    Raises
+    ------
+    ParameterError
+        If it is a text of another form.
+
+    Examples
+    --------
+    >>> as_nodata("0"), as_nodata("only: -9999"), as_nodata("NONE"), as_nodata("only:nan")
+    (0.0, 'only:-9999', 'none', 'only:nan')
+    """
+    if not isinstance(value, str):
+        return None if value is None else float(value)  # of numpy too
+    text = value.strip().lower()
+    if text == "none":
+        return text
+    number = text.removeprefix("only:")
+    try:
+        found = float(number)
+    except ValueError:
+        raise ParameterError(
+            f"nodata is a number, only:NUMBER (without that of the file) or none, not {value!r}"
+        ) from None
+    return found if number == text else f"only:{found:.17g}"
+
+
+def nodata_in_place(value: float | str | None) -> tuple[float | None, bool]:
+    """The number that a user names as nodata, and whether it takes the place of that of the files."""
+    value = as_nodata(value)
+    if not isinstance(value, str):
+        return value, False
+    return (None if value == "none" else float(value.removeprefix("only:"))), True
+
+
 def valid_pixels(
     values: Values,
     nodatas: Sequence[float | None],
     alpha: Values | None,
     mask: Valid | None,
     by_band: bool = False,
+    added: float | None = None,
 ) -> Valid | None:
     """Which pixels are valid; None if all are.
 
@@ -195,6 +232,8 @@ def valid_pixels(
     values : (bands, rows, cols) array
     nodatas : sequence of float or None
         One for each band.
+    added : float, optional
+        Another one, of all bands.
     alpha : (rows, cols) array, optional
     mask : (rows, cols) bool array, optional
     """
@@ -204,6 +243,8 @@ def valid_pixels(
     if values.dtype.kind == "f":
         invalid += [~np.isfinite(plane) for plane in values]
     invalid += _nodata_pixels(values, nodatas, by_band)
+    if added is not None:
+        invalid += _nodata_pixels(values, [added] * len(values), by_band)
     if not invalid:
         return None
     total = invalid[0]

@@ -57,7 +57,7 @@ class Dataset:
         sources: Any,
         band: int | str | None = None,
         rgb: Sequence[int | str] | None = None,
-        nodata: float | None = None,
+        nodata: float | str | None = None,
         skip_bad_tiles: bool = False,
         words: BandWords = BandWords(),
     ) -> "Dataset":
@@ -72,8 +72,9 @@ class Dataset:
             The band to use, counted from 1 or by its name.
         rgb : three ints or texts, optional
             The bands of red, green and blue, to use their luminance.
-        nodata : float, optional
-            Replaces the nodata value of the files; NaN is allowed.
+        nodata : float or str, optional
+            A value that counts for nothing beside the nodata value of the files, NaN too; "only:V" takes its
+            place, "none" leaves it out.
         skip_bad_tiles : bool
             Whether blocks of a file that cannot be read count as nodata instead of being an error; see
             `raster.bad_blocks`.
@@ -121,7 +122,7 @@ class Dataset:
         return cls(mosaic, choose_bands(source.layout), (), local_metres=local_metres)
 
     @checked
-    def of_band(self, band: int | str, nodata: float | None = None) -> "Dataset":
+    def of_band(self, band: int | str, nodata: float | str | None = None) -> "Dataset":
         """The same raster with the intensity of one band, by its number or name.
 
         Raises

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uavseg.errors import MosaicError
 from uavseg.raster.array_source import ArraySource
-from uavseg.raster.bands import BandChoice, usable_nodata
+from uavseg.raster.bands import BandChoice, nodata_in_place, usable_nodata
 from uavseg.raster.geobox import GeoBox, shifted
 from uavseg.raster.raster_file import RasterFile
 from uavseg.raster.tiling import Window
@@ -93,21 +93,50 @@ def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
 
 
 def with_nodata(
-    files: Sequence[RasterSource], choice: BandChoice, nodata: float | None
+    files: Sequence[RasterSource], choice: BandChoice, nodata: float | str | None
 ) -> tuple[tuple[RasterSource, ...], tuple[str, ...]]:
-    """The files with the nodata values in effect, and all warnings."""
+    """The files with the nodata values in effect, and all warnings.
+
+    A number that the user names counts beside that of a file; "only:V" takes its place, "none" leaves it out.
+    """
+    named, in_place = nodata_in_place(nodata)
     found: list[RasterSource] = []
     warnings: list[str] = []
+    beside: set[str] = set()
     for file in files:
         warnings += file.warnings
-        values = list(file.nodatas)
-        for band in choice.bands:
-            number = values[band - 1] if nodata is None else nodata
-            values[band - 1], warning = usable_nodata(number, np.dtype(file.layout.dtypes[band - 1]))
+        values, added = list(file.nodatas), None
+        dtypes = [np.dtype(file.layout.dtypes[band - 1]) for band in choice.bands]
+        for band, dtype in zip(choice.bands, dtypes, strict=True):
+            number, warning = usable_nodata(None if in_place else values[band - 1], dtype)
+            values[band - 1] = number
             if warning:
                 warnings.append(f"{file.name}: {warning}")
-        found.append(replace(file, nodatas=tuple(values)))
+        usable, warning = usable_nodata(named, dtypes[0])
+        if warning:
+            warnings.append(f"{file.name}: {warning}")
+        own = [values[band - 1] for band in choice.bands]
+        if usable is not None and not any(number is not None for number in own):
+            for band in choice.bands:
+                values[band - 1] = usable
+        elif usable is not None and not all(_are_same(number, usable, dtypes[0]) for number in own):
+            added = usable
+            beside |= {f"{number:.12g}" for number in own if number is not None}
+        found.append(replace(file, nodatas=tuple(values), added_nodata=added))
+    if beside:
+        warnings.append(
+            f"nodata {named:.12g} counts beside that of the file, {' and '.join(sorted(beside))}; for "
+            f"{named:.12g} alone, give --nodata only:{named:.12g} (nodata='only:{named:.12g}')"
+        )
     return tuple(found), tuple(dict.fromkeys(warnings))
+
+
+def _are_same(number: float | None, other: float, dtype: np.dtype[np.generic]) -> bool:
+    """Whether two nodata values are one for pixels of a type."""
+    if number is None:
+        return False
+    first, second = np.array([number, other]).astype(dtype) if dtype.kind == "f" else (number, other)
+    return bool(first == second or (first != first and second != second))
 
 
 def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:

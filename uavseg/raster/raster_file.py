@@ -48,6 +48,8 @@ class RasterFile:
     layout : BandLayout
     nodatas : tuple of float or None
         The nodata value of each band.
+    added_nodata : float or None
+        Another one, of all bands that are read.
     block : (int, int)
         Rows and columns of one block of the file.
     masks : str
@@ -81,6 +83,7 @@ class RasterFile:
     overviews: tuple[int, ...]
     warnings: tuple[str, ...]
     scales: tuple[BandScale, ...] = ()
+    added_nodata: float | None = None
 
     def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
         # A relative path becomes absolute: another process may have another working directory.
@@ -111,7 +114,8 @@ class RasterFile:
 
     def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
         """Content hash input: the state of each file that it consists of, and the nodata values."""
-        return file_states(self.path, self.driver, self.online), self.nodatas
+        added = () if self.added_nodata is None else (self.added_nodata,)
+        return file_states(self.path, self.driver, self.online), (*self.nodatas, *added)
 
     def blocks_in(self, window: Window) -> Iterator[Window]:
         """The blocks of the file that intersect a window, row by row, clipped to the raster."""
@@ -164,7 +168,7 @@ class RasterFile:
         choice : BandChoice
         """
         nodatas = [self.nodatas[band - 1] for band in choice.bands]
-        valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None)
+        valid = valid_pixels(values, nodatas, alpha, mask, choice.formula is not None, self.added_nodata)
         return self._brightness(values, valid, choice)
 
     def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:

@@ -117,7 +117,7 @@ def serve(
     index: str | None = None,
     expr: str | None = None,
     band_names: str | None = None,
-    nodata: float | None = None,
+    nodata: float | str | None = None,
     stretch: str = "auto",
     method: str = "adaptive",
     threshold: float = 1.2,

@@ -85,6 +85,8 @@ def test_written_and_read_is_the_same(
         {"geobox": GeoBox((150, 77), Affine(0, 2, 10, 3, 0, 20), CRS.from_epsg(4326))},
         {"origin": Origin(("a.tif",), ".", None, (3, 2, 1), float("nan"))},
         {"origin": Origin(('ö "1".tif',), "/ein Ordner")},
+        {"origin": Origin(("a.tif",), ".", nodata="only:-9999")},
+        {"origin": Origin(("a.tif",), ".", nodata="none")},
         {"stretch": Stretch(-1e300, 5e-324, "given")},
     ],
 )
@@ -136,6 +138,14 @@ def facts(path: Path) -> dict[str, Any]:
     with rasterio.open(path) as file:
         found: dict[str, Any] = json.loads(file.tags()[TAG])
     return found
+
+
+def test_a_nodata_value_of_an_earlier_version_takes_the_place_of_that_of_the_files(tmp_path: Path) -> None:
+    write_block_map(path := tmp_path / "a.tif", saved_map(), DivisionParams(1.2, 0.05))
+    for number in ("-9999.0", -9999):
+        with rasterio.open(path, "r+") as file:
+            file.update_tags(**{TAG: json.dumps(facts(path) | {"nodata": number})})
+        assert read_block_map(path).origin.nodata == "only:-9999"
 
 
 @pytest.mark.parametrize(

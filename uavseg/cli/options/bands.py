@@ -60,6 +60,27 @@ band_option = click.option(
 )
 
 
+def _nodata(ctx: click.Context, param: click.Parameter, value: str | None) -> float | str | None:
+    """The number, or the text of `as_nodata`."""
+    if value is None:
+        return None
+    from uavseg.errors import ParameterError
+    from uavseg.raster.bands import as_nodata
+
+    try:
+        return as_nodata(value)
+    except ParameterError as error:
+        raise click.BadParameter(str(error), ctx, param) from error
+
+
+nodata_option = click.option(
+    "--nodata",
+    metavar="V|only:V|none",
+    callback=_nodata,
+    help="This value (nan too) is nodata, beside the file's own; only:V: it alone; none: no value is.",
+)
+
+
 def formula_options(command: Command) -> Command:
     """Give a command --index, --expr and --band-names; see `band_words`."""
     for option in reversed(

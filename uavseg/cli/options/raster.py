@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from uavseg.cli.options.access import access_options
-from uavseg.cli.options.bands import band_option, band_words, formula_options, three_bands
+from uavseg.cli.options.bands import band_option, band_words, formula_options, nodata_option, three_bands
 
 if TYPE_CHECKING:
     from uavseg.jobs.detail import Length
@@ -53,7 +53,7 @@ def reading_options(command: Command, required: bool = True) -> Command:
             "--rgb", metavar="R,G,B", callback=three_bands, help="Use the luminance of these bands."
         ),
         formula_options,
-        click.option("--nodata", type=float, metavar="V|nan", help="This value counts for nothing."),
+        nodata_option,
         click.option(
             "--stretch",
             default="auto",

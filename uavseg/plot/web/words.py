@@ -31,7 +31,7 @@ def map_page(
     index: str | None = None,
     expr: str | None = None,
     band_names: str | None = None,
-    nodata: float | None = None,
+    nodata: float | str | None = None,
     stretch: str = "auto",
     method: str = "adaptive",
     threshold: float = 1.2,

@@ -15,6 +15,7 @@ from uavseg.raster.dataset import Dataset
 from uavseg.raster.intensity import histogram
 from uavseg.raster.intensity.grey import Grey, luminance_f4, to_grey
 from uavseg.raster.tiling import TilePass, Window
+from uavseg.units import GREY_LEVELS
 
 FORMS = "auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH"
 AUTO_PERCENTILES = (Fraction(2), Fraction(98))
@@ -22,14 +23,15 @@ AUTO_PERCENTILES = (Fraction(2), Fraction(98))
 
 @dataclass(frozen=True, slots=True)
 class Border:
-    """A bound of a range of values, on which greys are decided by the values themselves.
+    """A bound of a range, on which greys are decided by the intensities themselves.
 
     Parameters
     ----------
     intensity : float
         Stored intensity of the bound, which belongs to the range.
     grey : int
-        Its grey. Intensities with this grey on the other side of the bound get the next grey outside.
+        The last grey of the range. Intensities outside of the bound that have it get the next grey outside;
+        those inside that have the next grey outside get this one.
     is_low : bool
         Whether the range lies above it.
     """
@@ -37,6 +39,11 @@ class Border:
     intensity: float
     grey: int
     is_low: bool
+
+    @property
+    def outside(self) -> int:
+        """The next grey outside of the range."""
+        return self.grey - 1 if self.is_low else self.grey + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +62,7 @@ class Stretch:
     warnings : tuple of str
         For the user.
     borders : tuple of Border
-        Bounds of ranges of values that greys alone would not decide exactly.
+        Bounds of ranges that greys alone would not decide exactly.
 
     Examples
     --------
@@ -96,16 +103,17 @@ class Stretch:
 
 
 def _decide_borders(grey: Grey, values: Values, borders: Sequence[Border]) -> None:
-    """Move pixels whose grey is that of a bound and whose intensity is outside of it by a grey."""
+    """Move pixels by a grey where their grey and their intensity lie on different sides of a bound."""
     flat, pixels = grey.reshape(-1), np.ascontiguousarray(values).reshape(len(values), -1)
-    at = {key: np.flatnonzero(flat == key) for key in {border.grey for border in borders}}
+    is_near = np.zeros(GREY_LEVELS, bool)
+    is_near[[key for border in borders for key in (border.grey, border.outside)]] = True
+    near = np.flatnonzero(is_near[flat])
+    here = luminance_f4(pixels[:, near]) if len(pixels) == 3 else pixels[0, near]
+    own = flat[near]
     for border in borders:
-        near = at[border.grey]
-        here = luminance_f4(pixels[:, near]) if len(pixels) == 3 else pixels[0, near]
-        if border.is_low:
-            flat[near[here < border.intensity]] = border.grey - 1
-        else:
-            flat[near[here > border.intensity]] = border.grey + 1
+        inside = here >= border.intensity if border.is_low else here <= border.intensity
+        flat[near[(own == border.grey) & ~inside]] = border.outside
+        flat[near[(own == border.outside) & inside]] = border.grey
 
 
 @dataclass(frozen=True, slots=True)

@@ -154,7 +154,8 @@ def stored_range(asked: ValueRange, scale: BandScale, dataset: Dataset, statisti
         ends = [None if end is None else statistics[_percent(end, scale)] for end in (asked.low, asked.high)]
     else:
         ends = [
-            None if end is None else _nearest(scale.stored(end), dataset) for end in (asked.low, asked.high)
+            None if end is None else nearest_of_type(scale.stored(end), dataset)
+            for end in (asked.low, asked.high)
         ]
     low, high = ends if scale.scale > 0 else ends[::-1]
     low, high = -inf if low is None else low, inf if high is None else high
@@ -165,7 +166,7 @@ def stored_range(asked: ValueRange, scale: BandScale, dataset: Dataset, statisti
     return Bounds(low, high)
 
 
-def _nearest(stored: float, dataset: Dataset) -> float:
+def nearest_of_type(stored: float, dataset: Dataset) -> float:
     """A bound as the type of a dataset holds it, if it is so close to it that it is meant."""
     if len(dataset.bands) == 3 or dataset.choice.expanded or dataset.dtype == np.float32:
         with np.errstate(over="ignore"):

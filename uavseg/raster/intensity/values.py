@@ -29,13 +29,14 @@ from uavseg.raster.intensity.value_range import (
     asked_ends,
     check_type,
     is_wide,
+    nearest_of_type,
     percents_asked,
     scale_of,
     stored_range,
     type_limits,
 )
 from uavseg.raster.tiling import TilePass
-from uavseg.units import GREY_MAX
+from uavseg.units import GREY_LEVELS, GREY_MAX
 
 _MARGIN = 1 / 8  # of the span of an automatic stretch: its ends stay so far from each bound
 _GREYS = 1.25  # greys between a bound and the end of a stretch: one for what lies beyond, and for rounding
@@ -224,3 +225,63 @@ def _high_v(stretch: Stretch, bound: float, in_steps: bool) -> float:
     v = (bound - stretch.low) / (stretch.high - stretch.low)
     last = math.floor(bound)  # the largest integer in the range
     return max(min(v, (_grey(stretch, last + 1) - 0.5) / GREY_MAX), _grey(stretch, last) / GREY_MAX)
+
+
+def decided_at(
+    dataset: Dataset, stretch: Stretch, edges: Sequence[float], bounds: Sequence[float]
+) -> Stretch:
+    """A fitted stretch under which edges between intervals of v are decided exactly.
+
+    Greys are rounded to the nearest: those of 0.5 and 0.50000001 of float pixels are one, and its v lies
+    above 0.5. So pixels near an edge get the grey on that side of it on which their intensity lies.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    stretch : Stretch
+    edges : sequence of float
+        Increasing; a value on an edge belongs to the interval below it.
+    bounds : sequence of float
+        The edges as they were asked for. An edge that is not among them is the number before the low end of
+        a range, to which that end belongs.
+    """
+    found: dict[int, Border] = {}
+    for edge in edges if stretch.low < stretch.high else ():
+        is_low = edge not in bounds
+        v = math.nextafter(edge, 1.0) if is_low else edge
+        below = int(np.searchsorted(_V, edge, "right")) - 1  # the last grey below the edge
+        if 0 < v < 1 and below not in found:
+            border = Border(_intensity_at(dataset, stretch, v, is_low), below + is_low, is_low)
+            if not _steps_over(dataset, stretch, border):
+                found[below] = border
+    return replace(stretch, borders=(*stretch.borders, *found.values())) if found else stretch
+
+
+_V = np.arange(GREY_LEVELS) / GREY_MAX
+_ROUNDINGS = 8  # doubles near a bound that may be the same v
+
+
+def _intensity_at(dataset: Dataset, stretch: Stretch, v: float, is_low: bool) -> float:
+    """The intensity of a bound, the outermost that belongs to it."""
+    span = stretch.high - stretch.low
+    found = nearest_of_type(stretch.low + v * span, dataset)
+    if not is_wide(dataset) or dataset.dtype.kind in "iu":
+        return found
+    for _ in range(_ROUNDINGS):
+        further = math.nextafter(found, -inf if is_low else inf)
+        own = (further - stretch.low) / span
+        if own < v if is_low else own > v:
+            break
+        found = further
+    return found
+
+
+def _steps_over(dataset: Dataset, stretch: Stretch, border: Border) -> bool:
+    """Whether the intensities beside a bound are integers whose greys lie on its two sides already."""
+    if dataset.dtype.kind not in "iu" or len(dataset.bands) == 3 or dataset.choice.expanded:
+        return False
+    inside = math.ceil(border.intensity) if border.is_low else math.floor(border.intensity)
+    greys = [_grey(stretch, number) for number in (inside, inside + (-1 if border.is_low else 1))]
+    if border.is_low:
+        return greys[0] >= border.grey > greys[1]
+    return greys[0] <= border.grey < greys[1]

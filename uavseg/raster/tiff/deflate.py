@@ -4,7 +4,7 @@ libtiff decodes whole blocks with libdeflate, which stops where the next piece d
 that for success, and the rest of the block is what the memory held before. So the pixels are compared with
 the checksum at the end of the stream (Adler-32, RFC 1950), which takes 2 % of the time of `extract`.
 GDAL can decode with zlib in place of libdeflate; that takes 10 %, and the option changes the bytes of files
-that are written.
+that are written. It does where a raster of more than 2000 rows is one strip, of which it reads line by line.
 """
 
 import zlib
@@ -19,6 +19,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.raster.bands import Values
 from uavseg.raster.tiff.block_stream import BlockStream, checked_blocks, file_of
+from uavseg.raster.tiff.directories import strip_rows
 from uavseg.raster.tiling import Window
 
 _known: "WeakKeyDictionary[DatasetReader, DeflateBlocks | None]" = WeakKeyDictionary()  # by open file
@@ -54,20 +55,25 @@ def check_deflate_blocks(
 
 def _deflate_blocks(name: str, source: DatasetReader) -> "DeflateBlocks | None":
     path = file_of(name) if source.compression == Compression.deflate else None
-    return None if path is None else DeflateBlocks(name, path, source)
+    if path is None:
+        return None
+    rows = strip_rows(path, source)
+    if rows not in (None, source.block_shapes[0][0]):
+        return None  # read line by line
+    return DeflateBlocks(name, path, source, is_tiled=rows is None)
 
 
 class DeflateBlocks:
     """The blocks of an open TIFF that is compressed by deflate."""
 
-    def __init__(self, name: str, path: Path, source: DatasetReader) -> None:
+    def __init__(self, name: str, path: Path, source: DatasetReader, is_tiled: bool) -> None:
         structure = source.tags(ns="IMAGE_STRUCTURE")
         self._path = path
         self._predictor = structure.get("PREDICTOR", "1")
         self._all_bands = structure.get("INTERLEAVE") == "PIXEL" and source.count > 1
         self._bits = source.tags(1, ns="IMAGE_STRUCTURE").get("NBITS")
         self._shape = source.block_shapes[0]
-        self._is_tiled = self._shape[1] != source.width
+        self._is_tiled = is_tiled
         rows, cols = self._shape
         size = (1 if self._all_bands else source.count, -(-source.height // rows), -(-source.width // cols))
         self._checked = checked_blocks(name, path, size)

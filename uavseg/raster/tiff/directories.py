@@ -14,7 +14,11 @@ next one, the last one 0.
 import os
 import struct
 from dataclasses import dataclass
+from pathlib import Path
 from typing import BinaryIO
+
+from rasterio.errors import RasterBlockError
+from rasterio.io import DatasetReader
 
 from uavseg.errors import RasterReadError
 from uavseg.inputs import regular_file
@@ -101,13 +105,44 @@ def mask_page(path: str) -> int | None:
     return None
 
 
-def _directories(file: BinaryIO) -> list[dict[int, int]]:
-    """Kind and size of each image, as numbers by tag."""
+def strip_rows(path: Path, source: DatasetReader) -> int | None:
+    """Rows of a strip of an image of a local TIFF; None if it is stored in tiles, which may be as wide as it.
+
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    source : DatasetReader
+        The image, open.
+
+    Raises
+    ------
+    RasterBlockError
+        If its directory cannot be read.
+    """
+    place = int(source.get_tag_item("IFD_OFFSET", "TIFF", bidx=1))
+    try:
+        with path.open("rb") as file:
+            layout = _layout(file)
+            layout.seek(file, place)
+            numbers, _ = _directory(file, layout, is_first=False)
+    except (OSError, struct.error, _IndexError) as error:
+        raise RasterBlockError(f"its directory cannot be read: {cause_of(error)}") from error
+    return None if _TILE_COLS in numbers else min(numbers.get(_STRIP_ROWS, source.height), source.height)
+
+
+def _layout(file: BinaryIO) -> _Layout:
+    """How numbers lie in an open TIFF; its next number is the place of the first directory."""
     start = file.read(4)
     order, is_big = "<" if start[:2] == b"II" else ">", b"+" in start[2:4]
-    layout = _Layout(order, "Q", "HHQ8s", "Q") if is_big else _Layout(order, "H", "HHI4s", "I")
     if is_big:
         file.seek(8)
+    return _Layout(order, "Q", "HHQ8s", "Q") if is_big else _Layout(order, "H", "HHI4s", "I")
+
+
+def _directories(file: BinaryIO) -> list[dict[int, int]]:
+    """Kind and size of each image, as numbers by tag."""
+    layout = _layout(file)
     (place,) = layout.read(file, layout.place)
     found: dict[int, dict[int, int]] = {}
     while place and place not in found and len(found) < MAX_DIRECTORIES:

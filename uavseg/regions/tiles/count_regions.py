@@ -59,11 +59,11 @@ def estimate_regions(
     whole = int(label_equal_values(cells)[1]) if cells.any() else 0
     count_part = partial(_count_part, source, cells, interval, refine)
     found = list(tile_pass.run(count_part, sample_parts(source.shape)))
-    of_cells, refined = (sum(counts) for counts in zip(*found, strict=True))
+    of_cells, refined = (int(sum(counts)) for counts in zip(*found, strict=True))
     if of_cells:
-        return max(int(round(whole * refined / of_cells)), 1)
+        return max(round(whole * refined / of_cells), 1)
     seen = sum(part.rows * part.cols for part in sample_parts(source.shape))
-    return int(round(refined * math.prod(source.shape) / seen))
+    return round(refined * math.prod(source.shape) / seen)
 
 
 def count_pixels(source: GreySource, table: NDArray[np.uint8], tile_pass: TilePass) -> NDArray[np.int64]:

@@ -7,6 +7,7 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from uavseg.plain_text import shown
+from uavseg.raster.bands import as_nodata
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.spectral.formula import BandWords
 from uavseg.raster.value_scale import BandScale, ValueAxis
@@ -36,6 +37,14 @@ def _is_number(value: Any) -> bool:
     return True
 
 
+def _is_nodata(value: Any) -> bool:
+    """Whether a value is a number, as in earlier versions, or the text of a nodata value."""
+    return _is_number(value) or (
+        isinstance(value, str)
+        and (value == "none" or _is_number(value.removeprefix("only:").removeprefix(_ALSO)))
+    )
+
+
 def _is_finite(value: Any) -> bool:
     return not isinstance(value, str) and _is_number(value) and math.isfinite(value)
 
@@ -53,6 +62,7 @@ def _is_values(value: Any) -> bool:
     )
 
 
+_ALSO = "also:"  # before a number that counts beside the nodata of the files
 _MAX_STEP = 1 << 16  # pixels; far more than squares of light have
 
 _SCHEMA: dict[str, Callable[[Any], bool]] = {
@@ -66,7 +76,7 @@ _SCHEMA: dict[str, Callable[[Any], bool]] = {
     "folder": _is_name,
     "band": lambda value: value is None or _is_whole(value),
     "rgb": lambda value: value is None or (_is_list(value, _is_whole) and len(value) == 3),
-    "nodata": lambda value: value is None or _is_number(value),
+    "nodata": lambda value: value is None or _is_nodata(value),
     "collar": lambda value: value in ("auto", "keep"),
 }
 
@@ -121,18 +131,25 @@ def _is_formula(value: Any) -> bool:
 def origin_of_header(header: dict[str, Any]) -> Origin:
     """The rasters that a block map was made from."""
     rgb = None if header["rgb"] is None else tuple(header["rgb"])
-    nodata = None if header["nodata"] is None else float(header["nodata"])
     words = BandWords(**header.get("formula", {}))
     return Origin(
         tuple(header["rasters"]),
         header["folder"],
         header["band"],
         rgb,
-        nodata,
+        _nodata_of_header(header["nodata"]),
         words,
         header["collar"],
         flatten["width"] if (flatten := header.get("flatten")) else None,
     )
+
+
+def _nodata_of_header(value: float | str | None) -> float | str | None:
+    """What the user named; a number of an earlier version took the place of the nodata of the files."""
+    text = str(value)
+    if value is None or text == "none" or text.startswith("only:"):
+        return value
+    return as_nodata(text.removeprefix(_ALSO) if text.startswith(_ALSO) else f"only:{text}")
 
 
 def axis_of_header(header: dict[str, Any], stretch: Stretch) -> ValueAxis | None:
@@ -160,7 +177,7 @@ def header_text(saved: SavedBlocks) -> str:
         "folder": origin.folder,
         "band": origin.band,
         "rgb": origin.rgb,
-        "nodata": None if origin.nodata is None else repr(origin.nodata),
+        "nodata": f"{_ALSO}{origin.nodata!r}" if isinstance(origin.nodata, float) else origin.nodata,
     }
     if origin.collar != "keep":
         header["collar"] = origin.collar

@@ -38,7 +38,7 @@ class Origin:
     folder: str
     band: int | None = None
     rgb: tuple[int, int, int] | None = None
-    nodata: float | None = None
+    nodata: float | str | None = None
     words: BandWords = BandWords()
     collar: str = "keep"
     flatten: str | None = None

@@ -1,0 +1,114 @@
+"""Both ends of a range of v belong to it, whatever the type of the pixels and the stretch."""
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from affine import Affine
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from rasterio.crs import CRS
+
+from uavseg.jobs.classify import ClassifyRequest, classify
+from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.extract_classes import ClassesRequest, extract_classes
+from uavseg.jobs.levels import LevelsRequest, levels
+from uavseg.jobs.ranges import decided_grey
+from uavseg.jobs.source import ProbabilityMap
+from uavseg.occupancy.probability_map import stretch_of
+from uavseg.raster.dataset import Dataset
+from uavseg.raster.geobox import GeoBox
+from uavseg.raster.intensity.stretch import Stretch, fit_stretch
+from uavseg.raster.tiling import TilePass, Window
+from uavseg.segmentation.params import IntensityRange, Levels, Refinement, SegmentParams, StateLimits
+from uavseg.segmentation.partition import ValueClass, ValueClasses
+from uavseg.segmentation.source import GreySource
+
+UTM = CRS.from_epsg(32633)
+
+
+def dataset_of(values: NDArray[Any]) -> Dataset:
+    return Dataset.of_values(values, GeoBox(values.shape, Affine(1, 0, 5e5, 0, -1, 5e6), UTM), "a.tif")
+
+
+def source_of(values: NDArray[Any], stretch: str = "none") -> ProbabilityMap:
+    dataset = dataset_of(values)
+    return ProbabilityMap(dataset, fit_stretch(dataset, stretch, TilePass([Window(0, 0, *values.shape)])))
+
+
+def in_range(values: NDArray[Any], stretch: Stretch, low: float, high: float) -> NDArray[np.bool_]:
+    """Which pixels have a grey in a range."""
+    interval = IntensityRange(low, high)
+    grey = decided_grey(GreySource(dataset_of(values), stretch), interval.edges, (low, high))
+    first, last = interval.greys
+    rows, cols = values.shape
+    pixels = grey.read(Window(0, 0, rows, cols), 0).grey[:rows, :cols]
+    return (pixels >= first) & (pixels <= last)
+
+
+fractions = st.integers(1, 1000).flatmap(lambda q: st.integers(0, q).map(lambda k: Fraction(k, q)))
+pairs = st.tuples(fractions, fractions).filter(lambda ends: float(ends[1]) - float(ends[0]) > 1e-4)
+
+
+@given(
+    pairs, st.sampled_from([np.float32, np.float64]), st.sampled_from([(0.0, 1.0), (0.0, 8.0), (-3.0, 7.0)])
+)
+def test_floats_are_decided_exactly(
+    ends: tuple[Fraction, Fraction], dtype: type[np.floating], span: tuple[float, float]
+) -> None:
+    low, high = map(float, ends)
+    # A bound as the type holds it, and its neighbours in that type, which lie on its two sides.
+    here = [dtype(span[0] + end * (span[1] - span[0])) for end in (low, high)]
+    values = np.array([[np.nextafter(x, dtype(way)) for way in (-99, x, 99)] for x in here], dtype)
+    found = in_range(values, Stretch(*span, "given"), low, high)
+    assert found[0, 1] and found[0, 2] and found[1, 0] and found[1, 1], values
+    if dtype == np.float32:
+        assert found[0, 0] == (low == 0) and found[1, 2] == (high == 1)  # v ends at 0 and 1
+
+
+@given(st.data())
+def test_integers_are_decided_exactly(data: st.DataObject) -> None:
+    dtype = data.draw(st.sampled_from([np.uint8, np.int16, np.uint16, np.int32]))
+    width = data.draw(st.integers(2, 250) if dtype == np.uint8 else st.integers(2, 32000))
+    low, high = sorted(data.draw(st.tuples(*[st.integers(0, width)] * 2).filter(lambda p: p[0] != p[1])))
+    steps = np.unique(np.clip([low - 1, low, low + 1, high - 1, high, high + 1], 0, width))
+    found = in_range(
+        steps.astype(dtype)[None], Stretch(0.0, float(width), "minmax"), low / width, high / width
+    )
+    assert found[0].tolist() == ((steps >= low) & (steps <= high)).tolist()
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("v", [0.5, 0.25, 0.75, 1 / 3, 0.1, 0.7])
+@pytest.mark.parametrize("refine", ["none", "scan", "tv"])
+def test_a_raster_of_one_value_lies_in_a_range_that_ends_there(
+    v: float, dtype: str, refine: Refinement
+) -> None:
+    source = source_of(np.full((64, 64), v, dtype))
+    for low, high in ((0, v), (v, 1)):
+        request = ExtractRequest(IntensityRange(low, high), SegmentParams(refine=refine))
+        assert len(extract(source, request).regions) == 1, (low, high)
+
+
+def test_an_end_that_two_classes_share_belongs_to_the_lower() -> None:
+    low, high = ValueClass("a", IntensityRange(0.1, 0.5)), ValueClass("b", IntensityRange(0.5, 0.9))
+    for v, name in ((0.1, "a"), (0.5, "a"), (np.nextafter(np.float32(0.5), np.float32(1)), "b"), (0.9, "b")):
+        source = source_of(np.full((64, 64), v, np.float32))
+        found = extract_classes(source, ClassesRequest(ValueClasses((low, high))))
+        assert found.regions.columns["class"].tolist() == [name], v
+
+
+def test_a_value_on_an_edge_of_levels_belongs_to_the_lower() -> None:
+    for k in range(1, 10):
+        source = source_of(np.full((64, 64), k / 10, np.float64))
+        assert levels(source, LevelsRequest(Levels(0.1))).regions.columns["level"].tolist() == [k - 1]
+
+
+@pytest.mark.parametrize(("p", "state"), [(0.498, 1), (0.4980001, 2), (0.502, 2), (0.5020001, 3)])
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_limits_of_states_belong_to_the_state_below(p: float, state: int, dtype: str) -> None:
+    dataset = dataset_of(np.full((64, 64), p, dtype))
+    found = classify(ProbabilityMap(dataset, stretch_of(dataset)), ClassifyRequest(StateLimits()))
+    assert found.cells[state] == 64 * 64
